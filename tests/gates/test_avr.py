@@ -10,7 +10,7 @@ from pathlib import Path
 
 import avr_stack
 import pytest
-from brickpilot.hil.avr_targets import AVR_TARGETS
+from brickpilot.hil.checkout import AVR_TARGETS
 from command import brickpilot
 from stack_walk import REQUESTS
 

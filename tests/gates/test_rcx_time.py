@@ -12,8 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from brickpilot.hil import rcx_flight
-from brickpilot.hil.rcx_flight import ARRIVED, Image, RcxFlight
-from brickpilot.hil.simulated_rcx import CLOCK_HZ, SimulatedRcx
+from brickpilot.hil.rcx_flight import ARRIVED, CLOCK_HZ, Image, RcxFlight, SimulatedRcx
 from brickpilot.vehicle import flight, scenario
 from brickpilot.vehicle.model import rcx
 

@@ -22,10 +22,10 @@ import numpy as np
 from brickpilot.bench.avr_budget import PERIOD, Image
 from brickpilot.constants import STEP_MS, STEP_S
 from brickpilot.hil import rcx_flight
-from brickpilot.hil.avr_robot import AvrRobot, avr_image, open_robot
-from brickpilot.hil.avr_targets import AVR_TARGETS
+from brickpilot.hil.avr_flight import AvrRobot, avr_image, open_robot
+from brickpilot.hil.checkout import AVR_TARGETS
 from brickpilot.hil.plant_end import open_plant
-from brickpilot.hil.simulated_rcx import SimulatedRcx
+from brickpilot.hil.rcx_flight import SimulatedRcx
 from brickpilot.link import lnp
 from brickpilot.link.infrared import InfraredLink
 from brickpilot.link.links import Message, encode_frame

@@ -13,7 +13,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from arduino_build import CORE
-from brickpilot.hil.avr_targets import AVR_TARGETS
+from brickpilot.hil.checkout import AVR_TARGETS
 from intelhex import IntelHex
 
 FOLDER = CORE / "bootloaders"

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from brickpilot.firmware import boards
 from brickpilot.hil import ends, fly
-from brickpilot.hil.h8_simulator import H8SIM_REPLY_S
+from brickpilot.hil.ends import H8SIM_REPLY_S
 from brickpilot.link.links import StreamLink
 from brickpilot.link.session import LOCKSTEP
 from brickpilot.vehicle.flight import Plan

@@ -22,8 +22,8 @@ from typing import Any
 
 import numpy as np
 from arduino_loaders import LOADERS, behind
-from brickpilot.hil.avr_robot import AvrRobot, avr_image, open_robot
-from brickpilot.hil.avr_targets import AVR_TARGETS
+from brickpilot.hil.avr_flight import AvrRobot, avr_image, open_robot
+from brickpilot.hil.checkout import AVR_TARGETS
 from brickpilot.link.links import Message
 from brickpilot.link.messages import book
 from brickpilot.link.session import REALTIME, Session

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from brickpilot.hil.simulated_rcx import RUN_BUTTON, SimulatedRcx
+from brickpilot.hil.rcx_flight import RUN_BUTTON, SimulatedRcx
 
 __all__ = ["PROGRAMS", "RUN_BUTTON", "Kernel"]
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from brickpilot import compiled
 from brickpilot.errors import InputError
-from brickpilot.firmware import boards, closed_loop, headers, robot, simulate
+from brickpilot.firmware import boards, robot, simulate
 from brickpilot.hil import checkout as project
 from brickpilot.vehicle import flight
 from test_firmware import OWN, ROOT, write
@@ -29,9 +29,9 @@ def test_gains_as_settings_in_process_are_those_compiled_into_the_firmware(
     plan = dataclasses.replace(simulate.plan(own, mission, sensors, 0), steps=STEPS)
     flags = boards.flags_of(boards.BOARDS[board], sensors, ROOT)
     tuned = robot.with_gains(own, TUNED)
-    headers.write(tuned, mission, boards.BOARDS[board], boards.step_of(flags), tmp_path / "own", ROOT)
+    boards.write_headers(tuned, mission, boards.BOARDS[board], boards.step_of(flags), tmp_path / "own", ROOT)
     linked = simulate.fly_own(ROOT, tmp_path / "own", [f for f in flags if f[:2] == "-D"], plan, tmp_path).flight
-    library = closed_loop.of(own, boards.BOARDS[board], sensors).library()
+    library = simulate.closed_loop(own, boards.BOARDS[board], sensors).library()
     in_process = flight.fly(dataclasses.replace(plan, firmware=library, gains=TUNED))
     np.testing.assert_array_equal(in_process.motors, linked.motors)
     assert np.abs(linked.motors).max() > 5_000
@@ -52,4 +52,4 @@ def test_without_a_checkout_it_says_so(tmp_path: Path, monkeypatch: pytest.Monke
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(project, "_PACKED", tmp_path / "sources")
     with pytest.raises(InputError, match="needs a checkout of the project"):
-        closed_loop.of(robot.load(write(tmp_path, "small", OWN["small"])), boards.RCX, "imu")
+        simulate.closed_loop(robot.load(write(tmp_path, "small", OWN["small"])), boards.RCX, "imu")

@@ -17,8 +17,7 @@ import numpy as np
 from brickpilot.constants import STEP_MS
 from brickpilot.hil import rcx_flight
 from brickpilot.hil.plant_end import open_plant
-from brickpilot.hil.rcx_flight import Image
-from brickpilot.hil.simulated_rcx import PRESS_MS, RUN_BUTTON, SimulatedRcx
+from brickpilot.hil.rcx_flight import PRESS_MS, RUN_BUTTON, Image, SimulatedRcx
 from brickpilot.link import lnp
 from brickpilot.link.infrared import InfraredLink
 from brickpilot.link.messages import book

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from brickpilot.constants import RCX
 from brickpilot.errors import InputError
-from brickpilot.firmware import boards, headers, params_header, ranges, robot, simulate, tuning
+from brickpilot.firmware import boards, params_header, robot, simulate
 from brickpilot.vehicle import model
 from brickpilot.vehicle.coefficients import coupled, difference_inertia, motor_step
 from brickpilot.vehicle.setting_defaults import plain
@@ -84,7 +84,7 @@ def write(folder: Path, name: str, text: str) -> Path:
 
 
 def header(path: Path, step: float = 0.009) -> str:
-    return ranges.header(robot.load(path), step)
+    return params_header.own_header(robot.load(path), step)
 
 
 def make(folder: Path, path: Path, board: str, *more: str) -> subprocess.CompletedProcess[str]:
@@ -104,7 +104,7 @@ def test_the_packaged_robot_gets_its_own_constants(text: str, tmp_path: Path) ->
     assert found == wanted
 
 
-def poles(motion: tuning.Motion, kp: float, ki: float, kd: float, *, angle: bool) -> np.ndarray:
+def poles(motion: robot.Motion, kp: float, ki: float, kd: float, *, angle: bool) -> np.ndarray:
     """The roots of the closed loop, from the equations in state space: lag, integral, and the angle where there is one.
 
     u = kp (r - y) + ki int(r - y) - kd v, dv/dt = (gain u - v) / time, and y is v or its integral.
@@ -122,18 +122,18 @@ def test_the_loops_have_the_packaged_poles_at_one_pace(name: str, tmp_path: Path
     own = robot.load(write(tmp_path, name, OWN[name]))
     values, reference = plain(own.vehicle["parameters"]), model.rcx().parameters
     gains, known = (plain(one["controller"]["coupled"]) for one in (own.vehicle, robot.packaged()))
-    for motion, loop, angle in ((tuning.straight, "speed", False), (tuning.turn, "heading", True)):
+    for motion, loop, angle in ((robot.straight, "speed", False), (robot.turn, "heading", True)):
         names = [f"{loop}_{part}" for part in ("kp", "ki", "kd")]
         mine = poles(motion(values), *(gains[one] for one in names), angle=angle)
         packaged = poles(motion(reference), *(known[one] for one in names), angle=angle)
         paces = np.sort(np.abs(mine)) / np.sort(np.abs(packaged))
         if gains[f"{loop}_{'kd' if angle else 'kp'}"] == 0:  # the robot damps itself more than the loop asks for
-            assert 1 / motion(values).time > tuning.FASTEST * -np.sum(packaged).real * 0.999
+            assert 1 / motion(values).time > robot.FASTEST * -np.sum(packaged).real * 0.999
             continue
         np.testing.assert_allclose(paces, paces[0], rtol=1e-6)
         mine_faster = motion(values).acceleration(values["battery_voltage"])
         packaged_faster = motion(reference).acceleration(reference["battery_voltage"])
-        assert min(1.0, np.sqrt(mine_faster / packaged_faster)) - 1e-9 <= paces[0] <= tuning.FASTEST
+        assert min(1.0, np.sqrt(mine_faster / packaged_faster)) - 1e-9 <= paces[0] <= robot.FASTEST
 
 
 LIGHT = """
@@ -191,7 +191,7 @@ def test_motors_of_large_currents_are_held_with_smaller_ones_and_drive_alike(tmp
     assert {name for name, factor in factors.items() if factor != 1} == set(params_header.PER_CURRENT)
 
     def top_and_lag(tables: dict[str, object]) -> tuple[float, float]:
-        motion = tuning.straight(plain(tables["parameters"]))  # type: ignore[arg-type]
+        motion = robot.straight(plain(tables["parameters"]))  # type: ignore[arg-type]
         return motion.gain, motion.time
 
     np.testing.assert_allclose(top_and_lag(dict(held)), top_and_lag(own.vehicle), rtol=1e-12)
@@ -237,7 +237,7 @@ def test_wheels_of_8_to_150_mm_and_batteries_of_2_to_28_v_have_formats(
         held = params_header.with_room(own.vehicle, step)
         mine, model_has = plain(own.vehicle["parameters"]), plain(held["parameters"])
         volt = 2.0 ** params_header.voltage_bits(own.vehicle)
-        for motion in (tuning.straight, tuning.turn):
+        for motion in (robot.straight, robot.turn):
             real, modelled = motion(mine), motion(model_has)
             np.testing.assert_allclose((modelled.gain, modelled.time), (volt * real.gain, real.time), rtol=1e-9)
 
@@ -253,11 +253,11 @@ def test_a_board_that_cannot_measure_the_battery_is_refused(tmp_path: Path) -> N
     own = robot.load(write(tmp_path, "high", of_size(0.0408, 24.0)))
     (tmp_path / "avr").mkdir()
     mission = simulate.mission(own, None)
-    headers.write(own, mission, boards.BOARDS["avr"], 0.003, tmp_path / "avr", ROOT)
+    boards.write_headers(own, mission, boards.BOARDS["avr"], 0.003, tmp_path / "avr", ROOT)
     assert "BOARD_BATTERY_FULL_MV 32000" in (tmp_path / "avr/avr/board.h").read_text()
     assert "MOTOR_VOLTAGE_BITS 1" in (tmp_path / "avr/model/limits.h").read_text()
     with pytest.raises(InputError, match="battery_voltage: 24 V is more than this board measures: 20 V charged"):
-        headers.write(own, mission, boards.BOARDS["rcx"], 0.009, tmp_path / "rcx", ROOT)
+        boards.write_headers(own, mission, boards.BOARDS["rcx"], 0.009, tmp_path / "rcx", ROOT)
 
 
 REFUSED = {
@@ -353,7 +353,7 @@ def test_the_firmware_of_a_robot_gives_the_same_commands_on_the_rcx_processor(tm
     own = robot.load(write(tmp_path, "middle", OWN["middle"]))
     flags = boards.flags_of(boards.RCX, "imu", ROOT)
     mission = simulate.mission(own, None)
-    headers.write(own, mission, boards.RCX, boards.step_of(flags), tmp_path / "own", ROOT)
+    boards.write_headers(own, mission, boards.RCX, boards.step_of(flags), tmp_path / "own", ROOT)
     plan = dataclasses.replace(simulate.plan(own, mission, "imu", 0), steps=1000)
     here = simulate.fly_own(ROOT, tmp_path / "own", flags, plan, tmp_path).flight.motors
     there = h8_flight.motors(tmp_path / "own", flags, plan, tmp_path)

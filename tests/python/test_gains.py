@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from brickpilot.errors import InputError
-from brickpilot.firmware import package, ranges, robot
+from brickpilot.firmware import package, params_header, robot
 from brickpilot.vehicle import gains, scenario_flight
 from brickpilot.vehicle.gains import Gains
 from brickpilot.vehicle.setting_defaults import defaults
@@ -108,7 +108,7 @@ def test_a_gain_set_wins_over_the_cruise_speed_of_a_scenario() -> None:
 def test_an_image_holds_the_raw_integers_and_the_rest_stays(name: str, tmp_path: Path) -> None:
     own = robot.load(write(tmp_path, name, OWN[name]))
     made = robot.with_gains(own, TUNED)
-    before, after = (constants_in(ranges.header(one, 0.003)) for one in (own, made))
+    before, after = (constants_in(params_header.own_header(one, 0.003)) for one in (own, made))
     wanted = {settings()[gain].field.removeprefix("config."): str(raw) for gain, raw in TUNED.raw.items()}
     assert after == before | wanted
     assert before != after
@@ -135,9 +135,11 @@ def test_every_gain_that_can_be_compiled_in_is_and_the_other_is_refused(tmp_path
     again = tmp_path / "again.toml"
     again.write_text(package.vehicle_file(made))
     assert tomllib.loads(again.read_text())["controller"]["coupled"]["speed_kp"]["basis"] == "gain set packaged"
-    assert constants_in(ranges.header(robot.load(again), 0.009)) == constants_in(ranges.header(made, 0.009))
+    assert constants_in(params_header.own_header(robot.load(again), 0.009)) == constants_in(
+        params_header.own_header(made, 0.009)
+    )
     with pytest.raises(InputError, match=r"packaged: acceptance: raw 55 cannot be compiled in: 0.06429 m follows from"):
         robot.with_gains(own, Gains("packaged", {"acceptance": 55}))
     high = dataclasses.replace(TUNED, raw={"creep": 32767})
     with pytest.raises(InputError, match="creep may not pass cruise"):
-        ranges.header(robot.with_gains(own, high), 0.009)
+        params_header.own_header(robot.with_gains(own, high), 0.009)

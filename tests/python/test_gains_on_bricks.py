@@ -8,11 +8,11 @@ from pathlib import Path
 import h8_flight
 import numpy as np
 import pytest
-from brickpilot.firmware import boards, closed_loop, headers, robot, simulate
+from brickpilot.firmware import boards, robot, simulate
 from brickpilot.firmware.robot import Robot
 from brickpilot.hil import avr_flight
-from brickpilot.hil.avr_robot import open_robot
-from brickpilot.hil.avr_targets import AVR_TARGETS
+from brickpilot.hil.avr_flight import open_robot
+from brickpilot.hil.checkout import AVR_TARGETS
 from brickpilot.link.session import REALTIME, Session
 from brickpilot.vehicle import flight
 from brickpilot.vehicle.flight import Flight, Plan
@@ -27,14 +27,14 @@ def planned(folder: Path, board: str, sensors: str, steps: int) -> tuple[Robot, 
     own = robot.load(write(folder, "middle", OWN["middle"]))
     mission, flags = simulate.mission(own, None), boards.flags_of(boards.BOARDS[board], sensors, ROOT)
     tuned = robot.with_gains(own, TUNED)
-    headers.write(tuned, mission, boards.BOARDS[board], boards.step_of(flags), folder / "own", ROOT)
+    boards.write_headers(tuned, mission, boards.BOARDS[board], boards.step_of(flags), folder / "own", ROOT)
     return own, dataclasses.replace(simulate.plan(own, mission, sensors, 0), steps=steps)
 
 
 def in_process(own: Robot, plan: Plan, board: str, monkeypatch: pytest.MonkeyPatch) -> Flight:
     """Returns the flight of the firmware without these gains, which gets them as settings."""
     monkeypatch.chdir(ROOT)
-    library = closed_loop.of(own, boards.BOARDS[board], plan.sensors).library()
+    library = simulate.closed_loop(own, boards.BOARDS[board], plan.sensors).library()
     return flight.fly(dataclasses.replace(plan, firmware=library, gains=TUNED))
 
 

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from brickpilot.errors import InputError
-from brickpilot.hil import avr_flight, avr_robot
+from brickpilot.hil import avr_flight
 from brickpilot.hil import fly as over_a_link
-from brickpilot.hil.avr_robot import avr_image
-from brickpilot.hil.avr_targets import AVR_TARGETS
+from brickpilot.hil.avr_flight import avr_image
+from brickpilot.hil.checkout import AVR_TARGETS
 from brickpilot.vehicle import flight, flight_figures, scenario
 from brickpilot.vehicle.model import rcx
 from command import brickpilot
@@ -137,12 +137,12 @@ def test_an_image_that_is_none_is_refused(tmp_path: Path) -> None:
     log, motors = np.zeros((1, 1)), np.zeros((1, 2), dtype=np.int16)
     with (
         pytest.raises(InputError, match=r"image.elf: is no image for an AVR: an ELF file is needed"),
-        avr_robot.open_robot(plan_of("imu", 0.003), text, "atmega328p", log, motors),
+        avr_flight.open_robot(plan_of("imu", 0.003), text, "atmega328p", log, motors),
     ):
         pass
     with (
         pytest.raises(InputError, match="simavr does not know the chip"),
-        avr_robot.open_robot(plan_of("imu", 0.003), avr_image("avr:328p-imu"), "atmega9", log, motors),
+        avr_flight.open_robot(plan_of("imu", 0.003), avr_image("avr:328p-imu"), "atmega9", log, motors),
     ):
         pass
 
@@ -153,4 +153,4 @@ def test_a_build_without_simavr_says_what_to_install(monkeypatch: pytest.MonkeyP
 
     monkeypatch.setattr("brickpilot.compiled.interface", missing)
     with pytest.raises(InputError, match=r"this build has no simavr: sudo apt-get install libsimavr-dev libelf-dev"):
-        avr_robot.avr_interface()
+        avr_flight.avr_interface()

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from brickpilot.hil import avr_flight
 from brickpilot.hil import fly as over_a_link
-from brickpilot.hil.avr_robot import AvrRobot, avr_image, open_robot
-from brickpilot.hil.avr_targets import AVR_TARGETS
+from brickpilot.hil.avr_flight import AvrRobot, avr_image, open_robot
+from brickpilot.hil.checkout import AVR_TARGETS
 from brickpilot.link.session import REALTIME, Session
 from brickpilot.vehicle import flight, scenario
 from brickpilot.vehicle.model import rcx

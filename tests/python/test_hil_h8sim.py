@@ -15,7 +15,7 @@ import pytest
 import step_study
 from brickpilot.errors import InputError
 from brickpilot.hil import ends
-from brickpilot.hil.h8_simulator import check_sensors
+from brickpilot.hil.ends import check_sensors
 from brickpilot.vehicle import flight, flight_figures, scenario
 from brickpilot.vehicle.model import rcx
 from command import brickpilot

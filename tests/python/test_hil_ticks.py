@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from brickpilot.hil.ticks import TROUBLES, TickRecorder
+from brickpilot.hil.linked_flight import TROUBLES, TickRecorder
 from brickpilot.report import link_figures
 from command import brickpilot
 from pages import FAULTY, assert_self_contained, curves, figures

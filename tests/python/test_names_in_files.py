@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from brickpilot.campaign import file as campaign_file
 from brickpilot.errors import InputError
-from brickpilot.firmware import boards, headers, robot
+from brickpilot.firmware import boards, robot
 from brickpilot.vehicle import compensation, gains, model, scenario
 from brickpilot.vehicle.c_text import comment
 
@@ -63,7 +63,7 @@ def test_a_title_and_a_name_stay_comments_of_the_generated_headers(tmp_path: Pat
     own = robot.load(robot.RCX)
     own = dataclasses.replace(own, model=dataclasses.replace(own.model, name=CODE))
     mission = dataclasses.replace(scenario.load(scenario.packaged()["mission"]), title=CODE)
-    headers.write(own, mission, boards.BOARDS["template"], 0.009, tmp_path, ROOT)
+    boards.write_headers(own, mission, boards.BOARDS["template"], 0.009, tmp_path, ROOT)
     for name in ("mission.h", "params_gen.h"):
         assert "planted" not in code_of(tmp_path / "app" / name)
 

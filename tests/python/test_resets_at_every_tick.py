@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from brickpilot.hil.avr_robot import avr_image, open_robot
-from brickpilot.hil.avr_targets import AVR_TARGETS
+from brickpilot.hil.avr_flight import avr_image, open_robot
+from brickpilot.hil.checkout import AVR_TARGETS
 from brickpilot.link.messages import book
 from brickpilot.link.session import REALTIME
 from brickpilot.vehicle import flight

@@ -30,11 +30,9 @@ ROW = (
 # Where a setting's name may stand beside the table: each file gives a setting its value.
 NAMED = {
     "bench/control_peers.py",  # the constants that the peers of the control law get, read from the model file
-    "firmware/tuning.py",  # the rules by which the gains of another robot follow
-    "firmware/ranges.py",  # the floor that the range of a battery depends on
     "firmware/simulate.py",  # the cruise speed that scales the mission
-    "firmware/robot.py",  # the cruise speed that is checked before the rules use it
-    "firmware/params_header.py",  # checks of one default against another
+    "firmware/robot.py",  # the rules by which the gains of another robot follow, and the cruise speed that they use
+    "firmware/params_header.py",  # the floor that the range of a battery depends on, and checks of defaults
     "vehicle/setting_defaults.py",  # defaults that follow from other values
     "gen/controllers_header.py",  # those that the reference controller in floating point has not
     "hil/fly.py",  # what a flight needs

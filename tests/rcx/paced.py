@@ -15,7 +15,7 @@ import tty
 from collections import deque
 from pathlib import Path
 
-from brickpilot.hil.simulated_rcx import SimulatedRcx
+from brickpilot.hil.rcx_flight import SimulatedRcx
 
 IDLE_MS = 4
 NINE_VOLTS, LEVEL = 319, 512

@@ -20,8 +20,8 @@ from brickpilot.bench.rcx_budget import STAGES, STEP
 from brickpilot.constants import STEP_MS
 from brickpilot.errors import SimulationError
 from brickpilot.hil import avr_flight
-from brickpilot.hil.avr_robot import AvrRobot, avr_image, check_avr_sensors
-from brickpilot.hil.avr_targets import AVR_TARGETS
+from brickpilot.hil.avr_flight import AvrRobot, avr_image, check_avr_sensors
+from brickpilot.hil.checkout import AVR_TARGETS
 from brickpilot.hil.linked_flight import Progress
 from brickpilot.vehicle import flight, scenario
 from brickpilot.vehicle.model import rcx

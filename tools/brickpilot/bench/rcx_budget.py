@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from brickpilot.bench import h8_states
 from brickpilot.bench.h8_states import CLOCK_HZ
 from brickpilot.errors import SimulationError
-from brickpilot.hil import ends, fly, h8_simulator, rcx_flight
+from brickpilot.hil import ends, fly, rcx_flight
 from brickpilot.link.session import LOCKSTEP
 from brickpilot.vehicle import flight, scenario
 from brickpilot.vehicle.model import rcx
@@ -214,8 +214,8 @@ def mission(
         InputError: no checkout of the project, or no compiler.
         SimulationError: the flight ended early.
     """
-    h8_simulator.check_sensors(target, sensors)
-    _, image = h8_simulator.h8_simulator(target)
+    ends.check_sensors(target, sensors)
+    _, image = ends.h8_simulator(target)
     counter = Counter(Program.of(Path(image).with_suffix(".coff")))
     mission = scenario.load(scenario.packaged()["mission"])
     if duration is not None:

@@ -104,17 +104,17 @@ def replay(campaign: Campaign, index: int) -> Replayed:
 
 
 def _over_a_link(run: runs.Run, given: dict[str, Any]) -> Replayed:
-    from brickpilot.hil import board, memory_link
+    from brickpilot.hil import fly, linked_flight
 
-    flown = memory_link.fly_alone(run.plan)
+    flown = fly.fly_alone(run.plan)
     figures = flight_figures.summary(flown.flight) | {
-        "link": memory_link.SPEC,
+        "link": fly.MEMORY,
         "pace": "lockstep",
         "late_ticks": flown.late_ticks,
         "lost_frames": flown.lost_frames,
         "safe_stops": flown.safe_stops,
         "broke_off": flown.broke_off,
-        "board": board.told(flown.board),
+        "board": linked_flight.board_told(flown.board),
     }
     return Replayed(given, flown.flight, figures, flown.ticks.columns())
 

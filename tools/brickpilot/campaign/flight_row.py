@@ -90,10 +90,10 @@ def _row(plan: flight.Plan, flown: flight.Flight | SimulationError) -> Row:
 
 
 def _linked_row(plan: flight.Plan) -> Row:
-    from brickpilot.hil import memory_link
+    from brickpilot.hil import fly
 
     try:
-        return over_a_link(memory_link.fly_alone(plan))
+        return over_a_link(fly.fly_alone(plan))
     except SimulationError as error:
         return _row(plan, error)
 

@@ -14,7 +14,7 @@ import numpy as np
 from brickpilot.cli.terminal import as_json, progress_shown
 from brickpilot.constants import STEP_S
 from brickpilot.errors import InputError
-from brickpilot.hil.avr_targets import AVR_TARGETS
+from brickpilot.hil.checkout import AVR_TARGETS
 
 _KERNEL_S = 8.0
 """s of the mission in which the kernel's share is measured; it does not change later."""
@@ -152,9 +152,9 @@ def _print_avr(target: str, found: dict[str, Any]) -> None:
 
 def _h8(target: str, profile: str, sensors: str, seconds: float | None, as_json: bool) -> None:
     from brickpilot.bench import h8_states, rcx_budget
-    from brickpilot.hil import h8_simulator
+    from brickpilot.hil import ends
 
-    built_for = h8_simulator.H8SIM_TARGETS[target]
+    built_for = ends.H8SIM_TARGETS[target]
     with progress_shown(as_json) as progress:
         found = rcx_budget.mission(target, profile, sensors, seconds, progress)
         kernel = None

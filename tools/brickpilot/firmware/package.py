@@ -1,17 +1,26 @@
-"""What `brickpilot firmware` writes: a robot's constants, the image of a board, and how the robot flies with it."""
+"""What `brickpilot firmware` writes: a robot's constants, the image of a board, and how the robot flies with it.
+
+It also writes the firmware's sources as one folder that needs no checkout: for a board of one's own, and as a library
+that the Arduino IDE, arduino-cli and PlatformIO take as it is. `src/` is the only include path. It holds the firmware's
+folders, hal.h, wire/ and the port; every .c file begins with brickpilot_build.h, which has the build constants, since
+an Arduino library cannot give flags to the compiler.
+"""
 
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import tempfile
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 import tomlkit
 
-from brickpilot.firmware import arduino, boards, headers, simulate, sources
+from brickpilot.firmware import boards, simulate
 from brickpilot.firmware.boards import Board
 from brickpilot.firmware.robot import OWN, Robot, entry
 from brickpilot.hil.checkout import sources as project_sources
@@ -55,7 +64,7 @@ class Order:
     Attributes:
         sensors: of the flight, a key of `board.sensors`.
         mission: file of a scenario; None: the packaged mission, scaled.
-        imu: a key of `headers.IMUS`.
+        imu: a key of `boards.IMUS`.
     """
 
     robot: Robot
@@ -63,7 +72,7 @@ class Order:
     sensors: str
     mission: str | None
     seed: int
-    imu: str = headers.ANALOGUE
+    imu: str = boards.ANALOGUE
 
 
 @dataclass(frozen=True)
@@ -92,7 +101,7 @@ def make(order: Order, folder: Path) -> Made:
     plan = simulate.plan(robot, mission, order.sensors, order.seed)
     with tempfile.TemporaryDirectory() as scratch:
         work = Path(scratch)
-        headers.write(robot, mission, board, step, work / HEADERS, root, order.imu)
+        boards.write_headers(robot, mission, board, step, work / HEADERS, root, order.imu)
         constants = [flag for flag in flags if flag.startswith("-D")]
         sizes = boards.build(board, order.sensors, work / HEADERS, work / "image", root)
         flown = simulate.fly_own(root, work / HEADERS, constants, plan, work)
@@ -107,9 +116,9 @@ def make(order: Order, folder: Path) -> Made:
 
 def _write_sources(board: Board, root: Path, own: Path, constants: list[str], folder: Path) -> None:
     if board.library:
-        arduino.write(root, own, constants, folder / "arduino" / arduino.NAME)
+        write_library(root, own, constants, folder / "arduino" / NAME)
     if not board.flags:
-        sources.write(root, own, constants, "template", folder / "src")
+        write_sources(root, own, constants, "template", folder / "src")
         (folder / "Makefile").write_text(_MAKEFILE, encoding="utf-8")
 
 
@@ -134,7 +143,7 @@ def vehicle_file(robot: Robot) -> str:
         tomlkit.comment("The robot as its firmware knows it, SI units. `basis`: stated, the packaged robot's, or")
     )
     document.add(
-        tomlkit.comment("the rule by which it follows from the packaged robot's (tools/brickpilot/firmware/tuning.py).")
+        tomlkit.comment("the rule by which it follows from the packaged robot's (tools/brickpilot/firmware/robot.py).")
     )
     document.update({"name": robot.model.name, "vehicle": "diff_drive", "profile": "coupled"})
     for place in (("parameters",), *OWN):
@@ -157,3 +166,146 @@ def _nested(document: Any, place: tuple[str, ...]) -> Any:
 def write_figures(figures: dict[str, Any], folder: Path) -> None:
     """Writes firmware.json."""
     (folder / "firmware.json").write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
+
+
+NAME = "Brickpilot"
+ENTRY = "brickpilot_run"
+_SENTENCE = "An autopilot for a two-wheeled robot, with the constants of one robot"
+_PARAGRAPH = "Gyro with accelerometers or rotation sensors, two motors on an H-bridge, and a serial link to a host"
+
+_HEADER = f"""/* {NAME}.h: the autopilot. src/avr/board.h has the wiring. It takes timers 1 and 2, the converter,
+ * serial port 0, the pin-change interrupts and the watchdog; a sketch may use none of them. */
+#ifndef BRICKPILOT_H
+#define BRICKPILOT_H
+
+#ifdef __cplusplus
+extern "C" {{
+#endif
+
+/* Starts the drivers and flies the route of src/app/mission.h after two seconds at rest. It never returns. */
+int {ENTRY}(void);
+
+#ifdef __cplusplus
+}}
+#endif
+
+#endif
+"""
+
+_SKETCH = f"""// Flies the robot's route two seconds after power-on, and obeys a host on the serial port.
+#include <{NAME}.h>
+
+void setup() {{
+  {ENTRY}();
+}}
+
+void loop() {{
+}}
+"""
+
+
+def write_library(root: Path, headers: Path, flags: Sequence[str], folder: Path) -> None:
+    """Writes the library into `folder`; the arguments are those of `write_sources`."""
+    version = metadata.version("brickpilot")
+    write_sources(root, headers, [*flags, f"-D{LIBRARY}"], "avr", folder / "src", entry=ENTRY)
+    example = folder / "examples" / "Mission" / "Mission.ino"
+    example.parent.mkdir(parents=True)
+    texts = {
+        folder / "src" / f"{NAME}.h": _HEADER,
+        example: _SKETCH,
+        folder / "library.properties": _properties(version),
+        folder / "library.json": _manifest(version),
+        folder / "LICENSE": (root / "LICENSE").read_text(encoding="utf-8"),
+        folder / "keywords.txt": f"{NAME}\tKEYWORD1\n{ENTRY}\tKEYWORD2\n",
+    }
+    for path, text in texts.items():
+        path.write_text(text, encoding="utf-8")
+
+
+def _properties(version: str) -> str:
+    """Returns library.properties, by Arduino's library specification."""
+    rows = {
+        "name": NAME, "version": version, "author": f"{NAME} maintainers", "maintainer": f"{NAME} maintainers",
+        "sentence": f"{_SENTENCE}.", "paragraph": f"{_PARAGRAPH}.", "category": "Device Control",
+        "url": "", "architectures": "avr", "includes": f"{NAME}.h",
+    }  # fmt: skip
+    return "".join(f"{name}={value}\n" for name, value in rows.items())
+
+
+def _manifest(version: str) -> str:
+    """Returns library.json, by PlatformIO's."""
+    rows = {
+        "name": NAME,
+        "version": version,
+        "description": f"{_SENTENCE}. {_PARAGRAPH}.",
+        "keywords": "robot, autopilot, differential drive",
+        "license": "MIT",
+        "frameworks": "arduino",
+        "platforms": "atmelavr",
+        "headers": f"{NAME}.h",
+        "examples": [{"name": "Mission", "base": "examples/Mission", "files": ["Mission.ino"]}],
+    }
+    return json.dumps(rows, indent=2) + "\n"
+
+
+BUILD = "brickpilot_build.h"
+LIBRARY = "BRICKPILOT_LIBRARY"
+"""Defined where another program has the fuses: boot loaders of Arduinos cannot write them."""
+
+HOSTS_ONLY = ("body_pose.c", "pid_start.c")
+_WIRE = ("crc", "frame", "message")
+
+
+def write_sources(
+    root: Path, headers: Path, flags: Sequence[str], port: str, folder: Path, *, entry: str = "main"
+) -> None:
+    """Writes the sources into `folder`.
+
+    Args:
+        root: the checkout.
+        headers: those that take the place of the project's.
+        flags: the compiler's; those that define a constant are kept.
+        port: folder in hal/ and in firmware/targets/, which holds the main program.
+        entry: what main() of that program is called.
+    """
+    for path in sorted((root / "firmware").rglob("*.[ch]")):
+        inside = path.relative_to(root / "firmware")
+        if not {"targets", "h8"} & set(inside.parts) and path.name not in HOSTS_ONLY:
+            _copy(path, folder / inside)
+    _copy(root / "hal/include/hal.h", folder / "hal.h")
+    kept = [root / f"hal/wire/{name}.{end}" for name in _WIRE for end in "ch"] + [root / "hal/wire/codecs_gen.h"]
+    for path in kept:
+        _copy(path, folder / "wire" / path.name)
+    for path in (root / "hal" / port).glob("*.[ch]"):
+        _copy(path, folder / port / path.name)
+    for path in (root / "firmware/targets" / port).glob("*.[ch]"):
+        _copy(path, folder / path.name)
+    program = folder / "main.c"
+    program.write_text(re.sub(r"^int main\(", f"int {entry}(", program.read_text(encoding="utf-8"), flags=re.MULTILINE))
+    for path in headers.rglob("*.h"):
+        _copy(path, folder / path.relative_to(headers))
+    (folder / BUILD).write_text(_constants(flags), encoding="utf-8")
+
+
+def _copy(path: Path, to: Path) -> None:
+    to.parent.mkdir(parents=True, exist_ok=True)
+    if path.suffix == ".c":
+        to.write_text(f'#include "{BUILD}"\n{path.read_text(encoding="utf-8")}', encoding="utf-8")
+    else:
+        shutil.copyfile(path, to)
+
+
+def _constants(flags: Iterable[str]) -> str:
+    defined = [re.fullmatch(r"-D(\w+)(?:=(.*))?", flag) for flag in flags]
+    lines = [f"#define {found[1]} {found[2] or 1}\n" for found in defined if found]
+    return f"""/* {BUILD}: the constants of this build. */
+#ifndef BRICKPILOT_BUILD_H
+#define BRICKPILOT_BUILD_H
+
+{"".join(lines)}
+#ifdef __AVR__ /* core/flash.h says why */
+#pragma GCC optimize("no-ivopts")
+#endif
+
+#endif
+"""

@@ -1,24 +1,39 @@
-"""Flies a robot with its own firmware, compiled for this machine, at the board's control step and with its sensors."""
+"""Flies a robot with its own firmware, compiled for this machine, at the board's control step and with its sensors.
+
+The closed loop is the plant and the firmware as one library. An image that `brickpilot firmware` has made is flown on a
+simulator of its chip.
+"""
 
 from __future__ import annotations
 
+import atexit
 import dataclasses
 import itertools
+import json
 import math
+import re
+import shutil
 import socket
 import subprocess
-from collections.abc import Sequence
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
+from brickpilot import compiled
 from brickpilot.constants import STEP_S
 from brickpilot.errors import InputError, SimulationError
-from brickpilot.firmware import boards
+from brickpilot.firmware import boards, params_header, robot
+from brickpilot.firmware.boards import Board
 from brickpilot.firmware.robot import Robot, packaged
 from brickpilot.hil import ends, fly
+from brickpilot.hil.checkout import sources
 from brickpilot.link.links import StreamLink
 from brickpilot.link.session import LOCKSTEP
 from brickpilot.vehicle import flight, scenario
 from brickpilot.vehicle.compensation import FORMATS
+from brickpilot.vehicle.flight import Plan
 from brickpilot.vehicle.scenario import Scenario
 from brickpilot.vehicle.setting_defaults import plain
 
@@ -130,3 +145,142 @@ def _status(brick: subprocess.Popen[bytes]) -> int:
 def undone(robot: Robot) -> dict[str, float]:
     """Returns what the firmware knows of the robot's effects, SI, by setting."""
     return {FORMATS[name].name: FORMATS[name].value(raw) for name, raw in robot.known.items() if raw}
+
+
+@dataclass(frozen=True)
+class ClosedLoop:
+    """What the library is made of; it is small, and so can be sent to another machine.
+
+    Attributes:
+        headers: file -> text of those that take the place of the project's: the robot's constants.
+        flags: of the compiler, which make the firmware that of a board with some sensors.
+    """
+
+    headers: tuple[tuple[str, str], ...]
+    flags: tuple[str, ...]
+
+    def library(self) -> Path:
+        """Returns the library for `flight.Plan.firmware`. It is compiled once in each process, and removed at its end.
+
+        Raises:
+            InputError: the firmware's sources are not there.
+            WorkFailedError: the compiler fails.
+        """
+        return _compiled(self)
+
+
+def closed_loop(robot: Robot, board: Board, sensors: str) -> ClosedLoop:
+    """Returns the closed loop of a robot on a board, with its sensors.
+
+    Raises:
+        InputError: the firmware's sources are not there; a value that a format cannot hold.
+    """
+    flags = boards.flags_of(board, sensors, sources())
+    constants = {
+        "app/params_gen.h": params_header.own_header(robot, boards.step_of(flags)),
+        **boards.of_model(robot, sources()),
+    }
+    return ClosedLoop(tuple(constants.items()), tuple(flag for flag in flags if flag.startswith("-D")))
+
+
+@cache
+def _compiled(loop: ClosedLoop) -> Path:
+    root, folder = sources(), Path(tempfile.mkdtemp(prefix="brickpilot-loop-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    for name, text in loop.headers:
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_text(text, encoding="utf-8")
+    made = folder / "closed_loop.so"
+    boards.run([str(root / "sim_host/run/build"), str(made), str(compiled.library()), f"-I{folder}", *loop.flags], root)
+    return made
+
+
+FIGURES = "firmware.json"
+_TARGETS = {
+    ("avr", "imu"): "avr:328p-imu",
+    ("avr", "imu+encoders"): "avr:328p-rotation",
+    ("avr:2560", "imu"): "avr:2560",
+    ("avr:2560", "imu+encoders"): "avr:2560",
+    ("rcx", "imu"): "h8sim:imu",
+    ("rcx", "imu+encoders"): "h8sim:rotation",
+}
+"""Board and sensors of an image -> the target whose chip it is for."""
+_AVR_MACHINE = b"\x53\x00"
+"""At byte 18 of an ELF file for an AVR."""
+
+
+@dataclass(frozen=True)
+class OwnImage:
+    """An image, the target of `hil` whose chip it is for, and the sensors it was made for.
+
+    `scales`: input -> what one of 1024 counts means to it, rad/s, m/s^2 or V, by its own board.h; empty: it is for an
+    RCX, and gets its readings as messages in these units.
+    """
+
+    path: Path
+    target: str
+    scales: Mapping[str, float]
+    sensors: str
+
+
+def find_image(image: Path) -> OwnImage:
+    """Returns an image in a folder of `firmware`, or in a folder below it, where build.sh puts one.
+
+    Raises:
+        InputError: there is no such file, or the folder does not say of what board it is; no simulator flies it.
+    """
+    if not image.is_file():
+        raise InputError("no such file", file=image)
+    made = next((one for one in (image.parent, image.resolve().parent.parent) if (one / FIGURES).is_file()), None)
+    if made is None:
+        raise InputError(f"stands in no folder of `brickpilot firmware`: {FIGURES} is missing beside it", file=image)
+    told = json.loads((made / FIGURES).read_text(encoding="utf-8"))
+    target = _TARGETS.get((told.get("board"), told.get("flight", {}).get("sensors")))
+    if target is None or target.partition(":")[0] != _simulator(image):
+        flown = "it flies an Arduino's ELF file and an RCX's brickpilot.h8sim"
+        raise InputError(f"is nothing that hil flies of the board {told.get('board')}; {flown}", file=image)
+    scales = _scales(made / "include/avr/board.h") if target.startswith("avr") else {}
+    return OwnImage(image, target, scales, told["flight"]["sensors"])
+
+
+def _simulator(image: Path) -> str | None:
+    """Returns which targets fly a file, ``avr`` or ``h8sim``, by its machine or its ending; None: none do."""
+    with image.open("rb") as file:
+        head = file.read(20)
+    if head.startswith(b"\x7fELF") and head[18:] == _AVR_MACHINE:
+        return "avr"
+    return "h8sim" if image.suffix == ".h8sim" and head.startswith(b"S0") else None
+
+
+def image_plan(image: OwnImage, model: Path, scenario: str | None, sensors: str | None, seed: int) -> Plan:
+    """Returns the plan of a flight of the robot of a model file with its image; `scenario`: None: the scaled mission.
+
+    Raises:
+        InputError: a file is bad; sensors that the image was not made for.
+    """
+    if sensors not in (None, image.sensors):
+        raise InputError(f"the image was made for {image.sensors}", field=f"--sensors {sensors}")
+    own = robot.load(model)
+    return plan(own, mission(own, scenario), image.sensors, seed)
+
+
+def _scales(board: Path) -> dict[str, float]:
+    """Returns input -> what one of 1024 counts means, rad/s, m/s^2 or V, by a board.h.
+
+    Raises:
+        InputError: it is missing, or has not all scales.
+    """
+    if not board.is_file():
+        raise InputError("is missing: it has the scales of the sensors", file=board)
+    text = board.read_text(encoding="utf-8")
+    found = {}
+    for name in ("GYRO", "SURGE", "SWAY"):
+        per_count = re.search(rf"#define BOARD_{name}_PER_COUNT_Q8 (\d+)", text)
+        reversed_ = re.search(rf"#define BOARD_{name}_REVERSED (\w+)", text)
+        if per_count is None or reversed_ is None:
+            raise InputError(f"has no scale of {name}", file=board)
+        found[name] = (-1e-3 if reversed_[1] in ("true", "1") else 1e-3) * int(per_count[1]) / 256
+    full = re.search(r"#define BOARD_BATTERY_FULL_MV (\d+)", text)
+    if full is None:
+        raise InputError("has no scale of the battery", file=board)
+    return {**found, "BATTERY_INPUT": int(full[1]) * 1e-3 / 1024}

@@ -1,25 +1,33 @@
-"""Flies a mission with an AVR as the brick: it reads its own sensors and drives its own motors, in simulated time."""
+"""Flies a mission with an AVR as the brick: it reads its own sensors and drives its own motors, in simulated time.
+
+The robot is an image on simavr with the plant round it.
+"""
 
 from __future__ import annotations
 
 import dataclasses
+import shutil
+import subprocess
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.constants import STEP_S
-from brickpilot.errors import InputError
+from brickpilot import compiled
+from brickpilot.constants import RCX, STEP_S
+from brickpilot.data.toml_file import TomlFile
+from brickpilot.errors import InputError, SimulationError
 from brickpilot.hil import fly as over_a_link
-from brickpilot.hil.avr_robot import AvrRobot, open_robot
-from brickpilot.hil.avr_targets import AVR_TARGETS
+from brickpilot.hil.checkout import AVR_TARGETS, checkout
 from brickpilot.hil.ends import Ends
 from brickpilot.hil.fault_injection import BROWN_OUT_MV
 from brickpilot.hil.linked_flight import LinkedFlight, Progress
-from brickpilot.link.links import Link
+from brickpilot.link.links import Link, Message, decode_frame, encode_frame
 from brickpilot.link.session import REALTIME
 from brickpilot.vehicle import flight
 from brickpilot.vehicle.faults import AVR_KINDS, MESSAGE_KINDS, Fault
@@ -136,3 +144,214 @@ def _check_plan(plan: flight.Plan, target: str) -> None:
             )
     if plan.controller != "coupled":
         raise InputError("the image has the profile coupled alone", field=f"--profile {plan.controller}")
+
+
+BOOT_STEPS = 30
+"""Motor steps until the image listens, 9 ms."""
+
+OUT_ROOM = 4096
+
+_TROUBLE = {
+    -20: "is no image for an AVR: an ELF file is needed",
+    -21: "simavr does not know the chip",
+    -22: "is too large for the chip's flash",
+}
+
+
+def avr_image(target: str) -> Path:
+    """Builds the image of a target by the project's script, and returns it.
+
+    Raises:
+        InputError: no checkout is in this folder or above it, the compiler is missing, or the build fails.
+    """
+    script = "firmware/targets/avr/build"
+    field = f"--target {target}"
+    root = checkout(field)
+    if shutil.which("avr-gcc") is None:
+        raise InputError("needs the compiler: sudo apt-get install gcc-avr avr-libc", field=field)
+    build = AVR_TARGETS[target].build
+    out = root / f"build/avr-{'-'.join(build)}"
+    done = subprocess.run([root / script, out, *build], stdout=subprocess.DEVNULL, check=False)
+    if done.returncode != 0:
+        raise InputError(f"{script} failed", field=field)
+    return out / "brickpilot.elf"
+
+
+def check_avr_sensors(target: str, sensors: str) -> None:
+    """Raises InputError if the target's brick cannot have these sensors."""
+    has = AVR_TARGETS[target].sensors
+    if sensors not in has:
+        raise InputError(f"{target} flies with {' or '.join(has)}", field=f"--sensors {sensors}")
+
+
+class AvrRobot:
+    """The robot; `open_robot` makes it. It is also the host's end of the line: a `Link` in simulated time.
+
+    Attributes:
+        damaged: frames from the brick that were refused.
+    """
+
+    def __init__(self, ffi: Any, library: Any, brick: Any) -> None:
+        self.damaged = 0
+        self._ffi, self._library, self._brick = ffi, library, brick
+        self._report = ffi.new("bp_avr_report *")
+        self._room = ffi.new("unsigned char[]", OUT_ROOM)
+        self._rest = b""
+        self._motor_step_s = float(TomlFile(RCX).data["rates"]["motor_step"]["value"])
+
+    def send(self, messages: Sequence[Message]) -> None:
+        """Puts messages on the line, which carries them while time passes."""
+        data = b"".join([encode_frame(identifier, data) for identifier, data in messages])
+        self.send_bytes(data)
+
+    def send_bytes(self, data: bytes) -> None:
+        """Puts any bytes on the line. Bytes without room are lost."""
+        self._library.bp_avr_send(self._brick, data, len(data))
+
+    def receive(self, timeout: float) -> list[Message]:
+        """Returns the messages that have come; lets up to `timeout` s of simulated time pass until the first."""
+        for _ in range(round(max(0.0, timeout) / self._motor_step_s)):
+            if messages := self._come():
+                return messages
+            self.wait(1)
+        return self._come()
+
+    def _come(self) -> list[Message]:
+        size = self._library.bp_avr_receive(self._brick, self._room, OUT_ROOM)
+        if size == 0:
+            return []
+        *blocks, self._rest = (self._rest + bytes(self._ffi.buffer(self._room, size))).split(b"\0")
+        messages = [decode_frame(block) for block in blocks if block]
+        self.damaged += messages.count(None)
+        return [message for message in messages if message is not None]
+
+    def close(self) -> None:
+        """Does nothing: `open_robot` closes the robot."""
+
+    def wait(self, motor_steps: int) -> None:
+        """Lets time pass before the flight.
+
+        Raises:
+            SimulationError: the plant's state diverges.
+        """
+        self._check(self._library.bp_avr_wait(self._brick, motor_steps))
+
+    def fly(self) -> None:
+        """Flies one control step and logs it.
+
+        Raises:
+            SimulationError: the plant's state diverges.
+        """
+        self._check(self._library.bp_avr_fly(self._brick))
+
+    def _check(self, status: int) -> None:
+        if status:
+            raise SimulationError(f"the simulation ended with status {status}")
+
+    def fault(self, name: str, value: float) -> None:
+        """Sets a fault of `brickpilot_avr.h`, such as MAIN_HELD; 0 ends it."""
+        number = getattr(self._library, f"BP_AVR_{name}")
+        if self._library.bp_avr_fault(self._brick, number, value):
+            raise ValueError(f"{name}: {value}")
+
+    def tell(self) -> Any:
+        """Returns what has happened since power-on, as a `bp_avr_report`."""
+        self._library.bp_avr_tell(self._brick, self._report)
+        return self._report
+
+    def profile(self, functions: Sequence[tuple[int, int]], vectors_end: int, room: int) -> None:
+        """Counts from now on the cycles of the program's parts: `bp_avr_profile`.
+
+        Args:
+            functions: entry and part of each.
+            vectors_end: the first address behind the interrupts' vectors.
+            room: control steps that are kept.
+        """
+        given = self._ffi.new("bp_avr_function[]", list(functions))
+        self._rows = self._ffi.new("bp_avr_costs[]", room)
+        if self._library.bp_avr_profile(self._brick, given, len(given), vectors_end, self._rows, room):
+            raise ValueError("too many functions or parts")
+
+    def profiled(self) -> tuple[NDArray[np.int64], int]:
+        """Returns the cycles of each control step since `profile`, and the most bytes of stack.
+
+        The first has the shape (steps, parts + 2): the parts, the interrupts, and all time outside sleep.
+        """
+        told = self.tell()
+        rows = np.frombuffer(self._ffi.buffer(self._rows), dtype=np.uintc).reshape(len(self._rows), -1)
+        return rows[: told.profiled].astype(np.int64), int(told.stack)
+
+    def read(self, address: int, count: int) -> bytes:
+        """Returns bytes of the processor's memory."""
+        room = self._ffi.new("unsigned char[]", count)
+        if self._library.bp_avr_read(self._brick, address, room, count):
+            raise ValueError(f"no memory at {address}")
+        return bytes(self._ffi.buffer(room))
+
+
+def avr_interface() -> tuple[Any, Any]:
+    """Returns cffi's `ffi` and the library with simavr.
+
+    Raises:
+        InputError: the package was built without simavr.
+    """
+    try:
+        return compiled.interface("brickpilot_avr")
+    except OSError as error:
+        raise InputError(
+            "this build has no simavr: sudo apt-get install libsimavr-dev libelf-dev, then install brickpilot again",
+            field="--target avr",
+        ) from error
+
+
+@contextmanager
+def open_robot(
+    plan: flight.Plan,
+    image: Path,
+    chip: str,
+    log: NDArray[np.float64],
+    motors: NDArray[np.int16],
+    trace: Path | None = None,
+    scales: Mapping[str, float] = MappingProxyType({}),
+) -> Iterator[AvrRobot]:
+    """Powers a robot with an image, and waits until the image listens. The flight fills `log` and `motors`.
+
+    Args:
+        plan: the plan of a mission.
+        image: an ELF file.
+        chip: as simavr names it.
+        log: (steps, columns).
+        motors: (steps, 2), the mean duty of the drives in each step.
+        trace: a VCD file of the signals at the pins.
+        scales: input -> what one of 1024 counts means to the image (`BP_AVR_GYRO` and so on); left out: as to the
+            packaged one.
+
+    Raises:
+        InputError: the package was built without simavr, or the image or the trace cannot be used.
+        SimulationError: the plant does not start.
+    """
+    ffi, library = avr_interface()
+    status = ffi.new("int *")
+    with flight.request(plan, log, motors) as asked:
+        where = ffi.NULL if trace is None else str(trace).encode()
+        brick = library.bp_avr_open(ffi.cast("bp_flight *", asked), str(image).encode(), chip.encode(), where, status)
+        if brick == ffi.NULL:
+            _refuse(int(status[0]), plan, image, trace)
+        try:
+            robot = AvrRobot(ffi, library, brick)
+            for name, per_count in scales.items():
+                if library.bp_avr_scale(brick, getattr(library, f"BP_AVR_{name}"), per_count):
+                    raise InputError(f"a count of {name} cannot mean {per_count:g}", file=image)
+            robot.wait(BOOT_STEPS)
+            yield robot
+        finally:
+            library.bp_avr_close(brick)
+
+
+def _refuse(status: int, plan: flight.Plan, image: Path, trace: Path | None) -> None:
+    """Raises the error for the status of a robot that does not start."""
+    if status == -23:
+        raise InputError("cannot be written", file=trace)
+    if status in _TROUBLE:
+        raise InputError(_TROUBLE[status], file=image)
+    raise SimulationError(f"{plan.scenario.name}: the simulation does not start, status {status}")

@@ -1,22 +1,30 @@
-"""Opens the plant's end of a link, and starts a brick at the other end if the link names one on this machine."""
+"""Opens the plant's end of a link, and starts a brick at the other end if the link names one on this machine.
+
+A brick is a process, a thread at one end of a CAN bus, or a program on the simulator of the RCX's processor.
+"""
 
 from __future__ import annotations
 
 import os
+import socket
 import subprocess
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
+import can
+
+from brickpilot.compiled import interface
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.hil.brick_process import end_brick, restart_brick, start_brick, wait_for_end
-from brickpilot.hil.brick_thread import BrickThread
-from brickpilot.hil.h8_simulator import H8SIM_REPLY_S, H8SIM_TARGETS, start_h8
+from brickpilot.hil.checkout import checkout, script_output
 from brickpilot.link.infrared import InfraredLink
-from brickpilot.link.links import CAN_KINDS, CanLink, Link, LinkGoneError, open_bus, open_serial, open_tcp
+from brickpilot.link.links import CAN_KINDS, CanLink, Link, LinkGoneError, StreamLink, open_bus, open_serial, open_tcp
 from brickpilot.link.session import REPLY_S
 from brickpilot.link.tower import Tower
 
@@ -126,3 +134,119 @@ def both_ends(spec: str, trace: Path | None = None, image: Path | None = None) -
             end_brick(process)
         if simulator is not None:
             wait_for_end(simulator)
+
+
+class BrickThread:
+    """A brick in a thread of this process, at one end of a CAN bus.
+
+    Args:
+        bus: an open bus, which `stop` shuts down.
+    """
+
+    def __init__(self, bus: can.BusABC) -> None:
+        self._bus = bus
+        self._ended = threading.Event()
+        self._restart = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="brick", daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        ffi: Any
+        ffi, library = interface("brickpilot_brick")
+        brick = ffi.gc(library.bp_brick_new(), library.bp_brick_free)
+        identifier, data = ffi.new("unsigned int *"), ffi.new("unsigned char[8]")
+        while not self._ended.is_set():
+            if self._restart.is_set():
+                brick = ffi.gc(library.bp_brick_new(), library.bp_brick_free)
+                self._restart.clear()
+            wait_us = library.bp_brick_time(brick, time.monotonic_ns() // 1000)
+            self._send(library, brick, identifier, data, ffi)
+            try:
+                message = self._bus.recv(min(wait_us * 1e-6, 0.1))
+            except (can.CanError, OSError):
+                return
+            if message is None or message.is_extended_id or message.is_remote_frame or message.is_fd:
+                continue
+            library.bp_brick_take(brick, message.arbitration_id, bytes(message.data), len(message.data))
+            self._send(library, brick, identifier, data, ffi)
+
+    def _send(self, library: Any, brick: Any, identifier: Any, data: Any, ffi: Any) -> None:
+        while (size := library.bp_brick_give(brick, identifier, data)) >= 0:
+            payload = bytes(ffi.buffer(data, size))
+            self._bus.send(can.Message(arbitration_id=identifier[0], data=payload, is_extended_id=False, check=False))
+
+    def restart(self) -> None:
+        """Switches the brick off and on, and returns when it runs again."""
+        self._restart.set()
+        while self._restart.is_set() and self._thread.is_alive():
+            time.sleep(0.001)
+
+    def stop(self) -> None:
+        """Ends the thread and shuts down the bus."""
+        self._ended.set()
+        self._thread.join(5.0)
+        self._bus.shutdown()
+
+
+H8SIM = "h8sim"
+"""The firmware on the simulator of the RCX's processor, linked by its standard input and output."""
+
+H8SIM_TARGETS = {H8SIM: None, "h8sim:imu": "imu", "h8sim:rotation": "rotation"}
+"""Target -> the sensors for which it is built (firmware/targets/rcx/flags); None: built as for this machine."""
+
+H8SIM_REPLY_S = 10.0
+"""Time for a reply: a simulated instruction takes microseconds, and the simulator takes seconds to start."""
+
+
+def h8_simulator(target: str, image: Path | None = None) -> tuple[str, str]:
+    """Builds the simulator and its program by the project's scripts if necessary, and returns their paths.
+
+    Args:
+        target: one of `H8SIM_TARGETS`.
+        image: the program, built already; None: that of `target` is built in a checkout.
+
+    Raises:
+        InputError: no checkout is in this folder or above it, where a program is built, or a build fails.
+    """
+    if image is not None:
+        return script_output("hal/h8sim/simulator", field="--image", packed=True), str(image)
+    sensors = H8SIM_TARGETS[target]
+    built = []
+    if sensors is not None:
+        folder = checkout(f"--target {target}")
+        flags = script_output("firmware/targets/rcx/flags", sensors, field=f"--target {target}").split()
+        built = [str(folder / f"build/h8sim-{sensors}"), *flags]
+    return (
+        script_output("hal/h8sim/simulator", field=f"--target {target}"),
+        script_output("firmware/targets/h8sim/build", *built, field=f"--target {target}"),
+    )
+
+
+def check_sensors(target: str, sensors: str) -> None:
+    """Raises InputError if the target's brick cannot have these sensors."""
+    if H8SIM_TARGETS.get(target) is not None and sensors == "ideal":
+        raise InputError(
+            f"a brick has no ideal sensors; {target} flies with imu or imu+encoders", field=f"--sensors {sensors}"
+        )
+
+
+def start_h8(target: str, trace: Path | None = None, image: Path | None = None) -> tuple[subprocess.Popen[bytes], Link]:
+    """Starts the firmware on the simulator, which ends with its standard input. Returns it and the link to it.
+
+    Args:
+        target: one of `H8SIM_TARGETS`.
+        trace: file to which it writes the address and the stack pointer of each instruction, as native 16-bit words.
+        image: see `h8_simulator`.
+    """
+    simulator, program = h8_simulator(target, image)
+    ours, theirs = socket.socketpair()
+    with theirs:
+        process = subprocess.Popen(
+            ["stdbuf", "-o0", simulator, program],
+            bufsize=0,
+            stdin=theirs.fileno(),
+            stdout=theirs.fileno(),
+            stderr=subprocess.DEVNULL,
+            env=os.environ | ({} if trace is None else {"H8SIM_TRACE": str(trace)}),
+        )
+    return process, StreamLink(ours)

@@ -1,15 +1,19 @@
-"""The state of one flight over a link: its session, its telemetry and its counts."""
+"""The state of one flight over a link: its session, its telemetry, its ticks and its counts."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
 
-from brickpilot.constants import STEP_MS
+import numpy as np
+from numpy.typing import NDArray
+
+from brickpilot.constants import STEP_MS, STEP_S
 from brickpilot.hil.ends import Ends
 from brickpilot.hil.fault_injection import FaultyLink, controller_restarts
 from brickpilot.hil.plant_end import PlantEnd
-from brickpilot.hil.telemetry import Telemetry
-from brickpilot.hil.ticks import TickRecorder
 from brickpilot.link.links import Link
 from brickpilot.link.messages import book
 from brickpilot.link.session import LOCKSTEP, Session
@@ -146,3 +150,202 @@ class LinkedFlight:
     def lost_frames(self) -> int:
         at_brick = self.faults.get("bad", 0) + self.faults.get("incomplete", 0) + self.faults.get("lost", 0)
         return self.without_reply + self.link.damaged + at_brick
+
+
+Array = NDArray[np.float64]
+
+COLUMNS = {
+    "estimate_x_m": ("TELEMETRY_X", "x"),
+    "estimate_heading_rad": ("TELEMETRY_X", "heading"),
+    "waypoint": ("TELEMETRY_X", "waypoint"),
+    "estimate_y_m": ("TELEMETRY_Y", "y"),
+    "estimate_speed_m_s": ("TELEMETRY_Y", "speed"),
+    "overshoots": ("TELEMETRY_Y", "overshoots"),
+    "estimate_yaw_rate_rad_s": ("TELEMETRY_TRACK", "yaw_rate"),
+    "cross_track_m": ("TELEMETRY_TRACK", "cross_track"),
+    "heading_error_rad": ("TELEMETRY_TRACK", "heading_error"),
+    "gyro_full_steps": ("TELEMETRY_EFFORT", "gyro_full"),
+    "mode": ("TELEMETRY_TRACK", "mode"),
+    "phase": ("TELEMETRY_TRACK", "phase"),
+    "at_rest": ("TELEMETRY_TRACK", "at_rest"),
+    "bias_unknown": ("TELEMETRY_TRACK", "bias_unknown"),
+    "demand_speed_m_s": ("TELEMETRY_DEMAND", "speed"),
+    "demand_heading_rad": ("TELEMETRY_DEMAND", "heading"),
+    "fault": ("TELEMETRY_DEMAND", "fault"),
+    "surge_saturated": ("TELEMETRY_DEMAND", "surge_saturated"),
+    "yaw_saturated": ("TELEMETRY_DEMAND", "yaw_saturated"),
+    "speed_p_v": ("TELEMETRY_SPEED", "proportional"),
+    "speed_i_v": ("TELEMETRY_SPEED", "integral"),
+    "speed_d_v": ("TELEMETRY_SPEED", "derivative"),
+    "yaw_p_v": ("TELEMETRY_HEADING", "proportional"),
+    "yaw_i_v": ("TELEMETRY_HEADING", "integral"),
+    "yaw_d_v": ("TELEMETRY_HEADING", "derivative"),
+    "surge_effort_v": ("TELEMETRY_EFFORT", "surge"),
+    "yaw_effort_v": ("TELEMETRY_EFFORT", "yaw"),
+}
+"""Column of the log -> (message, signal)."""
+
+LAST = "TELEMETRY_EFFORT"
+TICK_AT = 6
+
+
+class Telemetry:
+    """Collects a brick's telemetry. `waypoint` and `mode` are the newest values, for a live view."""
+
+    def __init__(self) -> None:
+        self._layouts = {layout.id: layout for name, layout in book().by_name.items() if name.startswith("TELEMETRY_")}
+        self._names = {layout.id: layout.name for layout in self._layouts.values()}
+        self._rows: dict[str, tuple[list[int], list[tuple[int, ...]]]] = {
+            name: ([], []) for name in self._names.values()
+        }
+        self._choices = {
+            message.name: [
+                (self._layouts[message.frame_id].names.index(one.name), len(one.choices))
+                for one in message.signals
+                if one.choices
+            ]
+            for message in book().database.messages
+            if message.frame_id in self._layouts
+        }
+        self.newest_step = -1
+        self.mode = 0
+        self.waypoint = 0
+
+    def take(self, identifier: int, data: bytes, step: int, *, lockstep: bool) -> bool:
+        """Stores a message. Returns False if it is no telemetry.
+
+        Args:
+            identifier: the id of the message.
+            data: its bytes.
+            step: the present control step.
+            lockstep: the brick has the plant's clock, so the low byte of its time gives the step, up to 85 steps ago.
+        """
+        layout = self._layouts.get(identifier)
+        if layout is None:
+            return False
+        if len(data) != 8:
+            return True
+        if lockstep:
+            age_ms = (STEP_MS * step - data[TICK_AT]) & 255
+            step -= age_ms // STEP_MS
+        row = layout.unpack(data)
+        if any(row[at] >= count for at, count in self._choices[layout.name]):
+            return True  # damaged on a transport without a checksum
+        steps, values = self._rows[layout.name]
+        steps.append(max(step, 0))
+        values.append(row)
+        if layout.name == LAST:
+            self.newest_step = step
+        elif layout.name == "TELEMETRY_TRACK":
+            self.mode = values[-1][layout.names.index("mode")]
+        elif layout.name == "TELEMETRY_X":
+            self.waypoint = values[-1][layout.names.index("waypoint")]
+        return True
+
+    def columns(self, steps: int) -> dict[str, Array]:
+        """Returns each of COLUMNS with shape (steps,): 0 before the first report, then the last report."""
+        found = {}
+        for column, (message, signal) in COLUMNS.items():
+            at, rows = self._rows[message]
+            layout = book().by_name[message]
+            found[column] = _held(at, [row[layout.names.index(signal)] for row in rows], steps)
+            found[column] = found[column] * book().scale(message, signal)
+        return found
+
+
+def _held(at: list[int], values: list[int], steps: int) -> Array:
+    column = np.zeros(steps)
+    if not at:
+        return column
+    newest = np.full(steps, -1)
+    inside = np.asarray(at) < steps
+    newest[np.asarray(at)[inside]] = np.flatnonzero(inside)
+    newest = np.maximum.accumulate(newest)
+    known = newest >= 0
+    column[known] = np.asarray(values, dtype=np.float64)[newest[known]]
+    return column
+
+
+TROUBLES = ("late_ticks", "lost_frames", "refused_frames", "safe_stops")
+"""The faults that both ends count: late ticks, frames that were missing, damaged or old, and safe stops."""
+
+
+@dataclass(frozen=True)
+class Ticks:
+    """The ticks of a flight; each array has the shape (steps,).
+
+    Attributes:
+        time_s: of the flight.
+        begun_s: when the tick began, s of the clock after the first.
+        round_trip_ms: from sending the sensors' set to its motor command; NaN: none came.
+        troubles: by name, how many were counted in the tick. The brick reports its own with a delay.
+    """
+
+    time_s: Array
+    begun_s: Array
+    round_trip_ms: Array
+    troubles: dict[str, Array]
+
+    def columns(self) -> dict[str, Array]:
+        """Returns the columns of ticks.csv."""
+        return {"time_s": self.time_s, "begun_s": self.begun_s, "round_trip_ms": self.round_trip_ms, **self.troubles}
+
+
+class TickRecorder:
+    """Records the ticks of a flight of at most `steps` steps."""
+
+    def __init__(self, steps: int) -> None:
+        self._begun: Array = np.full(steps, np.nan)
+        self._round_trip: Array = np.full(steps, np.nan)
+        self._counted: Array = np.full((steps, len(TROUBLES)), np.nan)
+        self._sent: dict[int, tuple[int, float]] = {}  # sequence number -> step and time
+
+    def begin(self, step: int) -> None:
+        """Notes that a tick begins."""
+        self._begun[step] = time.perf_counter()
+
+    def sent(self, step: int, sequence: int) -> None:
+        """Notes that the set of a step is sent; a set that is sent again counts from there."""
+        self._sent[sequence] = step, time.perf_counter()
+
+    def replied(self, sequence: int) -> None:
+        """Notes the motor command that answers the set of this sequence number."""
+        step, sent = self._sent.pop(sequence, (-1, 0.0))
+        if step >= 0:
+            self._round_trip[step] = 1e3 * (time.perf_counter() - sent)
+
+    def count(self, step: int, *totals: int) -> None:
+        """Notes how many of each of TROUBLES were counted since the flight began."""
+        self._counted[step] = totals
+
+    def ticks(self, steps: int) -> Ticks:
+        """Returns the first `steps` ticks. Ticks without counts, as after a lost link, repeat the last counts."""
+        counted = np.vstack([np.zeros(len(TROUBLES)), self._counted[:steps]])
+        last = np.maximum.accumulate(np.where(np.isnan(counted[:, 0]), 0, np.arange(len(counted))))
+        more = np.diff(counted[last], axis=0)
+        first = self._begun[0] if steps else 0.0
+        return Ticks(
+            STEP_S * np.arange(steps, dtype=np.float64),
+            self._begun[:steps] - first,
+            self._round_trip[:steps],
+            {name: np.maximum(more[:, k], 0.0) for k, name in enumerate(TROUBLES)},
+        )
+
+
+RESET_CAUSES = {1: "power-on", 2: "the reset pin", 4: "a brown-out", 8: "the watchdog"}
+"""Bit of `started_by` -> cause of the reset; hal/wire/brickpilot.dbc has them."""
+
+
+def board_told(board: Mapping[str, int]) -> dict[str, Any] | None:
+    """Returns the cause of the newest start, in words, and the counts since power-on.
+
+    Args:
+        board: signal of BOARD -> its raw value; empty: the brick has sent none.
+
+    Returns:
+        `started_by` and the counts by their signals; None if `board` is empty.
+    """
+    if not board:
+        return None
+    causes = [name for bit, name in RESET_CAUSES.items() if board["started_by"] & bit]
+    return {**board, "started_by": " and ".join(causes) or "an unknown cause"}

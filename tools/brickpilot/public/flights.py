@@ -11,13 +11,13 @@ from typing import Any
 
 from brickpilot.data.toml_file import write_whole
 from brickpilot.errors import InputError, SimulationError
-from brickpilot.firmware import own_image
-from brickpilot.firmware.own_image import OwnImage
-from brickpilot.hil import avr_flight, board, ends
+from brickpilot.firmware import simulate
+from brickpilot.firmware.simulate import OwnImage
+from brickpilot.hil import avr_flight, ends, linked_flight
 from brickpilot.hil import fly as hil_fly
-from brickpilot.hil.avr_robot import avr_image, check_avr_sensors
+from brickpilot.hil.avr_flight import avr_image, check_avr_sensors
+from brickpilot.hil.ends import check_sensors
 from brickpilot.hil.fly import HilFlight
-from brickpilot.hil.h8_simulator import check_sensors
 from brickpilot.hil.linked_flight import Progress
 from brickpilot.hil.traffic_log import RecordingLink
 from brickpilot.link.links import Link
@@ -93,7 +93,7 @@ def image_of(image: Path, request: FlightRequest, target: str) -> OwnImage:
             raise InputError("has no place here: the image has its own", field=f"--{name}")
     if request.profile not in (None, "coupled"):
         raise InputError("the image has the profile coupled alone", field=f"--profile {request.profile}")
-    return own_image.find(image)
+    return simulate.find_image(image)
 
 
 def _plan(request: FlightRequest, session: Session) -> Plan:
@@ -105,7 +105,7 @@ def _plan(request: FlightRequest, session: Session) -> Plan:
     request.choices()  # checks that the scenario is given once
     scenario = request.scenario_name or request.scenario_file
     assert request.model_file is not None
-    return own_image.plan(session.image, Path(request.model_file), scenario, request.sensors, request.seed or 0)
+    return simulate.image_plan(session.image, Path(request.model_file), scenario, request.sensors, request.seed or 0)
 
 
 def hil(
@@ -201,7 +201,7 @@ def _figures(flown: HilFlight, session: Session) -> dict[str, Any]:
         "lost_frames": flown.lost_frames,
         "safe_stops": flown.safe_stops,
         "broke_off": flown.broke_off,
-        "board": board.told(flown.board),
+        "board": linked_flight.board_told(flown.board),
     }
 
 

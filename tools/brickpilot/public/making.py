@@ -17,7 +17,7 @@ from brickpilot.export import files, foxglove, mcap_file, parquet_file, run_read
 from brickpilot.export import fmu as fmus
 from brickpilot.export import mjcf as mjcfs
 from brickpilot.export import urdf as urdfs
-from brickpilot.firmware import boards, headers, package, robot, simulate
+from brickpilot.firmware import boards, package, robot, simulate
 from brickpilot.firmware.package import Made as Built
 from brickpilot.firmware.package import Order
 from brickpilot.fit import calibration
@@ -201,7 +201,7 @@ def firmware(
 def _firmware_command(model_file: str, gains_file: str | None, order: Order, folder: Path) -> str:
     words = ["brickpilot", "firmware", "--model", model_file, "--board", order.board.name, "--out", str(folder)]
     words += ["--sensors", order.sensors, "--seed", str(order.seed)]
-    words += [] if order.imu == headers.ANALOGUE else ["--imu", order.imu]
+    words += [] if order.imu == boards.ANALOGUE else ["--imu", order.imu]
     words += ["--gains", gains_file] if gains_file else []
     return shlex.join(words + (["--scenario", order.mission] if order.mission else []))
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from brickpilot.campaign import robots
 from brickpilot.errors import InputError
-from brickpilot.firmware import boards, closed_loop, robot, simulate
+from brickpilot.firmware import boards, robot, simulate
 from brickpilot.firmware.robot import Robot
 from brickpilot.tune.space import TUNED
 from brickpilot.tune.task import Problem, Raw
@@ -48,7 +48,7 @@ def problem(path: Path, board: str, sensors: str, mission: str | None, shares: M
     own = robot.load(path)
     route = simulate.mission(own, mission)
     plan = simulate.plan(own, route, sensors, seed)
-    loop = closed_loop.of(own, boards.BOARDS[board], sensors)
+    loop = simulate.closed_loop(own, boards.BOARDS[board], sensors)
     loop.library()  # here first, so that an error of the compiler is told once
     allowed = dataclasses.replace(robots.read(own.model, path, shares), devices=plan.devices)
     firmware = _settings(own)

@@ -12,7 +12,7 @@ import numpy as np
 
 from brickpilot.campaign import flight_row, robots
 from brickpilot.campaign.robots import Allowed
-from brickpilot.firmware.closed_loop import ClosedLoop
+from brickpilot.firmware.simulate import ClosedLoop
 from brickpilot.vehicle import flight
 from brickpilot.vehicle.gains import Gains
 
