@@ -11,7 +11,7 @@ TABLE = Path("sim_host/effects/effects.c")
 # exporter for rigid-body simulators says which laws these have themselves, and lists all others.
 MAY_NAME = frozenset(
     {
-        Path("tools/brickpilot/export/machine_effects.py"),
+        Path("tools/brickpilot/export/machine.py"),
         Path("tools/brickpilot/gen/discovery_picture.py"),
         Path("tools/examples/gain_sweep.toml"),
         Path("tools/examples/make_logs.py"),

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from brickpilot.data.holdout import Roles
-from brickpilot.data.toml_file import write_whole
+from brickpilot.data.whole_files import write_whole
 from brickpilot.discover.finding import Finding, verdict_json
 from brickpilot.errors import InputError
 from numpy.typing import NDArray

@@ -15,7 +15,7 @@ import jsonschema
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from brickpilot.export import mcap_file, run_read, run_topics
+from brickpilot.export import mcap_file, run_read
 from brickpilot.link.messages import book
 from command import brickpilot
 from mcap.reader import make_reader
@@ -79,9 +79,7 @@ def test_every_cell_of_a_run_is_in_its_mcap(flown: Path, name: str) -> None:
     exported(flown, "mcap", name)
     found, _, reader = opened(flown / f"{name}.mcap")
     seen: dict[str, list[Any]] = {}
-    tables = [("log.csv", run_topics._place)] + (
-        [("ticks.csv", lambda column: ("/ticks", column))] * (name == "linked")
-    )
+    tables = [("log.csv", mcap_file._place)] + ([("ticks.csv", lambda column: ("/ticks", column))] * (name == "linked"))
     for table, place in tables:
         columns, cells = rows_of(flown / name / table)
         for column, values in zip(columns[1:], cells.T[1:], strict=True):

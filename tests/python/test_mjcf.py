@@ -11,7 +11,7 @@ import mujoco_robot
 import numpy as np
 import pytest
 from brickpilot import catalogue
-from brickpilot.export import machine_effects, mjcf
+from brickpilot.export import machine, mjcf
 from brickpilot.hil import ends, fly
 from brickpilot.vehicle import flight_figures, plant
 from brickpilot.vehicle import model as models
@@ -124,7 +124,7 @@ def test_several_effects_act_together() -> None:
 @pytest.mark.parametrize("name", [effect.name for effect in catalogue.effects()])
 def test_every_effect_is_said_or_listed(name: str) -> None:
     made = mjcf.write(robot("one", {}, **{name: {}}))
-    assert (name in made.left_out) == (name not in machine_effects._TOLD)
+    assert (name in made.left_out) == (name not in machine._TOLD)
     for line in made.left_out:
         assert line in made.text
     mujoco_robot.load(made.text)

@@ -1,6 +1,10 @@
 """What a control step of the firmware costs on the RCX's processor, and what the kernel takes beside the program.
 
-The step is counted on the simulator of the processor. For the kernel's share the image flies the mission in a
+A mission is flown in lockstep on the simulator of the instruction set, and the instructions are counted. A step is one
+call of `loop_tick`: sensors in, motors out, telemetry included. The HAL is counted apart: on the simulator it is the
+link to the host, on a brick it is drivers.
+
+For the share of kernel and interrupts, and whether a control step is in time, the image flies the mission in a
 simulated brick, in which every instruction and every interrupt takes its time.
 """
 

@@ -19,7 +19,7 @@ from brickpilot.campaign.inputs import Input
 from brickpilot.campaign.store import Parts
 from brickpilot.campaign.summary import Table, summary
 from brickpilot.campaign.variables import Value
-from brickpilot.data.toml_file import write_whole
+from brickpilot.data.whole_files import write_whole
 from brickpilot.errors import InputError
 from brickpilot.report import campaign_page
 from brickpilot.report.campaign_page import Histogram, Scatter

@@ -1,4 +1,4 @@
-"""Reads TOML files and keeps the line of each value, so that an error can name it; and writes text files whole."""
+"""Reads TOML files and keeps the line of each value, so that an error can name it."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NoReturn
 
-from brickpilot.data.unfinished import beside
-from brickpilot.errors import InputError, disk_named
+from brickpilot.errors import InputError
 
 Key = tuple[str | int, ...]
 
@@ -162,17 +161,3 @@ class TomlFile:
         if not isinstance(value, dict):
             self.refuse(key, f"{value!r} is not a table")
         return value
-
-
-def write_whole(path: Path | str, text: str) -> None:
-    """Writes a text file so that a reader finds the old content or the new content, never a part of it.
-
-    It is written beside `path` and renamed.
-
-    Raises:
-        WorkFailedError: the disk is full.
-    """
-    target = Path(path)
-    with disk_named(target), beside(target) as made:
-        made.write_text(text, encoding="utf-8")
-        made.replace(target)

@@ -1,19 +1,30 @@
-"""A model as an FMU: the plant with its effects, as a co-simulation unit of FMI 2.0 or 3.0."""
+"""A model as an FMU: the plant with its effects, as a co-simulation unit of FMI 2.0 or 3.0.
+
+Its C sources are the plant and the FMI layer, which are installed beside this module, and the robot's table.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import io
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import sysconfig
 import tempfile
 import uuid
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
 
-from brickpilot.errors import disk_named
-from brickpilot.export import files, fmu_description, fmu_sources
-from brickpilot.export.fmu_variables import variables
+from brickpilot.catalogue import PROFILE_CODES, VEHICLE_CODES
+from brickpilot.data import whole_files
+from brickpilot.errors import WorkFailedError, disk_named
+from brickpilot.export import fmu_description
+from brickpilot.export.fmu_description import Variable, effect_names, variables
 from brickpilot.vehicle.model import Model
 
 VERSIONS = ("2.0", "3.0")
@@ -33,7 +44,7 @@ def archive(model: Model, version: str, *, binary: bool = True) -> bytes:
     """
     content = _content(model, version)
     if binary:
-        folder, ending = fmu_sources.place(version)
+        folder, ending = binary_place(version)
         content[f"binaries/{folder}/{identifier(model)}{ending}"] = _compiled(content)
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as file:
@@ -47,16 +58,16 @@ def archive(model: Model, version: str, *, binary: bool = True) -> bytes:
 
 def identifier(model: Model) -> str:
     """Returns the model's name as a C identifier."""
-    word = files.plain_name(model.name)
+    word = whole_files.plain_name(model.name)
     return f"model_{word}" if word[0].isdigit() else word
 
 
 def _content(model: Model, version: str) -> dict[str, bytes]:
     """Returns path -> content of everything but the library."""
     rows = variables(model)
-    sources = fmu_sources.files(version)
-    token = _token(sources, fmu_sources.robot_table(model, "", rows))
-    sources[fmu_sources.ROBOT] = fmu_sources.robot_table(model, token, rows).encode()
+    sources = source_files(version)
+    token = _token(sources, robot_table(model, "", rows))
+    sources[ROBOT] = robot_table(model, token, rows).encode()
     compiled = sorted(name for name in sources if name.endswith(".c"))
     description = fmu_description.description(model, version, identifier(model), token, rows)
     content = {f"sources/{name}": text for name, text in sources.items()}
@@ -85,5 +96,94 @@ def _compiled(content: Mapping[str, bytes]) -> bytes:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(text)
         library = Path(folder, "binaries", "library")
-        fmu_sources.compile_library(Path(folder, "sources"), library)
+        compile_library(Path(folder, "sources"), library)
         return library.read_bytes()
+
+
+HOME = Path(__file__).parent / "c"
+ROBOT = "robot.c"
+
+_FLAGS = ("-std=c99", "-O2", "-fPIC", "-ffp-contract=off", "-fvisibility=hidden")
+_LIBRARY = {"win32": ".dll", "darwin": ".dylib"}
+
+
+def source_files(version: str) -> dict[str, bytes]:
+    """Returns path -> content of the sources for one version of FMI, without the table of the robot."""
+    other = {"2.0": "fmi3", "3.0": "fmi2"}[version]
+    left_out = (other, "lanes")  # an FMU advances one vehicle, and not several side by side
+    found = {}
+    for path in sorted(HOME.rglob("*.[ch]")):
+        if not path.name.startswith(left_out):
+            found[path.relative_to(HOME).as_posix()] = path.read_bytes()
+    return found
+
+
+def robot_table(model: Model, token: str, variables: Sequence[Variable]) -> str:
+    """Returns the C file with the robot's variables. Numbers are hexadecimal, so that none is rounded."""
+    rows = [
+        f'    {{FMU_{one.kind}, "{one.name}", {one.effect}, {one.index}, {one.start.hex()}}}, /* {one.start!r} */'
+        for one in variables
+    ]
+    effects = effect_names(model)
+    names = ", ".join(f'"{name}"' for name in effects) or "NULL"
+    return "\n".join(
+        [
+            '#include "fmi/fmu.h"',
+            "",
+            f"static const char *const EFFECT[] = {{{names}}};",
+            "",
+            "static const fmu_variable_t VARIABLE[] = {",
+            *rows,
+            "};",
+            "",
+            "const fmu_robot_t fmu_robot = {",
+            f'    .token = "{token}",',
+            f"    .vehicle = {VEHICLE_CODES[model.vehicle]},",
+            f"    .profile = {PROFILE_CODES[model.profile]},",
+            f"    .effect_count = {len(effects)},",
+            "    .effect = EFFECT,",
+            f"    .variable_count = {len(variables)},",
+            "    .variable = VARIABLE,",
+            "};",
+            "",
+        ]
+    )
+
+
+def binary_place(version: str) -> tuple[str, str]:
+    """Returns the folder of this machine's binary within an FMU, and the ending of a library."""
+    machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(platform.machine().lower(), platform.machine().lower())
+    system = {"win32": "windows", "darwin": "darwin"}.get(sys.platform, "linux")
+    ending = _LIBRARY.get(sys.platform, ".so")
+    if version == "2.0" and machine == "x86_64":
+        return {"windows": "win64", "darwin": "darwin64", "linux": "linux64"}[system], ending
+    return f"{machine}-{system}", ending
+
+
+def compile_library(sources: Path, library: Path) -> None:
+    """Compiles every C file below `sources` into a library, with the system's compiler.
+
+    Raises:
+        WorkFailedError: there is no compiler, or it fails.
+    """
+    compiler = os.environ.get("CC") or next((name for name in _compilers() if shutil.which(name)), None)
+    if compiler is None:
+        raise WorkFailedError(
+            "an FMU needs a C compiler, such as gcc or clang; --sources-only makes one without a binary"
+        )
+    library.parent.mkdir(parents=True)
+    names = sorted(path.relative_to(sources).as_posix() for path in sources.rglob("*.c"))
+    command = [*compiler.split(), *_FLAGS, "-shared", "-I.", *names, "-lm", "-o", str(library.resolve())]
+    try:
+        done = subprocess.run(command, cwd=sources, capture_output=True, text=True, check=False)
+    except OSError as error:
+        raise WorkFailedError(f"the C compiler {compiler} does not start: {error.strerror}") from error
+    if done.returncode != 0:
+        first = next((line for line in done.stderr.splitlines() if "error" in line), "no message")
+        raise WorkFailedError(f"the C compiler {compiler} failed: {first.strip()}")
+
+
+def _compilers() -> list[str]:
+    """Returns compilers to try: that of this Python first, if it is one word."""
+    own = (sysconfig.get_config_var("CC") or "").split()
+    return [*own[:1], "cc", "gcc", "clang"]

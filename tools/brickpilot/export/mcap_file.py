@@ -1,15 +1,28 @@
-"""A file of topics with times, in the format MCAP: the messages are JSON, and each channel has its JSON schema."""
+"""A run or a link's traffic in the format MCAP: the messages are JSON, and each channel has its JSON schema.
+
+The topics of a run are its signals as logged, and its poses as Foxglove shows them. Signals are in the run's own frame,
+y to the right and yaw clockwise. Foxglove's 3D panel has z up, so in poses and transforms y is to the left and yaw
+counter-clockwise. Beside the file stands a layout for Foxglove, with the panels that show its topics.
+"""
 
 from __future__ import annotations
 
+import binascii
 import io
 import json
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from brickpilot import __version__
 from brickpilot.errors import InputError
+from brickpilot.export.run_read import TIME, Array, Run, unit
+from brickpilot.hil.traffic_log import Timed, read_timed
+from brickpilot.link.messages import book
 
 
 @dataclass(frozen=True)
@@ -72,3 +85,254 @@ def write(topics: Iterable[Topic], samples: Iterable[Sample], attachments: Mappi
         writer.add_attachment(0, 0, name, "application/json", content)
     writer.finish()  # type: ignore[no-untyped-call]
     return buffer.getvalue()
+
+
+POSES = {"/pose": "true", "/pose_estimate": "estimate"}
+"""Topic of poses -> how the columns of its position begin."""
+
+_POSE_EVERY = 10  # rows: 33 poses a second
+_FRAME, _ROBOT = "map", "robot"
+_VECTOR = {"type": "object", "properties": {axis: {"type": "number"} for axis in "xyz"}}
+_TURN = {"type": "object", "properties": {axis: {"type": "number"} for axis in "xyzw"}}
+_TIME = {"type": "object", "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}}}
+_POSE = {"type": "object", "properties": {"position": _VECTOR, "orientation": _TURN}}
+
+
+def _schema(title: str, fields: Mapping[str, Any]) -> dict[str, Any]:
+    return {"title": title, "type": "object", "properties": dict(fields), "required": list(fields)}
+
+
+_IN_FRAME = {"timestamp": _TIME, "frame_id": {"type": "string"}}
+_POSE_SCHEMA = _schema("foxglove.PoseInFrame", _IN_FRAME | {"pose": _POSE})
+_PATH_SCHEMA = _schema("foxglove.PosesInFrame", _IN_FRAME | {"poses": {"type": "array", "items": _POSE}})
+_FRAMES = {"parent_frame_id": {"type": "string"}, "child_frame_id": {"type": "string"}}
+_MOVED = {"timestamp": _TIME, **_FRAMES, "translation": _VECTOR, "rotation": _TURN}
+_TRANSFORM_SCHEMA = _schema("foxglove.FrameTransform", _MOVED)
+
+
+def groups(run: Run) -> dict[str, dict[str, Array]]:
+    """Returns topic -> field -> values of every column of the run, but for the times of its rows."""
+    found: dict[str, dict[str, Array]] = {}
+    for column, values in run.log.items():
+        if column != TIME:
+            topic, field = _place(column)
+            found.setdefault(topic, {})[field] = values
+    ticks = {name: values for name, values in run.ticks.items() if name != TIME}
+    return found | ({"/ticks": ticks} if ticks else {})
+
+
+def _place(column: str) -> tuple[str, str]:
+    """Returns topic and field of a column of the log."""
+    head, _, rest = column.partition("_")
+    if head in ("true", "measured", "estimate"):
+        return {"true": "/truth", "measured": "/sensors", "estimate": "/estimate"}[head], rest
+    electrical = head in ("left", "right", "battery", "charge") and column.endswith(("_rad_s", "_a", "_v", "_c"))
+    return ("/motors" if electrical else "/control"), column
+
+
+def run_topics(run: Run) -> list[Topic]:
+    """Returns the topics of a run."""
+    found = [signals(name, {field: unit(field) for field in fields}) for name, fields in groups(run).items()]
+    for name, head in POSES.items():
+        if f"{head}_heading_rad" in run.log:
+            found += [Topic(name, _POSE_SCHEMA, {}), Topic(f"{name}_path", _PATH_SCHEMA, {})]
+    return [*found, Topic("/tf", _TRANSFORM_SCHEMA, {})]
+
+
+def run_samples(run: Run) -> Iterator[Sample]:
+    """Yields every message of a run, in the order of time."""
+    of_ticks = {name: fields for name, fields in groups(run).items() if name == "/ticks"}
+    of_log = {name: fields for name, fields in groups(run).items() if name not in of_ticks}
+    signals_of = [*_rows(run.log[TIME], of_log), *_rows(run.ticks.get(TIME, np.empty(0)), of_ticks)]
+    yield from sorted([*_paths(run), *signals_of, *_poses(run)], key=lambda one: one.time_ns)
+
+
+def _ns(time: float) -> int:
+    return round(time * 1e9)
+
+
+def _rows(times: Array, fields_of: Mapping[str, Mapping[str, Array]]) -> Iterator[Sample]:
+    """Yields a message for each row of each topic. What is not finite is null, as JSON has no NaN."""
+    for topic, fields in fields_of.items():
+        rows = np.column_stack(list(fields.values())).tolist()
+        for time, row in zip(times.tolist(), rows, strict=True):
+            pairs = zip(fields, row, strict=True)
+            yield Sample(topic, _ns(time), {name: value if math.isfinite(value) else None for name, value in pairs})
+
+
+def _stamp(time: float) -> dict[str, int]:
+    return dict(zip(("sec", "nsec"), divmod(_ns(time), 10**9), strict=True))
+
+
+def _pose(x: float, y: float, heading: float) -> dict[str, Any]:
+    turn = {"x": 0.0, "y": 0.0, "z": math.sin(-heading / 2), "w": math.cos(heading / 2)}
+    return {"position": {"x": x, "y": -y, "z": 0.0}, "orientation": turn}
+
+
+def _tracks(run: Run) -> Iterator[tuple[str, list[tuple[float, dict[str, Any]]]]]:
+    """Yields each topic of poses with (time, pose) of every tenth row."""
+    for name, head in POSES.items():
+        if f"{head}_heading_rad" in run.log:
+            columns = [run.log[key] for key in (TIME, f"{head}_x_m", f"{head}_y_m", f"{head}_heading_rad")]
+            rows = np.column_stack(columns)[::_POSE_EVERY]
+            known = rows[np.isfinite(rows).all(axis=1)].tolist()
+            yield name, [(time, _pose(x, y, heading)) for time, x, y, heading in known]
+
+
+def _poses(run: Run) -> Iterator[Sample]:
+    for name, track in _tracks(run):
+        for time, pose in track:
+            yield Sample(name, _ns(time), {"timestamp": _stamp(time), "frame_id": _FRAME, "pose": pose})
+            if name == "/pose":
+                frames = {"parent_frame_id": _FRAME, "child_frame_id": _ROBOT}
+                moved = {"translation": pose["position"], "rotation": pose["orientation"]}
+                yield Sample("/tf", _ns(time), {"timestamp": _stamp(time), **frames, **moved})
+
+
+def _paths(run: Run) -> Iterator[Sample]:
+    """Yields each whole track once, at the start, so that the 3D panel shows it from there on."""
+    for name, track in _tracks(run):
+        start = track[0][0] if track else 0.0
+        poses = [pose for _, pose in track]
+        yield Sample(f"{name}_path", _ns(start), {"timestamp": _stamp(start), "frame_id": _FRAME, "poses": poses})
+
+
+UNKNOWN = "/link/unknown"
+"""The topic of frames that the DBC does not describe, and of damaged ones."""
+
+_UNKNOWN_SCHEMA = {
+    "title": "brickpilot.link.unknown",
+    "type": "object",
+    "properties": {
+        "id": {"type": "integer"},
+        "data": {"type": "string", "description": "hexadecimal"},
+        "received": {"type": "integer", "description": "1: from the brick, 0: to it"},
+    },
+}
+
+
+def read_traffic(file: Path) -> tuple[list[Topic], list[Sample]]:
+    """Returns the topics and the messages of a recording. Times count from its first message, in ns.
+
+    Raises:
+        InputError: the file cannot be read, is no log of CAN traffic, or holds no message.
+    """
+    messages = read_timed(file)
+    if not messages:
+        raise InputError("holds no message", file=file)
+    samples = _samples(messages)
+    named = {sample.topic for sample in samples}
+    found = [Topic(UNKNOWN, _UNKNOWN_SCHEMA, {})] if UNKNOWN in named else []
+    for layout in book().database.messages:
+        if f"/link/{layout.name}" in named:
+            units = {signal.name: signal.unit or "1" for signal in layout.signals}
+            found.append(signals(f"/link/{layout.name}", units | {"received": "1"}))
+    return found, samples
+
+
+def _samples(messages: Sequence[Timed]) -> list[Sample]:
+    """Returns one sample for each frame. A clock that was set back stands still until it has caught up."""
+    first, latest, found = messages[0].time_s, 0, []
+    for one in messages:
+        latest = max(latest, round((one.time_s - first) * 1e9))
+        topic, values = _decoded(one)
+        found.append(Sample(topic, latest, values | {"received": int(one.received)}))
+    return found
+
+
+def _decoded(one: Timed) -> tuple[str, dict[str, Any]]:
+    layout = book().by_id.get(one.identifier)
+    if layout is None or len(one.data) != 8:
+        return UNKNOWN, {"id": one.identifier, "data": binascii.hexlify(one.data).decode()}
+    values: Any = book().database.decode_message(one.identifier, one.data, decode_choices=False)
+    return f"/link/{layout.name}", dict(values)
+
+
+_PLOTS = {
+    "Speed": ("/truth.speed_m_s", "/estimate.speed_m_s", "/control.demand_speed_m_s"),
+    "Heading": ("/truth.heading_rad", "/estimate.heading_rad", "/control.demand_heading_rad"),
+    "Motors": (
+        "/motors.left_voltage_v",
+        "/motors.right_voltage_v",
+        "/motors.left_current_a",
+        "/motors.right_current_a",
+    ),
+    "Sensors": ("/sensors.yaw_rate_rad_s", "/sensors.accel_surge_m_s2", "/sensors.accel_sway_m_s2"),
+    "Cross track": ("/control.cross_track_m", "/control.heading_error_rad"),
+    "Link": ("/ticks.round_trip_ms", "/ticks.late_ticks", "/ticks.lost_frames"),
+}
+_STATES = ("/control.mode", "/control.phase", "/control.waypoint", "/control.fault")
+
+
+def run_layout(topics: Sequence[Topic]) -> str:
+    """Returns the layout of a run, with the plots of which it has the signals."""
+    have = {f"{topic.name}.{field}" for topic in topics for field in topic.units}
+    panels = {"3D!run": _scene([topic.name for topic in topics if topic.name.startswith("/pose")])}
+    for title, paths in _PLOTS.items():
+        if shown := [path for path in paths if path in have]:
+            panels[f"Plot!{title.lower().replace(' ', '-')}"] = _plot(title, shown)
+    if states := [path for path in _STATES if path in have]:
+        panels["StateTransitions!mode"] = {"paths": [_path(path) for path in states], "isSynced": True}
+    return _layout(panels)
+
+
+def traffic_layout(topics: Sequence[Topic]) -> str:
+    """Returns the layout of a link's traffic: one plot for each message, of its fields."""
+    panels = {
+        f"Plot!{topic.name.rpartition('/')[2].lower()}": _plot(
+            topic.name, [f"{topic.name}.{field}" for field in topic.units]
+        )
+        for topic in topics
+        if topic.units
+    }
+    return _layout(panels)
+
+
+def _path(value: str) -> dict[str, Any]:
+    return {"value": value, "enabled": True, "timestampMethod": "receiveTime"}
+
+
+def _plot(title: str, paths: Sequence[str]) -> dict[str, Any]:
+    return {
+        "title": title,
+        "paths": [_path(path) for path in paths],
+        "showLegend": True,
+        "isSynced": True,
+        "xAxisVal": "timestamp",
+    }
+
+
+def _scene(topics: Sequence[str]) -> dict[str, Any]:
+    colours = ("#2a9d8fff", "#e76f51ff")
+    shown = {
+        topic: {
+            "visible": True,
+            "color": colours["estimate" in topic],
+            "lineWidth": 0.01,
+            "type": "line" if "path" in topic else "arrow",
+        }
+        for topic in topics
+    }
+    grid = {"layerId": "foxglove.Grid", "visible": True, "frameLocked": True, "size": 6, "divisions": 12}
+    camera = {"distance": 5, "perspective": False, "phi": 0, "thetaOffset": 90, "target": [0, 0, 0]}
+    return {"fixedFrame": "map", "topics": shown, "layers": {"grid": grid}, "cameraState": camera}
+
+
+def _layout(panels: Mapping[str, Any]) -> str:
+    layout = {
+        "configById": dict(panels),
+        "globalVariables": {},
+        "userNodes": {},
+        "playbackConfig": {"speed": 1},
+        "layout": _split(list(panels), "row"),
+    }
+    return json.dumps(layout, indent=2) + "\n"
+
+
+def _split(names: Sequence[str], direction: str) -> Any:
+    """Returns panels side by side and one above the other in turn, each half as many."""
+    if len(names) <= 1:
+        return names[0] if names else ""
+    half = max(1, len(names) // 2) if direction == "column" else 1 if names[0].startswith("3D") else len(names) // 2
+    parts = (_split(names[:half], "column"), _split(names[half:], "column" if direction == "row" else "row"))
+    return {"first": parts[0], "second": parts[1], "direction": direction, "splitPercentage": 50}

@@ -13,8 +13,7 @@ from xml.etree import ElementTree as Xml
 
 from brickpilot.constants import MOTOR_STEP_S
 from brickpilot.errors import InputError
-from brickpilot.export.machine import Machine, losses, radii
-from brickpilot.export.machine_effects import tell
+from brickpilot.export.machine import Machine, losses, radii, tell
 from brickpilot.vehicle.model import Model
 
 SIDES = ("left", "right")

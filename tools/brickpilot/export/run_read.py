@@ -1,4 +1,4 @@
-"""Reads a run folder of `brickpilot run` or `hil`."""
+"""Reads a run folder of `brickpilot run` or `hil`, and gives its columns, each with its unit, as Parquet."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import io
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -98,3 +99,23 @@ def _table(path: Path) -> dict[str, Array]:
     if not (np.isfinite(times).all() and (np.diff(times) >= 0).all() and times[0] >= 0):
         raise InputError("has times that fall or are not numbers", file=path, field=TIME)
     return {str(name): frame[name].to_numpy() for name in frame.columns}
+
+
+def parquet_tables(run: Run) -> dict[str, bytes]:
+    """Returns ending of the file's name -> Parquet file: that of the log, and `-ticks` of a flight over a link.
+
+    The metadata of a column has its `unit`; that of the log's table has `summary.json`.
+    """
+    found = {"": _file(run.log, {"summary.json": run.summary})}
+    return found | ({"-ticks": _file(run.ticks, {})} if run.ticks else {})
+
+
+def _file(columns: Mapping[str, Array], more: Mapping[str, bytes]) -> bytes:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    fields: list[Any] = [pa.field(name, pa.float64(), metadata={"unit": unit(name)}) for name in columns]
+    table = pa.table(list(columns.values()), schema=pa.schema(fields, metadata=dict(more)))
+    buffer = io.BytesIO()
+    pq.write_table(table, buffer, compression="zstd")
+    return buffer.getvalue()

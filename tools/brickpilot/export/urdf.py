@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from xml.etree import ElementTree as Xml
 
 from brickpilot.errors import InputError
-from brickpilot.export.machine import Machine, losses, radii
-from brickpilot.export.machine_effects import tell
+from brickpilot.export.machine import Machine, losses, radii, tell
 from brickpilot.vehicle.model import Model
 
 SIDES = ("left", "right")

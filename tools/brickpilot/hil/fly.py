@@ -1,6 +1,8 @@
 """Flies a mission over a link: in lockstep, one step for each reply, or in real time.
 
-A link in memory has its brick in this thread, without the system's lines and clock.
+A link in memory has its brick in this thread, without the system's lines and clock. Its time passes only while the host
+waits for a message that does not come. So a flight in lockstep depends on its plan alone, even on a busy machine, and a
+wait of a quarter of a second costs no time.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """Flies the mission with the RCX's own image in a simulated brick: its kernel, its interrupts, its drivers, its time.
 
-The brick is an RCX with brickOS in simulated time: processor, interrupts, converter, timers and serial line
-(hal/h8sim).
+The plant gives the sensors' voltages, as numbers of the brick's converter, and takes the time that the kernel's motor
+port drove each motor. Both pass every 3 ms, the plant's step. The brick is an RCX with brickOS in simulated time:
+processor, interrupts, converter, timers and serial line (hal/h8sim).
 """
 
 from __future__ import annotations

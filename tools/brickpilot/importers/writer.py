@@ -22,7 +22,7 @@ from brickpilot.data.dataset import Dataset
 from brickpilot.data.input_timing import InputTiming
 from brickpilot.data.reading import channels_of
 from brickpilot.data.signals import Frame, Vehicle
-from brickpilot.data.unfinished import beside
+from brickpilot.data.whole_files import beside
 from brickpilot.errors import InputError, disk_named
 from brickpilot.importers.formula import Scaling
 from brickpilot.importers.mapping import Source, mending

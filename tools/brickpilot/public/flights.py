@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from brickpilot.data.toml_file import write_whole
+from brickpilot.data.whole_files import write_whole
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.firmware import simulate
 from brickpilot.firmware.simulate import OwnImage

@@ -10,11 +10,12 @@ from typing import Any
 
 from brickpilot.campaign import conduct, workers
 from brickpilot.campaign import file as campaign_file
+from brickpilot.data import whole_files
 from brickpilot.data.reading import read
 from brickpilot.discover.prepare import SD_SHARE
 from brickpilot.errors import InputError, disk_named
-from brickpilot.export import files, foxglove, mcap_file, parquet_file, run_read, run_topics, traffic_topics
 from brickpilot.export import fmu as fmus
+from brickpilot.export import mcap_file, run_read
 from brickpilot.export import mjcf as mjcfs
 from brickpilot.export import urdf as urdfs
 from brickpilot.firmware import boards, package, robot, simulate
@@ -291,8 +292,8 @@ def export(
     if kind == "fmu":
         return _fmu(chosen, out, fmi, binary)
     ending, written = ("xml", mjcfs.write(chosen)) if kind == "mjcf" else ("urdf", urdfs.write(chosen))
-    path = _file(out, Path(f"{files.plain_name(chosen.name)}.{ending}"))
-    files.write({path: written.text.encode()})
+    path = _file(out, Path(f"{whole_files.plain_name(chosen.name)}.{ending}"))
+    whole_files.write_files({path: written.text.encode()})
     return Exported((path,), tuple(written.left_out))
 
 
@@ -307,31 +308,31 @@ def _fmu(chosen: Model, out: str | Path | None, fmi: str, binary: bool) -> Expor
             path.with_name(f"{path.stem}{ends[version]}{path.suffix}"): fmus.archive(chosen, version, binary=binary)
             for version in versions
         }
-    files.write(made)
+    whole_files.write_files(made)
     return Exported(tuple(made))
 
 
 def _mcap(given: Path, out: str | Path | None) -> Exported:
     if given.is_dir() or not given.exists():
         run = run_read.read(given)
-        topics = run_topics.topics(run)
-        content = mcap_file.write(topics, run_topics.samples(run), {"summary.json": run.summary})
-        layout = foxglove.run_layout(topics)
+        topics = mcap_file.run_topics(run)
+        content = mcap_file.write(topics, mcap_file.run_samples(run), {"summary.json": run.summary})
+        layout = mcap_file.run_layout(topics)
     else:
-        topics, samples = traffic_topics.read(given)
+        topics, samples = mcap_file.read_traffic(given)
         content = mcap_file.write(topics, samples, {})
-        layout = foxglove.traffic_layout(topics)
+        layout = mcap_file.traffic_layout(topics)
     path = _file(out, given.with_suffix(".mcap") if given.is_file() else _beside(given, ".mcap"))
     made = {path: content, path.with_suffix(".foxglove.json"): layout.encode()}
-    files.write(made)
+    whole_files.write_files(made)
     return Exported(tuple(made))
 
 
 def _parquet(given: Path, out: str | Path | None) -> Exported:
     path = _file(out, _beside(given, ".parquet"))
-    tables = parquet_file.tables(run_read.read(given))
+    tables = run_read.parquet_tables(run_read.read(given))
     made = {path.with_name(f"{path.stem}{ending}{path.suffix}"): content for ending, content in tables.items()}
-    files.write(made)
+    whole_files.write_files(made)
     return Exported(tuple(made))
 
 

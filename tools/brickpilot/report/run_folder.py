@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.data.toml_file import write_whole
-from brickpilot.data.unfinished import beside
+from brickpilot.data.whole_files import beside, write_whole
 from brickpilot.errors import InputError, disk_named
 from brickpilot.vehicle.flight import Flight
 

@@ -27,7 +27,8 @@ from pathlib import Path
 
 import tomlkit
 
-from brickpilot.data.toml_file import Key, TomlFile, write_whole
+from brickpilot.data.toml_file import Key, TomlFile
+from brickpilot.data.whole_files import write_whole
 from brickpilot.vehicle import compensation_limits, compensation_values, plant
 from brickpilot.vehicle.model import Model, rcx
 from brickpilot.vehicle.settings import Setting, compensations

@@ -17,7 +17,8 @@ from pathlib import Path
 
 import tomlkit
 
-from brickpilot.data.toml_file import TomlFile, write_whole
+from brickpilot.data.toml_file import TomlFile
+from brickpilot.data.whole_files import write_whole
 from brickpilot.errors import InputError
 from brickpilot.vehicle.settings import Setting, settings
 

@@ -28,7 +28,8 @@ from brickpilot import catalogue
 from brickpilot.catalogue import ParameterInfo
 from brickpilot.constants import RCX
 from brickpilot.data.dataset import Dataset, Nominal
-from brickpilot.data.toml_file import Key, TomlFile, write_whole
+from brickpilot.data.toml_file import Key, TomlFile
+from brickpilot.data.whole_files import write_whole
 from brickpilot.errors import SimulationError
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.plant import OpenLoopRun

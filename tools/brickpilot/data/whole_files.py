@@ -1,14 +1,17 @@
-"""Files that are written beside their place and then renamed, and the removal of those that a killed run left."""
+"""Files that appear whole or not at all: written beside their place and then renamed. Leftovers of killed runs go."""
 
 from __future__ import annotations
 
 import glob
 import os
+import re
 import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from secrets import token_hex
+
+from brickpilot.errors import InputError, disk_named
 
 try:
     import fcntl
@@ -68,3 +71,46 @@ def _remove(path: Path) -> None:
             shutil.rmtree(path, ignore_errors=True)
         else:
             path.unlink(missing_ok=True)
+
+
+def plain_name(name: str) -> str:
+    """Returns a name with "_" for whatever is no letter, digit or "_", so that any file system and program takes it."""
+    return re.sub(r"\W", "_", name, flags=re.ASCII) or "model"
+
+
+def write_files(contents: Mapping[Path, bytes]) -> None:
+    """Writes each path's bytes and the folders above it; all of them beside their places before the first is renamed.
+
+    Raises:
+        InputError: one cannot be written.
+        WorkFailedError: the disk is full.
+    """
+    path = Path()
+    try:
+        with ExitStack() as stack:
+            made = {}
+            for path, content in contents.items():
+                if path.is_dir():
+                    raise InputError("is a folder, so no file can be written there", file=path)
+                with disk_named(path):
+                    path.parent.mkdir(parents=True, exist_ok=True)
+                    made[path] = stack.enter_context(beside(path))
+                    made[path].write_bytes(content)
+            for path in contents:
+                made[path].replace(path)
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror}", file=path) from error
+
+
+def write_whole(path: Path | str, text: str) -> None:
+    """Writes a text file so that a reader finds the old content or the new content, never a part of it.
+
+    It is written beside `path` and renamed.
+
+    Raises:
+        WorkFailedError: the disk is full.
+    """
+    target = Path(path)
+    with disk_named(target), beside(target) as made:
+        made.write_text(text, encoding="utf-8")
+        made.replace(target)
