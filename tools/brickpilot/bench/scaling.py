@@ -22,7 +22,7 @@ from threadpoolctl import threadpool_limits
 from brickpilot import catalogue
 from brickpilot.bench import speed
 from brickpilot.campaign import engine, flight_row, workers
-from brickpilot.data.dataset import Dataset
+from brickpilot.data.reading import Dataset
 from brickpilot.discover import parts, pipeline, prepare
 from brickpilot.discover.screen import screen
 from brickpilot.fit.calibration import calibrate
