@@ -13,7 +13,7 @@ from random import Random
 
 import pytest
 from brickpilot.errors import InputError
-from brickpilot.flash import lx, rcx_brick
+from brickpilot.flash import image_files, rom
 from brickpilot.flash.program import CREATE, DATA, DELETE, RUN, SET_HOST
 from brickpilot.link import lnp
 from brickpilot.link.infrared import InfraredLink
@@ -31,7 +31,7 @@ STEP_MS = 9
 
 BYTE_S = 0.002
 """Of the time-outs alone: the pseudo-terminal carries what the simulator gives, at once."""
-flash = functools.partial(rcx_brick.flash_program, progress=lambda *_: None, byte_s=BYTE_S)
+flash = functools.partial(rom.flash_program, progress=lambda *_: None, byte_s=BYTE_S)
 
 
 def build(folder: Path, sensors: str) -> Path:
@@ -84,7 +84,7 @@ def periods(kernel: Kernel, clock: int) -> list[int]:
 
 def is_in(kernel: Kernel, folder: Path, name: str) -> bool:
     """Text and data stand in the memory as if linked for there, and the copy of the data that the next start needs."""
-    program = lx.read(folder / f"{name}.lx")
+    program = image_files.read_program(folder / f"{name}.lx")
     at = kernel.word(PROGRAMS)
     assert HEAP[0] <= at
     assert at + program.room <= HEAP[1]
@@ -99,7 +99,7 @@ def is_in(kernel: Kernel, folder: Path, name: str) -> bool:
 def test_the_autopilot_arrives_runs_and_ends(kernel: Kernel, built: Path) -> None:
     assert kernel.shows("    -")
     with RcxBrick(device=kernel) as line:
-        done = flash(lx.read(built / "brickpilot.lx"), line.path)
+        done = flash(image_files.read_program(built / "brickpilot.lx"), line.path)
     assert done.tally.sent_again == 0
     assert done.address == kernel.word(PROGRAMS)
     assert is_in(kernel, built, "brickpilot")
@@ -154,7 +154,7 @@ def test_the_autopilot_arrives_by_brickos_own_tool(kernel: Kernel, imu: Path) ->
 
 def test_the_recorder_arrives_on_a_line_that_hits_one_byte_of_a_hundred(kernel: Kernel, imu: Path) -> None:
     with RcxBrick(device=kernel, faults=Faults(corrupt=0.005, lose=0.005)) as line:
-        done = flash(lx.read(imu / "recorder.lx"), line.path)
+        done = flash(image_files.read_program(imu / "recorder.lx"), line.path)
         assert line.hit > 10
     assert done.tally.sent_again > 3
     assert is_in(kernel, imu, "recorder")
@@ -166,7 +166,7 @@ def test_the_recorder_arrives_on_a_line_that_hits_one_byte_of_a_hundred(kernel: 
 
 
 def test_nothing_is_loaded_over_a_program_that_runs(kernel: Kernel, imu: Path) -> None:
-    recorder = lx.read(imu / "recorder.lx")
+    recorder = image_files.read_program(imu / "recorder.lx")
     with RcxBrick(device=kernel) as line:
         flash(recorder, line.path, execute=True)
         assert kernel.user_tasks == 1
@@ -179,7 +179,7 @@ def test_nothing_is_loaded_over_a_program_that_runs(kernel: Kernel, imu: Path) -
 
 
 def test_a_program_that_is_too_large_is_refused(kernel: Kernel, imu: Path) -> None:
-    recorder = lx.read(imu / "recorder.lx")
+    recorder = image_files.read_program(imu / "recorder.lx")
     large = dataclasses.replace(recorder, bss_size=14626)
     with RcxBrick(device=kernel) as line, pytest.raises(InputError, match="has no room for"):
         flash(large, line.path)
@@ -187,7 +187,7 @@ def test_a_program_that_is_too_large_is_refused(kernel: Kernel, imu: Path) -> No
 
 @pytest.mark.parametrize("wrong", ["missing", "beside"])
 def test_a_wrong_relocation_is_seen(kernel: Kernel, imu: Path, wrong: str) -> None:
-    recorder = lx.read(imu / "recorder.lx")
+    recorder = image_files.read_program(imu / "recorder.lx")
     first, *others = recorder.relocations
     with RcxBrick(device=kernel) as line:
         table = others if wrong == "missing" else [first + 1, *others]

@@ -31,9 +31,9 @@ from brickpilot.data import reading
 from brickpilot.discover.prepare import SD_SHARE
 from brickpilot.errors import InputError
 from brickpilot.export import run_read
-from brickpilot.flash import avr, lx, srec
+from brickpilot.flash import avr, image_files
 from brickpilot.hil import traffic_log
-from brickpilot.importers import dataflash, mat_file, mcap, parquet, rosbag, ulog, wpilib, wpilog
+from brickpilot.importers import dataflash, matlab, mcap, parquet, rosbag, ulog, wpilib, wpilog
 from brickpilot.importers.table import import_table
 from brickpilot.vehicle import compensation, gains, model, scenario
 from intelhex import IntelHex
@@ -147,14 +147,14 @@ def hex_image(folder: Path) -> Path:
 
 def program(folder: Path) -> Path:
     body = bytes(k * k % 251 for k in range(120))
-    header = struct.pack(">8H", lx.VERSION, 0xB000, 100, 20, 30, 344, 0, 2)
-    (folder / "p.lx").write_bytes(lx.MAGIC + header + body + struct.pack(">2H", 4, 60))
+    header = struct.pack(">8H", image_files.VERSION, 0xB000, 100, 20, 30, 344, 0, 2)
+    (folder / "p.lx").write_bytes(image_files.MAGIC + header + body + struct.pack(">2H", 4, 60))
     return folder / "p.lx"
 
 
 def records(folder: Path) -> Path:
     """A firmware image of S-records."""
-    data = bytes(k * k % 61 | 0x80 for k in range(320)) + srec.KNOCK
+    data = bytes(k * k % 61 | 0x80 for k in range(320)) + image_files.KNOCK
 
     def line(kind: str, at: int, content: bytes) -> str:
         inside = bytes([len(content) + 3]) + at.to_bytes(2, "big") + content
@@ -179,8 +179,8 @@ READERS = {
     "recording .log": Reader(recording(".log"), traffic_log.read),
     "recording .blf": Reader(recording(".blf"), traffic_log.read, is_text=False),
     "image .hex": Reader(hex_image, lambda path: avr.read(path, avr.PARTS["328p"])),
-    "image .srec": Reader(records, srec.read),
-    "program .lx": Reader(program, lx.read, is_text=False),
+    "image .srec": Reader(records, image_files.read_firmware),
+    "program .lx": Reader(program, image_files.read_program, is_text=False),
     "WPILib's JSON": Reader(lambda folder: other_logs.write_json(folder / "a.json", other_logs.old_log()), wpilib.read),
     "WPILOG": Reader(of_log("drive.wpilog"), wpilog.read, is_text=False),
     "ULog": Reader(of_log("drive.ulg"), ulog.read, is_text=False),
@@ -267,17 +267,17 @@ def peak_bytes() -> int:
 
 def as_importer(path: Path) -> tuple[bool, int]:
     """Reads a .mat file as the importer's process does; returns whether that could be, and this process's bytes."""
-    found = mat_file.parse(path)
+    found = matlab.parse_mat(path)
     return found is not None, peak_bytes()
 
 
 @pytest.mark.parametrize("version", MAT_WRITERS)
 def test_a_damaged_mat_file_is_read_or_refused_in_time_and_memory(version: str, tmp_path: Path, full: bool) -> None:
-    """A crash of the reader is a refusal too, which `mat_file.load` says in one line."""
+    """A crash of the reader is a refusal too, which `matlab.load_mat` says in one line."""
     path, count = tmp_path / "log.mat", 1500 if full else 50
     MAT_WRITERS[version](path)
     good, draw = path.read_bytes(), random.Random(version)
-    assert set(mat_file.load(path)) >= {"t", "u", "log"}
+    assert set(matlab.load_mat(path)) >= {"t", "u", "log"}
     pool, read, crashed = None, 0, 0
     for number in range(count):
         path.write_bytes(damaged_bytes(good, draw))

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from brickpilot.flash import lx, rcx_brick, rom, srec
+from brickpilot.flash import image_files, rom
 from brickpilot.link import lnp
 from brickpilot.link.tower import Tower
 from command import brickpilot
@@ -35,8 +35,8 @@ int main(int argc, char **argv) {
 BEGIN, BLOCK = 0x75, 0x45
 BAD_LINES = [Faults(seed, **share) for seed in range(2) for share in ({"corrupt": 0.01}, {"lose": 0.01})]
 
-flash_firmware = functools.partial(rcx_brick.flash_firmware, progress=lambda *_: None, byte_s=BYTE_S)
-flash_program = functools.partial(rcx_brick.flash_program, progress=lambda *_: None, byte_s=BYTE_S)
+flash_firmware = functools.partial(rom.flash_firmware, progress=lambda *_: None, byte_s=BYTE_S)
+flash_program = functools.partial(rom.flash_program, progress=lambda *_: None, byte_s=BYTE_S)
 
 
 def run(*command: str, cwd: Path) -> None:
@@ -92,22 +92,22 @@ def program(linked: Callable[[int], Path]) -> Path:
     return coff.with_name("program.lx")
 
 
-def plain_image() -> srec.Image:
+def plain_image() -> image_files.Image:
     """Returns 727 bytes, which are sent as 200, 200, 200 and 127."""
-    return srec.Image(bytes(n * n % 61 | 0x80 for n in range(700)) + srec.KNOCK, 0x8000)
+    return image_files.Image(bytes(n * n % 61 | 0x80 for n in range(700)) + image_files.KNOCK, 0x8000)
 
 
-def small_image(size: int = 1000) -> srec.Image:
+def small_image(size: int = 1000) -> image_files.Image:
     """Returns an image with many bytes that look like opcodes, and with runs of equal bytes."""
     body = bytes(
         0x45 if n % 97 == 0 else 0x4D if n % 89 == 0 else n * n // 7 & 0xF0 | n // 50 & 0xF for n in range(size)
     )
-    return srec.Image(body[:300] + srec.KNOCK + body[300:], 0x8000)
+    return image_files.Image(body[:300] + image_files.KNOCK + body[300:], 0x8000)
 
 
-def large_program(text: int = 1100, data: int = 200) -> lx.Program:
+def large_program(text: int = 1100, data: int = 200) -> image_files.Program:
     image = bytes(n * n * 7 >> 3 & 0xFF for n in range(text + data))
-    return lx.Program(0xB000, text, data, 100, 512, 0, tuple(range(0, text + data - 2, 6)), image)
+    return image_files.Program(0xB000, text, data, 100, 512, 0, tuple(range(0, text + data - 2, 6)), image)
 
 
 def downloads(brick: RcxBrick) -> int:
@@ -168,7 +168,7 @@ def test_flash_delivers_firmware_on_a_line_that_damages_one_byte_of_a_hundred(fa
 @pytest.mark.parametrize("faults", [Faults(2, corrupt=0.01), Faults(3, lose=0.01)], ids=str)
 def test_flash_delivers_the_whole_kernel_on_a_bad_line(kernel: bytes, faults: Faults) -> None:
     with RcxBrick(faults=faults) as brick:
-        flash_firmware(srec.read(KERNEL), brick.path, byte_s=BYTE_S / 2)
+        flash_firmware(image_files.read_firmware(KERNEL), brick.path, byte_s=BYTE_S / 2)
     assert brick.firmware(len(kernel)) == kernel
     assert brick.rom.entry == 0x801A
     assert brick.hit > 500
@@ -247,7 +247,7 @@ def test_flash_and_dll_send_the_same_commands(program: Path, tmp_path: Path) -> 
     with RcxBrick(brickos=True, host=5) as theirs:
         run("dll", f"-t{theirs.path}", "-r5", "-p8", str(program), cwd=tmp_path)
     with RcxBrick(brickos=True, host=5) as ours:
-        flash_program(lx.read(program), ours.path, slot=7, host=5)
+        flash_program(image_files.read_program(program), ours.path, slot=7, host=5)
     assert ours.brickos.commands == theirs.brickos.commands
     assert ours.brickos.slots[7].valid
     assert ours.brickos.running is None

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 from brickpilot.cli import main
-from brickpilot.flash import rcx_brick, srec
+from brickpilot.flash import image_files, rom
 from rcx_brick import BYTE_S, RcxBrick
 
 pytestmark = pytest.mark.realtime  # time-outs of the line, at the speed of the pseudo-terminal
 
-KNOCK = srec.KNOCK
+KNOCK = image_files.KNOCK
 
 
 def record(kind: int, address: int, data: bytes = b"") -> str:
@@ -73,7 +73,7 @@ PROGRAMS = {
 def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Gives the command the byte time of the test's line."""
     for name in ("flash_firmware", "flash_program"):
-        monkeypatch.setattr(rcx_brick, name, functools.partial(getattr(rcx_brick, name), byte_s=BYTE_S))
+        monkeypatch.setattr(rom, name, functools.partial(getattr(rom, name), byte_s=BYTE_S))
     monkeypatch.delenv("RCXTTY", raising=False)
 
 

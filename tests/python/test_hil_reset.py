@@ -12,8 +12,7 @@ from brickpilot.cli import main
 from brickpilot.hil import ends, fly
 from brickpilot.link.links import Link, Message, WrappedLink
 from brickpilot.link.messages import book
-from brickpilot.link.reset_watch import ResetWatch
-from brickpilot.link.session import LOCKSTEP, REALTIME
+from brickpilot.link.session import LOCKSTEP, REALTIME, ResetWatch
 from test_hil import plan
 
 REPLAYED_AT = 400

@@ -10,7 +10,7 @@ import pytest
 import tomlkit
 from brickpilot.data.reading import read
 from brickpilot.errors import InputError
-from brickpilot.importers.column_rules import Taken, column_of, taken_for
+from brickpilot.importers.guess import Taken, column_of, taken_for
 from brickpilot.importers.table import import_table
 from command import brickpilot
 from numpy.typing import NDArray

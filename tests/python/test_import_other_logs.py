@@ -14,7 +14,7 @@ import pytest
 from brickpilot.data.reading import read
 from brickpilot.errors import InputError
 from brickpilot.importers import IMPORTERS
-from brickpilot.importers.listing import contents
+from brickpilot.importers.channels import contents
 from brickpilot.importers.registry import kind_of
 from command import brickpilot
 from other_logs import STAMP, new_log, write_json

@@ -10,9 +10,9 @@ import pytest
 from brickpilot.data.input_timing import InputTiming
 from brickpilot.data.reading import read
 from brickpilot.errors import InputError
-from brickpilot.importers.events import with_events
 from brickpilot.importers.split import pauses
 from brickpilot.importers.table import import_table
+from brickpilot.importers.table_log import with_events
 from brickpilot.importers.writer import Imported
 from serial_logs import DRIVES, HEADER, MAPPING, driven, lines_of, write_log
 

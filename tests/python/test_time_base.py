@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from brickpilot.errors import InputError
 from brickpilot.importers.channels import Channel, in_order
-from brickpilot.importers.time_base import aligned, columns
+from brickpilot.importers.chosen import aligned, columns
 
 
 def channel(time: object, values: object) -> Channel:

@@ -44,15 +44,15 @@ def flash_rcx(
     At 2400 baud, 11 KB of firmware take two minutes, and a program of 12 KB takes one minute. The options -p, -r and
     -e apply to programs and mean the same as for dll.
     """
-    from brickpilot.flash import lx, rcx_brick, srec
+    from brickpilot.flash import image_files, rom
 
     path = Path(file)
     figures: dict[str, object] = {"file": file, "device": device}
     if path.suffix.lower() == ".lx":
-        program = lx.read(path)
+        program = image_files.read_program(path)
         port = _given(device)
         with progress_shown(as_json) as progress:
-            done = rcx_brick.flash_program(
+            done = rom.flash_program(
                 program, port, slot=(number or 1) - 1, host=host or 0, execute=execute, progress=progress
             )
         figures |= {"kind": "program", "program": number or 1, "executed": execute}
@@ -60,10 +60,10 @@ def flash_rcx(
     else:
         if number is not None or host is not None or execute:
             raise InputError("apply to programs (.lx), and this file is not one", file=file, field="-p, -r and -e")
-        image = srec.read(path)
+        image = image_files.read_firmware(path)
         port = _given(device)
         with progress_shown(as_json) as progress:
-            done = rcx_brick.flash_firmware(image, port, progress=progress)
+            done = rom.flash_firmware(image, port, progress=progress)
         figures |= {"kind": "firmware"}
         what = "firmware, started"
     figures |= {

@@ -18,7 +18,7 @@ from brickpilot.importers import IMPORTERS
 from brickpilot.importers.registry import Importer, Option, all_options, importer_and_files, kinds_with
 
 if TYPE_CHECKING:
-    from brickpilot.importers.listing import Listed
+    from brickpilot.importers.channels import Listed
     from brickpilot.importers.writer import Imported
 
 

@@ -16,13 +16,30 @@ Sources: the headers and the loader of brickOS 0.9.0, compared with the disassem
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from typing import Protocol, TypeVar
 
 from brickpilot.errors import InputError
-from brickpilot.flash.lx import Program
-from brickpilot.flash.tally import Progress, Tally
+from brickpilot.flash.image_files import Program
 from brickpilot.link import lnp
+
+Progress = Callable[[int, int, str], None]
+"""Takes the bytes that have arrived, the bytes in all, and a text."""
+
+
+@dataclasses.dataclass
+class Tally:
+    """Counts the packets that carried the image, and those of them that were sent again."""
+
+    packets: int = 0
+    sent_again: int = 0
+
+    def tried(self, again: bool) -> None:
+        """Counts one packet."""
+        self.packets += 1
+        self.sent_again += again
+
 
 ACKNOWLEDGE, DELETE, CREATE, DATA, RUN, SET_HOST = 0, 1, 2, 4, 5, 7
 HOST = 8

@@ -1,4 +1,4 @@
-"""The download protocol of the RCX's ROM.
+"""Puts a file on an RCX: firmware by the download protocol of its ROM, programs by brickOS.
 
 A packet is 55 FF 00, then the opcode, the operands and the sum of both. Each of these bytes is followed by its
 complement. The opcode of a reply is the complement of the request's opcode. The rules for sending a packet again:
@@ -19,10 +19,14 @@ Sources: K. Proudfoot, RCX Internals; the ROM that J. Hoenicke wrote for brickEm
 
 from __future__ import annotations
 
+import dataclasses
+import time
+
 from brickpilot.errors import InputError
-from brickpilot.flash.srec import Image
-from brickpilot.flash.tally import Progress, Tally
-from brickpilot.link.tower import Tower
+from brickpilot.flash import image_files
+from brickpilot.flash.image_files import Image
+from brickpilot.flash.program import Loader, Progress, Tally
+from brickpilot.link.tower import BYTE_S, Tower
 
 TOGGLE = 0x08
 ALIVE = b"\x10"
@@ -202,3 +206,78 @@ class Rom:
             5 + 2 * reply_length,
             patience,
         )
+
+
+_SILENCE = (
+    "the brick does not reply: is it on, are its batteries good, and does its window face the tower at 10 to 20 cm?"
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class Delivered:
+    """The result of a delivery. `image` is in the brick's memory from `address` on."""
+
+    image: bytes
+    address: int
+    tally: Tally
+    seconds: float
+
+
+def flash_firmware(image: image_files.Image, device: str, *, progress: Progress, byte_s: float = BYTE_S) -> Delivered:
+    """Replaces a brick's firmware and starts it.
+
+    Raises:
+        InputError: there is no port, no tower or no reply, or the brick refuses the firmware.
+        TimeoutError: the brick stopped replying.
+    """
+    began, tally = time.monotonic(), Tally()
+    with Tower(device, byte_s) as tower:
+        rom, loader = Rom(tower), Loader(tower)
+        if not rom.alive():
+            if loader.alive():
+                raise InputError(
+                    "brickOS runs on the brick, and only the brick's keys delete it: stop its program, hold Prgm and "
+                    "press On-Off, then flash again",
+                    field=device,
+                )
+            raise InputError(
+                f"{_SILENCE} If it runs a brickOS with another LNP address, hold Prgm and press On-Off to delete it",
+                field=device,
+            )
+        if not rom.download(image, tally, progress) and not loader.alive():
+            raise TimeoutError(
+                f"{device}: the whole image is on the brick, but the brick did not confirm the start. If its display "
+                "shows no firmware, flash again"
+            )
+    return Delivered(image.data, image_files.START, tally, time.monotonic() - began)
+
+
+def flash_program(
+    program: image_files.Program,
+    device: str,
+    *,
+    slot: int = 0,
+    host: int = 0,
+    execute: bool = False,
+    progress: Progress,
+    byte_s: float = BYTE_S,
+) -> Delivered:
+    """Puts a program into a slot, 0..7, of a brick with brickOS, and replaces the program that is there.
+
+    Raises:
+        InputError: there is no port, no tower or no reply, or the brick refuses the program.
+        TimeoutError: the brick stopped replying.
+    """
+    began, tally = time.monotonic(), Tally()
+    with Tower(device, byte_s) as tower:
+        loader = Loader(tower, host)
+        if not loader.delete(slot):
+            if loader.alive():
+                raise InputError("a program runs on the brick: stop it with Run, then try again", field=device)
+            if Rom(tower).alive():
+                raise InputError("the brick has no brickOS: flash brickOS.srec first", field=device)
+            raise InputError(f"{_SILENCE} Is its LNP address {host}?", field=device)
+        base = loader.send(program, slot, tally, progress)
+        if execute:
+            loader.run(slot)
+    return Delivered(program.at(base), base, tally, time.monotonic() - began)

@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 
 from brickpilot.constants import ACCEL_RANGE, GYRO_RANGE, STEP_MS, STEP_S
 from brickpilot.errors import InputError, SimulationError
-from brickpilot.flash import lx
+from brickpilot.flash import image_files
 from brickpilot.flash.program import Loader
-from brickpilot.flash.tally import Tally as Packets
+from brickpilot.flash.program import Tally as Packets
 from brickpilot.hil.checkout import checkout, script_output
 from brickpilot.hil.linked_flight import Progress
 from brickpilot.hil.plant_end import open_plant
@@ -106,7 +106,7 @@ class Image:
         functions: name -> address, if its text begins at the program's own base.
     """
 
-    program: lx.Program
+    program: image_files.Program
     functions: dict[str, int]
 
 
@@ -125,10 +125,10 @@ def build(sensors: str, folder: Path | None = None) -> Image:
         ["h8300-hms-nm", folder / "brickpilot.coff"], check=True, stdout=subprocess.PIPE, text=True
     ).stdout
     functions = {name: int(at, 16) & 0xFFFF for at, name in re.findall(r"^(\w+) T _(\w+)$", listed, re.MULTILINE)}
-    return Image(lx.read(folder / "brickpilot.lx"), functions)
+    return Image(image_files.read_program(folder / "brickpilot.lx"), functions)
 
 
-def load(rcx: SimulatedRcx, program: lx.Program) -> int:
+def load(rcx: SimulatedRcx, program: image_files.Program) -> int:
     """Puts a program into the brick's first slot over its infrared line. Returns the address of its text."""
     loader = Loader(_Line(rcx))
     loader.delete(0)

@@ -81,7 +81,7 @@ IMPORTERS = (
     Importer(
         kind="table",
         function="brickpilot.importers.table:import_table",
-        reader="brickpilot.importers.table_list:read",
+        reader="brickpilot.importers.text_table:read_columns",
         suffixes=(".csv", ".tsv", ".txt", ".log", ".dat"),
         help="Tables of numbers in text files: CSV, blanks, tabs, serial logs.",
         example="table log.csv --guess --split rests --out bench",

@@ -1,11 +1,12 @@
 """Guesses which signal each column of a log is, from its name and its values, and says why.
 
-A column that neither the name nor the values explain is left out, with a note. Nothing is guessed in a log without a
-header.
+The rules look at the words in the name, and at the range of the values. A column that neither explains is left out,
+with a note. Nothing is guessed in a log without a header.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -16,7 +17,6 @@ from brickpilot.data.audit.wiring import COUNTS_A_TURN
 from brickpilot.data.signals import INPUT_SETS, SIGNALS, Vehicle
 from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
-from brickpilot.importers.column_rules import Taken, column_of, taken_for
 from brickpilot.importers.formula import Place
 from brickpilot.importers.mapping import Source, parse_mapping
 from brickpilot.importers.text_table import TextTable
@@ -143,3 +143,268 @@ def _check_found(table: TextTable, sources: Mapping[str, Source], asked: Sequenc
             message = f"finds no {'time' if kind == 'time' else f'complete {kind}'} among {known}; add --map {example}"
             message = asked[0] if asked and kind == "input" else message
             raise InputError(message, file=table.file, line=table.first_line, field="--guess")
+
+
+COUNTS_PER_TURN = 960
+"""Used if nobody states how many counts an encoder has in a turn of the wheel."""
+
+_SIDES = {
+    **dict.fromkeys(("l", "left", "lt", "lf", "links"), "left"),
+    **dict.fromkeys(("r", "right", "rt", "rf", "rechts"), "right"),
+}
+_UNITS = {
+    "ms": "ms", "millis": "ms", "us": "us", "micros": "us", "sec": "s", "seconds": "s", "s": "s",
+    "mv": "mV", "volt": "V", "volts": "V", "ma": "mA", "amp": "A", "amps": "A",
+    "rpm": "rpm", "dps": "deg/s", "degs": "deg/s", "degps": "deg/s", "rads": "rad/s",
+    "radps": "rad/s", "rps": "rotation/s",
+    "mps": "m/s", "mmps": "mm/s", "cmps": "cm/s", "deg": "deg", "degrees": "deg", "rad": "rad", "mm": "mm", "cm": "cm",
+}  # fmt: skip
+_SET_POINT = {"setpoint", "target", "ref", "reference", "desired", "demand", "goal"}
+_RATES = {"deg/s", "rad/s", "rpm", "rotation/s"}
+_TIME = {"t", "time", "millis", "micros", "timestamp", "clock", "uptime", "tms", "tus"}
+_DUTY = {"pwm", "duty", "cmd", "command", "power", "throttle", "motor", "mot", "dutycycle"}
+_ENCODER = {"enc", "encoder", "tick", "ticks", "count", "counts", "cnt", "odo", "pulses"}
+_BATTERY = {"bat", "batt", "battery", "vbat", "vbatt", "supply", "vin", "vcc"}
+_SPEED = {"speed", "spd", "vel", "velocity", "rpm", "omega", "w"}
+_FULL_SCALES = (1.0, 100.0, 255.0, 1000.0, 1023.0, 4095.0, 32767.0)
+_ODD_FULL = (300.0, 400.0)  # the largest values of drives that may be of 400 as well as of 1000
+_SERVO, _SERVO_REST = (800.0, 2200.0), 1500.0  # us
+_TURN_RATE = 12.0  # rad/s: a faster turn is logged in deg/s
+_RAW_GYRO = 131.0  # counts per deg/s of the commonest sensor at its finest range
+_GRAVITY = {"g0": 1.0, "m/s^2": 9.80665}
+
+
+@dataclass(frozen=True, eq=False)
+class Column:
+    """A column: its name, the words in it, its side, a unit that its name states, and its values."""
+
+    name: str
+    words: frozenset[str]
+    side: str
+    unit: str | None
+    values: Vector
+
+    @property
+    def largest(self) -> float:
+        """The largest magnitude."""
+        return float(np.nanmax(np.abs(self.values), initial=0.0))
+
+    @property
+    def whole(self) -> bool:
+        """Whether all values are whole numbers."""
+        known = self.values[np.isfinite(self.values)]
+        return bool(np.all(known == np.round(known)))
+
+
+@dataclass(frozen=True)
+class Taken:
+    """The guessed signal of a column, and the reason."""
+
+    signal: str
+    formula: str
+    unit: str
+    reason: str
+
+
+def column_of(name: str, values: Vector) -> Column:
+    """Returns a column with the words of its name: "encL [deg]" has enc and l, the side left and the unit deg."""
+    found = re.search(r"[\[(]([^\[\]()]+)[\])]\s*$", name)
+    bare = name[: found.start()] if found else name
+    parts = re.findall(r"[A-Z]{2,}(?![a-z])|[A-Z]?[a-z]+|[A-Z]|\d+", bare.replace("µ", "u"))
+    words = [part.lower() for part in parts]
+    if len(words) == 1 and (
+        short := re.fullmatch(r"(left|right|[lr])?(pwm|enc|gyro|acc|vel|duty|motor)([lrxyz])?", words[0])
+    ):
+        words = [part for part in short.groups() if part]
+    if len(words) == 1 and (short := re.fullmatch(r"(left|right)(\w+)|(\w+?)(left|right)", words[0])):
+        words = [part for part in short.groups() if part]
+    joined = re.search(r"(deg|rad|mm|cm|m|rev)(?:_per_|_p?|/)s(?:ec)?$", bare.lower())
+    stated = {"deg": "deg/s", "rad": "rad/s", "mm": "mm/s", "cm": "cm/s", "m": "m/s", "rev": "rotation/s"}
+    small = re.search(r"(?:[_ ]|(?<=[a-z]))(m[VAs]|us)$", bare)
+    unit = found[1].strip() if found else stated[joined[1]] if joined else small[1] if small else None
+    if unit is None and len(words) > 1:
+        unit = "m/s^2" if re.search(r"m(?:ps|_?s)2$", bare.lower()) else _UNITS.get(words[-1])
+        unit = (
+            unit
+            or ("m" if words[-1] == "m" else None)
+            or ("V" if words[-1] == "v" else "A" if words[-1] == "a" else None)
+        )
+    sides = [_SIDES[word] for word in words if word in _SIDES]
+    return Column(name, frozenset(words), sides[0] if sides else "", unit, values)
+
+
+def taken_for(column: Column, columns: Sequence[Column], driven: bool) -> Taken | str:
+    """Returns the guessed signal of a column, or why it is left out.
+
+    Args:
+        column: the column.
+        columns: all of the log.
+        driven: whether the log has a duty, so that a column "v" is no commanded voltage.
+    """
+    if not np.isfinite(column.values).any():
+        return "it holds no numbers"
+    words = column.words
+    if words & _TIME or (words <= {"ms", "us", "s"} and words):
+        return _time(column)
+    if words & _BATTERY:
+        return _battery(column)
+    if words >= {"cmd", "vel"} or (words & _SET_POINT and words & (_SPEED | {"yaw", "linear", "angular"})):
+        return _set_point(column)
+    if words & _DUTY and not words & _SPEED:
+        return _duty(column, [one for one in columns if one.words & _DUTY and not one.words & _SPEED] or [column])
+    if words & _ENCODER:
+        signal = f"wheel_angle_{column.side}" if column.side else "angle"
+        reason = f"named like an encoder; {COUNTS_PER_TURN} counts per turn is a guess"
+        return Taken(signal, f"{column.name}/{COUNTS_PER_TURN}", "rotation", reason)
+    if words & {"gz", "gyroz", "wz", "yawrate"} or words >= {"gyro", "z"} or words >= {"yaw", "rate"}:
+        return _yaw_rate(column)
+    if words & {"gx", "gy", "wx", "wy"} or ("gyro" in words and words & {"x", "y"}):
+        return "it is a turn rate about a level axis, which no signal takes"
+    if words & {"ax", "ay", "accx", "accy"} or (words & {"acc", "accel"} and words & {"x", "y", "surge", "sway"}):
+        return _acceleration(column, columns)
+    if words & {"yaw", "heading"} and column.unit in _RATES:
+        return _yaw_rate(column)
+    if words & {"yaw", "heading"}:
+        unit = column.unit or ("deg" if column.largest > 7.0 else "rad")
+        return Taken("yaw_angle", column.name, unit, f"its name; values up to {column.largest:g}")
+    return _wheel(column, driven)
+
+
+def _set_point(column: Column) -> Taken | str:
+    """A demand to a controller: of a wheel or motor by its unit, of a body forward or about the upright axis."""
+    words, unit = column.words, column.unit
+    if words & {"y"} or (words >= {"angular", "x"} or words >= {"linear", "z"}):
+        return "it is a demand that no vehicle with two wheels follows"
+    is_turn = bool(words & {"yaw", "angular", "z"} or (not column.side and words & {"omega", "w"}))
+    is_ros = words >= {"cmd", "vel"}  # a Twist is in SI
+    signal = f"reference_wheel_speed_{column.side}" if column.side else "reference_speed"
+    if is_turn:
+        signal, unit = "reference_yaw_rate", unit or ("rad/s" if is_ros else None)
+    elif not column.side and (unit in ("m/s", "mm/s", "cm/s") or (is_ros and unit is None)):
+        signal, unit = "reference_velocity", unit or "m/s"
+    if unit is None:
+        return f"the unit of a demand is not told; state it with --map {signal}={column.name}:UNIT"
+    return Taken(signal, column.name, unit, "named like a demand to a controller")
+
+
+def _time(column: Column) -> Taken | str:
+    steps = np.diff(column.values[np.isfinite(column.values)])
+    if steps.size and np.mean(steps >= 0.0) < 0.9:
+        return "named like a time, but it does not increase"
+    if column.unit or "micros" in column.words or "millis" in column.words or column.words & set(_UNITS):
+        word = next(
+            (_UNITS[one] for one in ("micros", "us", "millis", "ms", "sec", "seconds") if one in column.words), "s"
+        )
+        return Taken("time", column.name, column.unit or word, "its name")
+    usual = float(np.median(steps)) if steps.size else 0.0
+    unit = "s" if not column.whole or usual < 1.0 else "us" if usual >= 500.0 else "ms"
+    return Taken("time", column.name, unit, f"its name; a step is {usual:g}, so the unit is {unit}")
+
+
+def _duty(column: Column, both: Sequence[Column]) -> Taken | str:
+    """One driver drives `both` sides, so one number is their full drive."""
+    signal = f"duty_{column.side}" if column.side else "duty"
+    largest = max(one.largest for one in both)
+    if all(_is_servo(one) for one in both):
+        return _asked(both, "look like servo pulses of 1000 to 2000 us with 1500 at rest", "({}-1500)/500")
+    if _ODD_FULL[0] < largest <= _ODD_FULL[1]:
+        return _asked(both, f"go up to {largest:g}, which is 400 of some drivers or 1000 of others", "{}/400")
+    full = next((scale for scale in _FULL_SCALES if scale >= largest), largest)
+    if "pwm" in column.words and all(one.whole for one in both) and full <= 255.0:
+        full = 255.0
+    reason = f"its name; values up to {largest:g}, so full drive is taken as {full:g}"
+    return Taken(signal, column.name if full == 1.0 else f"{column.name}/{full:g}", "1", reason)
+
+
+def _is_servo(column: Column) -> bool:
+    """Whether all values are pulses of a servo, or 0 where no pulse is sent."""
+    known = column.values[np.isfinite(column.values)]
+    sent = known[known != 0.0]
+    is_pulse = sent.size > 0 and _SERVO[0] <= sent.min() and sent.max() <= _SERVO[1]
+    return bool(is_pulse and (sent.size == known.size or _SERVO_REST in sent))
+
+
+def _asked(both: Sequence[Column], look: str, formula: str) -> str:
+    """Returns the statement that is missing for drives that cannot be guessed."""
+    maps = [f"--map 'duty{one.side and '_'}{one.side}={formula.format(one.name)}'" for one in both]
+    return f"{' and '.join(one.name for one in both)} {look}: state it, as {' '.join(maps)}"
+
+
+def _battery(column: Column) -> Taken | str:
+    if column.unit in ("V", "mV"):
+        return Taken("battery_voltage", column.name, column.unit, "its name")
+    if column.largest <= 60.0:
+        return Taken("battery_voltage", column.name, "V", f"its name; values up to {column.largest:g}")
+    if column.largest >= 2000.0:
+        return Taken("battery_voltage", column.name, "mV", f"its name; values up to {column.largest:g}")
+    return (
+        f"values up to {column.largest:g} are neither V nor mV; state it with --map battery_voltage={column.name}*SCALE"
+    )
+
+
+def _yaw_rate(column: Column) -> Taken:
+    if column.unit:
+        return Taken("yaw_rate", column.name, column.unit, "its name, with its unit")
+    if column.whole and column.largest > 2500.0:
+        reason = f"its name; raw counts up to {column.largest:g}, {_RAW_GYRO:g} per deg/s is a guess"
+        return Taken("yaw_rate", f"{column.name}/{_RAW_GYRO:g}", "deg/s", reason)
+    unit = "rad/s" if column.largest <= _TURN_RATE else "deg/s"
+    return Taken(
+        "yaw_rate", column.name, unit, f"its name; values up to {column.largest:.4g}, so the unit is taken as {unit}"
+    )
+
+
+def _acceleration(column: Column, columns: Sequence[Column]) -> Taken | str:
+    sway = bool(column.words & {"ay", "accy", "y", "sway"})
+    signal = "accel_sway" if sway else "accel_surge"
+    if column.unit:
+        unit = "g0" if column.unit == "g" else column.unit
+        return Taken(signal, column.name, unit, "its name, with its unit; x is taken as forward")
+    upright = next(
+        (one for one in columns if one.words & {"az", "accz"} or ({"z"} <= one.words and one.words & {"acc", "accel"})),
+        None,
+    )
+    rest = abs(float(np.nanmedian(upright.values))) if upright is not None and upright.values.size else 0.0
+    for unit, gravity in _GRAVITY.items():
+        if abs(rest / gravity - 1.0) < 0.1:
+            return Taken(
+                signal, column.name, unit, f"its name; the upright axis shows {rest:.3g} at rest, so the unit is {unit}"
+            )
+    for counts in (16384.0, 8192.0, 4096.0, 2048.0):
+        if abs(rest / counts - 1.0) < 0.1:
+            return Taken(
+                signal, f"{column.name}/{counts:g}", "g0", f"its name; the upright axis shows {rest:.0f} counts at rest"
+            )
+    return f"its unit is not told; state it with --map {signal}={column.name}:g0 or :m/s^2"
+
+
+def _wheel(column: Column, driven: bool) -> Taken | str:
+    """Returns the guessed signal of a column with a speed, an angle, a current or a voltage of a wheel."""
+    words, unit, tail = column.words, column.unit, f"_{column.side}" if column.side else ""
+    wheel = "wheel_" if column.side else ""
+    if words & {"voltage", "volt", "volts", "u"} or (words & {"v"} and not driven and (column.side or words == {"v"})):
+        unit = unit if unit in ("V", "mV") else "mV" if column.whole and column.largest > 60.0 else "V"
+        return Taken(f"voltage{tail}", column.name, unit, f"its name; values up to {column.largest:.4g}")
+    if words & {"current", "cur", "i"}:
+        unit = unit if unit in ("A", "mA") else "mA" if column.whole and column.largest > 60.0 else "A"
+        return Taken(f"current{tail}", column.name, unit, f"its name; values up to {column.largest:.4g}")
+    if words & (_SPEED | {"v"}):
+        kind = _kind(unit, {"rpm": "speed", "rad/s": "speed", "deg/s": "speed", "rotation/s": "speed",
+                            "m/s": "velocity", "mm/s": "velocity", "cm/s": "velocity"})  # fmt: skip
+        if kind is None:
+            return f"the unit of a speed is not told; state it with --map {wheel}speed{tail}={column.name}:UNIT"
+        return Taken(f"{wheel}{kind}{tail}", column.name, str(unit), "its name, with its unit")
+    if words & {"angle", "ang", "theta", "phi"}:
+        unit = unit or ("deg" if column.largest > 50.0 else "rad")
+        return Taken(f"{wheel}angle{tail}", column.name, unit, f"its name; values up to {column.largest:.4g}")
+    if words & {"pos", "position", "dist", "distance", "travel"}:
+        kind = _kind(unit, {"m": "travel", "mm": "travel", "cm": "travel", "deg": "angle", "rad": "angle"})
+        if kind is None:
+            return f"the unit of a position is not told; state it with --map SIGNAL={column.name}:UNIT"
+        signal = f"wheel_{kind}{tail}" if column.side else {"travel": "position", "angle": "angle"}[kind]
+        return Taken(signal, column.name, str(unit), "its name, with its unit")
+    return "neither its name nor its values tell what it is"
+
+
+def _kind(unit: str | None, kinds: dict[str, str]) -> str | None:
+    return kinds.get(unit) if unit is not None else None

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from brickpilot.errors import InputError
 
 if TYPE_CHECKING:
-    from brickpilot.importers.listing import Contents
+    from brickpilot.importers.channels import Contents
     from brickpilot.importers.writer import Imported
 
 
@@ -70,7 +70,7 @@ class Importer:
 
     def contents(self, file: Path) -> Contents:
         """Reads a whole file, and returns what it holds."""
-        from brickpilot.importers.listing import contents
+        from brickpilot.importers.channels import contents
 
         module, name = self.reader.split(":")
         return contents(getattr(importlib.import_module(module), name)(file))

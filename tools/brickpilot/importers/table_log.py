@@ -1,4 +1,13 @@
-"""Reads the signals of one text file in the order of time, without broken rows and overflows."""
+"""Reads the signals of one text file in the order of time, without broken rows and overflows.
+
+The order of time is found in spite of overflows, repeated or misread stamps, and restarts.
+
+A jump of a counter counts as an overflow only if it has the usual size after the range of the counter is added. Any
+other jump stays, because it may be real.
+
+A log can be joined with the events at which its inputs change between its rows. A simulation holds an input from row to
+row. So a row is added if the input changes between two rows of a log; measured signals stay blank there.
+"""
 
 from __future__ import annotations
 
@@ -13,11 +22,8 @@ from numpy.typing import NDArray
 from brickpilot.data.signals import SIGNALS, SUMMED
 from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
-from brickpilot.importers.counters import resets, unturn, unwrap
-from brickpilot.importers.events import with_events
 from brickpilot.importers.formula import Formula, Place, Scaling
 from brickpilot.importers.mapping import Mapped, Source, read_formulas, take
-from brickpilot.importers.row_order import ordered
 from brickpilot.importers.text_table import TextTable
 
 Vector = NDArray[np.float64]
@@ -135,3 +141,191 @@ def joined(log: Log, events: Log) -> Log:
     return dataclasses.replace(
         log, signals=Mapped(columns, scalings), starts=tuple(starts.tolist()), notes=tuple(notes)
     )
+
+
+def with_events(columns: Mapping[str, Vector], events: Mapping[str, Vector]) -> dict[str, Vector]:
+    """Returns a log whose inputs come from a table of events; it has a row at each event within the log.
+
+    Args:
+        columns: of the log: time, outputs, and inputs, which are left out.
+        events: time and inputs; an input holds from its event to the next. Before the first event it is 0.
+    """
+    time, at = columns["time"], events["time"]
+    within = at[(at > time[0]) & (at <= time[-1])]
+    union = np.union1d(time, within)
+    place = np.searchsorted(at, union, side="right") - 1
+    joined = {"time": union}
+    for name, values in events.items():
+        if name != "time":
+            joined[name] = np.where(place < 0, 0.0, values[np.maximum(place, 0)])
+    measured = np.searchsorted(union, time)
+    for name, values in columns.items():
+        if SIGNALS[name].kind == "output":
+            joined[name] = np.full(union.size, np.nan)
+            joined[name][measured] = values
+    return joined
+
+
+_STANDING = 0.5  # share of rows: a clock that stands still in more rows is no clock
+_FIRST_STEP = 100.0  # times the usual step: in a first row at this distance from the second the time was cut off
+
+
+@dataclass(frozen=True)
+class Clock:
+    """The time of a log.
+
+    Attributes:
+        time: cells without overflows, for all rows.
+        kept: the rows whose time is sound, in order.
+        starts: positions in `kept` at which the logger's clock starts again.
+        notes: what was done, a sentence each.
+    """
+
+    time: Vector
+    kept: NDArray[np.int64]
+    starts: tuple[int, ...]
+    notes: tuple[str, ...]
+
+
+def ordered(cells: Vector, lines: NDArray[np.int64], cut_start: bool) -> Clock:
+    """Returns the clock of a log.
+
+    Args:
+        cells: of the time, NaN where blank or broken.
+        lines: of each row, for the notes.
+        cut_start: whether the log may begin in the middle of a line.
+    """
+    unwrapped = unwrap(cells, clock=True)
+    notes = [
+        f"time is a counter, {unwrapped.kind}, that overflows in line {lines[row]}: counted on from there"
+        for row in unwrapped.rows
+    ]
+    time = unwrapped.values
+    kept = np.flatnonzero(np.isfinite(time))
+    _count(notes, lines, np.flatnonzero(np.isnan(time)), "have no time")
+    standing = np.flatnonzero(np.diff(time[kept]) == 0.0) + 1
+    if len(standing) < _STANDING * len(kept):
+        _count(notes, lines, kept[standing], "have the time of the row before")
+        kept = np.delete(kept, standing)
+    lone = _lone(time[kept], cut_start)
+    _count(notes, lines, kept[lone], "have a time out of line with the rows around them")
+    kept = np.delete(kept, lone)
+    starts = np.flatnonzero(np.diff(time[kept]) < 0.0) + 1
+    notes += [f"time starts again in line {lines[kept[start]]}: a new run begins there" for start in starts]
+    return Clock(time, kept, tuple(starts.tolist()), tuple(notes))
+
+
+def _lone(time: Vector, cut_start: bool) -> NDArray[np.int64]:
+    """Returns the single rows whose time does not lie between those of their neighbours, which are in order."""
+    if time.size < 3:
+        return np.empty(0, dtype=np.int64)
+    step = np.diff(time)
+    wrong = np.flatnonzero(((step[:-1] <= 0.0) | (step[1:] <= 0.0)) & (time[2:] > time[:-2])) + 1
+    usual = float(np.median(np.abs(step)))
+    cut = cut_start and (step[0] > _FIRST_STEP * usual or (step[0] < 0.0 and step[1] > 0.0))
+    return np.append([0], wrong) if cut else wrong
+
+
+def _count(notes: list[str], lines: NDArray[np.int64], rows: NDArray[np.int64], what: str) -> None:
+    if rows.size:
+        notes.append(f"{rows.size} rows {what} and are left out, the first is line {lines[rows[0]]}")
+
+
+_BITS = ((16, 1), (32, 1), (12, 2), (14, 2))  # width; how many overflows show it. 12 and 14 are those of angle sensors
+_NEAR = 20  # steps on either side that show the usual size
+_USUAL = 3.0  # times the largest step nearby: the largest step of an overflow
+_LATE = 50.0  # times the usual step of a clock: the pause that may lie in its overflow
+_FAR_STEPS, _FAR_COUNTS = 10.0, 20.0  # a jump to 0 is further than so many usual steps and so many smallest ones
+_RETURNS = 5  # samples: a counter that comes back within them was misread, not set to 0
+
+
+@dataclass(frozen=True)
+class Unwrapped:
+    """A counter without overflows. `rows`: where it overflowed, by the row after; `kind`: "unsigned 16-bit"."""
+
+    values: Vector
+    rows: tuple[int, ...] = ()
+    kind: str = ""
+
+
+def unwrap(values: Vector, clock: bool = False) -> Unwrapped:
+    """Returns a column of counts without overflows of 12, 14, 16 or 32 bits, signed or unsigned.
+
+    Args:
+        values: cells as logged; NaN where blank.
+        clock: whether it counts time and so only rises.
+    """
+    known = np.flatnonzero(np.isfinite(values))
+    counts = values[known]
+    if counts.size < 3 or np.any(counts != np.round(counts)):
+        return Unwrapped(values)
+    low, high = counts.min(), counts.max()
+    for bits, least in _BITS:
+        span = 2.0**bits
+        for kind, start in (("unsigned", 0.0), ("signed", -span / 2)):
+            if low < start or high >= start + span:
+                continue
+            steps = _overflows(np.diff(counts), span, clock)
+            if len(steps) >= least:
+                turns = np.zeros(counts.size)
+                turns[steps + 1] = -np.sign(np.diff(counts)[steps])
+                unwrapped = values.copy()
+                unwrapped[known] = counts + span * np.cumsum(turns)
+                return Unwrapped(unwrapped, tuple(known[steps + 1].tolist()), f"{kind} {bits}-bit")
+    return Unwrapped(values)
+
+
+def unturn(values: Vector, turn: float) -> Unwrapped:
+    """Returns a heading without its jumps by a turn, as from 359 to 0 degrees or from 180 to -180.
+
+    Args:
+        values: cells as logged; NaN where blank.
+        turn: the length of a turn in their unit.
+    """
+    known = np.flatnonzero(np.isfinite(values))
+    steps = np.diff(values[known])
+    jumps = _overflows(steps, turn, clock=False)
+    turns = np.zeros(known.size)
+    turns[jumps + 1] = -np.sign(steps[jumps])
+    unwrapped = values.copy()
+    unwrapped[known] += turn * np.cumsum(turns)
+    return Unwrapped(unwrapped, tuple(known[jumps + 1].tolist()), "heading")
+
+
+def _overflows(steps: Vector, span: float, clock: bool) -> NDArray[np.int64]:
+    """Returns which steps of a counter are overflows of a range `span`."""
+    large = np.abs(steps) > span / 2
+    found = []
+    for index in np.flatnonzero(large):
+        true = steps[index] - np.sign(steps[index]) * span
+        if clock:
+            usual = float(np.median(steps[~large])) if (~large).any() else 0.0
+            sound = steps[index] < 0 and 0 < true <= _LATE * usual
+        else:
+            near = slice(max(0, index - _NEAR), index + _NEAR + 1)
+            others = np.abs(steps[near][~large[near]])
+            sound = bool(others.size) and abs(true) <= min(_USUAL * float(others.max()) + 1.0, span / 8)
+        if sound:
+            found.append(index)
+    return np.array(found, dtype=np.int64)
+
+
+def resets(values: Vector) -> list[int]:
+    """Returns the rows at which a counter jumps to a value near 0, from far away, and does not come back."""
+    known = np.flatnonzero(np.isfinite(values))
+    counts = values[known]
+    steps = np.diff(counts)
+    moved = np.abs(steps[steps != 0.0])
+    if not moved.size:
+        return []
+    smallest = float(moved.min())
+    found = []
+    for index in np.flatnonzero(np.abs(steps) > _FAR_COUNTS * smallest):
+        near = np.abs(np.delete(steps, index)[max(0, index - _NEAR) : index + _NEAR])
+        usual = float(np.quantile(near, 0.9)) if near.size else 0.0
+        before, after = counts[index], counts[index + 1 : index + 1 + _RETURNS]
+        far = abs(before) > _FAR_STEPS * usual + _FAR_COUNTS * smallest
+        zero = abs(after[0]) <= _USUAL * usual + smallest
+        if far and zero and np.all(np.abs(after - before) > abs(before) / 2):
+            found.append(int(known[index + 1]))
+    return found

@@ -1,9 +1,12 @@
-"""Checks of arguments for every public function: a wrong argument gives one line that names it."""
+"""Checks of arguments for every public function: a wrong argument gives one line that names it.
+
+Functions that write a folder have the same result, `Made`.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +18,26 @@ from brickpilot.vehicle import compensation, gains, scenario_flight
 from brickpilot.vehicle import model as model_file
 from brickpilot.vehicle.flight import Plan
 from brickpilot.vehicle.model import Model
+
+
+@dataclass(frozen=True, repr=False)
+class Made:
+    """A folder that was written.
+
+    Attributes:
+        folder: with the page, the figures and the other files of the command of the same name.
+        sentence: the result in words.
+        figures: the output of `--json`, SI.
+    """
+
+    folder: Path
+    sentence: str
+    figures: Mapping[str, Any]
+
+    def __repr__(self) -> str:
+        """Returns the sentence and the folder."""
+        return f"{self.sentence}\n  in {self.folder}, with {len(self.figures)} figures"
+
 
 Data = Dataset | str | Path
 """A data set, or its folder."""

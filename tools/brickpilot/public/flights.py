@@ -22,8 +22,7 @@ from brickpilot.hil.linked_flight import Progress
 from brickpilot.hil.traffic_log import RecordingLink
 from brickpilot.link.links import Link
 from brickpilot.link.session import LOCKSTEP, REALTIME
-from brickpilot.public.doors import FlightRequest, whole
-from brickpilot.public.made import Made
+from brickpilot.public.doors import FlightRequest, Made, whole
 from brickpilot.report import junit, link_figures, run_folder, run_page
 from brickpilot.vehicle import flight_checks, flight_figures
 from brickpilot.vehicle.flight import Plan

@@ -23,8 +23,7 @@ from brickpilot.firmware.package import Made as Built
 from brickpilot.firmware.package import Order
 from brickpilot.fit import calibration
 from brickpilot.fit.descent import Progress
-from brickpilot.public.doors import jobs_of, model_of, seed_of, whole
-from brickpilot.public.made import Made
+from brickpilot.public.doors import Made, jobs_of, model_of, seed_of, whole
 from brickpilot.report import campaign_page, run_folder, run_page
 from brickpilot.report.mission_lines import waypoint_lines
 from brickpilot.report.template import render_plain
