@@ -18,8 +18,8 @@ import numpy as np
 from brickpilot.constants import STEP_S
 from brickpilot.hil import ends, fly
 from brickpilot.vehicle import flight, scenario
-from brickpilot.vehicle.faults import END_KINDS, MESSAGE_KINDS, SENSOR_KINDS, Fault
 from brickpilot.vehicle.model import rcx
+from brickpilot.vehicle.scenario import END_KINDS, MESSAGE_KINDS, SENSOR_KINDS, Fault
 from numpy.typing import NDArray
 
 KINDS = (*MESSAGE_KINDS, *SENSOR_KINDS, *END_KINDS)

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 from brickpilot import catalogue
-from brickpilot.vehicle import compensation, compensation_values, flight, flight_figures, scenario
+from brickpilot.vehicle import compensation, flight, flight_figures, scenario
 from brickpilot.vehicle.compensation import Compensation
 from brickpilot.vehicle.model import Model, rcx
 from hidden import effects, folder
@@ -32,7 +32,7 @@ FIGURES = Path(__file__).with_name("robots.json")
 ROBOTS, SEEDS, STREAM = 20, 5, 14
 NOMINAL_ERROR = 0.05  # sd, relative
 SENSORS = ("imu+encoders", "imu")
-UNDONE = tuple(name for name in effects.LIBRARY if compensation_values.undone(name))
+UNDONE = tuple(name for name in effects.LIBRARY if compensation.undone(name))
 SIZES = (0.5, 2.0)  # of an effect, times what shows clearly in a log
 HELD = 4 / 3  # friction over a constant load
 FASTEST_WHEEL, FASTEST_SPIN = 45.0, 22.0  # rad/s: the logging sensors read to 51 rad/s, and 10.5 rad/s at 3.3 of 9 V

@@ -9,7 +9,7 @@ import dataclasses
 from pathlib import Path
 
 import numpy as np
-from brickpilot.gen.svg_figure import BLUE, GREEN, ORANGE, figure, to_svg
+from brickpilot.gen.pictures import BLUE, GREEN, ORANGE, figure, to_svg
 from brickpilot.vehicle import flight, flight_figures, scenario
 from brickpilot.vehicle.model import rcx
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from brickpilot.vehicle.coefficients import PROFILES
-from brickpilot.vehicle.quantise import QuantisationError, Scale
+from brickpilot.vehicle.fixed_point import QuantisationError, Scale
 from brickpilot.vehicle.setting_defaults import plain
 
 ROOT = Path(__file__).resolve().parents[2]

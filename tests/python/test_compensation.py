@@ -14,14 +14,14 @@ import pytest
 import robot_study
 from brickpilot import catalogue
 from brickpilot.errors import InputError
-from brickpilot.vehicle import compensation, compensation_values, flight, flight_figures, scenario
+from brickpilot.vehicle import compensation, flight, flight_figures, scenario
 from brickpilot.vehicle.model import Model, rcx, save
 from command import brickpilot
 from compensation_study import ANOTHER, CROSS, MISSIONS, POSITION, PRESETS, Mission, compensation_of, mean, robot
 
 ROOT = Path(__file__).resolve().parents[2]
 SEEDS = 4
-UNDONE = {one.name: found for one in catalogue.effects() if (found := compensation_values.undone(one.name))}
+UNDONE = {one.name: found for one in catalogue.effects() if (found := compensation.undone(one.name))}
 
 
 @pytest.mark.parametrize("mission", MISSIONS, ids=lambda mission: f"{mission.title}, {mission.sensors}")
@@ -35,8 +35,8 @@ def test_the_mission_errs_less_with_the_compensation(mission: Mission) -> None:
 
 
 def test_every_setting_of_a_compensation_has_a_value() -> None:
-    """A row with the key `compensation` in hal/wire/settings.toml needs its equation in compensation_values.py."""
-    assert set(compensation_values.values(rcx(), rcx())) == set(compensation.FORMATS)
+    """A row with the key `compensation` in hal/wire/settings.toml needs its equation in compensation.py."""
+    assert set(compensation.si_values(rcx(), rcx())) == set(compensation.FORMATS)
 
 
 def test_every_effect_that_is_undone_flies_above() -> None:

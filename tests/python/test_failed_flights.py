@@ -12,8 +12,8 @@ import junitparser
 import pytest
 from brickpilot.hil import brick_process, ends, fly
 from brickpilot.link.session import REALTIME
-from brickpilot.report import junit
-from brickpilot.vehicle import flight_checks, flight_figures
+from brickpilot.report import flight_text
+from brickpilot.vehicle import flight_figures
 from command import brickpilot
 from test_hil import LATE, over, plan
 
@@ -89,7 +89,7 @@ def test_junit_tells_of_a_flight_that_did_not_begin(tmp_path: Path) -> None:
 
 
 def test_a_name_with_signs_of_xml_is_text() -> None:
-    text = junit.text('<script>&"', [flight_checks.Check("link", "a < b & c")], "brickpilot 'x'")
+    text = flight_text.junit_text('<script>&"', [flight_figures.Check("link", "a < b & c")], "brickpilot 'x'")
     (suite,) = junitparser.JUnitXml.fromstring(text.partition("\n")[2])
     (case,) = suite
     assert (suite.name, case.result[0].message) == ('<script>&"', "a < b & c")
@@ -115,7 +115,7 @@ def test_a_late_tick_has_a_fault_of_its_own() -> None:
     figures = flight_figures.summary(flown.flight)
     assert figures["fault"] == flight_figures.LATE
     linked = {"link": "x", "broke_off": None, "late_ticks": 3, "lost_frames": 0, "safe_stops": flown.safe_stops}
-    assert 'the fault "late tick" at ' in str(flight_checks.failure(figures | linked))
+    assert 'the fault "late tick" at ' in str(flight_figures.failure(figures | linked))
     assert flown.flight.plan.steps < 1000, "the flight ends a second after the fault, not with the scenario"
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from brickpilot.firmware import params_header
-from brickpilot.gen import model_sets_header
+from brickpilot.gen import value_headers
 from brickpilot.gen.__main__ import generate, stale, wrong_generator
 from brickpilot.vehicle.coefficients import (
     CURRENT,
@@ -27,7 +27,7 @@ from brickpilot.vehicle.coefficients import (
     motor_step,
     paper,
 )
-from brickpilot.vehicle.quantise import QuantisationError, Scale, integer, scale, scale16
+from brickpilot.vehicle.fixed_point import QuantisationError, Scale, integer, scale, scale16
 from brickpilot.vehicle.settings import settings
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
@@ -139,11 +139,11 @@ def test_a_vehicle_that_could_overflow_is_refused(profile: str, parameter: str, 
 
 
 def test_perturbed_vehicles_differ_from_the_nominal_one_in_every_free_parameter() -> None:
-    nominal, *others = model_sets_header.value_sets(NOMINAL)
+    nominal, *others = value_headers.value_sets(NOMINAL)
     assert nominal == NOMINAL
     for values in others:
         same = {name for name in NOMINAL if values[name] == NOMINAL[name]}
-        assert same == set(model_sets_header.FIXED)
+        assert same == set(value_headers.FIXED)
 
 
 def test_a_gain_that_its_field_cannot_hold_is_refused() -> None:

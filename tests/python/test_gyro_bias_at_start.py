@@ -6,8 +6,8 @@ import json
 from pathlib import Path
 
 import numpy as np
-from brickpilot.vehicle import flight_checks, flight_figures
-from brickpilot.vehicle.faults import Fault
+from brickpilot.vehicle import flight_figures
+from brickpilot.vehicle.scenario import Fault
 from command import brickpilot
 from test_hil import over, plan
 
@@ -71,6 +71,6 @@ def test_a_start_without_a_bias_is_flagged_in_figures_text_and_page(tmp_path: Pa
 def test_a_missed_waypoint_names_the_bias_that_was_not_learnt() -> None:
     wanted = plan("imu+encoders", duration=1.3, waypoints=((2.0, 0.1),))
     figures = flight_figures.summary(over("can:virtual", wanted).flight)
-    assert "bias" not in str(flight_checks.failure(figures))
+    assert "bias" not in str(flight_figures.failure(figures))
     figures["started_without_gyro_bias"] = True
-    assert str(flight_checks.failure(figures)).endswith("; it started before the gyro's bias was learnt")
+    assert str(flight_figures.failure(figures)).endswith("; it started before the gyro's bias was learnt")

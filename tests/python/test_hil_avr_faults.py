@@ -22,8 +22,8 @@ from brickpilot.hil.linked_flight import board_told
 from brickpilot.link.messages import book
 from brickpilot.link.session import Session
 from brickpilot.vehicle import flight, scenario
-from brickpilot.vehicle.faults import Fault
 from brickpilot.vehicle.model import rcx
+from brickpilot.vehicle.scenario import Fault
 from brickpilot.vehicle.settings import settings
 from command import brickpilot
 

@@ -11,7 +11,7 @@ from brickpilot.errors import InputError
 from brickpilot.hil.fault_injection import FLOOD, HELD_FOR, FaultyLink
 from brickpilot.link.links import Message
 from brickpilot.vehicle import scenario
-from brickpilot.vehicle.faults import MESSAGE_KINDS, Fault
+from brickpilot.vehicle.scenario import MESSAGE_KINDS, Fault
 
 MISSION = 'name = "s"\nkind = "mission"\nduration_s = 3\nwaypoints_m = [[0.3, 0]]\n'
 

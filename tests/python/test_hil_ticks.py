@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from brickpilot.hil.linked_flight import TROUBLES, TickRecorder
-from brickpilot.report import link_figures
+from brickpilot.report import run_page
 from command import brickpilot
 from pages import FAULTY, assert_self_contained, curves, figures
 
@@ -72,7 +72,7 @@ def test_the_command_writes_every_tick_and_draws_them(tmp_path: Path) -> None:
 def test_the_time_line_marks_each_kind_where_it_was_counted() -> None:
     stops, late = np.zeros(1000), np.zeros(1000)
     stops[200], late[[100, 300]] = 1, 2
-    said, html = link_figures.trouble(columns(safe_stops=stops, late_ticks=late))
+    said, html = run_page.trouble(columns(safe_stops=stops, late_ticks=late))
     assert said == "4 late ticks, 0 lost frames, 0 refused frames, 1 safe stop."
     (figure,) = figures(str(html)).values()
     assert figure["x"]["values"] == pytest.approx([0.3, 0.6, 0.9])
@@ -85,7 +85,7 @@ def test_the_time_line_marks_each_kind_where_it_was_counted() -> None:
 
 
 def test_a_flight_without_trouble_says_so_without_a_figure() -> None:
-    assert link_figures.trouble(columns()) == ("0 late ticks, 0 lost frames, 0 refused frames, 0 safe stops.", None)
+    assert run_page.trouble(columns()) == ("0 late ticks, 0 lost frames, 0 refused frames, 0 safe stops.", None)
 
 
 def test_the_histograms_hold_every_tick() -> None:
@@ -95,11 +95,11 @@ def test_the_histograms_hold_every_tick() -> None:
     trips = random.lognormal(-0.7, 0.3, 1000)
     trips[10] = np.nan
     ticks = columns(begun_s=begun, round_trip_ms=trips)
-    said, html = link_figures.round_trip(ticks)
+    said, html = run_page.round_trip(ticks)
     assert said.startswith("Half of 999 replies took up to 0.")
     (figure,) = figures(str(html)).values()
     assert sum(filter(None, figure["panels"][0]["curves"][0]["values"])) == 999
-    said, html = link_figures.jitter(ticks)
+    said, html = run_page.jitter(ticks)
     assert "by up to 50" in said
     (figure,) = figures(str(html)).values()
     counts = figure["panels"][0]["curves"][0]["values"]
@@ -111,7 +111,7 @@ def test_no_bar_of_a_logarithmic_axis_is_at_zero() -> None:
     """The page's ticks of such an axis never ended, where round trips of microseconds and of seconds met."""
     trips = np.append(np.full(999, 0.5), 2e4)
     trips[0] = 1e-4
-    (figure,) = figures(str(link_figures.round_trip(columns(round_trip_ms=trips))[1])).values()
+    (figure,) = figures(str(run_page.round_trip(columns(round_trip_ms=trips))[1])).values()
     bars = np.array(figure["x"]["values"])
     assert 0 < bars[0] < 2e-3
     assert np.all(np.diff(np.log(bars)) > 0)
@@ -119,5 +119,5 @@ def test_no_bar_of_a_logarithmic_axis_is_at_zero() -> None:
 
 def test_one_tick_and_no_reply_have_no_histogram() -> None:
     ticks = columns(1, round_trip_ms=np.array([np.nan]))
-    assert link_figures.round_trip(ticks) == ("No reply came.", None)
-    assert link_figures.jitter(ticks)[1] is None
+    assert run_page.round_trip(ticks) == ("No reply came.", None)
+    assert run_page.jitter(ticks)[1] is None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from brickpilot.data.ils import pooled, signal_error
+from brickpilot.data.agreement import pooled, signal_error
 
 
 def test_ils_is_the_trapezoidal_integral_on_irregular_times():

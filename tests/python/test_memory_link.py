@@ -14,7 +14,7 @@ from brickpilot.hil.ends import Ends
 from brickpilot.link.session import LOCKSTEP
 from brickpilot.vehicle import flight, flight_figures
 from brickpilot.vehicle import scenario_flight as simulated
-from brickpilot.vehicle.faults import Fault
+from brickpilot.vehicle.scenario import Fault
 
 
 def planned(*faults: Fault, seconds: float = 6.0) -> flight.Plan:

@@ -11,7 +11,7 @@ from brickpilot.campaign import file as campaign_file
 from brickpilot.errors import InputError
 from brickpilot.firmware import boards, robot
 from brickpilot.vehicle import compensation, gains, model, scenario
-from brickpilot.vehicle.c_text import comment
+from brickpilot.vehicle.fixed_point import comment
 
 ROOT = Path(__file__).parents[2]
 CODE = "x*/__attribute__((constructor))static void planted(void){}/*"

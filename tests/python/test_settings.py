@@ -34,17 +34,14 @@ NAMED = {
     "firmware/robot.py",  # the rules by which the gains of another robot follow, and the cruise speed that they use
     "firmware/params_header.py",  # the floor that the range of a battery depends on, and checks of defaults
     "vehicle/setting_defaults.py",  # defaults that follow from other values
-    "gen/controllers_header.py",  # those that the reference controller in floating point has not
+    "gen/value_headers.py",  # those that the reference controller in floating point has not
     "hil/fly.py",  # what a flight needs
     "public/flights.py",  # an argument of the same name
     "public/making.py",  # the cruise speed that the image has
-    "tune/robot_task.py",  # a scenario's cruise
-    "tune/space.py",  # the gains that are tuned, and how far
+    "tune/task.py",  # a scenario's cruise, and the gains that are tuned, and how far
     "vehicle/gains.py",  # pairs of gains of which one may not be above the other
     "vehicle/flight.py",  # a scenario's cruise
-    "vehicle/compensation.py",  # the reserve, which depends on the robot's own battery
-    "vehicle/compensation_limits.py",  # the gains that the firmware has in any case
-    "vehicle/compensation_values.py",  # the equations of the compensation
+    "vehicle/compensation.py",  # the equations, the gains in any case, and the reserve by the robot's own battery
     "constants.py",  # reads the value of one from the vehicle file
 }
 

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 import tuned
 from brickpilot.campaign import workers
-from brickpilot.tune import cma, flying, space
 from brickpilot.tune import judge as judging
+from brickpilot.tune import task, tuner
 from brickpilot.tune import task as problems
 from brickpilot.tune.judge import JUDGE, judge, rate
 from brickpilot.tune.page import page, sentence
@@ -52,7 +52,7 @@ def test_a_poor_start_is_made_good_for_robots_that_the_search_has_not_flown(poor
 def test_the_same_seed_gives_the_same_gains_on_processes_and_another_seed_others(
     poor: tuned.Tuned, tmp_path: Path
 ) -> None:
-    options = {"robots": tuned.ROBOTS, "judges": 20, "budget": cma.Budget(11, None), "show": lambda *_: None}
+    options = {"robots": tuned.ROBOTS, "judges": 20, "budget": tuner.Budget(11, None), "show": lambda *_: None}
     firmware = {**defaults("coupled"), **poor.problem.start}
     here, there = (tune(poor.problem, firmware, who, **options) for who in (tuned.Here(), workers.local(2)))
     assert to_json(here) == to_json(there)
@@ -62,19 +62,19 @@ def test_the_same_seed_gives_the_same_gains_on_processes_and_another_seed_others
 
 def test_all_sets_of_a_generation_are_flown_by_the_same_robots_and_the_next_by_others(tmp_path: Path) -> None:
     given = tuned.ready(tmp_path).problem
-    with flying.flyer(given, tuned.Here(), lambda _: None) as fly:
-        one, other = fly.fly([given.start, given.start], cma.SEARCH, range(10))
+    with tuner.flyer(given, tuned.Here(), lambda _: None) as fly:
+        one, other = fly.fly([given.start, given.start], tuner.SEARCH, range(10))
         assert one == other
         assert len(set(one)) == 10
-        assert not set(fly.fly([given.start], cma.SEARCH, range(10, 20))[0]) & set(one)
+        assert not set(fly.fly([given.start], tuner.SEARCH, range(10, 20))[0]) & set(one)
         assert not set(fly.fly([given.start], JUDGE, range(10))[0]) & set(one)
-        assert fly.fly([given.start], cma.SEARCH, [3])[0] == one[3:4]
+        assert fly.fly([given.start], tuner.SEARCH, [3])[0] == one[3:4]
 
 
 def test_gains_that_are_not_better_are_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     given = tuned.ready(tmp_path)
     worse = {**given.problem.start, "heading_kp": 90, "heading_ki": 0, "pivot": 15000}
-    monkeypatch.setattr("brickpilot.tune.tuner.search", lambda *_: cma.Searched(worse, ()))
+    monkeypatch.setattr("brickpilot.tune.tuner.search", lambda *_: tuner.Searched(worse, ()))
     kept = tune(
         given.problem, given.firmware, tuned.Here(), robots=4, judges=20, budget=tuned.BUDGET, show=lambda *_: None
     )
@@ -112,7 +112,7 @@ def test_the_resamples_have_random_numbers_that_no_robot_has(monkeypatch: pytest
     judge([GOOD, BAD, GOOD, GOOD], [GOOD, GOOD, BAD, GOOD], BY, 5)
     of_robots = {
         np.random.default_rng(np.random.SeedSequence(5, spawn_key=(stream, place))).random()
-        for stream in (cma.SEARCH, SCALE, JUDGE)
+        for stream in (tuner.SEARCH, SCALE, JUDGE)
         for place in range(100)
     }
     assert seen
@@ -146,9 +146,9 @@ def test_success_comes_first_in_the_score() -> None:
 
 def test_the_space_holds_raw_integers_in_their_ranges_and_no_pair_in_contradiction() -> None:
     firmware = dict(defaults("coupled"))
-    start = {name: firmware[name] for name in space.TUNED}
+    start = {name: firmware[name] for name in task.TUNED}
     start |= {"speed_kp": 0, "heading_ki": 32767}
-    around = space.around(start, firmware)
+    around = task.around(start, firmware)
     assert around.raw(around.coordinates(start)) == start
     random = np.random.default_rng(0)
     low, high = around.bounds()

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from brickpilot.data import reading
 from brickpilot.data.audit.audit import Fault
+from brickpilot.data.dataset import own_unit
 from brickpilot.data.gap import Gap
-from brickpilot.data.own_units import own_unit
 from brickpilot.discover.finding import Effect, Parameter, Whiteness
 from brickpilot.discover.pipeline import discover
 from brickpilot.fit.calibration import calibrate

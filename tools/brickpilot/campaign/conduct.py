@@ -23,7 +23,7 @@ from brickpilot.data.whole_files import write_whole
 from brickpilot.errors import InputError
 from brickpilot.report import campaign_page
 from brickpilot.report.campaign_page import Histogram, Scatter
-from brickpilot.vehicle import flight, flight_checks, flight_figures
+from brickpilot.vehicle import flight, flight_figures
 
 TABLE, SUMMARY, PAGE = "runs.parquet", "summary.json", "report.html"
 
@@ -99,7 +99,7 @@ def replay(campaign: Campaign, index: int) -> Replayed:
     else:
         flown = flight.fly(run.plan)
         found = Replayed(given, flown, flight_figures.summary(flown), None)
-    found.figures["failure"] = flight_checks.failure(found.figures)
+    found.figures["failure"] = flight_figures.failure(found.figures)
     return found
 
 

@@ -59,10 +59,9 @@ from brickpilot.data.toml_file import TomlFile
 from brickpilot.errors import InputError
 from brickpilot.vehicle import compensation, gains, model, scenario
 from brickpilot.vehicle.compensation import Compensation
-from brickpilot.vehicle.faults import Fault
 from brickpilot.vehicle.gains import Gains
 from brickpilot.vehicle.model import Model
-from brickpilot.vehicle.scenario import Scenario
+from brickpilot.vehicle.scenario import Fault, Scenario
 
 COUNTS = {
     "monte_carlo": "runs", "latin_hypercube": "runs", "sobol": "runs", "grid": "repeats", "saltelli": "samples",

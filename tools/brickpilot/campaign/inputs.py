@@ -13,8 +13,7 @@ from brickpilot.campaign import variables
 from brickpilot.campaign.variables import ON, Distribution, Range, Value
 from brickpilot.compiled import interface
 from brickpilot.data.toml_file import Key, TomlFile
-from brickpilot.vehicle import faults as scenario_faults
-from brickpilot.vehicle.faults import Fault
+from brickpilot.vehicle.scenario import Fault, parse_faults
 from brickpilot.vehicle.settings import settings
 
 CHANCE = "chance"
@@ -158,7 +157,7 @@ def faults(toml: TomlFile, duration: float) -> tuple[dict[str, Fault], list[Inpu
                 law = found[-1].distribution
                 table[number] = _latest(law) if number == "from_s" else _earliest(law)
         fixed.append(table)
-    made = scenario_faults.parse(toml, fixed, duration)
+    made = parse_faults(toml, fixed, duration)
     return {_name(name): fault for name, fault in zip(names, made, strict=True)}, found
 
 

@@ -22,8 +22,8 @@ from brickpilot.compiled import interface
 from brickpilot.constants import RCX
 from brickpilot.data.toml_file import Key, TomlFile
 from brickpilot.vehicle import gains, setting_defaults
-from brickpilot.vehicle.faults import AVR_KINDS, KINDS, Fault
 from brickpilot.vehicle.flight import Plan
+from brickpilot.vehicle.scenario import AVR_KINDS, FAULT_KINDS, Fault
 from brickpilot.vehicle.settings import settings
 
 Array = NDArray[np.float64]
@@ -185,7 +185,7 @@ Drawn = Mapping[str, Value]
 ON = "on"
 """The last word of the input that says whether a run has an effect or a fault."""
 
-LINK_KINDS = tuple(kind for kind in KINDS if kind not in AVR_KINDS)
+LINK_KINDS = tuple(kind for kind in FAULT_KINDS if kind not in AVR_KINDS)
 """The faults that a campaign can have."""
 
 _AXES = {"accel": "m/s^2", "gyro": "rad/s"}

@@ -34,7 +34,7 @@ def changed(
     """
     from brickpilot.importers.mapping import parse_nominal
     from brickpilot.public import logs as public
-    from brickpilot.report import changed_text
+    from brickpilot.report import changed_page
 
     folder = Path(out) if out else Path("runs") / f"changed-{Path(after[-1]).stem}"
     words = [*(["--vehicle", vehicle] if vehicle else []), *(["--frame", frame] if frame else [])]
@@ -50,6 +50,6 @@ def changed(
     if as_json:
         click.echo(json.dumps(found.to_dict(), allow_nan=False))
         return
-    for line in changed_text.lines(found):
+    for line in changed_page.lines(found):
         click.echo(line)
     click.echo(f"page: {folder / 'changed.html'}")

@@ -12,7 +12,7 @@ import click
 from brickpilot.cli.completion import model_files, scenario_names
 from brickpilot.cli.terminal import as_json
 from brickpilot.errors import WorkFailedError
-from brickpilot.report.mission_lines import figure_lines, waypoint_lines
+from brickpilot.report.flight_text import figure_lines, waypoint_lines
 
 
 @click.command()

@@ -19,7 +19,7 @@ from brickpilot.cli.settings_table import setting_lines
 from brickpilot.cli.terminal import as_json, settings_of
 from brickpilot.constants import STEP_S
 from brickpilot.errors import InputError, SimulationError, WorkFailedError
-from brickpilot.report.mission_lines import figure_lines, link_lines, waypoint_lines
+from brickpilot.report.flight_text import figure_lines, link_lines, waypoint_lines
 
 if TYPE_CHECKING:
     from brickpilot.hil.linked_flight import Progress

@@ -12,7 +12,7 @@ import click
 from brickpilot.cli.flight_request import flight_options
 from brickpilot.cli.terminal import as_json
 from brickpilot.errors import WorkFailedError
-from brickpilot.report.mission_lines import figure_lines, waypoint_lines
+from brickpilot.report.flight_text import figure_lines, waypoint_lines
 
 if TYPE_CHECKING:
     from brickpilot.public.doors import FlightRequest

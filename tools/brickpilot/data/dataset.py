@@ -1,11 +1,13 @@
 """A data set in the program's form: runs in SI and in the paper's frame (x forward, y right, clockwise positive).
 
 `reading` makes one of a folder of files, or of DataFrames.
+
+Results are shown in the unit, the frame and the sign in which the data set states its signals.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -17,7 +19,7 @@ from scipy.ndimage import median_filter
 from brickpilot import catalogue
 from brickpilot.data.nominal import Nominal
 from brickpilot.data.shown import Result
-from brickpilot.data.signals import Frame, Vehicle, input_names, of_motors, to_frd
+from brickpilot.data.signals import SIGNALS, TURNS_WITH_FRAME, Frame, Vehicle, input_names, of_motors, to_frd
 from brickpilot.errors import InputError
 
 if TYPE_CHECKING:
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
     from brickpilot.data.description import Role, Signal
     from brickpilot.data.frames import Column
     from brickpilot.data.input_timing import InputTiming
+
 
 __all__ = ["PRESET_BATTERY_VOLTAGE", "Dataset", "Nominal", "Run", "battery", "motor_inputs"]
 
@@ -296,3 +299,51 @@ def battery(run: Run, dataset: Dataset) -> tuple[Vector, int]:
         return np.where(dropout, level, filled), int(np.count_nonzero(dropout & known))
     nominal = dataset.nominal.get("battery_voltage")
     return np.full(run.time.size, PRESET_BATTERY_VOLTAGE if nominal is None else nominal.value), 0
+
+
+FRAME_WORDS = {
+    "FLU": "x forward, y to the left, yaw counter-clockwise positive",
+    "FRD": "x forward, y to the right, yaw clockwise positive",
+}
+
+
+@dataclass(frozen=True)
+class OwnUnit:
+    """How a data set states one signal.
+
+    Attributes:
+        unit: as the data set names it.
+        per_si: how many of it are one SI unit, above 0.
+        sign: -1 if the data set's frame reverses the signal, else 1.
+    """
+
+    unit: str
+    per_si: float = 1.0
+    sign: float = 1.0
+
+    def value(self, si: float) -> float:
+        """Returns a value in SI and the paper's frame as the data set would state it."""
+        return self.sign * self.per_si * si
+
+    def size(self, si: float) -> float:
+        """Returns a size without a sign, such as an rms."""
+        return self.per_si * si
+
+
+def own_units(dataset: Dataset, signals: Iterable[str]) -> dict[str, OwnUnit]:
+    """Returns signal -> how the data set states it; a signal that it does not state, such as a rate, is in SI."""
+    return {name: own_unit(dataset, name) for name in signals}
+
+
+def own_unit(dataset: Dataset, signal: str) -> OwnUnit:
+    """Returns how the data set states a signal. If it writes the SI unit in another way, this is kept."""
+    stated = dataset.signals.get(signal)
+    sign = -1.0 if dataset.frame == "FLU" and signal in TURNS_WITH_FRAME else 1.0
+    if stated is None or stated.to_si == 1.0:
+        return OwnUnit(SIGNALS[signal].unit, 1.0, sign)
+    return OwnUnit(stated.unit, 1 / stated.to_si, sign)
+
+
+def frame_text(dataset: Dataset) -> str:
+    """Returns the frame of a data set in words; empty for a motor, which has none."""
+    return "" if dataset.vehicle == "motor" else f"{dataset.frame}: {FRAME_WORDS[dataset.frame]}"

@@ -17,7 +17,7 @@ from brickpilot.constants import STEP_S
 from brickpilot.errors import InputError, WorkFailedError
 from brickpilot.firmware import params_header
 from brickpilot.firmware.robot import Robot
-from brickpilot.vehicle.c_text import comment
+from brickpilot.vehicle.fixed_point import comment
 from brickpilot.vehicle.scenario import Scenario
 
 Figures = dict[str, int]

@@ -16,9 +16,8 @@ from brickpilot import catalogue
 from brickpilot.errors import InputError
 from brickpilot.firmware import robot
 from brickpilot.firmware.robot import Place, Robot
-from brickpilot.vehicle.c_text import initialiser
 from brickpilot.vehicle.coefficients import PROFILES, VOLTAGE_LIMIT, WHEEL_SPEED_LIMIT, pose, wheel_speed_per_volt
-from brickpilot.vehicle.quantise import QuantisationError, integer
+from brickpilot.vehicle.fixed_point import QuantisationError, initialiser, integer
 from brickpilot.vehicle.setting_defaults import constants, default, plain
 from brickpilot.vehicle.settings import Setting, settings
 

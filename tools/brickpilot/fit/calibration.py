@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.data.dataset import Dataset, Nominal
-from brickpilot.data.own_units import OwnUnit, frame_text, own_units
+from brickpilot.data.dataset import Dataset, Nominal, OwnUnit, frame_text, own_units
 from brickpilot.data.shown import Result
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.fit import descent

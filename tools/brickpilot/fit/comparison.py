@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from brickpilot.data.dataset import Dataset
+from brickpilot.data.agreement import SignalError, signal_error
+from brickpilot.data.dataset import Dataset, OwnUnit, frame_text, own_units
 from brickpilot.data.holdout import enough_to_fit
-from brickpilot.data.ils import SignalError, signal_error
 from brickpilot.data.motion import MOTOR_RATE_OF
-from brickpilot.data.own_units import OwnUnit, frame_text, own_units
 from brickpilot.data.shown import Result
 from brickpilot.data.signals import SUMMED
 from brickpilot.errors import InputError

@@ -30,7 +30,7 @@ from brickpilot.hil.linked_flight import LinkedFlight, Progress
 from brickpilot.link.links import Link, Message, decode_frame, encode_frame
 from brickpilot.link.session import REALTIME
 from brickpilot.vehicle import flight
-from brickpilot.vehicle.faults import AVR_KINDS, MESSAGE_KINDS, Fault
+from brickpilot.vehicle.scenario import AVR_KINDS, MESSAGE_KINDS, Fault
 
 REPLY_S = 2.0
 """Simulated time for a reply."""

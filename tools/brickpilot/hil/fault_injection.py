@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from brickpilot.link.links import Link, Message, WrappedLink
-from brickpilot.vehicle.faults import MESSAGE_KINDS, Fault
+from brickpilot.vehicle.scenario import MESSAGE_KINDS, Fault
 
 HELD_FOR = 20
 """The number of messages that overtake a delayed one."""

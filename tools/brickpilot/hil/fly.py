@@ -28,9 +28,9 @@ from brickpilot.hil.plant_end import PlantEnd, open_plant
 from brickpilot.link.links import LinkGoneError, Message
 from brickpilot.link.session import LOCKSTEP, REALTIME, NoReplyError, Session
 from brickpilot.vehicle import flight
-from brickpilot.vehicle.faults import AVR_KINDS
 from brickpilot.vehicle.flight import Plan
 from brickpilot.vehicle.gains import check_pairs
+from brickpilot.vehicle.scenario import AVR_KINDS
 from brickpilot.vehicle.settings import settings as known_settings
 
 TRIES = 4

@@ -23,8 +23,8 @@ from brickpilot.hil.traffic_log import RecordingLink
 from brickpilot.link.links import Link
 from brickpilot.link.session import LOCKSTEP, REALTIME
 from brickpilot.public.doors import FlightRequest, Made, whole
-from brickpilot.report import junit, link_figures, run_folder, run_page
-from brickpilot.vehicle import flight_checks, flight_figures
+from brickpilot.report import flight_text, run_folder, run_page
+from brickpilot.vehicle import flight_figures
 from brickpilot.vehicle.flight import Plan
 from brickpilot.vehicle.settings import named
 
@@ -168,14 +168,14 @@ def fly_over(request: FlightRequest, session: Session, out: Path | None, progres
     try:
         flown = (_fly_on_simavr if session.avr else _fly_over_the_link)(plan, session, progress)
     except (InputError, SimulationError) as error:
-        _write_junit(session, junit.text_of_error(plan.scenario.name, str(error), command))
+        _write_junit(session, flight_text.junit_of_error(plan.scenario.name, str(error), command))
         raise
     figures = _figures(flown, session) | {"realtime_priority": priority}
-    failure = figures["failure"] = flight_checks.failure(figures)
+    failure = figures["failure"] = flight_figures.failure(figures)
     ticks = flown.ticks.columns()
-    shown = link_figures.shown(ticks, realtime=not session.lockstep, replies=not session.avr)
+    shown = run_page.link_figures(ticks, realtime=not session.lockstep, replies=not session.avr)
     run_folder.write(flown.flight, figures, run_page.page(flown.flight, figures, command, shown), folder, ticks)
-    _write_junit(session, junit.text(plan.scenario.name, flight_checks.checks(figures), command))
+    _write_junit(session, flight_text.junit_text(plan.scenario.name, flight_figures.checks(figures), command))
     return Made(folder, failure or f"{plan.scenario.title or plan.scenario.name} is flown", figures)
 
 

@@ -25,14 +25,12 @@ from brickpilot.fit import calibration
 from brickpilot.fit.descent import Progress
 from brickpilot.public.doors import Made, jobs_of, model_of, seed_of, whole
 from brickpilot.report import campaign_page, run_folder, run_page
-from brickpilot.report.mission_lines import waypoint_lines
+from brickpilot.report.flight_text import waypoint_lines
 from brickpilot.report.template import render_plain
 from brickpilot.tune import page as tune_page
-from brickpilot.tune import robot_task as tuned_robot
-from brickpilot.tune import tuner
-from brickpilot.tune.cma import Budget
-from brickpilot.tune.tuner import Tuned
-from brickpilot.vehicle import flight_checks, flight_figures, scenario
+from brickpilot.tune import task, tuner
+from brickpilot.tune.tuner import Budget, Tuned
+from brickpilot.vehicle import flight_figures, scenario
 from brickpilot.vehicle import gains as gains_file
 from brickpilot.vehicle import model as model_file
 from brickpilot.vehicle.gains import Gains
@@ -116,7 +114,7 @@ def tune(
     show = progress or _silent
     with run_folder.fresh_folder(folder, _TUNE_FILES) as beside:
         file = Path(model) if model is not None else _calibrated(Path(str(dataset)), beside, seed, show)
-        ready = tuned_robot.problem(file, board, sensors, None if scenario is None else str(scenario), SD_SHARE, seed)
+        ready = task.problem(file, board, sensors, None if scenario is None else str(scenario), SD_SHARE, seed)
         total = tuner.SCALE_ROBOTS + 2 * judges + (spent.sets or 0) * robots
         said = {"scale": "flying the start", "search": "searching", "judge": "judging"}
         tuned = tuner.tune(
@@ -217,7 +215,7 @@ def _fly_image(model_file: str, order: Order, folder: Path) -> str | None:
 def _firmware_figures(order: Order, made: Built) -> dict[str, Any]:
     flight = flight_figures.summary(made.flown.flight)
     flight["cruise_m_s"] = order.robot.value("controller", "coupled", "cruise")
-    flight["failure"] = flight_checks.failure(flight)
+    flight["failure"] = flight_figures.failure(flight)
     return {
         "robot": order.robot.model.name,
         "board": order.board.name,

@@ -14,9 +14,8 @@ from threadpoolctl import threadpool_limits
 
 from brickpilot.data import facts
 from brickpilot.data.audit.fault import Fault
-from brickpilot.data.dataset import Dataset, motor_inputs
+from brickpilot.data.dataset import Dataset, OwnUnit, motor_inputs, own_units
 from brickpilot.data.holdout import enough_to_fit
-from brickpilot.data.own_units import OwnUnit, own_units
 from brickpilot.data.shown import Result, valid
 from brickpilot.discover.deadline import estimate
 from brickpilot.discover.evidence import Judge

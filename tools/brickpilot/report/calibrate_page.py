@@ -5,7 +5,7 @@ from __future__ import annotations
 from markupsafe import Markup
 
 from brickpilot import catalogue
-from brickpilot.data.own_units import OwnUnit
+from brickpilot.data.dataset import OwnUnit
 from brickpilot.fit.calibration import Calibration, Gap
 from brickpilot.report import discover_plots, headline_text
 from brickpilot.report.discover_plots import measured

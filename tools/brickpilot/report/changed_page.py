@@ -1,17 +1,118 @@
-"""The page of `changed`: what is different, how well the old model follows, and what each recording tells alone."""
+"""The answer of `brickpilot changed`, as text and as a page.
+
+It says what changed, how sure that is, since when, how well the old model follows, and what to do.
+"""
 
 from __future__ import annotations
 
-from brickpilot.changed.change import Changed, Constant, Trace
+from dataclasses import dataclass
+
+from brickpilot.changed.change import Change, Changed, Constant, FitPercent, Trace, subject
 from brickpilot.changed.what_changed import BEFORE
 from brickpilot.data.signals import SIGNALS
-from brickpilot.report import changed_text, discover_plots
+from brickpilot.report import discover_plots, headline_text
 from brickpilot.report.discover_plots import measured
-from brickpilot.report.discover_text import say
+from brickpilot.report.discover_text import listed, say
 from brickpilot.report.plot import Curve, points_for
-from brickpilot.report.quantities import percent, quantity
+from brickpilot.report.quantities import fit_text, percent, quantity
 from brickpilot.report.template import render
 from brickpilot.report.user_terms import told
+
+_NOTHING = "Nothing changed beyond what two recordings of one state differ by."
+_NO_NEED = (
+    "One explanation of both recordings, without a difference, predicts what it was not fitted to as well as any."
+)
+_UNKNOWN = "Something is different that nothing here explains."
+
+
+@dataclass(frozen=True)
+class Said:
+    """What is said of one later recording, in sentences.
+
+    Attributes:
+        todo: what to do, the first thing first.
+    """
+
+    recording: str
+    what: str
+    sure: str
+    todo: tuple[str, ...]
+
+
+def said(found: Changed) -> list[Said]:
+    """Returns what is said of each later recording, in the words of its vehicle."""
+    return [_told(found, _of(found, name)) for name in found.after]
+
+
+def _told(found: Changed, one: Said) -> Said:
+    what, sure, todo = told(found.dataset, (one.what, one.sure, one.todo))
+    return Said(one.recording, what, sure, todo)
+
+
+def _of(found: Changed, name: str) -> Said:
+    changes = [one for one in found.changes if one.recording == name]
+    verdict, step = found.verdicts[name], found.steps[name][-1]
+    if verdict == "nothing":
+        why = step.why if step.stage == "runs" else _NO_NEED
+        return Said(name, _NOTHING, why, ("Go on: there is nothing to repair.",))
+    if verdict == "unknown":
+        ask = f"brickpilot why on {name} alone names what its simulation lacks."
+        return Said(name, _UNKNOWN, step.why, (ask,))
+    return Said(
+        name,
+        f"{_capital('; '.join(sentence(one) for one in changes))}{_since(changes[0])}.",
+        _sure(changes, ambiguous=verdict == "ambiguous"),
+        tuple(dict.fromkeys(one.advice for one in changes if one.advice)),
+    )
+
+
+def sentence(one: Change) -> str:
+    """Returns a change with its values: "dry friction rose by 40 % (38 to 43 %), from 0.30 to 0.42 V"."""
+    if one.before == 0 or one.after == 0 or one.percent is None:
+        return one.words
+    return f"{one.words}, from {quantity(one.before, one.unit)} to {quantity(one.after, one.unit)}"
+
+
+def _since(one: Change) -> str:
+    if one.since is None:
+        return ""
+    low, high = one.since.ci95
+    return f", since {one.since.at_s:.1f} s of {one.since.run} ({low:.1f} to {high:.1f} s)"
+
+
+def _sure(changes: list[Change], *, ambiguous: bool) -> str:
+    if not ambiguous:
+        weight = percent(min(one.weight for one in changes))
+        return f"No other explanation is left: this one holds {weight} of the weight."
+    rivals = [" and ".join(subject(name) for name in rival) or "nothing" for rival in changes[0].rivals]
+    held = listed([f"{subject(one.parameter)} in {percent(one.weight)}" for one in changes])
+    return f"By weight, the possible explanations contain {held}. Another explanation is {listed(rivals, 'or')}."
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def fit_rows(found: Changed, name: str) -> list[tuple[str, str, str, str]]:
+    """Returns for each signal what the old model explains before and after, and what is explained now."""
+    return [(say(signal), *_cells(one)) for signal, one in found.fits[name].items()]
+
+
+def _cells(one: FitPercent) -> tuple[str, str, str]:
+    return fit_text(one.old_model_before), fit_text(one.old_model_after), fit_text(one.explained_after)
+
+
+def lines(found: Changed) -> list[str]:
+    """Returns the lines for a terminal."""
+    made: list[str] = []
+    for one in said(found):
+        if len(found.after) > 1:
+            made.append(f"{one.recording}:")
+        made += [f"what changed: {one.what}", f"how sure: {one.sure}", f"what to do: {' '.join(one.todo)}"]
+        made.append(f"{'signal':28}{'old model, before':>20}{'old model, after':>20}{'with the change':>20}")
+        rows = fit_rows(found, one.recording)
+        made += ["".join([f"{row[0]:28}", *(f"{cell:>20}" for cell in row[1:])]) for row in rows]
+    return [headline_text.plain(line) for line in made]
 
 
 def page(found: Changed, command: str) -> str:
@@ -27,13 +128,13 @@ def page(found: Changed, command: str) -> str:
     return render(
         "changed",
         title=f"{', '.join(found.after)}: what changed since {found.before}",
-        said=changed_text.said(found),
+        said=said(found),
         several=len(found.after) > 1,
-        fits={name: changed_text.fit_rows(found, name) for name in found.after},
+        fits={name: fit_rows(found, name) for name in found.after},
         changes=[
             (
                 one.recording,
-                told(found.dataset, changed_text.sentence(one)),
+                told(found.dataset, sentence(one)),
                 one.mechanism,
                 str(quantity(one.change.value, one.unit, one.change.ci95)),
                 percent(one.weight),

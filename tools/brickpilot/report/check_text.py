@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from brickpilot.data.own_units import FRAME_WORDS
+from brickpilot.data.dataset import FRAME_WORDS
 from brickpilot.discover.deadline import Span
 from brickpilot.discover.finding import Visible
 from brickpilot.fit.uncertainty import Estimate

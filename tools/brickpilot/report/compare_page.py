@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from markupsafe import Markup
 
 from brickpilot import catalogue
-from brickpilot.data.own_units import OwnUnit
+from brickpilot.data.dataset import OwnUnit
 from brickpilot.fit.comparison import Comparison, RunComparison, Trace
 from brickpilot.report import discover_plots, headline_text
 from brickpilot.report.discover_plots import measured

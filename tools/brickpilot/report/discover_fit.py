@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from brickpilot.data.agreement import mean_fit
-from brickpilot.data.own_units import OwnUnit, own_unit
+from brickpilot.data.dataset import OwnUnit, own_unit
 from brickpilot.discover.finding import Finding
 from brickpilot.discover.yardstick import Fit, Predictable, SignalFit
 from brickpilot.report import discover_plots

@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.data.dataset import Run
+from brickpilot.data.dataset import Run, own_unit
 from brickpilot.data.gap import Place, residual
 from brickpilot.data.motion import measured_rates
-from brickpilot.data.own_units import own_unit
 from brickpilot.data.signals import SUMMED
 from brickpilot.discover.finding import Finding
 from brickpilot.report.discover_plots import measured, superimposed

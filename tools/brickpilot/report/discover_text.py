@@ -78,11 +78,11 @@ def gap_change(before: float | None, after: float | None) -> str:
 
 def sizes(parameters: Mapping[str, Parameter]) -> str:
     """Returns the values of an effect in a row; a single value stands without its name."""
-    shown = {name: str(shown_size(one)) for name, one in parameters.items()}
+    shown = {name: str(shown_parameter(one)) for name, one in parameters.items()}
     return next(iter(shown.values())) if len(shown) == 1 else listed([f"{say(k)} {v}" for k, v in shown.items()])
 
 
-def shown_size(one: Parameter) -> Shown:
+def shown_parameter(one: Parameter) -> Shown:
     """Returns a size with its interval: in the parameter's own unit, or in the form that the data identify."""
     _, known = known_size("", one)
     return quantity(known.value, known.unit, known.ci95)

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from brickpilot.data.agreement import Agreement
-from brickpilot.data.own_units import OwnUnit
+from brickpilot.data.dataset import OwnUnit
 from brickpilot.report.quantities import DASH, fit_number, fit_text, quantity
 from brickpilot.vehicle.headline import FREE_RUN, ROLES, Headline
 

@@ -13,7 +13,7 @@ from brickpilot.discover.finding import Finding
 from brickpilot.fit.calibration import Calibration
 from brickpilot.fit.comparison import Comparison
 from brickpilot.readiness.data_check import Check
-from brickpilot.report import changed_text, check_text, discover_text, headline_text
+from brickpilot.report import changed_page, check_text, discover_text, headline_text
 from brickpilot.report.quantities import DASH, fit_text, number
 from brickpilot.report.template import render
 from brickpilot.report.why_page import Why
@@ -61,7 +61,7 @@ def _words(result: Result) -> tuple[str, list[str]]:
         return f"{result.finding.dataset.name}: why", [found.what, found.sure, *found.todo]
     if isinstance(result, Changed):
         title = f"{', '.join(result.after)}: what changed since {result.before}"
-        return title, [text for one in changed_text.said(result) for text in (one.what, one.sure, *one.todo)]
+        return title, [text for one in changed_page.said(result) for text in (one.what, one.sure, *one.todo)]
     if isinstance(result, Flown):
         return f"{result.flight.plan.scenario.name}: flown", [] if result.failure is None else [result.failure]
     if isinstance(result, Dataset):

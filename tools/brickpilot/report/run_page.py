@@ -1,16 +1,34 @@
-"""The page of a flight: its track, which can be played, its signals, and the signals inside the controller."""
+"""The page of a flight: its track, which can be played, its signals, and the signals inside the controller.
+
+A track, seen from above, is drawn and played by `track.js`. The figures of a flight over a link show how long replies
+took, how punctual ticks were, and what went wrong when.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from brickpilot.report.plot import Colour, Curve, Figure, Panel, to_html
+from brickpilot.constants import STEP_S
+from brickpilot.report.plot import (
+    ACROSS,
+    MOST_POINTS,
+    UP,
+    Colour,
+    Curve,
+    Figure,
+    Panel,
+    compact,
+    element,
+    thin,
+    to_html,
+)
+from brickpilot.report.quantities import plain
 from brickpilot.report.template import render
-from brickpilot.report.track import track_to_html
 from brickpilot.vehicle.flight import Flight
 
 PHASES = ("begin", "brake", "turn", "drive", "end")
@@ -166,3 +184,127 @@ def page(flight: Flight, figures: dict[str, Any], command: str, link: dict[str, 
         command=command,
         link=link,
     )
+
+
+def track_to_html(
+    time: Array,
+    heading: Array,
+    lines: Sequence[Curve],
+    circles: Sequence[tuple[float, float, float, bool]],
+    *,
+    link: str,
+    title: str = "track over the waypoints, seen from above",
+) -> Markup:
+    """Returns a track, seen from above, as an element of a page that can be played.
+
+    Args:
+        time, heading: of the run, (n,): s, and rad clockwise from straight up.
+        lines: (2, n) each: to the right, then up, m. The first one is played, and has the samples of `time`.
+        circles: the waypoints: place to the right and up, radius, m, and whether it was reached.
+        link, title: see `Figure`.
+    """
+    kept = thin(np.concatenate([one.values for one in lines if one.values.shape[1] == len(time)]), MOST_POINTS)
+    spec = {
+        "track": True,
+        "link": link,
+        "label": "seen from above: x, forward at the start (m)",
+        "across": "y, to the right (m)",
+        "time": compact(time[kept], ACROSS),
+        "heading": compact(heading[kept], UP),
+        "lines": [_way(one, kept, len(time)) for one in lines],
+        "circles": [
+            {"name": str(number), "x": x, "y": y, "radius": radius, "reached": reached}
+            for number, (x, y, radius, reached) in enumerate(circles, 1)
+        ],
+    }
+    return element(spec, title, 400)
+
+
+def _way(one: Curve, kept: NDArray[np.intp], samples: int) -> dict[str, Any]:
+    played = one.values.shape[1] == samples
+    across, up = one.values[:, kept] if played else one.values
+    return {
+        "name": one.name,
+        "colour": one.colour,
+        "width": one.width,
+        "dash": [6, 4] if one.dashed else None,
+        "played": played,
+        "x": compact(across, UP),
+        "y": compact(up, UP),
+    }
+
+
+_BARS = 60
+_HEIGHT = 140
+_WIDEST = 99.5  # percentile of the jitter up to which bars stand; what lies beyond is in the outermost ones
+_KINDS: dict[str, tuple[str, Colour]] = {
+    "late_ticks": ("late tick", "orange"),
+    "lost_frames": ("lost frame", "blue"),
+    "refused_frames": ("refused frame", "purple"),
+    "safe_stops": ("safe stop", "green"),
+}
+
+
+def link_figures(ticks: Mapping[str, Array], *, realtime: bool, replies: bool = True) -> dict[str, Any]:
+    """Returns what the page shows of the ticks: figures with the sentences above them; a figure may be None.
+
+    Args:
+        ticks: the columns of ticks.csv, each (n,).
+        realtime: ticks follow a clock, so that they can be unpunctual.
+        replies: each set of readings gets a motor command; a brick with its own sensors and motors sends none.
+    """
+    return {
+        "trouble": trouble(ticks),
+        "round_trip": round_trip(ticks) if replies else None,
+        "jitter": jitter(ticks) if realtime else None,
+    }
+
+
+def trouble(ticks: Mapping[str, Array]) -> tuple[str, Markup | None]:
+    """Returns a time line of late ticks, lost and refused frames and safe stops."""
+    counts = {name: int(ticks[name].sum()) for name in _KINDS}
+    said = ", ".join(f"{count} {_KINDS[name][0]}{'' if count == 1 else 's'}" for name, count in counts.items())
+    if not any(counts.values()):
+        return f"{said}.", None
+    at = np.flatnonzero(sum(ticks[name] for name in _KINDS))
+    curves = [
+        Curve(words, np.where(ticks[name][at] > 0, float(row), np.nan), colour, shape="marks")
+        for row, (name, (words, colour)) in enumerate(_KINDS.items())
+    ]
+    panel = Panel("", "", curves, 26 * len(curves) + 10, rows=[words for words, _ in _KINDS.values()])
+    reach = (0.0, float(ticks["time_s"][-1]))
+    line = Figure(f"time line of the link: {said}", ticks["time_s"][at], [panel], link=LINK, reach=reach)
+    return f"{said}.", to_html(line)
+
+
+def round_trip(ticks: Mapping[str, Array]) -> tuple[str, Markup | None]:
+    """Returns the histogram of the times from sending the sensors' readings to the motor command."""
+    known = ticks["round_trip_ms"][np.isfinite(ticks["round_trip_ms"])]
+    if not len(known):
+        return "No reply came.", None
+    known = np.maximum(known, 1e-3)
+    edges = np.geomspace(known.min() / 1.05, known.max() * 1.05, _BARS + 1)
+    half, most, all_of_it = (plain(float(np.percentile(known, share)), 3) for share in (50, 99, 100))
+    said = f"Half of {len(known)} replies took up to {half} ms, 99 % up to {most} ms, and the slowest {all_of_it} ms"
+    return f"{said}.", _histogram(f"round trip: {said}", known, edges, "round trip", log=True)
+
+
+def jitter(ticks: Mapping[str, Array]) -> tuple[str, Markup | None]:
+    """Returns the histogram of how much longer than a step each period was."""
+    periods = 1e3 * (np.diff(ticks["begun_s"]) - STEP_S)
+    known = periods[np.isfinite(periods)]
+    if not len(known):
+        return "There is one tick alone.", None
+    far = max(float(np.percentile(np.abs(known), _WIDEST)), 1e-3)
+    sd, most = plain(float(np.std(known)), 3), plain(float(np.abs(known).max()), 3)
+    said = f"The period is {1e3 * STEP_S:g} ms; it differs by {sd} ms (standard deviation), and by up to {most} ms"
+    text = f"{said}. Periods beyond {plain(far, 3)} ms are in the outermost bars."
+    edges = np.linspace(-far, far, _BARS + 1)
+    return text, _histogram(f"jitter: {said}", np.clip(known, -far, far), edges, "period less its nominal value")
+
+
+def _histogram(title: str, values: Array, edges: Array, label: str, *, log: bool = False) -> Markup:
+    counts = np.histogram(values, edges)[0].astype(np.float64)
+    middle = np.sqrt(edges[:-1] * edges[1:]) if log else (edges[:-1] + edges[1:]) / 2
+    ticks = Curve("ticks", np.where(counts > 0, counts, np.nan), shape="bars")
+    return to_html(Figure(title, middle, [Panel("ticks", "", [ticks], _HEIGHT, log=True)], label, "ms", log=log))

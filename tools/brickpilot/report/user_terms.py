@@ -11,9 +11,8 @@ from typing import Any, TypeVar
 from markupsafe import Markup
 
 from brickpilot import catalogue
-from brickpilot.data.dataset import Dataset
+from brickpilot.data.dataset import FRAME_WORDS, Dataset, OwnUnit, frame_text, own_unit
 from brickpilot.data.nominal import turns_with_frame
-from brickpilot.data.own_units import FRAME_WORDS, OwnUnit, frame_text, own_unit
 from brickpilot.discover.finding import Effect, Finding, Parameter, Rank, Visible
 from brickpilot.report.quantities import in_words
 

@@ -14,8 +14,8 @@ from brickpilot.campaign import robots
 from brickpilot.report.discover_text import listed
 from brickpilot.report.plot import Colour, Curve, Figure, Panel, row_chart, to_html
 from brickpilot.report.quantities import number
+from brickpilot.report.run_page import track_to_html
 from brickpilot.report.template import render
-from brickpilot.report.track import track_to_html
 from brickpilot.tune.judge import JUDGE, Change, Rate
 from brickpilot.tune.task import Outcome, Raw, score
 from brickpilot.tune.tuner import Tuned

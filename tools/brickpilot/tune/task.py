@@ -1,4 +1,9 @@
-"""What is tuned: the controller of one robot, flown by the robots that the data allow on one mission."""
+"""What is tuned: the controller of one robot, flown by the robots that the data allow on one mission.
+
+The problem of one robot is its firmware as a user gets it today, its mission, and what the data allow of it. The search
+has one coordinate for each tuned gain. A coordinate is log(raw + offset): gains act by ratios, and with the offset a
+gain of 0 can grow. The search moves within a factor of the start and within the format, and scores the rounded integer.
+"""
 
 from __future__ import annotations
 
@@ -6,15 +11,90 @@ import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from brickpilot.campaign import flight_row, robots
 from brickpilot.campaign.robots import Allowed
+from brickpilot.errors import InputError
+from brickpilot.firmware import boards, robot, simulate
+from brickpilot.firmware.robot import Robot
 from brickpilot.firmware.simulate import ClosedLoop
-from brickpilot.vehicle import flight
-from brickpilot.vehicle.gains import Gains
+from brickpilot.vehicle import compensation, flight, scenario
+from brickpilot.vehicle import model as models
+from brickpilot.vehicle.gains import AT_MOST, Gains
+from brickpilot.vehicle.setting_defaults import constants, default, defaults
+from brickpilot.vehicle.settings import settings
+
+Array = NDArray[np.float64]
+
+PIDS = ("speed_kp", "speed_ki", "heading_kp", "heading_ki", "heading_kd", "feedforward")
+GUIDANCE = ("cruise", "decel", "bearing_hold", "pivot", "align")
+TUNED = PIDS + GUIDANCE
+"""The gains that are tuned: those of both PIDs, and those of the guidance along the line of sight."""
+
+FACTOR_PID, FACTOR_GUIDANCE = 10.0, 3.0
+"""How far a gain may leave the start, either way. Beyond it a loop is another loop, and a route is driven otherwise."""
+
+OFFSET = 0.02
+"""Of the packaged robot's raw value: the size at which a gain counts as switched on."""
+
+
+@dataclass(frozen=True)
+class Space:
+    """Ranges of the search, in raw integers, (gains,) each and in the order of `names`."""
+
+    names: tuple[str, ...]
+    offset: Array
+    low: Array
+    high: Array
+
+    def coordinates(self, raw: Mapping[str, int]) -> Array:
+        """Returns the place of a gain set."""
+        return np.asarray(np.log(np.array([float(raw[name]) for name in self.names]) + self.offset))
+
+    def raw(self, coordinates: Array) -> dict[str, int]:
+        """Returns the raw integers at a place: rounded, within the ranges, and no pair in contradiction."""
+        values = np.clip(np.exp(coordinates) - self.offset, self.low, self.high)
+        found = {name: int(value) for name, value in zip(self.names, np.rint(values), strict=True)}
+        for less, more in AT_MOST:
+            if less in found and more in found:
+                most = settings()[less].raw(settings()[more].value(found[more]))
+                found[less] = min(found[less], most)
+        return found
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Returns the least and the largest coordinate of each gain."""
+        return np.log(self.low + self.offset), np.log(self.high + self.offset)
+
+
+def around(start: Mapping[str, int], firmware: Mapping[str, int]) -> Space:
+    """Returns the space about a start.
+
+    Args:
+        start: raw integers of `TUNED`.
+        firmware: raw integers of all settings: what the tuned ones have to agree with.
+    """
+    names = tuple(name for name in TUNED if name in start)
+    packaged = defaults("coupled")
+    offset = np.array([max(OFFSET * packaged[name], 1.0) for name in names])
+    rows = [_range(name, start, firmware, float(more)) for name, more in zip(names, offset, strict=True)]
+    low, high = np.array(rows, dtype=float).T
+    return Space(names, offset, low, high)
+
+
+def _range(name: str, start: Mapping[str, int], firmware: Mapping[str, int], offset: float) -> tuple[int, int]:
+    factor, row = (FACTOR_PID if name in PIDS else FACTOR_GUIDANCE), settings()[name]
+    low = max(row.low, round((start[name] + offset) / factor - offset))
+    high = min(row.high, round((start[name] + offset) * factor - offset))
+    for less, more in AT_MOST:  # where the other of a pair is not tuned, it is a limit
+        if name == more and less not in start:
+            low = max(low, row.raw(settings()[less].value(firmware[less])))
+    return min(low, start[name]), max(high, start[name])
+
 
 Raw = Mapping[str, int]
 """Setting -> the raw integer that flies."""
@@ -151,3 +231,58 @@ def score(one: Outcome, by: Scale) -> float:
     time = by.longest if math.isnan(one.time) else one.time
     wear = by.wear if math.isnan(one.wear) else one.wear
     return MISSED * max(one.missed, _LEAST * (not one.success)) + track + TIME * time / by.time + WEAR * wear / by.wear
+
+
+PACKAGED = "packaged"
+"""Instead of a board: the project's own firmware, with the compensation of the model."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Ready:
+    """A problem, and the raw integers of all settings of its firmware."""
+
+    problem: Problem
+    firmware: Raw
+
+
+def problem(path: Path, board: str, sensors: str, mission: str | None, shares: Mapping[str, float], seed: int) -> Ready:
+    """Returns the problem of a model file.
+
+    Args:
+        path: of model.toml; what `calibrate` or `discover` wrote beside it says what the data allow.
+        board: a key of `boards.BOARDS`, or `PACKAGED`.
+        sensors: of the robot.
+        mission: file or name of a scenario; None: the packaged mission, scaled to the robot.
+        shares: see `robots.Allowed`.
+        seed: of the drawn robots.
+
+    Raises:
+        InputError: a file is bad, a value does not fit into a format, or no checkout is here.
+    """
+    if board == PACKAGED:
+        return _packaged(path, sensors, mission, shares, seed)
+    own = robot.load(path)
+    route = simulate.mission(own, mission)
+    plan = simulate.plan(own, route, sensors, seed)
+    loop = simulate.closed_loop(own, boards.BOARDS[board], sensors)
+    loop.library()  # here first, so that an error of the compiler is told once
+    allowed = dataclasses.replace(robots.read(own.model, path, shares), devices=plan.devices)
+    firmware = _settings(own)
+    return Ready(Problem(plan, loop, allowed, {name: firmware[name] for name in TUNED}, seed), firmware)
+
+
+def _settings(own: Robot) -> dict[str, int]:
+    """Returns the raw integers of all settings that the robot's own firmware begins with."""
+    values = constants(own.vehicle, "coupled")
+    return {name: default(setting, values, "coupled") for name, setting in settings().items()}
+
+
+def _packaged(path: Path, sensors: str, mission: str | None, shares: Mapping[str, float], seed: int) -> Ready:
+    model = models.load(path)
+    route = scenario.load(scenario.find(mission or "mission"))
+    if route.kind != "mission":
+        raise InputError("is a manoeuvre, which has no controller to tune", file=mission, field="kind")
+    plan = flight.plan(route, model, profile="coupled", sensors=sensors, compensation=compensation.from_model(model))
+    firmware = dict(defaults("coupled")) | {"cruise": settings()["cruise"].raw(plan.cruise)}
+    start = {name: firmware[name] for name in TUNED}
+    return Ready(Problem(plan, None, robots.read(model, path, shares), start, seed), firmware)

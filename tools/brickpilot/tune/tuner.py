@@ -1,17 +1,26 @@
-"""Tunes the gains of one robot: the search, the judge, and what is kept."""
+"""Tunes the gains of one robot: the search, the judge, and what is kept.
+
+The search is CMA-ES (Hansen, 2016, arXiv 1604.00772) by pycma, on flights of drawn robots by the workers of a campaign.
+All gain sets of a generation are flown by the same robots with the same noise (common random numbers), so that their
+ranks, all that the method uses, compare gains and not luck. The next generation gets other robots, so that no set is
+fitted to a few. The answer is the centre of the last distribution: where scores are noisy, the best set seen was lucky.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from typing import Any
 
-from brickpilot.campaign.engine import Workers
-from brickpilot.tune.cma import Budget, Searched, search
-from brickpilot.tune.flying import Flyer, flyer
+import numpy as np
+
+from brickpilot.campaign.engine import Crew, Part, Workers
+from brickpilot.errors import InputError
 from brickpilot.tune.judge import JUDGE, Change, Judged, Rate, judge
-from brickpilot.tune.space import Space, around
-from brickpilot.tune.task import Problem, Raw, Scale, scale
+from brickpilot.tune.task import Batch, Outcome, Problem, Raw, Scale, Space, around, fly_batch, scale, score
 from brickpilot.vehicle.settings import settings
 
 SCALE = 1
@@ -138,3 +147,153 @@ def _causes(outcomes: tuple[Any, ...]) -> dict[str, int]:
         if one.cause:
             found[one.cause] = found.get(one.cause, 0) + 1
     return dict(sorted(found.items(), key=lambda row: (-row[1], row[0])))
+
+
+SEARCH = 0
+"""The stream of the robots that the search flies."""
+
+STEP = 0.3
+"""First step, of a logarithm: a third more or less."""
+
+_SEEDS = 2**31 - 1  # of pycma, which takes 0 for the clock
+
+
+@dataclass(frozen=True)
+class Budget:
+    """When the search ends: after so many gain sets, or after so many seconds; the generation is finished."""
+
+    sets: int | None
+    seconds: float | None
+
+    @property
+    def text(self) -> str:
+        return f"{self.sets} gain sets" if self.sets is not None else f"{self.seconds:g} s"
+
+
+@dataclass(frozen=True)
+class Generation:
+    """One generation of the search.
+
+    Attributes:
+        sets: gain sets flown until its end.
+        best, middle: the least and the median mean score of its sets.
+        success: share of the flights of all its sets that succeeded.
+        step: of the search, in units of a logarithm.
+    """
+
+    sets: int
+    best: float
+    middle: float
+    success: float
+    step: float
+
+
+@dataclass(frozen=True)
+class Searched:
+    """What the search found, and its generations."""
+
+    gains: Raw
+    generations: tuple[Generation, ...]
+
+
+def search(flyer: Flyer, space: Space, start: Raw, by: Scale, robots: int, budget: Budget) -> Searched:
+    """Returns the gains that the search ends with.
+
+    Args:
+        by: what the score is measured in.
+        robots: that fly each gain set.
+
+    Raises:
+        InputError: pycma is not installed.
+    """
+    cma = _library()
+    began = time.monotonic()
+    options = {
+        "bounds": [list(bound) for bound in space.bounds()],
+        "seed": flyer.problem.seed % _SEEDS + 1,
+        "verbose": -9,
+    }
+    strategy = cma.CMAEvolutionStrategy(space.coordinates(start), STEP, options)
+    generations: list[Generation] = []
+    while not strategy.stop() and not _is_spent(budget, generations, time.monotonic() - began):
+        places = range(robots * len(generations), robots * (len(generations) + 1))
+        asked = strategy.ask()
+        flown = flyer.fly([space.raw(np.asarray(one)) for one in asked], SEARCH, places)
+        means = [float(np.mean([score(one, by) for one in outcomes])) for outcomes in flown]
+        strategy.tell(asked, means)
+        generations.append(_generation(generations, flown, means, float(strategy.sigma)))
+    return Searched(space.raw(np.asarray(strategy.result.xfavorite)), tuple(generations))
+
+
+def _library() -> Any:
+    """Returns pycma.
+
+    Raises:
+        InputError: it is not installed.
+    """
+    try:
+        import cma
+    except ImportError:
+        raise InputError("needs the library cma: pip install 'brickpilot[tune]'", field="tune") from None
+    return cma
+
+
+def _is_spent(budget: Budget, generations: list[Generation], elapsed: float) -> bool:
+    sets = generations[-1].sets if generations else 0
+    if budget.sets is not None:
+        return sets >= budget.sets
+    return budget.seconds is not None and elapsed >= budget.seconds and bool(generations)
+
+
+def _generation(before: list[Generation], flown: list[list[Outcome]], means: list[float], step: float) -> Generation:
+    success = float(np.mean([one.success for outcomes in flown for one in outcomes]))
+    sets = (before[-1].sets if before else 0) + len(flown)
+    return Generation(sets, min(means), float(np.median(means)), success, step)
+
+
+FLIGHTS = 8
+"""Of a part: long enough that handing it out costs nothing, short enough that all workers end at the same time."""
+
+
+@dataclass
+class Flyer:
+    """Flies on workers that stay from call to call, since each needs a second to start.
+
+    Attributes:
+        flown: called with the number of flights after each part.
+        count: flights so far.
+    """
+
+    problem: Problem
+    crew: Crew
+    flown: Callable[[int], None]
+    count: int = field(default=0)
+
+    def fly(self, sets: Sequence[Raw], stream: int, places: Sequence[int]) -> list[list[Outcome]]:
+        """Returns the outcomes of each gain set: all are flown by the same robots, with the same noise."""
+        parts: deque[Part] = deque()
+        for number, gains in enumerate(sets):
+            for begin in range(0, len(places), FLIGHTS):
+                batch = Batch(self.problem, gains, stream, tuple(places[begin : begin + FLIGHTS]))
+                parts.append(Part(f"{stream}-{places[0]}-{number}-{begin}", batch))
+        found: dict[str, list[Outcome]] = {}
+        waiting = len(parts)
+        while waiting:
+            while parts and self.crew.room() > 0:
+                self.crew.give(parts.popleft())
+            for done in self.crew.wait():
+                found[done.part.key] = done.result
+                waiting -= 1
+                self.count += len(done.result)
+                self.flown(self.count)
+        return [
+            [one for begin in range(0, len(places), FLIGHTS) for one in found[f"{stream}-{places[0]}-{number}-{begin}"]]
+            for number in range(len(sets))
+        ]
+
+
+@contextmanager
+def flyer(problem: Problem, workers: Workers, flown: Callable[[int], None]) -> Iterator[Flyer]:
+    """Yields what flies the problem; its workers stop at the end."""
+    with workers.crew(fly_batch) as crew:
+        yield Flyer(problem, crew, flown)

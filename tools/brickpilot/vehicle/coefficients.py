@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from brickpilot.vehicle.combinations import loss
-from brickpilot.vehicle.quantise import QuantisationError, Scale, scale, scale16
+from brickpilot.vehicle.fixed_point import QuantisationError, Scale, scale, scale16
 
 # Counts of firmware/model per SI unit.
 CURRENT = 1e6 * 2**7  # uA q7

@@ -16,21 +16,45 @@ that another robot's motors need, and that robot's readings into those of the pa
 The firmware gets `raw`; `value` is the same in SI and has to agree. `from` names the effects that each need this
 parameter, or says that nominal values differ from the packaged robot's. The comment at the end has the same parameters
 in C. `summary.json` of a flight repeats the file as `compensation`. firmware/README.md shows the improvement.
+
+Its values are computed in SI first. The firmware is made for one robot, the believed one, and flies another. On each
+side it demands a voltage u that would give the believed robot the demanded acceleration. The compensation turns u into
+
+    V = (1 + gain) (u + emf v + offset + friction sign(v)) + deadband sign(V)        v: the side's speed over ground
+
+so that the real robot drives straight like the believed one. The push per volt is K_t / (R r), the voltage that
+holds a speed is K_e / r + b R / (K_t r), the inertia per wheel is M = J / r^2 + m / 2, and g is the gain of the drive.
+With 0 for the believed robot,
+
+    a = (M / M_0) (push_0 / push)        gain = a / g - 1        emf = hold / a - hold_0        friction = T R / (K_t a)
+
+(eq. 12 to 14, solved for V). Yaw has an inertia of its own; the heading controller corrects the difference.
+
+An effect's own C file adds to these quantities: see `bp_undoable`.
+
+The differences of a robot from the believed one that no compensation can undo are named with their size.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import tomlkit
 
+from brickpilot import catalogue
+from brickpilot.constants import RCX
 from brickpilot.data.toml_file import Key, TomlFile
 from brickpilot.data.whole_files import write_whole
-from brickpilot.vehicle import compensation_limits, compensation_values, plant
+from brickpilot.vehicle import plant, scenario
+from brickpilot.vehicle.coefficients import difference_inertia, mean_inertia
+from brickpilot.vehicle.combinations import loss
 from brickpilot.vehicle.model import Model, rcx
+from brickpilot.vehicle.plant import Undoable
 from brickpilot.vehicle.settings import Setting, compensations
 
 NOMINAL = "nominal values"
@@ -78,10 +102,10 @@ class Compensation:
 
 def _quantised(model: Model, believed: Model) -> tuple[dict[str, float], dict[str, int], tuple[str, ...]]:
     """Returns the parameters in SI as the robot needs them, the firmware's integers, and the names of those cut."""
-    wanted = compensation_values.values(model, believed)
+    wanted = si_values(model, believed)
     exact = {name: wanted[name] * how.format.per_unit for name, how in FORMATS.items()}
     most = {name: how.high for name, how in FORMATS.items()}
-    most["reserve_mv"] = min(most["reserve_mv"], FORMATS["reserve_mv"].raw(compensation_values.most_reserve(model)))
+    most["reserve_mv"] = min(most["reserve_mv"], FORMATS["reserve_mv"].raw(most_reserve(model)))
     raw = {name: min(max(round(exact[name]), how.low), most[name]) for name, how in FORMATS.items()}
     return wanted, raw, tuple(name for name in FORMATS if abs(exact[name] - raw[name]) > 1)
 
@@ -107,15 +131,13 @@ def from_model(
     wanted, raw, limited = _quantised(model, believed)
     if not any(raw.values()):
         return None
-    left_out = compensation_values.left_out(model)
+    left_out = never_undone(model)
     held = {name: how.value(raw[name]) for name, how in FORMATS.items()}
     remarks = [
-        *compensation_limits.of_settings(wanted, held, FORMATS, limited),
-        *compensation_limits.of_effects(left_out),
-        *compensation_limits.of_loads(plant.undoable(model)),
-        *compensation_limits.of_robot(
-            compensation_values.nominal(model), compensation_values.nominal(believed), controller
-        ),
+        *limits_of_settings(wanted, held, FORMATS, limited),
+        *limits_of_effects(left_out),
+        *limits_of_loads(plant.undoable(model)),
+        *limits_of_robot(all_nominal(model), all_nominal(believed), controller),
     ]
     return Compensation(model.name, raw, _sources(model, believed, raw), left_out, limited, tuple(remarks))
 
@@ -213,3 +235,200 @@ def load(path: Path | str) -> Compensation:
         limited=limited,
         remarks=remarks,
     )
+
+
+LEFT, RIGHT = 0, 1
+
+
+@cache
+def _top_speed() -> float:
+    """Returns the highest speed for which voltage is reserved, in m/s: the cruise speed of the packaged mission."""
+    return scenario.load(scenario.packaged()["mission"]).cruise["coupled"]
+
+
+def all_nominal(model: Model) -> dict[str, float]:
+    """Returns all nominal parameters of a model, presets included."""
+    return {**catalogue.presets(model.vehicle), **model.parameters}
+
+
+def push(values: Mapping[str, float]) -> float:
+    """Returns the force at the ground per volt of a motor at rest, N/V."""
+    return values["torque_constant"] / (values["resistance"] * values["wheel_radius"])
+
+
+def hold(values: Mapping[str, float], losses: float) -> float:
+    """Returns the voltage per speed that holds this speed on level ground, V s/m."""
+    lost = losses * values["resistance"] / values["torque_constant"]
+    return (values["emf_constant"] + lost) / values["wheel_radius"]
+
+
+def straight_inertia(values: Mapping[str, float]) -> float:
+    """Returns the mass that each motor has to move, kg."""
+    return mean_inertia(values) / values["wheel_radius"] ** 2
+
+
+def _own(robot: Mapping[str, float], found: Undoable, side: int) -> dict[str, float]:
+    """Returns the nominal parameters of one side."""
+    flux, rim = found.flux[side], found.rim[side]
+    factors = {"torque_constant": flux, "emf_constant": flux, "wheel_radius": rim}
+    return {**robot, **{name: robot[name] * factor for name, factor in factors.items()}}
+
+
+def _side(robot: Mapping[str, float], found: Undoable, believed: Mapping[str, float], side: int) -> dict[str, float]:
+    own = _own(robot, found, side)
+    share = straight_inertia(robot) / straight_inertia(believed) * push(believed) / push(own)
+    volts = own["resistance"] / own["torque_constant"] / share  # per N m at the wheel
+    # T sqrt(w) is close to a line from 0 to the wheel speed W of `_top_speed`: T sqrt(W) (4 / 15 + 4 / 5 w / W).
+    root, fastest = found.root_torque[side], _top_speed() / own["wheel_radius"]
+    losses = loss(own) + 0.8 * root / math.sqrt(fastest)
+    return {
+        "gain_q15": share / found.drive_gain[side] - 1,
+        "emf_mv_q15": hold(own, losses) / share - hold(believed, loss(believed)),
+        "friction_mv": (found.dry_torque[side] + 4 / 15 * root * math.sqrt(fastest)) * volts,
+        "offset_mv": found.load[side] * volts,
+    }
+
+
+def _reserve(side: Mapping[str, float], deadband: float, battery: float) -> float:
+    """Returns the part of the battery's voltage that is reserved for the compensation of this side."""
+    most = (battery - deadband) / (1 + side["gain_q15"])
+    return battery - most + side["friction_mv"] + abs(side["offset_mv"]) + max(side["emf_mv_q15"] * _top_speed(), 0.0)
+
+
+def most_reserve(model: Model) -> float:
+    """Returns the largest reserve that leaves the controllers enough voltage: half of the battery's."""
+    return all_nominal(model)["battery_voltage"] / 2
+
+
+def si_values(model: Model, believes: Model) -> dict[str, float]:
+    """Returns each parameter of the compensation in SI, by its name in the firmware.
+
+    Args:
+        model: the real robot, a coupled diff_drive.
+        believes: the robot that the firmware believes in; its effects are ignored.
+    """
+    robot, believed = all_nominal(model), all_nominal(believes)
+    found, battery = plant.undoable(model), robot["battery_voltage"]
+    left, right = (_side(robot, found, believed, side) for side in (LEFT, RIGHT))
+    reserve = max(_reserve(side, found.lost_voltage, battery) for side in (left, right))
+    turning = any(side["emf_mv_q15"] or side["friction_mv"] for side in (left, right))
+    radius = robot["wheel_radius"] / believed["wheel_radius"]
+    return {
+        **{f"left_{name}": value for name, value in left.items()},
+        **{f"right_{name}": value for name, value in right.items()},
+        "deadband_mv": found.lost_voltage,
+        "reserve_mv": max(reserve, 0.0),
+        "half_track_m_q14": robot["half_track"] if turning else 0.0,
+        "battery_sags": float(found.supply_resistance > 0),
+        "gyro_bias_mrad_s": found.gyro_offset,
+        "gyro_scale_q15": 1 / found.gyro_gain - 1,
+        "travel_scale_q15": radius / found.travel_gain - 1,
+        "count_mismatch_q15": (found.rim[LEFT] - found.rim[RIGHT]) / 2,
+    }
+
+
+@cache
+def undone(effect: str) -> tuple[str, ...]:
+    """Returns the parameters of an effect that `values` undoes: those that change the effect's `Undoable`."""
+    infos = catalogue.effect(effect).parameters
+    presets = {info.name: info.preset for info in infos}
+
+    def undoable(table: Mapping[str, float]) -> Undoable:
+        return plant.undoable(Model("one effect", "diff_drive", "coupled", {}, {effect: table}))
+
+    elsewhere = {info.name: info.minimum if info.preset != info.minimum else info.maximum for info in infos}
+    at_presets = undoable(presets)
+    return tuple(name for name, value in elsewhere.items() if undoable({**presets, name: value}) != at_presets)
+
+
+def never_undone(model: Model) -> tuple[str, ...]:
+    """Returns the effects of `model`, and the parameters of effects, that `values` does not undo."""
+    found = []
+    for name, on in model.effects.items():
+        used = undone(name)
+        others = [f"{name}.{parameter}" for parameter, value in on.items() if parameter not in used and value]
+        found += others if used else [name]
+    return tuple(found)
+
+
+LEAST_DAMPING = 0.46
+"""Damping ratio of the heading controller, below which turns overshoot and the mission loses waypoints. Measured on the
+packaged robot, 6 seeds each: at 0.49 (yaw inertia 3 times as large) it reaches 8 of 8, at 0.455 (3.5 times) 7."""
+
+HIGHEST_BATTERY, HIGHEST_OWN = 20.0, 32.0
+"""V: the most that packaged images measure, and the most that any mixer allows, VOLTAGE_MAX_MV of firmware/mixer."""
+
+Values = Mapping[str, float]
+
+
+@cache
+def _controller() -> Values:
+    """Returns the constants of the firmware's controllers, profile `coupled`, in SI."""
+    table = TomlFile(RCX).data["controller"]["coupled"]
+    return {name: float(entry["value"]) for name, entry in table.items()}
+
+
+def heading_damping(robot: Values, believed: Values, controller: Values | None = None) -> float:
+    """Returns the damping ratio of the heading controller on a robot whose straight drive is compensated.
+
+    To a difference of the voltages such a robot reacts as if its motors had the believed push and hold, and a side the
+    inertia M' = M_0 M_yaw / M. With PD control of the heading the loop is of second order.
+
+    Args:
+        robot, believed: nominal parameters.
+        controller: the constants of the firmware's controllers, SI; None: the packaged robot's.
+    """
+    held = hold(believed, loss(believed))
+    inertia = straight_inertia(believed) * difference_inertia(robot) / mean_inertia(robot)
+    time_constant, arm = inertia / (push(believed) * held), held * robot["half_track"]
+    known = controller or _controller()
+    return (1 + known["heading_kd"] / arm) / (2 * math.sqrt(time_constant * known["heading_kp"] / arm))
+
+
+def limits_of_settings(
+    wanted: Values, held: Values, formats: Mapping[str, Setting], limited: Iterable[str]
+) -> list[str]:
+    """Returns a line for each parameter that its setting limits.
+
+    Args:
+        wanted, held: parameter -> value in SI that the robot needs, and that the firmware gets.
+    """
+    return [
+        f"{name}: this robot needs {wanted[name]:.3g} {formats[name].format.unit} ({formats[name].meaning}), "
+        f"but {held[name]:.3g} is the limit"
+        for name in limited
+    ]
+
+
+def limits_of_effects(left_out: Iterable[str]) -> list[str]:
+    """Returns a line for each effect, or `effect.parameter`, that no setting undoes."""
+    return [f"{name}: no setting of the firmware undoes it" for name in left_out]
+
+
+def limits_of_loads(found: Undoable) -> list[str]:
+    """Returns a line for each side whose constant load is larger than its dry friction."""
+    return [
+        f"{side}_offset_mv: a load of {abs(load):.3g} N m exceeds the dry friction of {friction:.3g} N m, so the robot "
+        "moves at rest, while the firmware learns the gyro's bias"
+        for side, load, friction in zip(("left", "right"), found.load, found.dry_torque, strict=True)
+        if abs(load) > friction
+    ]
+
+
+def limits_of_robot(robot: Values, believed: Values, controller: Values | None = None) -> list[str]:
+    """Returns a line for each nominal value that no setting undoes and that is too far off for the controllers."""
+    lines = []
+    damping = heading_damping(robot, believed, controller)
+    if damping < LEAST_DAMPING:
+        own = heading_damping(believed, believed, controller)
+        lines.append(
+            f"yaw_inertia: {robot['yaw_inertia']:.3g} kg m^2 at a half-track of {robot['half_track']:.3g} m give turns "
+            f"a damping ratio of {damping:.2f} (the believed robot: {own:.2f}); below {LEAST_DAMPING:g} they overshoot"
+        )
+    battery, floor = robot["battery_voltage"], (controller or _controller())["battery_floor"]
+    highest = HIGHEST_BATTERY if controller is None else HIGHEST_OWN
+    if not floor <= battery <= highest:
+        lines.append(
+            f"battery_voltage: {battery:.3g} V is outside the {floor:g} to {highest:g} V that the firmware reckons with"
+        )
+    return lines

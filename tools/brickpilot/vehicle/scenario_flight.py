@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from brickpilot.data.shown import Result
 from brickpilot.errors import InputError
-from brickpilot.vehicle import flight, flight_checks, flight_figures
+from brickpilot.vehicle import flight, flight_figures
 from brickpilot.vehicle import scenario as scenarios
 from brickpilot.vehicle.compensation import Compensation
 from brickpilot.vehicle.gains import Gains
@@ -107,5 +107,5 @@ def fly(
         raise InputError("needs a link, and run has none; fly it with brickpilot hil", file=scenario, field="faults")
     flown = flight.fly(plan)
     figures = flight_figures.summary(flown)
-    figures["failure"] = flight_checks.failure(figures)
+    figures["failure"] = flight_figures.failure(figures)
     return Flown(flown, figures)

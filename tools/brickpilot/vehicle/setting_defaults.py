@@ -9,7 +9,7 @@ from typing import Any
 
 from brickpilot.constants import RCX
 from brickpilot.vehicle.combinations import loss
-from brickpilot.vehicle.quantise import QuantisationError, integer
+from brickpilot.vehicle.fixed_point import QuantisationError, integer
 from brickpilot.vehicle.settings import Setting, settings
 
 
