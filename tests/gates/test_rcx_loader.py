@@ -16,7 +16,7 @@ from brickpilot.errors import InputError
 from brickpilot.flash import image_files, rom
 from brickpilot.flash.program import CREATE, DATA, DELETE, RUN, SET_HOST
 from brickpilot.link import lnp
-from brickpilot.link.infrared import InfraredLink
+from brickpilot.link.lnp import InfraredLink
 from brickpilot.link.session import REALTIME, Session
 from brickpilot.link.tower import Tower
 from rcx_brick import Faults, RcxBrick

@@ -28,7 +28,7 @@ from brickpilot.firmware import simulate
 from brickpilot.firmware.robot import load
 from brickpilot.tune import task
 from brickpilot.tune import task as problems
-from brickpilot.tune.judge import rate
+from brickpilot.tune.tuner import rate
 from brickpilot.vehicle import gains, scenario
 from brickpilot.vehicle.model import Model, rcx
 from hidden import folder

@@ -27,8 +27,8 @@ from brickpilot.hil.checkout import AVR_TARGETS
 from brickpilot.hil.plant_end import open_plant
 from brickpilot.hil.rcx_flight import SimulatedRcx
 from brickpilot.link import lnp
-from brickpilot.link.infrared import InfraredLink
 from brickpilot.link.links import Message, encode_frame
+from brickpilot.link.lnp import InfraredLink
 from brickpilot.link.messages import book
 from brickpilot.link.session import REALTIME, Session
 from brickpilot.link.tower import Tower

@@ -10,7 +10,7 @@ from typing import Any
 
 from brickpilot.vehicle.coefficients import PROFILES
 from brickpilot.vehicle.fixed_point import QuantisationError, Scale
-from brickpilot.vehicle.setting_defaults import plain
+from brickpilot.vehicle.settings import plain
 
 ROOT = Path(__file__).resolve().parents[2]
 INT32 = 2**31 - 1

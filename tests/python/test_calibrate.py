@@ -12,7 +12,7 @@ from brickpilot.data import dataset, reading
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.fit.calibration import calibrate
 from brickpilot.fit.robust import correlation_time, noise_sd
-from brickpilot.report.calibrate_page import calibrate_page
+from brickpilot.report.fit_pages import calibrate_page
 from brickpilot.vehicle import model
 from brickpilot.vehicle.replay import Replay
 from pages import assert_self_contained, figures

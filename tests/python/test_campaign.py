@@ -8,7 +8,7 @@ from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
-from brickpilot.campaign import flight_row
+from brickpilot.campaign import runs
 from brickpilot.report import campaign_page
 from command import brickpilot
 from conducted import conducted
@@ -168,7 +168,7 @@ def test_the_examples_fly(name: str, tmp_path: Path) -> None:
 
 
 def test_the_page_has_words_for_every_figure() -> None:
-    numbers = flight_row.UNITS.keys() - set(flight_row.WORDS) - {"waypoints_total", "seed"}
+    numbers = runs.UNITS.keys() - set(runs.WORDS) - {"waypoints_total", "seed"}
     assert campaign_page.WORDS.keys() == numbers
 
 

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from brickpilot.campaign import flight_row
+from brickpilot.campaign import runs
 from brickpilot.errors import SimulationError
 from brickpilot.vehicle import flight, flight_figures, scenario_flight
 from brickpilot.vehicle.gains import Gains
@@ -28,8 +28,8 @@ def short(plan: flight.Plan, seconds: float) -> flight.Plan:
 
 
 def test_a_row_has_the_figures_of_run(plan, flown):
-    row, figures = flight_row.row(plan), flight_figures.summary(flown)
-    assert list(row) == list(flight_row.UNITS)
+    row, figures = runs.row(plan), flight_figures.summary(flown)
+    assert list(row) == list(runs.UNITS)
     assert (row["success"], row["cause"], row["reached_all"]) == (True, "", True)
     for name in row.keys() & figures.keys():
         assert row[name] == figures[name], name
@@ -43,7 +43,7 @@ def test_the_charge_is_that_of_the_motors_currents(flown):
     log = flown.log
     power = sum(log[f"{side}_voltage_v"] * log[f"{side}_current_a"] for side in ("left", "right"))
     assert log["charge_c"][0] == 0
-    assert flight_row.figures(flown)["charge_c"] == pytest.approx(np.sum(power) * 0.003 / 9.0, rel=0.01)
+    assert runs.figures(flown)["charge_c"] == pytest.approx(np.sum(power) * 0.003 / 9.0, rel=0.01)
 
 
 def test_chosen_columns_are_those_of_the_whole_log(plan, flown):
@@ -62,7 +62,7 @@ def test_each_way_to_fail_has_its_cause(plan):
         "fault: leg timed out": dataclasses.replace(short(plan, 8.0), gains=Gains("hasty", {"leg_timeout": 500})),
     }
     for cause, one in rows.items():
-        row = flight_row.row(one)
+        row = runs.row(one)
         assert (row["success"], row["cause"], row["reached_all"]) == (False, cause, False)
         assert row["waypoints_reached"] < row["waypoints_total"] == 8
         assert math.isnan(row["time_s"])
@@ -71,10 +71,10 @@ def test_each_way_to_fail_has_its_cause(plan):
 def test_a_flight_that_diverges_fails_and_one_that_cannot_begin_is_an_error(plan, monkeypatch):
     beside = dataclasses.replace(plan.scenario, waypoints=((1.0, 0.0), (1.0, 0.0)))
     with pytest.raises(SimulationError):
-        flight_row.row(dataclasses.replace(plan, scenario=beside))
-    whole = flight_row.row(short(plan, 1.0))
+        runs.row(dataclasses.replace(plan, scenario=beside))
+    whole = runs.row(short(plan, 1.0))
 
     monkeypatch.setattr(flight, "fly_many", lambda plans, _: [SimulationError("", status=-5) for _ in plans])
-    row = flight_row.row(plan)
+    row = runs.row(plan)
     assert (row["success"], row["cause"], row["seed"]) == (False, "the simulation diverged", 3)
     assert list(row) == list(whole)

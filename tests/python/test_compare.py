@@ -13,7 +13,7 @@ from brickpilot.data import reading
 from brickpilot.data.motion import zero_phase_rate
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.fit.comparison import compare
-from brickpilot.report.compare_page import compare_page
+from brickpilot.report.fit_pages import compare_page
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.plant import State
 from brickpilot.vehicle.replay import Replay

@@ -19,7 +19,7 @@ from brickpilot.hil import rcx_flight
 from brickpilot.hil.plant_end import open_plant
 from brickpilot.hil.rcx_flight import PRESS_MS, RUN_BUTTON, Image, SimulatedRcx
 from brickpilot.link import lnp
-from brickpilot.link.infrared import InfraredLink
+from brickpilot.link.lnp import InfraredLink
 from brickpilot.link.messages import book
 from brickpilot.link.session import REALTIME, Session
 from brickpilot.link.tower import Tower

@@ -6,8 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from brickpilot.report.discover_plots import fits, gaps, superimposed
-from brickpilot.report.plot import Curve, Figure, Panel, to_html
+from brickpilot.report.plot import Curve, Figure, Panel, fits, gaps, superimposed, to_html
 from findings import Page
 from pages import figures
 

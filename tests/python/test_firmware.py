@@ -17,7 +17,7 @@ from brickpilot.errors import InputError
 from brickpilot.firmware import boards, params_header, robot, simulate
 from brickpilot.vehicle import model
 from brickpilot.vehicle.coefficients import coupled, difference_inertia, motor_step
-from brickpilot.vehicle.setting_defaults import plain
+from brickpilot.vehicle.settings import plain
 from command import brickpilot
 
 ROOT = Path(__file__).parents[2]

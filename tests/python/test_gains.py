@@ -13,8 +13,7 @@ from brickpilot.errors import InputError
 from brickpilot.firmware import package, params_header, robot
 from brickpilot.vehicle import gains, scenario_flight
 from brickpilot.vehicle.gains import Gains
-from brickpilot.vehicle.setting_defaults import defaults
-from brickpilot.vehicle.settings import settings
+from brickpilot.vehicle.settings import defaults, settings
 from command import brickpilot
 from test_firmware import OWN, write
 

@@ -13,7 +13,7 @@ from brickpilot.data.agreement import Agreement, agreement, mean_fit, together
 from brickpilot.discover.pipeline import discover
 from brickpilot.fit.calibration import calibrate
 from brickpilot.fit.comparison import compare
-from brickpilot.report import compare_page, discover_page, discover_text, headline_text, notebook, why_text
+from brickpilot.report import discover_page, discover_text, fit_pages, headline_text, notebook, why_text
 from brickpilot.report.quantities import fit_text
 from brickpilot.vehicle import compared_runs
 from brickpilot.vehicle import model as model_file
@@ -182,7 +182,7 @@ def test_terminal_pages_and_notebook_show_the_same_number(data, finding):
         discover_text.verdict(finding),
         headline_text.sentence(compared.headline),
         discover_page.page(finding, "discover"),
-        compare_page.compare_page(compared),
+        fit_pages.compare_page(compared),
         notebook.to_html(compared),
         notebook.to_html(finding),
         why_text.answer(finding, None).sure,

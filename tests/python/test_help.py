@@ -16,8 +16,7 @@ from brickpilot.hil import ends
 from brickpilot.importers import IMPORTERS
 from brickpilot.link.session import LOCKSTEP, Session
 from brickpilot.vehicle.scenario import packaged
-from brickpilot.vehicle.setting_defaults import defaults
-from brickpilot.vehicle.settings import settings
+from brickpilot.vehicle.settings import defaults, settings
 from click.testing import CliRunner
 from command import PROGRAM, brickpilot
 

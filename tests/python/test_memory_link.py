@@ -7,7 +7,7 @@ import time
 from contextlib import AbstractContextManager
 
 import pytest
-from brickpilot.campaign import flight_row
+from brickpilot.campaign import runs
 from brickpilot.errors import InputError
 from brickpilot.hil import ends, fly
 from brickpilot.hil.ends import Ends
@@ -32,9 +32,9 @@ def test_a_flight_without_faults_is_that_in_process():
     plan = planned()
     over = flown(fly.memory_ends(), plan)
     assert (over.flight.motors == flight.fly(plan).motors).all()
-    row = flight_row.row(plan)
+    row = runs.row(plan)
     assert row["waypoints_reached"] == 1
-    for name, value in flight_row.over_a_link(over).items():
+    for name, value in runs.over_a_link(over).items():
         near = pytest.approx(row[name], rel=1e-3, abs=1e-4, nan_ok=True) if isinstance(value, float) else row[name]
         assert value == near, name
 
@@ -58,16 +58,16 @@ def test_silence_costs_time_of_the_link_and_none_of_the_clock():
     began = time.process_time()
     lost = flown(fly.memory_ends(), plan)
     assert time.process_time() - began < 2.0  # four waits of a quarter of a second, and 670 of 3 ms, at 1 GHz too
-    row = flight_row.row(plan)
+    row = runs.row(plan)
     assert (row["success"], row["cause"]) == (False, "the link was lost")
     assert lost.broke_off == "the link was lost: no reply, 2.001 s into the flight"
 
 
 def test_a_restart_is_one_of_the_brick():
-    row = flight_row.row(planned(Fault("controller_restart", 2.0, 2.1)))
+    row = runs.row(planned(Fault("controller_restart", 2.0, 2.1)))
     assert (row["success"], row["cause"]) == (False, "the brick was reset")
 
 
 def test_a_fault_of_another_brick_is_refused():
     with pytest.raises(InputError, match="needs --target avr"):
-        flight_row.row(planned(Fault("main_held", 2.0, 2.1)))
+        runs.row(planned(Fault("main_held", 2.0, 2.1)))

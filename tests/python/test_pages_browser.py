@@ -20,9 +20,8 @@ from brickpilot.discover.finding import Finding
 from brickpilot.fit.calibration import calibrate
 from brickpilot.fit.comparison import compare
 from brickpilot.report import run_page, scaling_page, why_page, why_text
-from brickpilot.report.calibrate_page import calibrate_page
-from brickpilot.report.compare_page import compare_page
 from brickpilot.report.discover_page import page
+from brickpilot.report.fit_pages import calibrate_page, compare_page
 from brickpilot.tune import page as tune_page
 from brickpilot.vehicle import flight, flight_figures, scenario
 from brickpilot.vehicle.model import rcx

@@ -33,7 +33,7 @@ NAMED = {
     "firmware/simulate.py",  # the cruise speed that scales the mission
     "firmware/robot.py",  # the rules by which the gains of another robot follow, and the cruise speed that they use
     "firmware/params_header.py",  # the floor that the range of a battery depends on, and checks of defaults
-    "vehicle/setting_defaults.py",  # defaults that follow from other values
+    "vehicle/settings.py",  # defaults that follow from other values
     "gen/value_headers.py",  # those that the reference controller in floating point has not
     "hil/fly.py",  # what a flight needs
     "public/flights.py",  # an argument of the same name

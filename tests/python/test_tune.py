@@ -12,17 +12,15 @@ import numpy as np
 import pytest
 import tuned
 from brickpilot.campaign import workers
-from brickpilot.tune import judge as judging
 from brickpilot.tune import task, tuner
 from brickpilot.tune import task as problems
-from brickpilot.tune.judge import JUDGE, judge, rate
+from brickpilot.tune import tuner as judging
 from brickpilot.tune.page import page, sentence
 from brickpilot.tune.task import Outcome, Scale, score
-from brickpilot.tune.tuner import SCALE, to_json, tune
+from brickpilot.tune.tuner import JUDGE, SCALE, judge, rate, to_json, tune
 from brickpilot.vehicle import gains, model, scenario
 from brickpilot.vehicle.model import rcx
-from brickpilot.vehicle.setting_defaults import defaults
-from brickpilot.vehicle.settings import settings
+from brickpilot.vehicle.settings import defaults, settings
 from command import brickpilot
 from pages import assert_self_contained, figures
 

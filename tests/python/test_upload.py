@@ -10,7 +10,7 @@ import pytest
 from brickpilot.cli import main
 from brickpilot.errors import InputError
 from brickpilot.hil import ends
-from brickpilot.link import infrared as infrared_link
+from brickpilot.link import lnp as infrared_link
 from brickpilot.link import tower
 from brickpilot.link.session import REALTIME, Session
 from brickpilot.vehicle.gains import Gains

@@ -19,13 +19,12 @@ from brickpilot.fit.calibration import calibrate
 from brickpilot.fit.comparison import compare
 from brickpilot.fit.uncertainty import Combination
 from brickpilot.report import (
-    calibrate_page,
-    compare_page,
     discover_page,
-    discover_plots,
     discover_runs,
     discover_text,
+    fit_pages,
     headline_text,
+    plot,
     user_terms,
     why_page,
     why_text,
@@ -71,13 +70,12 @@ def test_plots_show_the_values_of_the_file(sets, monkeypatch):
 
     def seen(time, signal, unit, above, below, *rest, run, **options):
         drawn.append((run, signal, unit, time, above[0].values, below[-1].values))
-        return discover_plots.Markup("")
+        return plot.Markup("")
 
-    for page in (compare_page.discover_plots, calibrate_page.discover_plots):
+    for page in (fit_pages.plot, discover_runs):
         monkeypatch.setattr(page, "superimposed", seen)
-    monkeypatch.setattr(discover_runs, "superimposed", seen)
-    compare_page.compare_page(compare(theirs, robot()))
-    calibrate_page.calibrate_page(calibrate(theirs, free=["resistance"]))
+    fit_pages.compare_page(compare(theirs, robot()))
+    fit_pages.calibrate_page(calibrate(theirs, free=["resistance"]))
     made = dataclasses.replace(finding(theirs, "named"), noise_sd=NOISE)
     discover_runs.figures(made, discover_runs.compared_signals(made))
     runs = {run.name: run for run in theirs.runs}
@@ -123,8 +121,8 @@ def test_every_page_states_the_frame(sets):
     for page in (
         why_page.page(why_page.Why(made, answer, constants, ()), source="a log", files=[], command="why"),
         discover_page.page(made, "discover"),
-        compare_page.compare_page(compare(theirs, robot())),
-        calibrate_page.calibrate_page(calibrate(theirs, free=["resistance"])),
+        fit_pages.compare_page(compare(theirs, robot())),
+        fit_pages.calibrate_page(calibrate(theirs, free=["resistance"])),
     ):
         assert "FLU: x forward, y to the left, yaw counter-clockwise positive" in words_of(page)
 
@@ -191,7 +189,7 @@ def test_pages_of_a_motor_speak_of_no_wheels(of_a_motor):
             )
         ),
         words_of(discover_page.page(found, "discover")).partition("How to reproduce")[0],
-        words_of(compare_page.compare_page(compare(found.dataset, found.augmented))),
+        words_of(fit_pages.compare_page(compare(found.dataset, found.augmented))),
         *why_page.files_of("rig", constants).values(),
     ]
     for text in texts:

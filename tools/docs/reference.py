@@ -19,8 +19,7 @@ from brickpilot.catalogue import EffectInfo, ParameterInfo
 from brickpilot.cli import main
 from brickpilot.data.signals import SIGNALS
 from brickpilot.importers import IMPORTERS
-from brickpilot.vehicle.setting_defaults import defaults
-from brickpilot.vehicle.settings import settings
+from brickpilot.vehicle.settings import defaults, settings
 
 MANY = 12
 """An effect with more parameters shows them on demand."""

@@ -21,7 +21,7 @@ from threadpoolctl import threadpool_limits
 
 from brickpilot import catalogue
 from brickpilot.bench import speed
-from brickpilot.campaign import engine, flight_row, workers
+from brickpilot.campaign import engine, runs, workers
 from brickpilot.data.reading import Dataset
 from brickpilot.discover import parts, pipeline, prepare
 from brickpilot.discover.screen import screen
@@ -281,7 +281,7 @@ def _plans(count: int) -> Iterator[engine.Part]:
 
 def flown_by(plan: flight.Plan) -> float:
     """Flies a plan, and returns the processor time of this worker so far, s."""
-    flight_row.row(plan)
+    runs.row(plan)
     return time.process_time()
 
 

@@ -27,7 +27,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from brickpilot import __version__
-from brickpilot.campaign import designs, flight_row
+from brickpilot.campaign import designs, runs
 from brickpilot.campaign.file import Campaign
 from brickpilot.campaign.runs import INDEX
 from brickpilot.errors import InputError
@@ -243,8 +243,8 @@ def _text(value: Any) -> str:
 def _figures(table: Table) -> dict[str, dict[str, Any]]:
     """Returns figure -> unit, number of runs that have it, mean, sd and quantiles."""
     found = {}
-    for name, unit in flight_row.UNITS.items():
-        if name in _NO_DISTRIBUTION or name in flight_row.WORDS:
+    for name, unit in runs.UNITS.items():
+        if name in _NO_DISTRIBUTION or name in runs.WORDS:
             continue
         values = table.numbers(name)
         values = values[np.isfinite(values)]

@@ -21,10 +21,10 @@ from brickpilot import catalogue
 from brickpilot.compiled import interface
 from brickpilot.constants import RCX
 from brickpilot.data.toml_file import Key, TomlFile
-from brickpilot.vehicle import gains, setting_defaults
+from brickpilot.vehicle import gains
 from brickpilot.vehicle.flight import Plan
 from brickpilot.vehicle.scenario import AVR_KINDS, FAULT_KINDS, Fault
-from brickpilot.vehicle.settings import settings
+from brickpilot.vehicle.settings import plain, settings
 
 Array = NDArray[np.float64]
 
@@ -212,9 +212,9 @@ def devices() -> Mapping[str, float]:
     """Returns field of `bp_devices` -> value of the packaged robot's sensors, SI."""
     sensors = TomlFile(RCX).data["sensors"]
     return {
-        **setting_defaults.plain(sensors["imu"]),
-        **setting_defaults.plain(sensors["encoder"]),
-        "battery_resolution": setting_defaults.plain(sensors["battery"])["resolution"],
+        **plain(sensors["imu"]),
+        **plain(sensors["encoder"]),
+        "battery_resolution": plain(sensors["battery"])["resolution"],
     }
 
 

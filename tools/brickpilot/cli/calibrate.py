@@ -7,8 +7,7 @@ from pathlib import Path
 
 import click
 
-from brickpilot.cli.completion import effect_names
-from brickpilot.cli.terminal import as_json, interval, progress_shown, seed_option
+from brickpilot.cli.terminal import as_json, effect_names, interval, progress_shown, seed_option
 
 
 @click.command()
@@ -37,7 +36,7 @@ def calibrate(
     """
     from brickpilot.data import reading
     from brickpilot.fit import calibration as calibrate_module
-    from brickpilot.report import calibrate_page, headline_text, run_folder
+    from brickpilot.report import fit_pages, headline_text, run_folder
     from brickpilot.vehicle import model
 
     data = reading.read(Path(dataset))
@@ -47,7 +46,7 @@ def calibrate(
             found = calibrate_module.calibrate(data, effects=effect_names, free=free, seed=seed, progress=progress)
         figures = found.to_json()
         (beside / "calibrate.json").write_text(json.dumps(figures, indent=2) + "\n")
-        (beside / "report.html").write_text(calibrate_page.calibrate_page(found), encoding="utf-8")
+        (beside / "report.html").write_text(fit_pages.calibrate_page(found), encoding="utf-8")
         model.save(found.model, beside / "model.toml")
     if as_json:
         click.echo(json.dumps(figures))

@@ -34,7 +34,7 @@ def compare(
     """
     from brickpilot.data import reading
     from brickpilot.fit import comparison as compare_module
-    from brickpilot.report import compare_page, headline_text, run_folder
+    from brickpilot.report import fit_pages, headline_text, run_folder
     from brickpilot.report.quantities import fit_number
     from brickpilot.vehicle import model
 
@@ -46,7 +46,7 @@ def compare(
             found = compare_module.compare(data, given, window_s=window_s, seed=seed, progress=progress)
         figures = found.to_json()
         (beside / "compare.json").write_text(json.dumps(figures, indent=2) + "\n")
-        (beside / "report.html").write_text(compare_page.compare_page(found), encoding="utf-8")
+        (beside / "report.html").write_text(fit_pages.compare_page(found), encoding="utf-8")
     if as_json:
         click.echo(json.dumps(figures))
         return

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from brickpilot.cli.completion import effect_names, mechanisms
-from brickpilot.cli.terminal import as_json
+from brickpilot.cli.terminal import as_json, effect_names, mechanisms
 from brickpilot.errors import InputError, did_you_mean
 
 if TYPE_CHECKING:

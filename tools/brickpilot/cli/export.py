@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from brickpilot.cli.completion import model_files
+from brickpilot.cli.terminal import model_files
 
 
 @click.group()

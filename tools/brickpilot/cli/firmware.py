@@ -9,8 +9,7 @@ from typing import Any
 
 import click
 
-from brickpilot.cli.completion import model_files, scenario_names
-from brickpilot.cli.terminal import as_json
+from brickpilot.cli.terminal import as_json, model_files, scenario_names
 from brickpilot.errors import WorkFailedError
 from brickpilot.report.flight_text import figure_lines, waypoint_lines
 

@@ -1,9 +1,10 @@
-"""`brickpilot hil`."""
+"""`brickpilot hil` and `brickpilot brick`."""
 
 from __future__ import annotations
 
 import dataclasses
 import json
+import os
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -13,10 +14,8 @@ from typing import TYPE_CHECKING, Any
 import click
 from tqdm import tqdm
 
-from brickpilot.cli.completion import setting_names
-from brickpilot.cli.flight_request import flight_options
 from brickpilot.cli.settings_table import setting_lines
-from brickpilot.cli.terminal import as_json, settings_of
+from brickpilot.cli.terminal import as_json, flight_options, setting_names, settings_of
 from brickpilot.constants import STEP_S
 from brickpilot.errors import InputError, SimulationError, WorkFailedError
 from brickpilot.report.flight_text import figure_lines, link_lines, waypoint_lines
@@ -205,3 +204,18 @@ def _replay(spec: str, file: Path, image: Path | None, as_json: bool) -> None:
         click.echo(f"{found.steps} steps replayed, {found.differing} motor commands differ")
     if found.differing:
         raise SimulationError(f"{file}: the brick's motor command at step {found.first} differs from the recording")
+
+
+@click.command(context_settings={"ignore_unknown_options": True})
+@click.argument("options", nargs=-1, type=click.UNPROCESSED)
+def brick(options: tuple[str, ...]) -> None:
+    """Runs the firmware as a brick on this machine until it is interrupted.
+
+    OPTIONS: --pty, --serial PATH, --listen HOST:PORT, --slcan-pty or --slcan PATH. The first line that it prints is
+    the link that `brickpilot hil --link` takes. An address that other machines reach needs a token of 16 to 64 bytes
+    in the environment variable BRICKPILOT_TOKEN, here and where the link is opened.
+    """
+    from brickpilot.hil.brick_process import PROGRAM
+
+    sys.stdout.flush()
+    os.execv(PROGRAM, [str(PROGRAM), *options])

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from brickpilot.cli.completion import import_kinds
-from brickpilot.cli.terminal import as_json, progress_shown, wiring_lines
+from brickpilot.cli.terminal import as_json, import_kinds, progress_shown, wiring_lines
 from brickpilot.errors import InputError
 from brickpilot.importers import IMPORTERS
 from brickpilot.importers.registry import Importer, Option, all_options, importer_and_files, kinds_with

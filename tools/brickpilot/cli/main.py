@@ -14,18 +14,16 @@ from click.exceptions import NoArgsIsHelpError
 
 from brickpilot import __version__
 from brickpilot.cli.bench import bench
-from brickpilot.cli.brick import brick
 from brickpilot.cli.calibrate import calibrate
 from brickpilot.cli.campaign import campaign
 from brickpilot.cli.changed import changed
-from brickpilot.cli.check import check
 from brickpilot.cli.compare import compare
-from brickpilot.cli.discover import discover
+from brickpilot.cli.discover import check, discover
 from brickpilot.cli.effects import effects
 from brickpilot.cli.export import export
 from brickpilot.cli.firmware import firmware
 from brickpilot.cli.flash import flash
-from brickpilot.cli.hil import hil
+from brickpilot.cli.hil import brick, hil
 from brickpilot.cli.import_log import import_log
 from brickpilot.cli.run import run
 from brickpilot.cli.settings_table import settings

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from brickpilot.cli.flight_request import flight_options
-from brickpilot.cli.terminal import as_json
+from brickpilot.cli.terminal import as_json, flight_options
 from brickpilot.errors import WorkFailedError
 from brickpilot.report.flight_text import figure_lines, waypoint_lines
 

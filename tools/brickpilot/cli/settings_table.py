@@ -8,8 +8,7 @@ from typing import Any
 
 import click
 
-from brickpilot.cli.completion import setting_names
-from brickpilot.cli.terminal import as_json
+from brickpilot.cli.terminal import as_json, setting_names
 from brickpilot.errors import InputError, did_you_mean
 
 
@@ -28,7 +27,7 @@ def settings(word: str | None, profile: str, as_json: bool) -> None:
 
     `--set NAME=VALUE` of `hil` and `upload` writes the raw integer in the last column.
     """
-    from brickpilot.vehicle.setting_defaults import defaults
+    from brickpilot.vehicle.settings import defaults
 
     chosen = _chosen(word)
     values = {name: raw for name, raw in defaults(profile).items() if name in chosen}

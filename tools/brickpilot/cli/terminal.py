@@ -1,16 +1,27 @@
-"""Options, formats and the progress bar that several commands share."""
+"""Options, formats, completion in the shell and the progress bar that several commands share.
+
+Completion knows scenarios, kinds of log, effects, settings and mechanisms, by `shell_complete` of click.
+"""
 
 from __future__ import annotations
 
+import functools
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import fields
+from typing import TYPE_CHECKING
 
 import click
+from click.shell_completion import CompletionItem
 from tqdm import tqdm
 
 from brickpilot.errors import InputError
+
+if TYPE_CHECKING:
+    pass
+
 
 _SHOWN_S = 2.0  # a shorter rest is not told
 
@@ -102,3 +113,98 @@ def progress_shown(quiet: bool) -> Iterator[Callable[[int, int, str], None]]:
 def wiring_lines(sentences: Sequence[str], mend: str = "") -> list[str]:
     """Returns the lines on channels that are wired or stated wrongly, which come before all others."""
     return [*(f"wiring: {one}" for one in sentences), *([f"to mend it in the log: {mend}"] if mend else [])]
+
+
+def scenario_names(_context: click.Context, _parameter: click.Parameter, typed: str) -> list[CompletionItem]:
+    """Completes the packaged scenarios, or files if no scenario begins like this."""
+    from brickpilot.vehicle.scenario import packaged
+
+    found = [CompletionItem(name) for name in packaged() if name.startswith(typed)]
+    return found or [CompletionItem(typed, type="file")]
+
+
+def model_files(_context: click.Context, _parameter: click.Parameter, typed: str) -> list[CompletionItem]:
+    """Completes files."""
+    return [CompletionItem(typed, type="file")]
+
+
+def import_kinds(context: click.Context, _parameter: click.Parameter, typed: str) -> list[CompletionItem]:
+    """Completes the kinds of log as the first word, and files where none begins so and behind it."""
+    from brickpilot.importers import IMPORTERS
+
+    first = not context.params.get("words")
+    found = [CompletionItem(row.kind, help=row.help) for row in IMPORTERS if first and row.kind.startswith(typed)]
+    return found or [CompletionItem(typed, type="file")]
+
+
+def effect_names(_context: click.Context, _parameter: click.Parameter, typed: str) -> list[CompletionItem]:
+    """Completes the names of effects, with a description if the shell shows it."""
+    from brickpilot import catalogue
+
+    return [CompletionItem(one.name, help=one.summary) for one in catalogue.effects() if one.name.startswith(typed)]
+
+
+def mechanisms(_context: click.Context, _parameter: click.Parameter, typed: str) -> list[CompletionItem]:
+    """Completes the mechanisms that effects have."""
+    from brickpilot import catalogue
+
+    known = dict.fromkeys(one.mechanism for one in catalogue.effects())
+    return [CompletionItem(name) for name in known if name.startswith(typed)]
+
+
+def setting_names(_context: click.Context, parameter: click.Parameter, typed: str) -> list[CompletionItem]:
+    """Completes the names of settings; after `--set` with the sign before the value."""
+    from brickpilot.vehicle.settings import settings
+
+    end = "=" if isinstance(parameter, click.Option) else ""
+    return [CompletionItem(name + end, help=row.meaning) for name, row in settings().items() if name.startswith(typed)]
+
+
+_OPTIONS = (
+    click.argument("scenario_name", metavar="[SCENARIO]", required=False, shell_complete=scenario_names),
+    click.option(
+        "--scenario",
+        "scenario_file",
+        metavar="FILE",
+        shell_complete=scenario_names,
+        help="A scenario file; the same as the argument.",
+    ),
+    click.option(
+        "--profile",
+        type=click.Choice(["coupled", "paper"]),
+        help="The constants of plant and controller; default coupled.",
+    ),
+    click.option(
+        "--sensors", type=click.Choice(["ideal", "imu", "imu+encoders"]), help="The robot's sensors; default ideal."
+    ),
+    click.option("--model", "model_file", metavar="FILE", help="Fly this model.toml instead of the packaged robot."),
+    click.option(
+        "--compensation",
+        "compensation_file",
+        metavar="FILE",
+        help="Send this compensation.toml of the robot to the firmware.",
+    ),
+    click.option(
+        "--gains",
+        "gains_file",
+        metavar="FILE",
+        help="Send this gains.toml of `brickpilot tune` to the firmware.",
+    ),
+    click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="The seed of the sensors' noise; default 0."),
+)
+
+
+def flight_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Adds the shared options to `command` and passes them to it as one `FlightRequest`, its first argument."""
+
+    @functools.wraps(command)
+    def with_request(**given: object) -> None:
+        from brickpilot.public.doors import FlightRequest
+
+        shared = {field.name: given.pop(field.name) for field in fields(FlightRequest)}
+        command(FlightRequest(**shared), **given)  # type: ignore[arg-type]
+
+    decorated: Callable[..., None] = with_request
+    for option in reversed(_OPTIONS):
+        decorated = option(decorated)
+    return decorated

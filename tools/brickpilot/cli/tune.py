@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from brickpilot.cli.completion import model_files, scenario_names
-from brickpilot.cli.terminal import as_json, progress_shown, seed_option
+from brickpilot.cli.terminal import as_json, model_files, progress_shown, scenario_names, seed_option
 
 if TYPE_CHECKING:
     from brickpilot.tune.tuner import Tuned

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from brickpilot.cli.completion import scenario_names, setting_names
-from brickpilot.cli.terminal import as_json, settings_of
+from brickpilot.cli.terminal import as_json, scenario_names, setting_names, settings_of
 from brickpilot.errors import InputError
 
 if TYPE_CHECKING:

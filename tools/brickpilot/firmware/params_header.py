@@ -18,8 +18,7 @@ from brickpilot.firmware import robot
 from brickpilot.firmware.robot import Place, Robot
 from brickpilot.vehicle.coefficients import PROFILES, VOLTAGE_LIMIT, WHEEL_SPEED_LIMIT, pose, wheel_speed_per_volt
 from brickpilot.vehicle.fixed_point import QuantisationError, initialiser, integer
-from brickpilot.vehicle.setting_defaults import constants, default, plain
-from brickpilot.vehicle.settings import Setting, settings
+from brickpilot.vehicle.settings import Setting, constants, default, plain, settings
 
 INT16, UINT16 = 32767, 65535
 LONGEST_STEP_MS = 20

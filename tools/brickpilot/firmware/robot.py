@@ -43,8 +43,7 @@ from brickpilot.vehicle import model as models
 from brickpilot.vehicle.coefficients import difference_inertia, mean_inertia, wheel_speed_per_volt
 from brickpilot.vehicle.gains import Gains
 from brickpilot.vehicle.model import Model
-from brickpilot.vehicle.setting_defaults import constants, default, holding_voltage, plain
-from brickpilot.vehicle.settings import settings
+from brickpilot.vehicle.settings import constants, default, holding_voltage, plain, settings
 
 Tables = Mapping[str, Any]
 Place = tuple[str, ...]

@@ -36,7 +36,7 @@ from brickpilot.vehicle import flight, scenario
 from brickpilot.vehicle.compensation import FORMATS
 from brickpilot.vehicle.flight import Plan
 from brickpilot.vehicle.scenario import Scenario
-from brickpilot.vehicle.setting_defaults import plain
+from brickpilot.vehicle.settings import plain
 
 REST_S = 2.0
 """Rest before the start, in which the gyro's bias is learnt: that of the programs in firmware/targets."""

@@ -57,13 +57,11 @@ _STYLE: Any = {
 }
 
 
-def figure(
-    rows: int = 1, *, width: float = 8.0, row_height: float = 1.8, sharex: bool = True
-) -> tuple[Figure, list[Axes]]:
+def figure(rows: int = 1, *, width: float = 8.0, row_height: float = 1.8) -> tuple[Figure, list[Axes]]:
     """Returns a figure with `rows` panels, one above the other, each `width` by `row_height` inches."""
     with matplotlib.rc_context(_STYLE):
         drawn = Figure(figsize=(width, rows * row_height + 0.4), layout="constrained")
-        axes = drawn.subplots(rows, 1, sharex=sharex, squeeze=False)
+        axes = drawn.subplots(rows, 1, sharex=True, squeeze=False)
     return drawn, [axes[row, 0] for row in range(rows)]
 
 

@@ -23,8 +23,8 @@ from brickpilot.compiled import interface
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.hil.brick_process import end_brick, restart_brick, start_brick, wait_for_end
 from brickpilot.hil.checkout import checkout, script_output
-from brickpilot.link.infrared import InfraredLink
 from brickpilot.link.links import CAN_KINDS, CanLink, Link, LinkGoneError, StreamLink, open_bus, open_serial, open_tcp
+from brickpilot.link.lnp import InfraredLink
 from brickpilot.link.session import REPLY_S
 from brickpilot.link.tower import Tower
 

@@ -72,9 +72,9 @@ def _struct(fields: Sequence[tuple[int, int, bool]]) -> struct.Struct | None:
     return struct.Struct(form + "x" * (SIZE - at))
 
 
-def crc16(data: bytes, start: int = 0xFFFF) -> int:
-    """Returns the CRC-16/CCITT-FALSE of `data`, continued from `start`."""
-    return binascii.crc_hqx(data, start)
+def crc16(data: bytes) -> int:
+    """Returns the CRC-16/CCITT-FALSE of `data`."""
+    return binascii.crc_hqx(data, 0xFFFF)
 
 
 class Book:

@@ -10,10 +10,9 @@ from dataclasses import dataclass
 from brickpilot.changed.change import Change, Changed, Constant, FitPercent, Trace, subject
 from brickpilot.changed.what_changed import BEFORE
 from brickpilot.data.signals import SIGNALS
-from brickpilot.report import discover_plots, headline_text
-from brickpilot.report.discover_plots import measured
+from brickpilot.report import headline_text, plot
 from brickpilot.report.discover_text import listed, say
-from brickpilot.report.plot import Curve, points_for
+from brickpilot.report.plot import Curve, measured, points_for
 from brickpilot.report.quantities import fit_text, percent, quantity
 from brickpilot.report.template import render
 from brickpilot.report.user_terms import told
@@ -172,7 +171,7 @@ def _figure(one: Trace, points: int) -> dict[str, object]:
     said = say(one.signal)
     title = f"{one.run}: {said}, measured, by the old model and with what changed"
     time = one.time - one.time[0]
-    chart = discover_plots.superimposed(
+    chart = plot.superimposed(
         time, said, SIGNALS[one.signal].unit, above, below, 0.0, run=one.run, title=title, points=points
     )
     return {"run": one.run, "signal": said, "chart": chart}

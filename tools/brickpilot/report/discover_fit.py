@@ -10,7 +10,7 @@ from brickpilot.data.agreement import mean_fit
 from brickpilot.data.dataset import OwnUnit, own_unit
 from brickpilot.discover.finding import Finding
 from brickpilot.discover.yardstick import Fit, Predictable, SignalFit
-from brickpilot.report import discover_plots
+from brickpilot.report import plot
 from brickpilot.report.headline_text import DEFINITION, HORIZONS, RUNS, plain
 from brickpilot.report.quantities import DASH, fit_number, fit_text, percent, quantity
 
@@ -181,7 +181,7 @@ def _chart(finding: Finding) -> Any:
             rows.append((_say(signal), fit.before, fit.after, fit.attainable))
     text = "; ".join(f"{name} {fit_number(a)} to {fit_number(b)}, attainable {fit_number(c)}" for name, a, b, c in rows)
     title = f"Fit in percent in free runs of {one.runs}: {text}"
-    return discover_plots.fits(rows, single=finding.verdict == "none", title=title)
+    return plot.fits(rows, single=finding.verdict == "none", title=title)
 
 
 def _say(signal: str) -> str:

@@ -13,7 +13,7 @@ from brickpilot.data.audit.fault import Fault
 from brickpilot.data.dataset import own_unit
 from brickpilot.data.gap import Gap, Place
 from brickpilot.discover.finding import Effect, Finding, Parameter, Rank, RunValues, Share
-from brickpilot.report import composed_law, discover_fit, discover_plots
+from brickpilot.report import composed_law, discover_fit, plot
 from brickpilot.report.discover_runs import compared_signals, figures, gap_map
 from brickpilot.report.discover_text import (
     OVER_NOISE,
@@ -126,9 +126,7 @@ def _gap_chart(finding: Finding) -> Markup:
     rows = [(label, gap.before, gap.after) for name, label in _ROLE_ROWS if (gap := finding.gap.get(name)) is not None]
     rows += [(say(name), gap.before, gap.after) for name, gap in finding.by_signal.items()]
     text = "; ".join(f"{label} {gap_text(before)} to {gap_text(after)}" for label, before, after in rows)
-    return discover_plots.gaps(
-        rows, single=finding.verdict == "none", title=f"Gap before and after, over noise: {text}"
-    )
+    return plot.gaps(rows, single=finding.verdict == "none", title=f"Gap before and after, over noise: {text}")
 
 
 def _warnings(finding: Finding) -> list[str]:
@@ -159,7 +157,7 @@ def _whiteness(finding: Finding) -> list[dict[str, Any]]:
         outside = sum(abs(value) > one.bound for value in one.correlation)
         count = f"{outside} of {len(one.correlation)} lags lie outside the band"
         title = f"Autocorrelation of the residual of {say(signal)}: {count}"
-        chart = discover_plots.autocorrelation(one, title=title)
+        chart = plot.autocorrelation(one, title=title)
         size = finding.by_signal.get(signal, Gap(None, None)).after
         is_noise = one.white and (size is None or size <= OVER_NOISE)
         says = "white" if is_noise else f"{gap_text(size)} times the noise" if one.white else "not white"
@@ -201,7 +199,7 @@ def _experiment(finding: Finding) -> dict[str, Any] | None:
     chart, points = None, []
     if one.manoeuvre is not None:
         title = f"Voltages of the manoeuvre {one.manoeuvre.name}, {plain(one.manoeuvre.duration_s)} s"
-        chart = discover_plots.voltages(one.manoeuvre, single=single, title=title)
+        chart = plot.voltages(one.manoeuvre, single=single, title=title)
         sides = [("voltage", one.manoeuvre.voltage_left)]
         if not single:
             sides = [("left", one.manoeuvre.voltage_left), ("right", one.manoeuvre.voltage_right)]
@@ -256,7 +254,7 @@ def _parameter(name: str, one: Parameter) -> dict[str, Any]:
     if ends is not None and all(np.isfinite(ends)):
         far = 1.05 * max(abs(ends[0]), abs(ends[1])) or 1.0
         inside = (-far if ends[0] < 0 else 0.0, far if ends[1] > 0 else 0.0)
-        whisker = discover_plots.interval(ends[0], known.value, ends[1], inside=inside)
+        whisker = plot.interval(ends[0], known.value, ends[1], inside=inside)
     return {"name": shown_name, "shown": shown_parameter(one), "whisker": whisker}
 
 
@@ -285,7 +283,7 @@ def nominal_rows(finding: Finding) -> list[dict[str, Any]]:
                 "after": quantity(one.after, one.unit),
                 "change": signed(100 * (one.after / one.before - 1), 1) if one.before else None,
                 "away": None if away is None else signed(away, 1),
-                "whisker": None if away is None else discover_plots.interval(0.0, away, away, inside=(-4.0, 4.0)),
+                "whisker": None if away is None else plot.interval(0.0, away, away, inside=(-4.0, 4.0)),
                 "leaves_prior": one.leaves_prior,
                 "data": "agree with it" if _determined(finding, name) else "do not determine it",
             }

@@ -15,9 +15,8 @@ from brickpilot.data.gap import Place, residual
 from brickpilot.data.motion import measured_rates
 from brickpilot.data.signals import SUMMED
 from brickpilot.discover.finding import Finding
-from brickpilot.report.discover_plots import measured, superimposed
 from brickpilot.report.discover_text import OVER_NOISE, gap_change, say
-from brickpilot.report.plot import Curve, points_for
+from brickpilot.report.plot import Curve, measured, points_for, superimposed
 from brickpilot.report.quantities import ROLES, gap_text
 
 Array = NDArray[np.float64]

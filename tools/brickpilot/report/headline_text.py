@@ -30,13 +30,9 @@ def horizon_text(name: str) -> str:
     return HORIZONS.get(name, name.replace("_", " "))
 
 
-def sentence(numbers: Headline, role: str | None = None) -> str:
-    """Returns the headline in a sentence; empty where there is none.
-
-    Args:
-        role: the runs; None: those that judge.
-    """
-    role = numbers.role if role is None else role
+def sentence(numbers: Headline) -> str:
+    """Returns the headline of the runs that judge in a sentence; empty where there is none."""
+    role = numbers.role
     whole, ahead = numbers.mean(role), numbers.mean(role, "1_s")
     if whole is None:
         return ""

@@ -16,9 +16,8 @@ from brickpilot.report.plot import Colour, Curve, Figure, Panel, row_chart, to_h
 from brickpilot.report.quantities import number
 from brickpilot.report.run_page import track_to_html
 from brickpilot.report.template import render
-from brickpilot.tune.judge import JUDGE, Change, Rate
 from brickpilot.tune.task import Outcome, Raw, score
-from brickpilot.tune.tuner import Tuned
+from brickpilot.tune.tuner import JUDGE, Change, Rate, Tuned
 from brickpilot.vehicle import flight, flight_figures
 from brickpilot.vehicle.settings import settings
 

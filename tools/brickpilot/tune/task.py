@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.campaign import flight_row, robots
+from brickpilot.campaign import robots, runs
 from brickpilot.campaign.robots import Allowed
 from brickpilot.errors import InputError
 from brickpilot.firmware import boards, robot, simulate
@@ -26,8 +26,7 @@ from brickpilot.firmware.simulate import ClosedLoop
 from brickpilot.vehicle import compensation, flight, scenario
 from brickpilot.vehicle import model as models
 from brickpilot.vehicle.gains import AT_MOST, Gains
-from brickpilot.vehicle.setting_defaults import constants, default, defaults
-from brickpilot.vehicle.settings import settings
+from brickpilot.vehicle.settings import constants, default, defaults, settings
 
 Array = NDArray[np.float64]
 
@@ -172,15 +171,15 @@ class Batch(NamedTuple):
 def fly_batch(batch: Batch) -> list[Outcome]:
     """Returns the outcomes of the flights of a batch, in the order of its places."""
     drawn = robots.draw(batch.problem.allowed, batch.problem.seed, batch.stream, batch.places)
-    return [_outcome(row) for row in flight_row.rows([batch.problem.planned(robot, batch.gains) for robot in drawn])]
+    return [_outcome(row) for row in runs.rows([batch.problem.planned(robot, batch.gains) for robot in drawn])]
 
 
 def fly_plan(plan: flight.Plan) -> Outcome:
     """Returns what counts of one flight."""
-    return _outcome(flight_row.row(plan))
+    return _outcome(runs.row(plan))
 
 
-def _outcome(row: flight_row.Row) -> Outcome:
+def _outcome(row: runs.Row) -> Outcome:
     missed = 1.0 - float(row["waypoints_reached"]) / float(row["waypoints_total"])
     track, time, wear = (float(row[name]) for name in ("cross_track_rms_m", "time_s", "duty_travel"))
     return Outcome(bool(row["success"]), missed, track, time, wear, str(row["cause"]))

@@ -16,23 +16,6 @@ that another robot's motors need, and that robot's readings into those of the pa
 The firmware gets `raw`; `value` is the same in SI and has to agree. `from` names the effects that each need this
 parameter, or says that nominal values differ from the packaged robot's. The comment at the end has the same parameters
 in C. `summary.json` of a flight repeats the file as `compensation`. firmware/README.md shows the improvement.
-
-Its values are computed in SI first. The firmware is made for one robot, the believed one, and flies another. On each
-side it demands a voltage u that would give the believed robot the demanded acceleration. The compensation turns u into
-
-    V = (1 + gain) (u + emf v + offset + friction sign(v)) + deadband sign(V)        v: the side's speed over ground
-
-so that the real robot drives straight like the believed one. The push per volt is K_t / (R r), the voltage that
-holds a speed is K_e / r + b R / (K_t r), the inertia per wheel is M = J / r^2 + m / 2, and g is the gain of the drive.
-With 0 for the believed robot,
-
-    a = (M / M_0) (push_0 / push)        gain = a / g - 1        emf = hold / a - hold_0        friction = T R / (K_t a)
-
-(eq. 12 to 14, solved for V). Yaw has an inertia of its own; the heading controller corrects the difference.
-
-An effect's own C file adds to these quantities: see `bp_undoable`.
-
-The differences of a robot from the believed one that no compensation can undo are named with their size.
 """
 
 from __future__ import annotations
@@ -302,6 +285,21 @@ def most_reserve(model: Model) -> float:
 
 def si_values(model: Model, believes: Model) -> dict[str, float]:
     """Returns each parameter of the compensation in SI, by its name in the firmware.
+
+    The firmware is made for one robot, the believed one, and flies another. On each side it demands a voltage u that
+    would give the believed robot the demanded acceleration. The compensation turns u into
+
+        V = (1 + gain) (u + emf v + offset + friction sign(v)) + deadband sign(V)        v: the side's speed over ground
+
+    so that the real robot drives straight like the believed one. The push per volt is K_t / (R r), the voltage that
+    holds a speed is K_e / r + b R / (K_t r), the inertia per wheel is M = J / r^2 + m / 2, and g is the gain of the
+    drive. With 0 for the believed robot,
+
+        a = (M / M_0) (push_0 / push)      gain = a / g - 1      emf = hold / a - hold_0      friction = T R / (K_t a)
+
+    (eq. 12 to 14, solved for V). Yaw has an inertia of its own; the heading controller corrects the difference.
+
+    An effect's own C file adds to these quantities: see `bp_undoable`.
 
     Args:
         model: the real robot, a coupled diff_drive.

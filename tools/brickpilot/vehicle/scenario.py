@@ -20,8 +20,6 @@ packaged ones are in `sim_host/run/scenarios`.
 
     [parameters]                      # of the plant alone, as [effects.NAME]; the controller does not know them
     mass = 0.9
-
-The [[faults]] say what fails between plant and controller, and when. hil/ makes them happen.
 """
 
 from __future__ import annotations
