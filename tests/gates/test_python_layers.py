@@ -73,9 +73,7 @@ def named_twice(files: Iterable[Path]) -> list[str]:
 
 def test_no_two_modules_have_one_name(tmp_path: Path) -> None:
     assert named_twice(PACKAGE.rglob("*.py")) == []
-    assert named_twice([tmp_path / "fit/check.py", tmp_path / "cli/discover.py", tmp_path / "fit/one.py"]) == [
-        "check.py"
-    ]
+    assert named_twice([tmp_path / "fit/check.py", tmp_path / "cli/check.py", tmp_path / "fit/one.py"]) == ["check.py"]
 
 
 def test_only_the_command_line_and_the_generator_stand_on_top() -> None:

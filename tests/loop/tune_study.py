@@ -26,7 +26,7 @@ from brickpilot.constants import STEP_S
 from brickpilot.discover.prepare import SD_SHARE
 from brickpilot.firmware import simulate
 from brickpilot.firmware.robot import load
-from brickpilot.tune import task
+from brickpilot.tune import robot_task
 from brickpilot.tune import task as problems
 from brickpilot.tune.tuner import rate
 from brickpilot.vehicle import gains, scenario
@@ -136,7 +136,7 @@ def route(one: Study, model: Path, file: Path) -> str:
 
 def true_flights(name: str, one: Study, model: Path, tuned: Path, mission: str | None) -> dict[str, Any]:
     """Flies the robot as it truly is, before and after, with other noise and biases of its sensors each time."""
-    ready = task.problem(model, one.board, one.sensors, mission, SD_SHARE, STREAM)
+    ready = robot_task.problem(model, one.board, one.sensors, mission, SD_SHARE, STREAM)
     devices = ready.problem.allowed.devices
     found: dict[str, Any] = {}
     for how, raw in (("before", ready.problem.start), ("after", gains.load(tuned / "gains.toml").raw)):

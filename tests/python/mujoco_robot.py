@@ -11,8 +11,7 @@ import mujoco
 import numpy as np
 from brickpilot import compiled
 from brickpilot.constants import STEP_S
-from brickpilot.hil.fault_injection import SensorFaults
-from brickpilot.hil.plant_end import PlantEnd
+from brickpilot.hil.plant_end import PlantEnd, SensorFaults
 from brickpilot.vehicle import flight
 from numpy.typing import NDArray
 

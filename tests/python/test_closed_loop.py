@@ -31,7 +31,7 @@ def test_gains_as_settings_in_process_are_those_compiled_into_the_firmware(
     tuned = robot.with_gains(own, TUNED)
     boards.write_headers(tuned, mission, boards.BOARDS[board], boards.step_of(flags), tmp_path / "own", ROOT)
     linked = simulate.fly_own(ROOT, tmp_path / "own", [f for f in flags if f[:2] == "-D"], plan, tmp_path).flight
-    library = simulate.closed_loop(own, boards.BOARDS[board], sensors).library()
+    library = boards.closed_loop(own, boards.BOARDS[board], sensors).library()
     in_process = flight.fly(dataclasses.replace(plan, firmware=library, gains=TUNED))
     np.testing.assert_array_equal(in_process.motors, linked.motors)
     assert np.abs(linked.motors).max() > 5_000
@@ -52,4 +52,4 @@ def test_without_a_checkout_it_says_so(tmp_path: Path, monkeypatch: pytest.Monke
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(project, "_PACKED", tmp_path / "sources")
     with pytest.raises(InputError, match="needs a checkout of the project"):
-        simulate.closed_loop(robot.load(write(tmp_path, "small", OWN["small"])), boards.RCX, "imu")
+        boards.closed_loop(robot.load(write(tmp_path, "small", OWN["small"])), boards.RCX, "imu")

@@ -33,7 +33,7 @@ from brickpilot.errors import InputError
 from brickpilot.export import run_read
 from brickpilot.flash import avr, image_files
 from brickpilot.hil import traffic_log
-from brickpilot.importers import dataflash, matlab, mcap, parquet, rosbag, ulog, wpilib, wpilog
+from brickpilot.importers import dataflash, mat_file, mcap, parquet, rosbag, ulog, wpilib, wpilog
 from brickpilot.importers.table import import_table
 from brickpilot.vehicle import compensation, gains, model, scenario
 from intelhex import IntelHex
@@ -267,17 +267,17 @@ def peak_bytes() -> int:
 
 def as_importer(path: Path) -> tuple[bool, int]:
     """Reads a .mat file as the importer's process does; returns whether that could be, and this process's bytes."""
-    found = matlab.parse_mat(path)
+    found = mat_file.parse(path)
     return found is not None, peak_bytes()
 
 
 @pytest.mark.parametrize("version", MAT_WRITERS)
 def test_a_damaged_mat_file_is_read_or_refused_in_time_and_memory(version: str, tmp_path: Path, full: bool) -> None:
-    """A crash of the reader is a refusal too, which `matlab.load_mat` says in one line."""
+    """A crash of the reader is a refusal too, which `mat_file.load` says in one line."""
     path, count = tmp_path / "log.mat", 1500 if full else 50
     MAT_WRITERS[version](path)
     good, draw = path.read_bytes(), random.Random(version)
-    assert set(matlab.load_mat(path)) >= {"t", "u", "log"}
+    assert set(mat_file.load(path)) >= {"t", "u", "log"}
     pool, read, crashed = None, 0, 0
     for number in range(count):
         path.write_bytes(damaged_bytes(good, draw))

@@ -12,7 +12,8 @@ from bad_datasets import write_good
 from brickpilot import catalogue
 from brickpilot.data.dataset import PRESET_BATTERY_VOLTAGE, motor_inputs
 from brickpilot.data.reading import read
-from brickpilot.data.signals import SIGNALS, si_factor, to_frd
+from brickpilot.data.signals import SIGNALS, to_frd
+from brickpilot.data.units import si_factor
 from brickpilot.fit.parameters import plan
 
 EXAMPLE = """\

@@ -34,7 +34,7 @@ def planned(folder: Path, board: str, sensors: str, steps: int) -> tuple[Robot, 
 def in_process(own: Robot, plan: Plan, board: str, monkeypatch: pytest.MonkeyPatch) -> Flight:
     """Returns the flight of the firmware without these gains, which gets them as settings."""
     monkeypatch.chdir(ROOT)
-    library = simulate.closed_loop(own, boards.BOARDS[board], plan.sensors).library()
+    library = boards.closed_loop(own, boards.BOARDS[board], plan.sensors).library()
     return flight.fly(dataclasses.replace(plan, firmware=library, gains=TUNED))
 
 

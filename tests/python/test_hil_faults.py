@@ -8,7 +8,7 @@ import fault_matrix
 import pytest
 from brickpilot.cli import main
 from brickpilot.errors import InputError
-from brickpilot.hil.fault_injection import FLOOD, HELD_FOR, FaultyLink
+from brickpilot.hil.plant_end import FLOOD, HELD_FOR, FaultyLink
 from brickpilot.link.links import Message
 from brickpilot.vehicle import scenario
 from brickpilot.vehicle.scenario import MESSAGE_KINDS, Fault

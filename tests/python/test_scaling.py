@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from brickpilot.bench import scaling, speed
+from brickpilot.bench import scaling, this_machine
 from brickpilot.cli import main
 from brickpilot.report import scaling_page
 from lab_results import scaling_results
@@ -62,7 +62,7 @@ def test_work_that_grows_with_the_square_is_told(monkeypatch: pytest.MonkeyPatch
 
 
 def test_every_kind_of_work_runs_and_has_its_row_on_the_page(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(speed, "cores", lambda: 1)  # one and two workers, which start slowly
+    monkeypatch.setattr(this_machine, "cores", lambda: 1)  # one and two workers, which start slowly
     monkeypatch.setattr(scaling, "_campaign", lambda *_: scaling_results().sweeps[0])
     small = {"simulate_runs": (8, 16, 32), "discover_candidates": (2, 4, 8)}
     chosen = [

@@ -38,7 +38,8 @@ NAMED = {
     "hil/fly.py",  # what a flight needs
     "public/flights.py",  # an argument of the same name
     "public/making.py",  # the cruise speed that the image has
-    "tune/task.py",  # a scenario's cruise, and the gains that are tuned, and how far
+    "tune/robot_task.py",  # a scenario's cruise
+    "tune/task.py",  # the gains that are tuned, and how far
     "vehicle/gains.py",  # pairs of gains of which one may not be above the other
     "vehicle/flight.py",  # a scenario's cruise
     "vehicle/compensation.py",  # the equations, the gains in any case, and the reserve by the robot's own battery

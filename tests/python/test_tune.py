@@ -13,7 +13,6 @@ import pytest
 import tuned
 from brickpilot.campaign import workers
 from brickpilot.tune import task, tuner
-from brickpilot.tune import task as problems
 from brickpilot.tune import tuner as judging
 from brickpilot.tune.page import page, sentence
 from brickpilot.tune.task import Outcome, Scale, score
@@ -138,7 +137,7 @@ def test_success_comes_first_in_the_score() -> None:
     assert score(GOOD._replace(success=False), BY) > score(slow, BY)  # a fault after the last waypoint
     diverged = Outcome(False, 1.0, float("nan"), float("nan"), float("nan"), "the simulation diverged")
     assert np.isfinite(score(diverged, BY))
-    assert score(diverged, BY) > problems.MISSED
+    assert score(diverged, BY) > task.MISSED
     assert rate([GOOD, BAD]).share == 0.5
 
 

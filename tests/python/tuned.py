@@ -10,7 +10,7 @@ from pathlib import Path
 
 from brickpilot.campaign.engine import Crew, Finished, Function, Part
 from brickpilot.discover.prepare import SD_SHARE
-from brickpilot.tune import task
+from brickpilot.tune import robot_task
 from brickpilot.tune.tuner import Budget, Tuned, tune
 from brickpilot.vehicle import model
 from brickpilot.vehicle.model import rcx
@@ -51,12 +51,12 @@ class Here:
         yield Inline(function)
 
 
-def ready(folder: Path, name: str = "bench", seed: int = 0) -> task.Ready:
+def ready(folder: Path, name: str = "bench", seed: int = 0) -> robot_task.Ready:
     """Returns the packaged robot, and its mission, with what is usual for each kind of value."""
     (folder / "short.toml").write_text(SHORT)
     model.save(dataclasses.replace(rcx(), name=name), folder / "model.toml")
     route = str(folder / "short.toml")
-    return task.problem(folder / "model.toml", task.PACKAGED, "imu+encoders", route, SD_SHARE, seed)
+    return robot_task.problem(folder / "model.toml", robot_task.PACKAGED, "imu+encoders", route, SD_SHARE, seed)
 
 
 @cache

@@ -20,7 +20,7 @@ from scipy import stats
 from threadpoolctl import threadpool_limits
 
 from brickpilot import catalogue
-from brickpilot.bench import speed
+from brickpilot.bench import this_machine
 from brickpilot.campaign import engine, runs, workers
 from brickpilot.data.reading import Dataset
 from brickpilot.discover import parts, pipeline, prepare
@@ -222,7 +222,7 @@ def measure(
     progress(total - 2, total, "flights of a campaign")
     found.insert(1, _campaign(flights_of, repeats))
     progress(total - 1, total, "workers of a campaign")
-    return Scaling(speed.this_machine(), tuple(found), _crowd(crowd_flights, repeats))
+    return Scaling(this_machine.describe(), tuple(found), _crowd(crowd_flights, repeats))
 
 
 def _measure(sweep: Sweep) -> Measured:
@@ -317,9 +317,9 @@ def _campaign(sizes: Sequence[int], repeats: int) -> Measured:
 
 
 def _crowd(count: int, repeats: int) -> Crowd:
-    numbers = tuple(range(1, speed.cores() + 2))
+    numbers = tuple(range(1, this_machine.cores() + 2))
     rates = [tuple(count / _fly(count, jobs).wall_s for _ in range(repeats)) for jobs in numbers]
-    return Crowd(numbers, count, tuple(rates), speed.cores())
+    return Crowd(numbers, count, tuple(rates), this_machine.cores())
 
 
 def as_dict(found: Scaling) -> dict[str, Any]:

@@ -74,10 +74,10 @@ from brickpilot.data.signals import (
     TURNS_WITH_FRAME,
     Frame,
     Vehicle,
-    si_factor,
     to_frd,
 )
 from brickpilot.data.toml_file import Key, TomlFile
+from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
 
 Role = Literal["fit", "held_out"]

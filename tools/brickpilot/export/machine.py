@@ -61,6 +61,14 @@ class Machine:
     late: float = 0.0
 
 
+@dataclass(frozen=True)
+class RobotFile:
+    """A file for another program, and one line for each part of the model that it does not hold."""
+
+    text: str
+    left_out: tuple[str, ...]
+
+
 def nominal(model: Model) -> Machine:
     """Returns the robot without its effects."""
     values = catalogue.presets(model.vehicle) | dict(model.parameters)

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from xml.etree import ElementTree as Xml
 
 from brickpilot.constants import MOTOR_STEP_S
 from brickpilot.errors import InputError
-from brickpilot.export.machine import Machine, losses, radii, tell
+from brickpilot.export.machine import Machine, RobotFile, losses, radii, tell
 from brickpilot.vehicle.model import Model
 
 SIDES = ("left", "right")
@@ -25,15 +24,7 @@ _GRIP = 100.0
 _FLOATS = "a motor that floats: a control is a voltage, and 0 V shorts the motor"
 
 
-@dataclass(frozen=True)
-class Mjcf:
-    """A file for MuJoCo, and one line for each part of the model that it does not hold."""
-
-    text: str
-    left_out: tuple[str, ...]
-
-
-def write(model: Model) -> Mjcf:
+def write(model: Model) -> RobotFile:
     """Returns the model as MJCF.
 
     Raises:
@@ -57,7 +48,7 @@ def write(model: Model) -> Mjcf:
     _actuators(root, machine, sides)
     _sensors(root, model, machine, sides)
     Xml.indent(root)
-    return Mjcf(Xml.tostring(root, encoding="unicode") + "\n", tuple(left_out))
+    return RobotFile(Xml.tostring(root, encoding="unicode") + "\n", tuple(left_out))
 
 
 def _remarks(left_out: Sequence[str]) -> str:

@@ -7,11 +7,10 @@ middle between the wheels, and `base_link` above it on the axle.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from xml.etree import ElementTree as Xml
 
 from brickpilot.errors import InputError
-from brickpilot.export.machine import Machine, losses, radii, tell
+from brickpilot.export.machine import Machine, RobotFile, losses, radii, tell
 from brickpilot.vehicle.model import Model
 
 SIDES = ("left", "right")
@@ -24,15 +23,7 @@ _FLOOR = "wheels that hold on the floor without slip: a simulator has contacts o
 _PAPER = "the profile paper, whose wheels do not carry the body"
 
 
-@dataclass(frozen=True)
-class Urdf:
-    """A URDF file, and one line for each part of the model that it does not hold."""
-
-    text: str
-    left_out: tuple[str, ...]
-
-
-def write(model: Model) -> Urdf:
+def write(model: Model) -> RobotFile:
     """Returns the model as URDF.
 
     Raises:
@@ -50,7 +41,7 @@ def write(model: Model) -> Urdf:
     else:
         _robot(root, machine)
     Xml.indent(root)
-    return Urdf(Xml.tostring(root, encoding="unicode") + "\n", tuple(left_out))
+    return RobotFile(Xml.tostring(root, encoding="unicode") + "\n", tuple(left_out))
 
 
 def _remarks(left_out: Sequence[str]) -> str:

@@ -1,35 +1,26 @@
 """Flies a robot with its own firmware, compiled for this machine, at the board's control step and with its sensors.
 
-The closed loop is the plant and the firmware as one library. It flies some fifty to a hundred times as fast as the
-firmware behind a link (`fly_own`), with the same motor commands, so that a robot's gains can be tuned over many
-flights. An image that `brickpilot firmware` has made is flown on a simulator of its chip.
+An image that `brickpilot firmware` has made is flown on a simulator of its chip.
 """
 
 from __future__ import annotations
 
-import atexit
 import dataclasses
 import itertools
 import json
 import math
 import re
-import shutil
 import socket
 import subprocess
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 
-from brickpilot import compiled
 from brickpilot.constants import STEP_S
 from brickpilot.errors import InputError, SimulationError
-from brickpilot.firmware import boards, params_header, robot
-from brickpilot.firmware.boards import Board
+from brickpilot.firmware import boards, robot
 from brickpilot.firmware.robot import Robot, packaged
 from brickpilot.hil import ends, fly
-from brickpilot.hil.checkout import sources
 from brickpilot.link.links import StreamLink
 from brickpilot.link.session import LOCKSTEP
 from brickpilot.vehicle import flight, scenario
@@ -146,54 +137,6 @@ def _status(brick: subprocess.Popen[bytes]) -> int:
 def undone(robot: Robot) -> dict[str, float]:
     """Returns what the firmware knows of the robot's effects, SI, by setting."""
     return {FORMATS[name].name: FORMATS[name].value(raw) for name, raw in robot.known.items() if raw}
-
-
-@dataclass(frozen=True)
-class ClosedLoop:
-    """What the library is made of; it is small, and so can be sent to another machine.
-
-    Attributes:
-        headers: file -> text of those that take the place of the project's: the robot's constants.
-        flags: of the compiler, which make the firmware that of a board with some sensors.
-    """
-
-    headers: tuple[tuple[str, str], ...]
-    flags: tuple[str, ...]
-
-    def library(self) -> Path:
-        """Returns the library for `flight.Plan.firmware`. It is compiled once in each process, and removed at its end.
-
-        Raises:
-            InputError: the firmware's sources are not there.
-            WorkFailedError: the compiler fails.
-        """
-        return _compiled(self)
-
-
-def closed_loop(robot: Robot, board: Board, sensors: str) -> ClosedLoop:
-    """Returns the closed loop of a robot on a board, with its sensors.
-
-    Raises:
-        InputError: the firmware's sources are not there; a value that a format cannot hold.
-    """
-    flags = boards.flags_of(board, sensors, sources())
-    constants = {
-        "app/params_gen.h": params_header.own_header(robot, boards.step_of(flags)),
-        **boards.of_model(robot, sources()),
-    }
-    return ClosedLoop(tuple(constants.items()), tuple(flag for flag in flags if flag.startswith("-D")))
-
-
-@cache
-def _compiled(loop: ClosedLoop) -> Path:
-    root, folder = sources(), Path(tempfile.mkdtemp(prefix="brickpilot-loop-"))
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    for name, text in loop.headers:
-        (folder / name).parent.mkdir(exist_ok=True)
-        (folder / name).write_text(text, encoding="utf-8")
-    made = folder / "closed_loop.so"
-    boards.run([str(root / "sim_host/run/build"), str(made), str(compiled.library()), f"-I{folder}", *loop.flags], root)
-    return made
 
 
 FIGURES = "firmware.json"

@@ -25,8 +25,8 @@ from brickpilot.errors import InputError, SimulationError
 from brickpilot.hil import fly as over_a_link
 from brickpilot.hil.checkout import AVR_TARGETS, checkout
 from brickpilot.hil.ends import Ends
-from brickpilot.hil.fault_injection import BROWN_OUT_MV
 from brickpilot.hil.linked_flight import LinkedFlight, Progress
+from brickpilot.hil.plant_end import BROWN_OUT_MV
 from brickpilot.link.links import Link, Message, decode_frame, encode_frame
 from brickpilot.link.session import REALTIME
 from brickpilot.vehicle import flight

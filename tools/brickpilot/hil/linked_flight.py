@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from brickpilot.constants import STEP_MS, STEP_S
 from brickpilot.hil.ends import Ends
-from brickpilot.hil.fault_injection import FaultyLink, controller_restarts
-from brickpilot.hil.plant_end import PlantEnd
+from brickpilot.hil.plant_end import FaultyLink, PlantEnd, controller_restarts
 from brickpilot.link.links import Link
 from brickpilot.link.messages import book
 from brickpilot.link.session import LOCKSTEP, Session

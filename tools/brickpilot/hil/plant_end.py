@@ -1,8 +1,14 @@
-"""The plant's end of a link: the C plant, its sensor readings as messages, and its motors."""
+"""The plant's end of a link: the C plant, its sensor readings as messages, its motors, and the injected faults.
+
+A scenario's [[faults]] are in messages, in sensors, and in the plant or the brick. They are seeded. They act on
+messages, above the transport, and so are the same on every transport. So the CRC of a message, not the checksum of a
+transport, has to find this damage.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import random
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -11,10 +17,10 @@ from numpy.typing import NDArray
 
 from brickpilot import compiled
 from brickpilot.errors import SimulationError
-from brickpilot.hil.fault_injection import SensorFaults
-from brickpilot.link.links import Message
+from brickpilot.link.links import Link, Message, WrappedLink
 from brickpilot.link.messages import book, set_crc
 from brickpilot.vehicle import flight
+from brickpilot.vehicle.scenario import MESSAGE_KINDS, Fault
 
 OK = 0
 
@@ -101,3 +107,133 @@ def open_plant(plan: flight.Plan, log: NDArray[np.float64], motors: NDArray[np.i
             yield PlantEnd(library, loop, ffi.new("bp_sensed *"), SensorFaults(plan.scenario.faults))
         finally:
             library.bp_loop_close(loop)
+
+
+HELD_FOR = 20
+"""The number of messages that overtake a delayed one."""
+
+FLOOD = 20
+"""The number of random messages before each message that a flood hits."""
+
+BROWN_OUT_MV = 4500
+
+
+class _Direction:
+    """One direction of a link with its delayed messages and its random generator."""
+
+    def __init__(self, name: str, faults: Sequence[Fault], seed: int) -> None:
+        self._faults = [fault for fault in faults if fault.direction in ("both", name)]
+        self._dice = random.Random(f"{seed} {name}")
+        self._held: list[tuple[int, Message]] = []  # (number of messages that still overtake it, message)
+
+    def through(self, messages: Sequence[Message], step: int) -> list[Message]:
+        """Returns the messages that the link delivers when it gets `messages` at control step `step`."""
+        if not self._held and not any(fault.acts(step) for fault in self._faults):
+            return list(messages)
+        out: list[Message] = []
+        for message in messages:
+            passed = [message]
+            for fault in self._faults:
+                if fault.acts(step):
+                    passed = [each for one in passed for each in self._hit(fault, one)]
+            out += passed
+            due = [message for left, message in self._held if left <= 1]
+            self._held = [(left - 1, message) for left, message in self._held if left > 1]
+            out += due
+        return out
+
+    def _hit(self, fault: Fault, message: Message) -> list[Message]:
+        """Returns the result of `fault` on a message."""
+        dice = self._dice
+        if dice.random() >= fault.rate:
+            return [message]
+        identifier, data = message
+        if fault.kind in ("drop", "disconnect"):
+            return []
+        if fault.kind == "duplicate":
+            return [message, message]
+        if fault.kind in ("delay", "reorder"):
+            self._held.append((HELD_FOR if fault.kind == "delay" else 2, message))
+            return []
+        if fault.kind == "truncate":
+            return [(identifier, data[: dice.randrange(len(data) or 1)])]
+        if fault.kind == "corrupt":
+            bit = dice.randrange(11 + 8 * len(data))
+            if bit < 11:
+                return [(identifier ^ 1 << bit, data)]
+            whole = int.from_bytes(data, "little") ^ 1 << bit - 11
+            return [(identifier, whole.to_bytes(len(data), "little"))]
+        return [(dice.randrange(0x800), dice.randbytes(dice.randrange(9))) for _ in range(FLOOD)] + [message]
+
+
+class FaultyLink(WrappedLink):
+    """A link whose messages meet faults. The owner sets `step`, the present control step.
+
+    Args:
+        link: the link to wrap, which is closed with this one.
+        faults: the faults of the scenario; only those of MESSAGE_KINDS act here.
+        seed: seed of the random generator.
+    """
+
+    def __init__(self, link: Link, faults: Sequence[Fault], seed: int) -> None:
+        hits = [fault for fault in faults if fault.kind in MESSAGE_KINDS]
+        super().__init__(link)
+        self.step = 0
+        self._out, self._back = _Direction("to_brick", hits, seed), _Direction("from_brick", hits, seed)
+
+    def send(self, messages: Sequence[Message]) -> None:
+        self._link.send(self._out.through(messages, self.step))
+
+    def receive(self, timeout: float) -> list[Message]:
+        return self._back.through(self._link.receive(timeout), self.step)
+
+
+FIELDS = {
+    "imu": ("accel_surge_mm_s2", "accel_sway_mm_s2", "yaw_rate_mrad_s"),
+    "rotation": ("rotation_left", "rotation_right"),
+    "battery": ("battery_mv",),
+    "reference": ("x_um", "y_um", "heading_bam16", "speed_mm_s_q4", "true_yaw_rate_mrad_s"),
+}
+"""Sensor -> its fields of `bp_sensed`."""
+
+STALE = 2
+
+
+class SensorFaults:
+    """Changes sensor readings according to the faults.
+
+    Args:
+        faults: the faults of the scenario; those of messages do not act here.
+    """
+
+    def __init__(self, faults: Sequence[Fault]) -> None:
+        self._faults = [fault for fault in faults if fault.kind not in MESSAGE_KINDS]
+        self._stuck: dict[Fault, tuple[int, ...]] = {}
+        self._clock_ms = 0
+
+    def act(self, sensed: Any, step: int) -> None:
+        """Changes a `bp_sensed` in place, at control step `step`."""
+        for fault in self._faults:
+            if fault.kind == "plant_restart":
+                self._clock_ms = sensed.time_ms if fault.begins(step) else self._clock_ms
+            elif not fault.acts(step):
+                continue
+            elif fault.kind == "missing_sensor":
+                status = f"{fault.sensor}_status"
+                setattr(sensed, status, getattr(sensed, status) or STALE)
+            elif fault.kind == "stuck_sensor":
+                names = FIELDS[fault.sensor]
+                held = self._stuck.setdefault(fault, tuple(getattr(sensed, name) for name in names))
+                for name, value in zip(names, held, strict=True):
+                    setattr(sensed, name, value)
+            elif fault.kind == "brown_out":
+                sensed.battery_mv = BROWN_OUT_MV
+        sensed.time_ms -= self._clock_ms
+
+
+def controller_restarts(faults: Sequence[Fault], step: int) -> bool:
+    """Returns whether the controller restarts at control step `step`; it also restarts when a brown-out ends."""
+    return any(
+        (fault.kind == "controller_restart" and fault.begins(step)) or (fault.kind == "brown_out" and fault.ends(step))
+        for fault in faults
+    )

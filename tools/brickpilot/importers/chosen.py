@@ -14,7 +14,8 @@ from typing import Protocol
 
 import numpy as np
 
-from brickpilot.data.signals import SIGNALS, Frame, Vehicle, si_factor
+from brickpilot.data.signals import SIGNALS, Frame, Vehicle
+from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
 from brickpilot.importers import table_log
 from brickpilot.importers.channels import Channel, Log, Reader, Vector, in_order

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.data.audit.wiring import COUNTS_A_TURN
-from brickpilot.data.signals import INPUT_SETS, SIGNALS, Vehicle, si_factor
+from brickpilot.data.signals import INPUT_SETS, SIGNALS, Vehicle
+from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
 from brickpilot.importers.formula import Place
 from brickpilot.importers.mapping import Source, parse_mapping

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.data.audit.wiring_motion import Taken
-from brickpilot.data.signals import SIGNALS, si_factor
+from brickpilot.data.signals import SIGNALS
+from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
 from brickpilot.importers.formula import Formula, FormulaError, Place, Scaling, parse_formula
 

@@ -1,27 +1,20 @@
-"""MATLAB .mat files, v4 to v7.3, turned into a data set.
-
-The variables are read in a process of its own, because a damaged file can crash scipy's reader.
-"""
+"""MATLAB .mat files, v4 to v7.3, turned into a data set."""
 
 from __future__ import annotations
 
-import multiprocessing
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any
 
-import h5py  # type: ignore[import-untyped]
 import numpy as np
 from numpy.typing import NDArray
-from scipy.io import loadmat
 
 from brickpilot.data.signals import Frame, Vehicle
 from brickpilot.errors import InputError
 from brickpilot.importers.channels import Channel, Log
 from brickpilot.importers.formula import Place, unknown_name
 from brickpilot.importers.mapping import Mapped, Source, common_scalings, parse_mapping, read_formulas, take, units_of
+from brickpilot.importers.mat_file import load
 from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out, run_names, write
 
 
@@ -71,7 +64,7 @@ def import_matlab(
 
 
 def _signals(file: Path, sources: Mapping[str, Source]) -> Mapped:
-    variables = load_mat(file)
+    variables = load(file)
     names = _names(variables)
 
     def column(signal: str, place: Place) -> NDArray[np.float64]:
@@ -95,7 +88,7 @@ def read(file: Path) -> Log:
     Raises:
         InputError: no such file, or the file cannot be read.
     """
-    variables = load_mat(file)
+    variables = load(file)
     channels, others = {}, []
     for name in _names(variables):
         try:
@@ -152,43 +145,3 @@ def _column(
     if np.isinf(column).any():
         raise InputError(f"{place.name!r} holds an infinite value", file=file, field=signal)
     return column
-
-
-def load_mat(file: Path) -> Mapping[str, Any]:
-    """Returns variable -> array as MATLAB shows it; a struct becomes a mapping.
-
-    scipy reads v4 to v7.2, h5py reads v7.3 (HDF5).
-
-    Raises:
-        InputError: no such file, or the file cannot be read.
-    """
-    if not file.is_file():
-        raise InputError("no such file" if not file.exists() else "is not a file", file=file)
-    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as child:
-        try:
-            variables = child.submit(parse_mat, file).result()
-        except BrokenProcessPool as error:
-            raise InputError("is not a readable .mat file: its reader crashed", file=file) from error
-    if variables is None:
-        raise InputError("is not a readable .mat file", file=file)
-    return variables
-
-
-def parse_mat(file: Path) -> dict[str, Any] | None:
-    """Does the same as `load` in this process; returns None where the file cannot be read."""
-    try:
-        try:
-            return dict(loadmat(str(file), simplify_cells=True))
-        except NotImplementedError:  # scipy raises it for v7.3
-            with h5py.File(file, "r") as content:
-                return _tree(content)
-    except Exception:  # the readers raise any kind of error on a damaged file
-        return None
-
-
-def _tree(group: h5py.Group) -> dict[str, Any]:
-    return {
-        name: _tree(item) if isinstance(item, h5py.Group) else np.asarray(item[()]).T
-        for name, item in group.items()
-        if not name.startswith("#")
-    }

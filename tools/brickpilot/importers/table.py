@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from brickpilot.data.input_timing import InputTiming
 from brickpilot.data.rows import DELIMITERS
-from brickpilot.data.signals import SIGNALS, Frame, Vehicle, si_factor
+from brickpilot.data.signals import SIGNALS, Frame, Vehicle
+from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
 from brickpilot.importers.formula import Scaling
 from brickpilot.importers.guess import Guess, guess

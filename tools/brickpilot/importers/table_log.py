@@ -19,7 +19,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.data.signals import SIGNALS, SUMMED, si_factor
+from brickpilot.data.signals import SIGNALS, SUMMED
+from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
 from brickpilot.importers.formula import Formula, Place, Scaling
 from brickpilot.importers.mapping import Mapped, Source, read_formulas, take

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.data.rows import CUT, DELIMITERS, NUMBER, joined, numbers, parse_rows, read_text
-from brickpilot.data.signals import si_factor
+from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
 from brickpilot.importers.channels import Channel, Log
 from brickpilot.importers.formula import Place, unknown_name

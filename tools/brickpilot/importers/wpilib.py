@@ -23,7 +23,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.data.signals import Frame, Vehicle, si_factor
+from brickpilot.data.signals import Frame, Vehicle
+from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
 from brickpilot.importers.channels import Channel, Log
 from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out, run_names, write

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
-from brickpilot.vehicle.flight_figures import Check
+if TYPE_CHECKING:  # the command line prints these lines, and starts without the plant
+    from brickpilot.vehicle.flight_figures import Check
 
 
 def waypoint_lines(figures: Mapping[str, Any]) -> Iterator[str]:
@@ -72,6 +73,8 @@ def junit_text(name: str, checks: Sequence[Check], command: str) -> str:
 
 def junit_of_error(name: str, message: str, command: str) -> str:
     """Returns the file of a flight that did not begin: one test case, the link, with the error."""
+    from brickpilot.vehicle.flight_figures import Check
+
     case = _case(name, Check("link", None))
     ElementTree.SubElement(case, "error", message=message, type="no flight").text = message
     return _file(name, [case], failures=0, errors=1, command=command)

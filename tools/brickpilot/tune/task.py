@@ -1,8 +1,8 @@
 """What is tuned: the controller of one robot, flown by the robots that the data allow on one mission.
 
-The problem of one robot is its firmware as a user gets it today, its mission, and what the data allow of it. The search
-has one coordinate for each tuned gain. A coordinate is log(raw + offset): gains act by ratios, and with the offset a
-gain of 0 can grow. The search moves within a factor of the start and within the format, and scores the rounded integer.
+The search has one coordinate for each tuned gain. A coordinate is log(raw + offset): gains act by ratios, and with the
+offset a gain of 0 can grow. The search moves within a factor of the start and within the format, and scores the rounded
+integer.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -19,14 +18,10 @@ from numpy.typing import NDArray
 
 from brickpilot.campaign import robots, runs
 from brickpilot.campaign.robots import Allowed
-from brickpilot.errors import InputError
-from brickpilot.firmware import boards, robot, simulate
-from brickpilot.firmware.robot import Robot
-from brickpilot.firmware.simulate import ClosedLoop
-from brickpilot.vehicle import compensation, flight, scenario
-from brickpilot.vehicle import model as models
+from brickpilot.firmware.boards import ClosedLoop
+from brickpilot.vehicle import flight
 from brickpilot.vehicle.gains import AT_MOST, Gains
-from brickpilot.vehicle.settings import constants, default, defaults, settings
+from brickpilot.vehicle.settings import defaults, settings
 
 Array = NDArray[np.float64]
 
@@ -230,58 +225,3 @@ def score(one: Outcome, by: Scale) -> float:
     time = by.longest if math.isnan(one.time) else one.time
     wear = by.wear if math.isnan(one.wear) else one.wear
     return MISSED * max(one.missed, _LEAST * (not one.success)) + track + TIME * time / by.time + WEAR * wear / by.wear
-
-
-PACKAGED = "packaged"
-"""Instead of a board: the project's own firmware, with the compensation of the model."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Ready:
-    """A problem, and the raw integers of all settings of its firmware."""
-
-    problem: Problem
-    firmware: Raw
-
-
-def problem(path: Path, board: str, sensors: str, mission: str | None, shares: Mapping[str, float], seed: int) -> Ready:
-    """Returns the problem of a model file.
-
-    Args:
-        path: of model.toml; what `calibrate` or `discover` wrote beside it says what the data allow.
-        board: a key of `boards.BOARDS`, or `PACKAGED`.
-        sensors: of the robot.
-        mission: file or name of a scenario; None: the packaged mission, scaled to the robot.
-        shares: see `robots.Allowed`.
-        seed: of the drawn robots.
-
-    Raises:
-        InputError: a file is bad, a value does not fit into a format, or no checkout is here.
-    """
-    if board == PACKAGED:
-        return _packaged(path, sensors, mission, shares, seed)
-    own = robot.load(path)
-    route = simulate.mission(own, mission)
-    plan = simulate.plan(own, route, sensors, seed)
-    loop = simulate.closed_loop(own, boards.BOARDS[board], sensors)
-    loop.library()  # here first, so that an error of the compiler is told once
-    allowed = dataclasses.replace(robots.read(own.model, path, shares), devices=plan.devices)
-    firmware = _settings(own)
-    return Ready(Problem(plan, loop, allowed, {name: firmware[name] for name in TUNED}, seed), firmware)
-
-
-def _settings(own: Robot) -> dict[str, int]:
-    """Returns the raw integers of all settings that the robot's own firmware begins with."""
-    values = constants(own.vehicle, "coupled")
-    return {name: default(setting, values, "coupled") for name, setting in settings().items()}
-
-
-def _packaged(path: Path, sensors: str, mission: str | None, shares: Mapping[str, float], seed: int) -> Ready:
-    model = models.load(path)
-    route = scenario.load(scenario.find(mission or "mission"))
-    if route.kind != "mission":
-        raise InputError("is a manoeuvre, which has no controller to tune", file=mission, field="kind")
-    plan = flight.plan(route, model, profile="coupled", sensors=sensors, compensation=compensation.from_model(model))
-    firmware = dict(defaults("coupled")) | {"cruise": settings()["cruise"].raw(plan.cruise)}
-    start = {name: firmware[name] for name in TUNED}
-    return Ready(Problem(plan, None, robots.read(model, path, shares), start, seed), firmware)

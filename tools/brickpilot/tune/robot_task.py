@@ -1,0 +1,73 @@
+"""Makes the problem of one robot: its firmware as a user gets it today, its mission, and what the data allow of it.
+
+It is apart from `task`, which workers load: they need no library of a link.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+
+from brickpilot.campaign import robots
+from brickpilot.errors import InputError
+from brickpilot.firmware import boards, robot, simulate
+from brickpilot.firmware.robot import Robot
+from brickpilot.tune.task import TUNED, Problem, Raw
+from brickpilot.vehicle import compensation, flight, scenario
+from brickpilot.vehicle import model as models
+from brickpilot.vehicle.settings import constants, default, defaults, settings
+
+PACKAGED = "packaged"
+"""Instead of a board: the project's own firmware, with the compensation of the model."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Ready:
+    """A problem, and the raw integers of all settings of its firmware."""
+
+    problem: Problem
+    firmware: Raw
+
+
+def problem(path: Path, board: str, sensors: str, mission: str | None, shares: Mapping[str, float], seed: int) -> Ready:
+    """Returns the problem of a model file.
+
+    Args:
+        path: of model.toml; what `calibrate` or `discover` wrote beside it says what the data allow.
+        board: a key of `boards.BOARDS`, or `PACKAGED`.
+        sensors: of the robot.
+        mission: file or name of a scenario; None: the packaged mission, scaled to the robot.
+        shares: see `robots.Allowed`.
+        seed: of the drawn robots.
+
+    Raises:
+        InputError: a file is bad, a value does not fit into a format, or no checkout is here.
+    """
+    if board == PACKAGED:
+        return _packaged(path, sensors, mission, shares, seed)
+    own = robot.load(path)
+    route = simulate.mission(own, mission)
+    plan = simulate.plan(own, route, sensors, seed)
+    loop = boards.closed_loop(own, boards.BOARDS[board], sensors)
+    loop.library()  # here first, so that an error of the compiler is told once
+    allowed = dataclasses.replace(robots.read(own.model, path, shares), devices=plan.devices)
+    firmware = _settings(own)
+    return Ready(Problem(plan, loop, allowed, {name: firmware[name] for name in TUNED}, seed), firmware)
+
+
+def _settings(own: Robot) -> dict[str, int]:
+    """Returns the raw integers of all settings that the robot's own firmware begins with."""
+    values = constants(own.vehicle, "coupled")
+    return {name: default(setting, values, "coupled") for name, setting in settings().items()}
+
+
+def _packaged(path: Path, sensors: str, mission: str | None, shares: Mapping[str, float], seed: int) -> Ready:
+    model = models.load(path)
+    route = scenario.load(scenario.find(mission or "mission"))
+    if route.kind != "mission":
+        raise InputError("is a manoeuvre, which has no controller to tune", file=mission, field="kind")
+    plan = flight.plan(route, model, profile="coupled", sensors=sensors, compensation=compensation.from_model(model))
+    firmware = dict(defaults("coupled")) | {"cruise": settings()["cruise"].raw(plan.cruise)}
+    start = {name: firmware[name] for name in TUNED}
+    return Ready(Problem(plan, None, robots.read(model, path, shares), start, seed), firmware)
