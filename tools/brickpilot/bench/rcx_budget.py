@@ -208,7 +208,7 @@ def mission(
     """Flies the packaged mission on the simulator and counts what its steps cost.
 
     Args:
-        target: one of `h8_simulator.H8SIM_TARGETS`.
+        target: one of `ends.H8SIM_TARGETS`.
         profile: ``coupled`` or ``paper``.
         sensors: as in `brickpilot run`.
         duration: s of the mission; None: all of it.

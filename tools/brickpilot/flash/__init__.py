@@ -1,5 +1,5 @@
 """Puts an image on a brick.
 
-`srec` and `lx` read the file. `rom` and `program` speak the two download protocols over the infrared link. `rcx`
-puts a whole file on a brick. `avr` has avrdude do so for an Arduino.
+`image_files` reads the file. `rom` puts a whole file on an RCX: firmware by its ROM, programs by brickOS, whose
+download protocol `program` speaks over the infrared link. `avr` has avrdude do so for an Arduino.
 """

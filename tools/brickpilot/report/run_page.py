@@ -163,7 +163,7 @@ def page(flight: Flight, figures: dict[str, Any], command: str, link: dict[str, 
     Args:
         figures: of `summary.json`.
         command: the command line that repeats the flight.
-        link: of a flight over a link, what `link_figures.shown` returns.
+        link: of a flight over a link, what `link_figures` returns.
     """
     mission = flight.plan.scenario.kind == "mission"
     return render(
