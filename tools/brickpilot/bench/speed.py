@@ -29,6 +29,9 @@ from brickpilot.errors import SimulationError
 from brickpilot.vehicle import flight, plant, scenario
 from brickpilot.vehicle.model import Model, rcx
 
+Array = NDArray[np.float64]
+
+
 _TIMES = "times real time"
 _LANES = {"alone": 1, "many": plant.MOST_LANES}
 
@@ -247,8 +250,6 @@ def lines(found: Mapping[str, Figure], laws: Mapping[str, LawFigure]) -> Iterato
         flash = f"{law.flash_bytes} and {law.peer_flash_bytes} bytes"
         yield f"{'':12}{cost}; flash {flash}; answers within {1e3 * law.apart_v:.0f} mV; {law.machine}"
 
-
-Array = NDArray[np.float64]
 
 METHODS = ("LSODA", "RK45", "RK23")
 TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)

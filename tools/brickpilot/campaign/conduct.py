@@ -25,6 +25,9 @@ from brickpilot.report import campaign_page
 from brickpilot.report.campaign_page import Histogram, Scatter
 from brickpilot.vehicle import flight, flight_figures
 
+Array = NDArray[np.float64]
+
+
 TABLE, SUMMARY, PAGE = "runs.parquet", "summary.json", "report.html"
 
 
@@ -118,8 +121,6 @@ def _over_a_link(run: runs.Run, given: dict[str, Any]) -> Replayed:
     }
     return Replayed(given, flown.flight, figures, flown.ticks.columns())
 
-
-Array = NDArray[np.float64]
 
 SHOWN = (
     "cross_track_rms_m", "closest_approach_max_m", "position_estimate_error_m", "heading_rms_rad", "time_s", "charge_c",

@@ -26,6 +26,8 @@ from brickpilot.vehicle.scenario import Scenario
 if TYPE_CHECKING:
     from brickpilot.hil.fly import HilFlight
 
+Array = NDArray[np.float64]
+
 
 DIVERGED = "the simulation diverged"
 _E_DIVERGED = -5  # BP_E_DIVERGED of the C interface
@@ -178,8 +180,6 @@ def _cause(reached_all: bool, end: Mapping[str, Any]) -> str:
 def _number(value: float | None) -> float:
     return math.nan if value is None else value
 
-
-Array = NDArray[np.float64]
 
 PART_RUNS = 100
 LINK_PART_RUNS = 10

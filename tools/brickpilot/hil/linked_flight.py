@@ -18,6 +18,9 @@ from brickpilot.link.messages import book
 from brickpilot.link.session import LOCKSTEP, Session
 from brickpilot.vehicle import flight
 
+Array = NDArray[np.float64]
+
+
 SEQUENCE_AT = 4
 """Place of the sequence number in MOTORS; the tick follows it."""
 
@@ -150,8 +153,6 @@ class LinkedFlight:
         at_brick = self.faults.get("bad", 0) + self.faults.get("incomplete", 0) + self.faults.get("lost", 0)
         return self.without_reply + self.link.damaged + at_brick
 
-
-Array = NDArray[np.float64]
 
 COLUMNS = {
     "estimate_x_m": ("TELEMETRY_X", "x"),
