@@ -31,7 +31,6 @@ from brickpilot.vehicle.model import Model, rcx
 
 Array = NDArray[np.float64]
 
-
 _TIMES = "times real time"
 _LANES = {"alone": 1, "many": plant.MOST_LANES}
 

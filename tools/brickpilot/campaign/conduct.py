@@ -27,7 +27,6 @@ from brickpilot.vehicle import flight, flight_figures
 
 Array = NDArray[np.float64]
 
-
 TABLE, SUMMARY, PAGE = "runs.parquet", "summary.json", "report.html"
 
 
@@ -107,19 +106,10 @@ def replay(campaign: Campaign, index: int) -> Replayed:
 
 
 def _over_a_link(run: runs.Run, given: dict[str, Any]) -> Replayed:
-    from brickpilot.hil import fly, linked_flight
+    from brickpilot.hil import fly
 
     flown = fly.fly_alone(run.plan)
-    figures = flight_figures.summary(flown.flight) | {
-        "link": fly.MEMORY,
-        "pace": "lockstep",
-        "late_ticks": flown.late_ticks,
-        "lost_frames": flown.lost_frames,
-        "safe_stops": flown.safe_stops,
-        "broke_off": flown.broke_off,
-        "board": linked_flight.board_told(flown.board),
-    }
-    return Replayed(given, flown.flight, figures, flown.ticks.columns())
+    return Replayed(given, flown.flight, flown.figures(fly.MEMORY, "lockstep"), flown.ticks.columns())
 
 
 SHOWN = (

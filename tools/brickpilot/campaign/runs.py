@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-
 DIVERGED = "the simulation diverged"
 _E_DIVERGED = -5  # BP_E_DIVERGED of the C interface
 

@@ -23,11 +23,11 @@ from brickpilot.compiled import interface
 from brickpilot.constants import SILENT_S, STEP_MS, STEP_S
 from brickpilot.errors import InputError
 from brickpilot.hil.ends import Ends
-from brickpilot.hil.linked_flight import LOST, LinkedFlight, Progress, Ticks
+from brickpilot.hil.linked_flight import LOST, LinkedFlight, Progress, Ticks, board_told
 from brickpilot.hil.plant_end import PlantEnd, open_plant
 from brickpilot.link.links import LinkGoneError, Message
 from brickpilot.link.session import LOCKSTEP, REALTIME, NoReplyError, Session
-from brickpilot.vehicle import flight
+from brickpilot.vehicle import flight, flight_figures
 from brickpilot.vehicle.flight import Plan
 from brickpilot.vehicle.gains import check_pairs
 from brickpilot.vehicle.scenario import AVR_KINDS
@@ -67,6 +67,18 @@ class HilFlight:
     broke_off: str | None
     ticks: Ticks
     board: Mapping[str, int]
+
+    def figures(self, link: str, pace: str) -> dict[str, Any]:
+        """Returns the figures of ``summary.json``: of the flight, and of its `link` with its `pace`."""
+        return flight_figures.summary(self.flight) | {
+            "link": link,
+            "pace": pace,
+            "late_ticks": self.late_ticks,
+            "lost_frames": self.lost_frames,
+            "safe_stops": self.safe_stops,
+            "broke_off": self.broke_off,
+            "board": board_told(self.board),
+        }
 
 
 def prepare(

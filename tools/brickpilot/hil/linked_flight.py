@@ -20,7 +20,6 @@ from brickpilot.vehicle import flight
 
 Array = NDArray[np.float64]
 
-
 SEQUENCE_AT = 4
 """Place of the sequence number in MOTORS; the tick follows it."""
 

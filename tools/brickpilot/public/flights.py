@@ -7,13 +7,12 @@ import shlex
 from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
 
 from brickpilot.data.whole_files import write_whole
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.firmware import simulate
 from brickpilot.firmware.simulate import OwnImage
-from brickpilot.hil import avr_flight, ends, linked_flight
+from brickpilot.hil import avr_flight, ends
 from brickpilot.hil import fly as hil_fly
 from brickpilot.hil.avr_flight import avr_image, check_avr_sensors
 from brickpilot.hil.ends import check_sensors
@@ -170,7 +169,7 @@ def fly_over(request: FlightRequest, session: Session, out: Path | None, progres
     except (InputError, SimulationError) as error:
         _write_junit(session, flight_text.junit_of_error(plan.scenario.name, str(error), command))
         raise
-    figures = _figures(flown, session) | {"realtime_priority": priority}
+    figures = flown.figures(session.spec, session.pace) | {"realtime_priority": priority}
     failure = figures["failure"] = flight_figures.failure(figures)
     ticks = flown.ticks.columns()
     shown = run_page.link_figures(ticks, realtime=not session.lockstep, replies=not session.avr)
@@ -189,19 +188,6 @@ def _command(request: FlightRequest, session: Session, plan: Plan) -> str:
     return shlex.join(
         words + [word for name, value in session.settings.items() for word in ("--set", f"{name}={value}")]
     )
-
-
-def _figures(flown: HilFlight, session: Session) -> dict[str, Any]:
-    """Returns the figures of the flight, and those of its link."""
-    return flight_figures.summary(flown.flight) | {
-        "link": session.spec,
-        "pace": session.pace,
-        "late_ticks": flown.late_ticks,
-        "lost_frames": flown.lost_frames,
-        "safe_stops": flown.safe_stops,
-        "broke_off": flown.broke_off,
-        "board": linked_flight.board_told(flown.board),
-    }
 
 
 def _write_junit(session: Session, text: str) -> None:
