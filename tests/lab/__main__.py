@@ -13,10 +13,8 @@ from brickpilot.campaign import workers
 from brickpilot.cli.main import run_to_exit, whole_lines
 from brickpilot.cli.terminal import (
     as_json,
-    at_a_time_option,
     jobs_option,
     progress_shown,
-    scheduler_option,
     seed_option,
 )
 from brickpilot.errors import InputError
@@ -24,6 +22,19 @@ from brickpilot.report import run_folder
 
 from lab import blind_test, changed_sets, page, real_logs, real_results, real_run, real_table, result, sets, table
 from lab.sets import QUICK, SUITES
+
+scheduler_option = click.option(
+    "--scheduler", metavar="tcp://HOST:PORT", help="Run on the workers of this Dask scheduler, not on this machine."
+)
+
+at_a_time_option = click.option(
+    "--workers",
+    "at_a_time",
+    type=click.IntRange(1, 256),
+    default=1,
+    show_default=True,
+    help="The number of data sets at the same time, each with --jobs fits.",
+)
 
 
 @click.group()

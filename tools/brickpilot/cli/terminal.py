@@ -11,17 +11,12 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
-from typing import TYPE_CHECKING
 
 import click
 from click.shell_completion import CompletionItem
 from tqdm import tqdm
 
 from brickpilot.errors import InputError
-
-if TYPE_CHECKING:
-    pass
-
 
 _SHOWN_S = 2.0  # a shorter rest is not told
 
@@ -43,19 +38,6 @@ jobs_option = click.option(
     default=2,
     show_default=True,
     help="The number of fits that run at the same time.",
-)
-
-scheduler_option = click.option(
-    "--scheduler", metavar="tcp://HOST:PORT", help="Run on the workers of this Dask scheduler, not on this machine."
-)
-
-at_a_time_option = click.option(
-    "--workers",
-    "at_a_time",
-    type=click.IntRange(1, 256),
-    default=1,
-    show_default=True,
-    help="The number of data sets at the same time, each with --jobs fits.",
 )
 
 
@@ -160,7 +142,7 @@ def setting_names(_context: click.Context, parameter: click.Parameter, typed: st
     return [CompletionItem(name + end, help=row.meaning) for name, row in settings().items() if name.startswith(typed)]
 
 
-_OPTIONS = (
+_FLIGHT_OPTIONS = (
     click.argument("scenario_name", metavar="[SCENARIO]", required=False, shell_complete=scenario_names),
     click.option(
         "--scenario",
@@ -205,6 +187,6 @@ def flight_options(command: Callable[..., None]) -> Callable[..., None]:
         command(FlightRequest(**shared), **given)  # type: ignore[arg-type]
 
     decorated: Callable[..., None] = with_request
-    for option in reversed(_OPTIONS):
+    for option in reversed(_FLIGHT_OPTIONS):
         decorated = option(decorated)
     return decorated
