@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
 
-from brickpilot.data.whole_files import write_whole
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.firmware import simulate
 from brickpilot.firmware.simulate import OwnImage
@@ -192,13 +191,8 @@ def _command(request: FlightRequest, session: Session, plan: Plan) -> str:
 
 def _write_junit(session: Session, text: str) -> None:
     """Writes the JUnit file, if it was requested."""
-    if session.junit is None:
-        return
-    try:
-        session.junit.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(session.junit, text)
-    except OSError as error:
-        raise InputError(f"cannot be written: {error.strerror}", file=session.junit) from error
+    if session.junit is not None:
+        run_folder.write_file(text, session.junit)
 
 
 def _fly_over_the_link(plan: Plan, session: Session, progress: Progress) -> HilFlight:
