@@ -23,7 +23,7 @@ from brickpilot.importers.formula import Formula, FormulaError, Place, Scaling
 from brickpilot.importers.mapping import Mapped, Source, common_scalings, parse_mapping, read_formulas
 from brickpilot.importers.split import parse_split
 from brickpilot.importers.table import runs_of
-from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out, run_names, write
+from brickpilot.importers.writer import Imported, NewDataset, check_out, run_names, write
 
 _CLOCK = {"time": Source("time", "s")}
 _NEAREST = 4  # names that an error proposes
@@ -101,12 +101,8 @@ def channel_importer(read: Reader) -> ChannelImporter:
         for file, log in zip(files, logs, strict=True):
             if log.units != logs[0].units:
                 raise InputError(f"states other units than {files[0]}; give them in --map", file=file)
-        runs, notes = list[NewRun](), list[str]()
-        for file, log, run in zip(files, logs, names, strict=True):
-            whole = table_log.Log(file, log.signals, (), ())
-            made, told = runs_of(whole, _CLOCK, spans, (run, f"{run}_" if len(files) > 1 else ""))
-            runs += made
-            notes += [f"{file.name}: {note}" for note in (*log.notes, *told)]
+        whole = [table_log.Log(file, log.signals, (), tuple(log.notes)) for file, log in zip(files, logs, strict=True)]
+        runs, notes = runs_of(whole, _CLOCK, spans, names)
         new = NewDataset(
             name or out.resolve().name,
             vehicle,

@@ -17,7 +17,7 @@ from brickpilot.importers.formula import Place, unknown_name
 from brickpilot.importers.mapping import Mapped, Source, common_scalings, parse_mapping, read_formulas, take
 from brickpilot.importers.split import parse_split
 from brickpilot.importers.table import runs_of
-from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out, run_names, write
+from brickpilot.importers.writer import Imported, NewDataset, check_out, run_names, write
 
 
 def import_parquet(
@@ -56,12 +56,8 @@ def import_parquet(
             raise InputError(f"states other units than {files[0]}; give them in --map", file=file)
     logs = [log for log, _ in tables]
     clock = {"time": Source("time", tables[0][1]["time"])}
-    runs, notes = list[NewRun](), list[str]()
-    for file, log, run in zip(files, logs, names, strict=True):
-        whole = table_log.Log(file, log, (), ())
-        made, told = runs_of(whole, clock, spans, (run, f"{run}_" if len(files) > 1 else ""))
-        runs += made
-        notes += [f"{file.name}: {note}" for note in told]
+    whole = [table_log.Log(file, log, (), ()) for file, log in zip(files, logs, strict=True)]
+    runs, notes = runs_of(whole, clock, spans, names)
     scalings = common_scalings(logs, files)
     new = NewDataset(name or out.resolve().name, vehicle, frame, tables[0][1], runs, nominal or {}, notes, scalings,
                      sources=sources, as_wired=as_wired)  # fmt: skip

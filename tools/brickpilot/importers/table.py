@@ -78,11 +78,8 @@ def import_table(
     else:
         logs = _joined_logs(tables, sources, read_table(Path(inputs), delimiter, header))
     scalings = common_scalings([log.signals for log in logs], files)
-    notes, runs = list(found.notes), list[NewRun]()
-    for log, run in zip(logs, names, strict=True):
-        made, more = runs_of(log, sources, spans, (run, f"{run}_" if len(files) > 1 else ""))
-        runs += made
-        notes += [f"{log.file.name}: {note}" for note in (*log.notes, *more)]
+    runs, told = runs_of(logs, sources, spans, names)
+    notes = [*found.notes, *told]
     new = NewDataset(
         name or out.resolve().name, found.vehicle, frame, units_of(sources), runs, nominal or {}, notes, scalings,
         found.reasons, input_timing, sources, found.guessed, as_wired,
@@ -108,16 +105,31 @@ def _joined_logs(tables: Sequence[TextTable], sources: Mapping[str, Source], inp
 
 
 def runs_of(
-    log: Log, sources: Mapping[str, Source], spans: Sequence[tuple[float, float]] | None, names: tuple[str, str]
+    logs: Sequence[Log],
+    sources: Mapping[str, Source],
+    spans: Sequence[tuple[float, float]] | None,
+    names: Sequence[str],
 ) -> tuple[list[NewRun], list[str]]:
-    """Returns the runs of a log, and notes.
+    """Returns the runs of logs, and notes, each of which names its file.
 
     Args:
-        log: its signals, of which time is one.
+        logs: their signals, of which time is one.
         sources: signal -> source; of time, the unit is taken.
         spans: of `split.parse_split`.
-        names: of a run that is the whole log, and the beginning of its parts' names.
+        names: of a run that is a whole log, for each; the names of the parts of several logs begin with them.
     """
+    runs, notes = list[NewRun](), list[str]()
+    for log, name in zip(logs, names, strict=True):
+        made, told = _runs_of(log, sources, spans, (name, f"{name}_" if len(logs) > 1 else ""))
+        runs += made
+        notes += [f"{log.file.name}: {note}" for note in (*log.notes, *told)]
+    return runs, notes
+
+
+def _runs_of(
+    log: Log, sources: Mapping[str, Source], spans: Sequence[tuple[float, float]] | None, names: tuple[str, str]
+) -> tuple[list[NewRun], list[str]]:
+    """Returns the runs of a log, and notes; `names`: of a run that is the whole log, and how its parts' names begin."""
     columns, scalings = log.signals.columns, log.signals.scalings
     signals = {name: _value(cells, scalings.get(name, Scaling())) for name, cells in columns.items()}
     time = signals.pop("time") * si_factor(sources["time"].unit, "s")
