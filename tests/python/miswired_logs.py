@@ -11,8 +11,9 @@ from itertools import combinations
 
 import numpy as np
 import pandas
+from brickpilot.data.audit.view import Channels
 from brickpilot.data.audit.wiring import mended, miswired
-from brickpilot.data.audit.wiring_motion import SURE, Channels, Miswired
+from brickpilot.data.audit.wiring_motion import SURE, Miswired
 from brickpilot.data.dataset import Dataset
 from hidden import measure
 from hidden.manoeuvre import catalogue, varied

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import synthetic
 from brickpilot.data.audit.contradictions import _turned
-from brickpilot.data.audit.relation_list import Geometry
-from brickpilot.data.audit.windows import cut
+from brickpilot.data.audit.relations import Geometry
+from brickpilot.data.audit.view import cut
 from brickpilot.data.dataset import Dataset
 from brickpilot.data.reading import read
 from test_audit import found

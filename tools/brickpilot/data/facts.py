@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.data.audit.windows import integral
-from brickpilot.data.audit.wiring_motion import Channels, Motion
+from brickpilot.data.audit.view import Channels, integral
+from brickpilot.data.audit.wiring_motion import Motion
 from brickpilot.data.dataset import Dataset, Run, motor_inputs
 from brickpilot.data.holdout import kind_of, manoeuvre
 from brickpilot.data.motion import wheel_angles

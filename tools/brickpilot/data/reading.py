@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.data.audit.audit import MeasuredRun, audit
+from brickpilot.data.audit.audit import audit
 from brickpilot.data.audit.fault import Fault
+from brickpilot.data.audit.view import Channels
 from brickpilot.data.audit.wiring import mended, miswired, with_counts
-from brickpilot.data.audit.wiring_motion import Channels, Miswired
+from brickpilot.data.audit.wiring_motion import Miswired
 from brickpilot.data.dataset import PRESET_BATTERY_VOLTAGE, Dataset, Run, battery
 from brickpilot.data.decimation import decimated, decimation_note
 from brickpilot.data.description import Description, RunEntry, Signal, describe, described
@@ -203,7 +204,7 @@ def _wired(runs: list[Run], description: Description) -> tuple[tuple[Miswired, .
 
 def _audited(runs: list[Run], description: Description) -> tuple[tuple[Run, ...], tuple[Fault, ...], tuple[str, ...]]:
     """Returns the runs with their damaged samples blanked, the faults, and the notes on them."""
-    measured = [MeasuredRun(run.name, run.time, run.inputs, _comparable(run, description)) for run in runs]
+    measured = [Channels(run.time, run.inputs, _comparable(run, description), run.name) for run in runs]
     nominal = {name: known.value for name, known in description.nominal.items()}
     found = audit(measured, description.signals, description.frame, nominal)
     for outputs in found.outputs.values():

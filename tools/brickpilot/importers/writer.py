@@ -16,8 +16,9 @@ import tomlkit
 from numpy.typing import NDArray
 
 from brickpilot.data import reading
+from brickpilot.data.audit.view import Channels
 from brickpilot.data.audit.wiring import miswired, taken_from
-from brickpilot.data.audit.wiring_motion import Channels, Miswired
+from brickpilot.data.audit.wiring_motion import Miswired
 from brickpilot.data.dataset import Dataset
 from brickpilot.data.input_timing import InputTiming
 from brickpilot.data.reading import channels_of

@@ -14,22 +14,16 @@ from itertools import groupby
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brickpilot.data.audit.fault import FACTORS, Fault, channel_note, usual_factors
-from brickpilot.data.audit.windows import LEAST_SAMPLES, Windows, cut
+from brickpilot.data.audit.view import EQUAL, LEAST_SAMPLES, Vector, Windows, cut, ratio_of
 from brickpilot.data.dataset import Dataset, Run
-
-Vector = NDArray[np.float64]
 
 _LEAST = 9.0  # smallest factor of a unit that counts
 _FITS = (0.45, 1.6)  # ratio over factor: nominal values are inexact, and missing friction slows the motion
-_REVERSED = (0.4, 2.5)  # size of a reversed motion divided by the model's
-_SURELY = 0.9  # correlation over windows
 _MOVES = 0.3  # of the motion in the run that moves most
 _ALIKE = 2.0  # largest over smallest ratio of the runs of one wrong column, where ratios are above 1
 _ALIKE_SMALL = 1.3
-_LEAST_WINDOWS = 4
 
 
 @dataclass(frozen=True)
@@ -116,7 +110,7 @@ def _reversed(signal: str, ratios: Sequence[_Ratio]) -> dict[str, float]:
 
     A current counts only if it is reversed in all runs, because on a slope a motor may brake.
     """
-    found = {one.run.name: -1.0 for one in ratios if _REVERSED[0] < -one.value < _REVERSED[1]}
+    found = {one.run.name: -1.0 for one in ratios if 1 / EQUAL < -one.value < EQUAL}
     return {} if signal.startswith("current") and len(found) < max(len(ratios), 2) else found
 
 
@@ -160,22 +154,14 @@ def _ratio(run: Run, signal: str, simulated: Vector) -> _Ratio | None:
     if len(run.time) < LEAST_SAMPLES or not np.isfinite(run.outputs[signal]).any():
         return None
     measured, model = (cut(run.time, {signal: values}) for values in (run.outputs[signal], simulated))
-    if signal not in measured.moved or signal not in model.moved:
-        return None
     y, x = _motion(measured, signal), _motion(model, signal)
-    known = np.isfinite(y) & np.isfinite(x)
-    y, x, seconds = y[known], x[known], measured.seconds[known]
-    if len(y) < _LEAST_WINDOWS or not y.any() or not x.any():
-        return None
-    if abs(float(y @ x)) < _SURELY * float(np.sqrt((y @ y) * (x @ x))):
-        return None
-    value = float(np.copysign(np.sqrt((y @ y) / (x @ x)), y @ x))
-    return _Ratio(run, value, float(np.sqrt(np.mean((x / seconds) ** 2))))
+    value = ratio_of(y, x)
+    return None if value is None else _Ratio(run, value, model.rms(np.where(np.isfinite(y), x, np.nan)))
 
 
 def _motion(windows: Windows, signal: str) -> Vector:
     """Returns the motion in each window. An acceleration loses its mean, which may be a bias or a slope."""
-    moved = windows.moved[signal]
+    moved = windows.of(signal)
     known = np.isfinite(moved)
     if not signal.startswith("accel_") or not known.any():
         return moved

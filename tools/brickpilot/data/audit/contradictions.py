@@ -1,50 +1,162 @@
-"""Finds whole channels that contradict the other channels of their run: a reversed sign, or another unit.
+"""Finds whole channels that contradict the other channels or the other runs: a reversed sign, or another unit.
 
-Nothing is fitted and no model is needed: only relations that hold for any machine are used (`relation_list`).
+Nothing is fitted and no model is needed: only relations that hold for any machine are used (`relations`). Each channel
+of a broken relation is tried with a corrected factor, in one run or in all. The trial that repairs most relations and
+breaks none is taken. If two repair equally many, the gain per drive in the other runs decides, and then the values that
+are usual for a small machine.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import log
 
 import numpy as np
-from numpy.typing import NDArray
 
-from brickpilot.data.audit.blame import Contradiction, most_likely
-from brickpilot.data.audit.fault import FACTORS, clock_factors_of
-from brickpilot.data.audit.other_runs import against_other_runs
-from brickpilot.data.audit.relation_list import WHEEL_KINDS, Geometry
-from brickpilot.data.audit.run_set import TYPICAL_INTERVAL_S, RunSet, is_output
-from brickpilot.data.audit.view import RunView, drives
-from brickpilot.data.audit.windows import LEAST_SAMPLES, Windows, cut
-
-Vector = NDArray[np.float64]
+from brickpilot.data.audit.fault import CLOCK_FACTORS, FACTORS, GRAVITY, is_one_of, usual_factors
+from brickpilot.data.audit.relations import WHEEL_KINDS, Alike, Driven, Geometry, Group, State, relations
+from brickpilot.data.audit.view import LEAST_SAMPLES, RunView, Vector, Windows, cut, driven_by, ratio_of
 
 _MOST = 8  # contradictions that are searched for
-_LEAST_WINDOWS = 4  # of a run, for a ratio
+_INTERVAL_RATIO = 1.4  # how far the ratio of two sampling intervals may be from the factor that explains it
 _UNSATURATED = 0.8  # of the fastest turn of all runs: slower turns show the geometry
 _TURNS = 0.3  # rad/s: least rate of a turn that shows the geometry
-_TOGETHER = 0.9  # correlation of the yaw and the difference of the wheels, for the same
 _TURN_PER_METRE = (0.5, 50.0)  # 1 / (2 b): b from 1 cm to 1 m
 _TURN_PER_RADIAN = (0.03, 1.2)  # r / (2 b)
+_LEVEL = 0.4  # of the run with the strongest drive: in a weaker one something else may move the machine
+_WITH_DRIVE = 0.8  # correlation of a motion with its drive, for it to have a gain
+_LARGE = 9.0  # smallest factor that the other runs show
+_GAINS_FIT, _NOISE_FIT = 1.3, 2.0  # how far the ratio of two gains, or of two noises, may be from a factor
+_GAINS_ALIKE = 2.0  # ratio of the gains of most other runs
+_WORST = 6.0  # the largest logarithm of a ratio that counts
+_TYPICAL = (("yaw_", 3.0), ("wheel_travel", 0.5), ("wheel_velocity", 0.5), ("position", 0.2), ("velocity", 0.2),
+            ("wheel_", 10.0), ("angle", 10.0), ("speed", 10.0), ("accel_", 1.0))  # fmt: skip
+_TYPICAL_INTERVAL_S = 0.005
+_TYPICAL_BATTERY, _HIGHEST_BATTERY = 9.0, 500.0  # V
+
+# Costs of a trial, in logarithms of a ratio.
+_PER_CHANNEL = 0.01  # for each channel blamed; decides only where all else is equal
+_PER_DRIVE = 0.1  # for a drive blamed alone
+_IMPLAUSIBLE = 0.25  # weight of the values of a typical small machine, relative to those of the channels
+_UNUSUAL = 0.3  # for a factor by which the channel's own unit is seldom mistaken
+_AGAINST_DRIVE = 1.0  # for a channel that goes against its drive, however weakly
+_LIKELIER_IN_ALL = 0.5  # gained if one mistake in all runs explains as much as one in some runs
+_LIKELIER = 2.0  # logarithm: how much likelier a mistake in a whole column is than in one run of it
 
 
-def contradictions(
-    views: Sequence[RunView], *, wheel_radius: float | None, half_track: float | None
-) -> list[Contradiction]:
-    """Returns the whole channels that are wrong, the surest first. Lengths in m; None: not known."""
+@dataclass(frozen=True)
+class Contradiction:
+    """Whole channels that are wrong.
+
+    Attributes:
+        names: the channels, "time", or drives ("drive_left").
+        factor: stated over true value.
+        runs: numbers of the runs in which they are wrong.
+        against: the channels or drives that contradict them; empty: the other runs contradict them.
+    """
+
+    names: Group
+    factor: float
+    runs: tuple[int, ...]
+    against: Group
+
+
+class RunSet:
+    """The runs that are long enough to be compared.
+
+    Attributes:
+        windows: number of the run -> its windows.
+        names: the output channels.
+        roughness: number of the run -> channel -> mean size of its second differences, which show noise and resolution
+            more than motion; 0: not known.
+        least: drive -> rms per second below which the drive is no evidence.
+        relations: all relations among the channels.
+        evidence: number of the run -> the evidence of each relation, in their order.
+    """
+
+    def __init__(
+        self,
+        windows: Mapping[int, Windows],
+        names: Sequence[str],
+        roughness: Mapping[int, Mapping[str, float]],
+        geometry: Geometry,
+    ) -> None:
+        self.windows = windows
+        self.names = names
+        self.roughness = roughness
+        levels = {
+            which: [one.rms(one.of(f"drive_{which}")) for one in windows.values()]
+            for which in ("left", "right", "shaft", "yaw")
+        }
+        self.least = {which: _LEVEL * max(each) for which, each in levels.items() if any(each)}
+        self.relations = relations(names, geometry, self.least)
+        self.evidence = {k: [relation.evidence(one) for relation in self.relations] for k, one in windows.items()}
+
+    def has_noise_of(self, number: int, others: Iterable[int], name: str, factor: float) -> bool:
+        """Whether a channel's noise in a run is `factor` times as large as in other runs."""
+        own = self.roughness[number][name]
+        usual = [rough for k in others if (rough := self.roughness[k][name]) > 0.0]
+        return bool(own > 0.0 and usual and _is_near(own / float(np.median(usual)), factor, _NOISE_FIT))
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A group of channels that may be wrong by a factor."""
+
+    group: Group
+    factor: float
+
+    @property
+    def is_plausible(self) -> bool:
+        """Whether a mistaken unit explains the factor."""
+        return is_one_of(self.factor, CLOCK_FACTORS if self.group == ("time",) else (GRAVITY, *FACTORS))
+
+    @property
+    def is_one_drive(self) -> bool:
+        """Whether the trial blames one drive alone, which is the least likely fault."""
+        return len(self.group) == 1 and not _is_output(self.group[0])
+
+    def factors(self) -> dict[str, float]:
+        return dict.fromkeys(self.group, self.factor)
+
+
+def contradictions(views: Sequence[RunView], nominal: Mapping[str, float]) -> list[Contradiction]:
+    """Returns the whole channels that are wrong, the surest first.
+
+    Args:
+        nominal: wheel_radius, half_track (m) and battery_voltage (V), as far as they are known.
+    """
     windows = {k: _windows(view) for k, view in enumerate(views) if len(view.time) >= LEAST_SAMPLES}
-    names = [name for name in dict.fromkeys(n for one in windows.values() for n in one.moved) if is_output(name)]
+    names = [name for name in dict.fromkeys(n for one in windows.values() for n in one.moved) if _is_output(name)]
     rough = {k: {name: _roughness(values) for name, values in views[k].outputs.items()} for k in windows}
-    geometry = Geometry(wheel_radius, half_track, {})
+    geometry = Geometry(nominal.get("wheel_radius"), nominal.get("half_track"), {})
     found = _clocks_in_other_units(windows)
     found += _search(windows, names, rough, geometry)
     # The turn of the body by its wheels is learnt only now, from wheels that do not contradict each other.
     if learnt := _turned(windows, names, geometry):
         found += _search(windows, names, rough, replace(geometry, turned=learnt))
-    return found + against_other_runs(RunSet(windows, names, rough, geometry))
+    found += _against_other_runs(RunSet(windows, names, rough, geometry))
+    return found + _wrong_batteries(views, nominal.get("battery_voltage"))
+
+
+def _windows(view: RunView) -> Windows:
+    driven = {f"drive_{which}": drive for which, drive in view.drives.items() if which != "yaw"}
+    return cut(view.time, {**view.outputs, **driven})
+
+
+def _roughness(values: Vector) -> float:
+    rough = np.abs(np.diff(values, 2))
+    return float(np.mean(rough[np.isfinite(rough)])) if np.isfinite(rough).any() else 0.0
+
+
+def _is_output(name: str) -> bool:
+    """Whether a channel is measured, so that it is not a drive."""
+    return not name.startswith("drive_")
+
+
+def _is_near(ratio: float, factor: float, by: float) -> bool:
+    return 1 / by < ratio / factor < by
 
 
 def _clocks_in_other_units(windows: dict[int, Windows]) -> list[Contradiction]:
@@ -53,10 +165,12 @@ def _clocks_in_other_units(windows: dict[int, Windows]) -> list[Contradiction]:
     odd: dict[int, float] = {}
     for number, interval in intervals.items():
         others = [other for k, other in intervals.items() if k != number]
-        if others and (factors := clock_factors_of(interval / float(np.median(others)))):
-            odd[number] = factors[0]
+        ratio = interval / float(np.median(others)) if others else 1.0
+        for factor in CLOCK_FACTORS:
+            if _is_near(ratio, factor, _INTERVAL_RATIO):
+                odd[number] = factor
     if len(odd) == len(intervals) == 2:
-        odd = dict([max(odd.items(), key=lambda one: abs(log(intervals[one[0]] / TYPICAL_INTERVAL_S)))])
+        odd = dict([max(odd.items(), key=lambda one: abs(log(intervals[one[0]] / _TYPICAL_INTERVAL_S)))])
     for number, factor in odd.items():
         windows[number] = windows[number].divided({"time": factor})
     return [Contradiction(("time",), factor, (number,), ()) for number, factor in odd.items()]
@@ -71,8 +185,7 @@ def _search(
     """Returns the surest contradictions one after the other; each is corrected in `windows` before the next."""
     found: list[Contradiction] = []
     while len(found) < _MOST:
-        runs = RunSet(windows, names, roughness, geometry)
-        best = most_likely(runs)
+        best = _most_likely(RunSet(windows, names, roughness, geometry))
         if best is None:
             break
         found.append(best)
@@ -81,9 +194,133 @@ def _search(
     return found
 
 
-def _windows(view: RunView) -> Windows:
-    driven = {f"drive_{which}": drive for which, drive in drives(view.inputs).items() if which != "yaw"}
-    return cut(view.time, {**view.outputs, **driven})
+def _most_likely(runs: RunSet) -> Contradiction | None:
+    """Returns the trial that repairs most relations and breaks none in its runs; of two, the cheaper one."""
+    scored: list[tuple[int, float, Trial, tuple[int, ...]]] = []
+    for trial in _trials(runs):
+        gains = {number: _gain(runs, number, trial) for number in runs.windows}
+        mended = tuple(number for number, gain in gains.items() if gain > 0)
+        if not mended:
+            continue
+        breaks_none = all(gain >= 0 for gain in gains.values())
+        scope = _as_noisy(runs, trial, mended) if breaks_none else mended
+        score = sum(gains[number] for number in mended) - len(mended) * trial.is_one_drive
+        scored.append((score, -_cost(runs, trial, mended, in_all=breaks_none), trial, scope))
+    if not scored:
+        return None
+    _, _, trial, scope = max(scored, key=lambda one: one[:2])
+    return Contradiction(trial.group, trial.factor, scope, _against(runs, trial, scope))
+
+
+def _trials(runs: RunSet) -> list[Trial]:
+    trials: dict[Trial, None] = {}
+    for each in runs.evidence.values():
+        for relation, evidence in zip(runs.relations, each, strict=True):
+            for factor in evidence.factors:
+                trials |= dict.fromkeys(Trial(group, factor) for group in relation.over)
+                trials |= dict.fromkeys(Trial(group, 1 / factor) for group in relation.under)
+    return [one for one in trials if one.is_plausible]
+
+
+def _gain(runs: RunSet, number: int, trial: Trial) -> int:
+    """Returns how many relations of a run a trial repairs, minus the broken ones; positive only if it repairs one."""
+    windows = runs.windows[number].divided(trial.factors())
+    mends, gain = False, 0
+    for relation, before in zip(runs.relations, runs.evidence[number], strict=True):
+        after = relation.evidence(windows, faint=before.state is State.BROKEN)
+        mends |= before.state is State.BROKEN and after.state is State.HOLDS
+        gain += after.state - before.state
+    return gain if mends or gain < 0 else 0
+
+
+def _as_noisy(runs: RunSet, trial: Trial, mended: tuple[int, ...]) -> tuple[int, ...]:
+    """Returns the runs that may have the same fault: all whose noise does not exclude it.
+
+    A channel in another unit has other noise than in the corrected run.
+    """
+    if abs(trial.factor) == 1.0 or trial.group == ("time",) or len(mended) > 1:
+        return tuple(runs.windows)
+    found: list[int] = []
+    for number in runs.windows:
+        shown, own = runs.roughness[mended[0]], runs.roughness[number]
+        known = [log(own[name] / shown[name]) for name in trial.group if own.get(name, 0) and shown.get(name, 0)]
+        if all(abs(ratio) < abs(ratio + log(abs(trial.factor))) + _LIKELIER for ratio in known):
+            found.append(number)
+    return tuple(sorted({*found, *mended}))
+
+
+def _against(runs: RunSet, trial: Trial, scope: Iterable[int]) -> Group:
+    """Returns the channels or drives that contradict the trial."""
+    found: dict[str, None] = {}
+    for number in scope:
+        for relation, evidence in zip(runs.relations, runs.evidence[number], strict=True):
+            if evidence.state is State.BROKEN and trial.group in (*relation.over, *relation.under):
+                if trial.group in relation.under:
+                    found |= dict.fromkeys(relation.over[0])
+                elif isinstance(relation, Driven):
+                    found |= dict.fromkeys((f"drive_{relation.drive}",))
+                else:
+                    found |= dict.fromkeys(relation.under[0])
+    return tuple(name for name in found if name not in trial.group)
+
+
+def _cost(runs: RunSet, trial: Trial, mended: tuple[int, ...], *, in_all: bool) -> float:
+    """Returns how unusual the runs in `mended` are after the trial's correction.
+
+    Their channels are compared with each other, with the other runs, and with a typical small machine.
+    `in_all`: the other runs may have the same fault, and are corrected too.
+    """
+    factors = trial.factors()
+    others = [one.divided(factors) if in_all else one for k, one in runs.windows.items() if k not in mended]
+    gains = {name: [abs(gain) for one in others if (gain := _gain_of(one, name)) is not None] for name in runs.names}
+    interval = float(np.median([one.interval for one in others])) if others else _TYPICAL_INTERVAL_S
+    outputs = [name for name in trial.group if _is_output(name)]
+    unusual = any(not is_one_of(trial.factor, usual_factors(name)) for name in outputs if name != "time")
+    cost = _PER_DRIVE if trial.is_one_drive else _PER_CHANNEL * len(outputs)
+    cost += _UNUSUAL * unusual - _LIKELIER_IN_ALL * in_all
+    for number in mended:
+        right = runs.windows[number].divided(factors)
+        evidence = [one.evidence(right, faint=True) for one in runs.relations if isinstance(one, Alike)]
+        odd = sum(_log_ratio(one.ratio, 1.0) for one in evidence if np.isfinite(one.ratio))
+        odd += _log_ratio(right.interval, interval) + _IMPLAUSIBLE * _log_ratio(right.interval, _TYPICAL_INTERVAL_S)
+        for name in runs.names:
+            odd += _IMPLAUSIBLE * _oddness(right, name)
+            if (own := _gain_of(right, name)) is not None:
+                odd += _AGAINST_DRIVE if own < 0.0 else 0.0
+                odd += _log_ratio(own, float(np.median(gains[name]))) if gains[name] else 0.0
+        cost += odd / len(mended)
+    return cost
+
+
+def _log_ratio(one: float, other: float) -> float:
+    """Returns the absolute logarithm of a ratio, at most 6."""
+    return min(abs(log(abs(one) / abs(other))), _WORST)
+
+
+def _gain_of(windows: Windows, name: str, *, surely: float = 0.0) -> float | None:
+    """Returns a channel's motion per drive, by least squares.
+
+    None where either is unknown or zero, or where their correlation is below `surely`.
+    """
+    motion, drive = windows.of(name), windows.of(f"drive_{driven_by(name)}")
+    known = np.isfinite(motion) & np.isfinite(drive)
+    motion, drive = motion[known], drive[known]
+    common, power, moved = float(motion @ drive), float(drive @ drive), float(motion @ motion)
+    if common == 0.0 or abs(common) < surely * float(np.sqrt(power * moved)):
+        return None
+    return common / power
+
+
+def _oddness(windows: Windows, name: str) -> float:
+    """Returns how far the fastest motion of a channel is from that of a typical small machine, as a logarithm."""
+    typical = next((value for start, value in _TYPICAL if name.startswith(start)), None)
+    largest = _fastest(windows, name)
+    return _log_ratio(largest, typical) if typical is not None and largest > 0.0 else 0.0
+
+
+def _fastest(windows: Windows, name: str) -> float:
+    """Returns the largest mean rate in a window; 0 where none is known."""
+    return float(np.nanmax(np.abs(windows.of(name) / windows.seconds), initial=0.0))
 
 
 def _turned(windows: Mapping[int, Windows], names: Iterable[str], geometry: Geometry) -> dict[tuple[str, str], float]:
@@ -103,37 +340,20 @@ def _turned(windows: Mapping[int, Windows], names: Iterable[str], geometry: Geom
             per = float(np.sqrt(limits[0] * limits[1]))
             fastest = max((_fastest(one, yaw) for one in windows.values()), default=0.0)
             for below in (_UNSATURATED * fastest, np.inf):  # without slower turns, all turns are used
-                ratios = [
-                    turn
-                    for one in windows.values()
-                    if (turn := _turn_ratio(one, yaw, left, right, per, below)) is not None
-                ]
-                if ratios:
+                each = [_turn_ratio(one, yaw, one.of(left) - one.of(right), per, below) for one in windows.values()]
+                if ratios := [ratio for ratio in each if ratio is not None]:
+                    found[yaw, kind] = _plausible(float(np.median(ratios)), limits)
                     break
-            if ratios:
-                found[yaw, kind] = _plausible(float(np.median(ratios)), limits)
     return found
 
 
-def _fastest(windows: Windows, yaw: str) -> float:
-    """Returns the largest mean rate of turn in a window, rad/s."""
-    return float(np.nanmax(np.abs(windows.moved[yaw] / windows.seconds), initial=0.0)) if yaw in windows.moved else 0.0
-
-
-def _turn_ratio(windows: Windows, yaw: str, left: str, right: str, per: float, below: float) -> float | None:
+def _turn_ratio(windows: Windows, yaw: str, apart: Vector, per: float, below: float) -> float | None:
     """Returns yaw per difference of the wheels from windows that turn more slowly than `below` rad/s; None: too few."""
-    if not {yaw, left, right} <= windows.moved.keys():
-        return None
-    turn, apart = windows.moved[yaw], windows.moved[left] - windows.moved[right]
-    known = np.isfinite(turn) & np.isfinite(apart) & (np.abs(turn) < below * windows.seconds)
-    if np.count_nonzero(known) < _LEAST_WINDOWS:
-        return None
-    turn, apart, seconds = turn[known], apart[known], windows.seconds[known]
-    power, other = float(turn @ turn), float(apart @ apart)
-    rates = [float(np.sqrt(np.mean((values / seconds) ** 2))) for values in (turn, per * apart)]
-    if min(rates) == 0.0 or max(rates) < _TURNS:
-        return None
-    return float(np.sqrt(power / other)) if abs(turn @ apart) > _TOGETHER * np.sqrt(power * other) else None
+    turn = windows.of(yaw)
+    slow = np.isfinite(apart) & (np.abs(turn) < below * windows.seconds)
+    turn, apart = (np.where(slow, values, np.nan) for values in (turn, apart))
+    ratio = ratio_of(turn, apart)
+    return None if ratio is None or max(windows.rms(turn), windows.rms(per * apart)) < _TURNS else abs(ratio)
 
 
 def _plausible(ratio: float, limits: tuple[float, float]) -> float:
@@ -143,7 +363,66 @@ def _plausible(ratio: float, limits: tuple[float, float]) -> float:
     return next((ratio / one for one in listed if limits[0] <= ratio / one <= limits[1]), ratio)
 
 
-def _roughness(values: Vector) -> float:
-    """Returns the mean size of the second differences, which show noise and resolution more than motion; 0: none."""
-    rough = np.abs(np.diff(values, 2))
-    return float(np.mean(rough[np.isfinite(rough)])) if np.isfinite(rough).any() else 0.0
+def _against_other_runs(runs: RunSet) -> list[Contradiction]:
+    """Returns channels that no relation contradicts, but whose gain per drive differs by a unit from other runs.
+
+    A gain that is too small may come from a wheel that sticks; if other channels have it too, it may come from the
+    machine. In both cases the channel's noise must have changed by the same factor.
+    """
+    found: list[Contradiction] = []
+    large = [one for factor in FACTORS if factor > _LARGE for one in (factor, 1 / factor)]
+    for name in runs.names:
+        which = driven_by(name)
+        gains = {
+            number: abs(gain)
+            for number, one in runs.windows.items()
+            if which in runs.least and one.rms(one.of(f"drive_{which}")) >= runs.least[which]
+            if (gain := _gain_of(one, name, surely=_WITH_DRIVE)) is not None
+        }
+        odd: dict[int, float] = {}
+        for number, gain in gains.items():
+            others = [k for k in gains if k != number]
+            ratios = gain / np.array([gains[k] for k in others])
+            ratio = float(np.median(ratios)) if others else 1.0
+            factor = next((one for one in large if _is_near(ratio, one, _GAINS_FIT)), None)
+            # The median of two different gains is like neither of them.
+            if factor is None or np.mean(np.abs(np.log(ratios / ratio)) < log(_GAINS_ALIKE)) <= 0.5:
+                continue
+            noisy = runs.has_noise_of(number, others, name, factor)
+            if noisy or (factor > 1.0 and not _is_confirmed(runs, number, name)):
+                odd[number] = factor
+        if len(odd) == len(gains) == 2:  # they contradict each other: the more unusual one is wrong
+            odd = dict([max(odd.items(), key=lambda one: _oddness(runs.windows[one[0]], name))])
+        found += [Contradiction((name,), factor, (number,), ()) for number, factor in odd.items()]
+    return found
+
+
+def _is_confirmed(runs: RunSet, number: int, name: str) -> bool:
+    """Whether another channel of the run agrees with this one."""
+    return any(
+        evidence.state is State.HOLDS and any(name in group for group in (*relation.over, *relation.under))
+        for relation, evidence in zip(runs.relations, runs.evidence[number], strict=True)
+        if isinstance(relation, Alike)
+    )
+
+
+def _wrong_batteries(views: Sequence[RunView], nominal: float | None) -> list[Contradiction]:
+    """Returns runs whose battery voltage is 100 or 1000 times off.
+
+    The voltage is compared with the stated one, with the other runs, or with that of a typical battery.
+    """
+    name = "battery_voltage"
+    known = {k: one.outputs[name] for k, one in enumerate(views) if np.isfinite(one.outputs.get(name, ())).any()}
+    levels = {k: float(np.nanmedian(values)) for k, values in known.items()}
+    odd: dict[float, list[int]] = {}
+    for number, level in levels.items():
+        others = [other for k, other in levels.items() if k != number]
+        usual = float(np.median(others)) if len(others) > 1 else _TYPICAL_BATTERY
+        usual = nominal if nominal is not None else usual if usual < _HIGHEST_BATTERY else _TYPICAL_BATTERY
+        listed = [factor for by in (1000.0, 100.0) for factor in (by, 1 / by)]
+        factor = next((one for one in listed if _is_near(abs(level) / max(usual, 1e-9), one, 3.0)), None)
+        if level < 0.0:
+            factor = -1.0
+        if usual > 0.0 and factor is not None:
+            odd.setdefault(factor, []).append(number)
+    return [Contradiction((name,), factor, tuple(runs), ()) for factor, runs in odd.items()]

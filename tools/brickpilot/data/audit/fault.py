@@ -13,25 +13,16 @@ Kind = Literal["swapped", "dropout", "clipped", "frozen", "sign", "unit", "clock
 
 _MANY = 4  # if there are at least so many runs, they are counted and not listed
 _UNITS = {
-    ("rad", 180 / pi): "degrees",
-    ("rad", 1 / (2 * pi)): "turns",
-    ("rad/s", 180 / pi): "degrees per second",
-    ("rad/s", 30 / pi): "rpm",
-    ("rad/s", 1 / (2 * pi)): "turns per second",
-    ("m", 1000.0): "mm",
-    ("m", 100.0): "cm",
-    ("m", 1 / 0.0254): "inches",
-    ("m/s", 1000.0): "mm/s",
-    ("m/s", 100.0): "cm/s",
-    ("m/s", 1 / 0.0254): "inches per second",
-    ("m/s^2", 1 / 9.80665): "multiples of g",
-    ("m/s^2", 1000.0): "mm/s^2",
-    ("A", 1000.0): "mA",
-    ("V", 1000.0): "mV",
-    ("s", 1000.0): "ms",
-    ("s", 1e6): "microseconds",
-    ("s", 1 / 60.0): "minutes",
+    "rad": {180 / pi: "degrees", 1 / (2 * pi): "turns"},
+    "rad/s": {180 / pi: "degrees per second", 30 / pi: "rpm", 1 / (2 * pi): "turns per second"},
+    "m": {1000.0: "mm", 100.0: "cm", 1 / 0.0254: "inches"},
+    "m/s": {1000.0: "mm/s", 100.0: "cm/s", 1 / 0.0254: "inches per second"},
+    "m/s^2": {1 / 9.80665: "multiples of g", 1000.0: "mm/s^2"},
+    "A": {1000.0: "mA"},
+    "V": {1000.0: "mV"},
+    "s": {1000.0: "ms", 1e6: "microseconds", 1 / 60.0: "minutes"},
 }
+"""SI unit -> factor of a unit that is often confused with it -> name of that unit."""
 
 FACTORS = (180 / pi, 30 / pi, 2 * pi, 1000.0, 100.0, 1 / 0.0254, 25.4)
 """Factors between units: degrees, rpm or turns instead of radians; mm, cm or inches instead of m; mA instead of A."""
@@ -39,21 +30,10 @@ FACTORS = (180 / pi, 30 / pi, 2 * pi, 1000.0, 100.0, 1 / 0.0254, 25.4)
 GRAVITY = 9.80665
 """Factor between m/s^2 and multiples of g. It stands for 30 / pi, too, because a ratio cannot tell the two apart."""
 
-_LENGTHS = (1000.0, 100.0, 1 / 0.0254, 25.4)
-_USUAL = {
-    "rad": (180 / pi, 2 * pi, 1000.0),
-    "rad/s": (180 / pi, 30 / pi, 2 * pi, 1000.0),
-    "m": _LENGTHS,
-    "m/s": _LENGTHS,
-    "m/s^2": (GRAVITY, *_LENGTHS),
-}
-_SAME = 1e-9  # relative difference of two equal factors
-
-_CLOCK_UNITS = (1e3, 1e6)
-CLOCK_FACTORS = tuple(one for unit in _CLOCK_UNITS for one in (unit, 1 / unit))
+CLOCK_FACTORS = (1e3, 1e-3, 1e6, 1e-6)
 """Factors between units of time: ms or microseconds in place of s, and their inverses."""
 
-_INTERVAL_RATIO = (0.7, 1.4)  # ratio of two sampling intervals over the factor that explains it
+_SAME = 1e-9  # relative difference of two equal factors
 
 
 @dataclass(frozen=True)
@@ -101,9 +81,10 @@ def channel_note(signals: Sequence[str], factor: float, runs: Sequence[str], of:
     if factor == -1.0:
         fault = f"{'have' if several else 'has'} a reversed sign, compared with {other}"
     else:
-        unit = _other_unit(signals[0], factor)
+        listed = _UNITS.get(SIGNALS[signals[0]].unit, {})
+        unit = next((word for by, word in listed.items() if isclose(by, factor, rel_tol=1e-3)), "another unit")
         value = other if other == "a plausible value" else f"the value expected from {other}"
-        fault = f"{'seem' if several else 'seems'} to be in {unit}: {_times(factor)} times {value}"
+        fault = f"{'seem' if several else 'seems'} to be in {unit}: {float(f'{factor:.3g}'):g} times {value}"
     consequence = "left out"
     if any(SIGNALS[signal].kind != "output" for signal in signals):
         consequence = f"nothing measured in {'this run' if len(runs) == 1 else 'these runs'} is used"
@@ -123,19 +104,6 @@ def range_note(signal: str, runs: Sequence[str], of: int) -> str:
     return f"{runs_named(runs, of)}: {signal} is far beyond its stated range, so it may be in another unit; left out"
 
 
-def _times(factor: float) -> str:
-    return f"{float(f'{factor:.3g}'):g}"
-
-
-def _other_unit(signal: str, factor: float) -> str:
-    listed = (word for (unit, by), word in _UNITS.items() if _explains(signal, unit, by, factor))
-    return next(listed, "another unit")
-
-
-def _explains(signal: str, unit: str, by: float, factor: float) -> bool:
-    return SIGNALS[signal].unit == unit and isclose(by, factor, rel_tol=1e-3)
-
-
 def runs_named(runs: Sequence[str], of: int) -> str:
     if len(runs) == 1:
         return f"run {runs[0]}"
@@ -149,30 +117,12 @@ def joined(names: Iterable[str]) -> str:
     return f"{', '.join(most)} and {last}" if most else last
 
 
-def is_unit_factor(factor: float) -> bool:
-    """Whether a factor, or its inverse, converts one unit into another."""
-    return _is_one_of(factor, (1.0, GRAVITY, *FACTORS))
-
-
 def usual_factors(name: str) -> tuple[float, ...]:
     """Returns the factors above 1 between a channel's own unit and units that are often confused with it."""
-    return _USUAL.get(SIGNALS[name].unit if name in SIGNALS else "", (1000.0,))
+    listed = _UNITS.get(SIGNALS[name].unit if name in SIGNALS else "", {})
+    return tuple(dict.fromkeys([*(max(by, 1 / by) for by in listed), 1000.0]))
 
 
-def is_usual(name: str, factor: float) -> bool:
-    """Whether a channel's own unit is often confused with one that differs by this factor or its inverse."""
-    return _is_one_of(factor, (1.0, *usual_factors(name)))
-
-
-def is_clock_factor(factor: float) -> bool:
-    """Whether a factor converts one unit of time into another."""
-    return any(abs(factor / one - 1.0) < _SAME for one in CLOCK_FACTORS)
-
-
-def clock_factors_of(ratio: float) -> list[float]:
-    """Returns the factors between units of time that explain the ratio of two sampling intervals."""
-    return [one for one in CLOCK_FACTORS if _INTERVAL_RATIO[0] < ratio / one < _INTERVAL_RATIO[1]]
-
-
-def _is_one_of(factor: float, listed: tuple[float, ...]) -> bool:
-    return any(abs(size / one - 1.0) < _SAME for one in listed for size in (abs(factor), 1 / abs(factor)))
+def is_one_of(factor: float, listed: Iterable[float]) -> bool:
+    """Whether a factor or its inverse, whatever its sign, is 1 or one of those listed."""
+    return any(abs(size / one - 1.0) < _SAME for one in (1.0, *listed) for size in (abs(factor), 1 / abs(factor)))

@@ -7,13 +7,10 @@ the noise look smaller. Inputs are commands: they hold until the next command.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Vector = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from brickpilot.data.audit.view import Held, Mask, Vector
 
 _LEAST_CHANGES = 20
 _LEAST_ROWS = 1.5  # mean rows for each sample
@@ -24,24 +21,6 @@ _REGULAR = 0.9  # share of changes that are whole beats apart
 _STEPS = 2.5  # resolutions: a coarse channel at constant speed also changes at a beat, by one step each time
 _TOGETHER = 0.9  # share of the changes of a coarse channel that fall on those of another channel
 _SAME_BEAT = 0.1  # relative difference
-
-
-@dataclass(frozen=True)
-class Held:
-    """How one channel of a run is held.
-
-    Attributes:
-        beat: s from sample to sample.
-        fresh: (n,) true in the rows in which a sample is new; all others repeat it.
-    """
-
-    beat: float
-    fresh: Mask
-
-    def blank_repeats(self, values: Vector) -> None:
-        """Sets those rows of `values` to NaN that repeat a sample that is NaN."""
-        sample = np.cumsum(self.fresh)
-        values[np.isin(sample, sample[self.fresh & np.isnan(values)])] = np.nan
 
 
 def held(time: Vector, outputs: Mapping[str, Vector], resolution: Mapping[str, float]) -> dict[str, Held]:

@@ -10,17 +10,11 @@ from collections.abc import Mapping
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from brickpilot.data.audit.view import RunView, stretches
+from brickpilot.data.audit.fault import Kind
+from brickpilot.data.audit.view import LEAST_SAMPLES, Mask, RunView, Vector, stretches
 from brickpilot.data.description import Signal
 from brickpilot.data.signals import Frame, to_frd
-
-Vector = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-
-LEAST_SAMPLES = 20
-"""With fewer known samples in a run, a signal has no statistics and only its stated range is checked."""
 
 _DROPOUT_SAMPLES = 5
 _DROPOUT_SHARE = 0.02  # of a signal's samples: with more, the jumps belong to the signal
@@ -39,19 +33,13 @@ _SWAP_APART = 8.0  # scales: least distance of both cells from their lines
 _SWAP_MENDED = 0.2  # of that distance: the distance after the cells are exchanged
 
 
-def jumps(view: RunView, signals: Mapping[str, Signal], frame: Frame) -> tuple[dict[str, Mask], dict[str, Mask]]:
+def jumps(view: RunView, signals: Mapping[str, Signal], frame: Frame) -> dict[Kind, dict[str, Mask]]:
     """Returns the samples of swapped cells and of dropouts, by signal, and blanks both in `view`."""
     swapped = _swapped(view, signals, frame)
-    blank(view, swapped)
+    view.blank(swapped)
     dropout = {name: _dropout(view, name, signals[name]) for name in view.outputs}
-    blank(view, dropout)
-    return swapped, dropout
-
-
-def blank(view: RunView, masks: Mapping[str, Mask]) -> None:
-    """Sets the samples of each signal to NaN where its mask is true."""
-    for name, mask in masks.items():
-        view.outputs[name][mask] = np.nan
+    view.blank(dropout)
+    return {"swapped": swapped, "dropout": dropout}
 
 
 def _bridge(time: Vector, values: Vector, length: int) -> tuple[Vector, Vector]:

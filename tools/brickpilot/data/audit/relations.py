@@ -1,34 +1,36 @@
-"""A relation between two motions of one run that has to hold for any machine: an angle and its speed, wheels and gyro.
+"""Relations between two motions of one run that hold for any machine: an angle and its speed, wheels and gyro.
 
-A relation compares motions over windows. It holds if the two are equal within what physics allows (slip, a scale error
-of 10 %, a lag). It is broken if they move together, but with the wrong sign or by the factor of another unit. Otherwise
-it is silent.
+A relation compares motions over windows. It holds if the two are equal within what physics allows (slip, a wrong
+length, a lag). It is broken if they move together, but with the wrong sign or by the factor of another unit. Otherwise
+it is silent. Which relations there are follows from the signals of a data set and the geometry that is known.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 from math import pi
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brickpilot.data.audit.fault import CLOCK_FACTORS, FACTORS, GRAVITY
-from brickpilot.data.audit.windows import Windows
+from brickpilot.data.audit.view import EQUAL, LEAST_WINDOWS, Vector, Windows, driven_by, ratio_of
+from brickpilot.data.signals import RATE_OF
 
-Vector = NDArray[np.float64]
 Group = tuple[str, ...]
 Motions = Callable[[Windows], tuple[Vector, Vector]]
 
-_CLOCK_RATIO = (0.85, 1.15)  # a ratio over the factor of a clock, for the clock to explain it
-_LEAST_WINDOWS = 4
-_PHYSICAL = 5.0  # ratio of two measurements of one motion that physics may make
-_WITH, _AGAINST = 0.5, -0.8  # share of a motion that goes with its drive
-_ONSET = 0.5  # of the largest drive: at such a drive the motion follows it, even if something else moves it later
-_DRIVEN = 0.4  # of the other side's drive: a weaker drive is no evidence
-_TURNED = 0.5  # of the mean drive: a smaller difference of left and right is no evidence of turning
+WHEEL_KINDS = ("travel", "velocity", "angle", "speed")
+
+_PHYSICAL = 5.0  # ratio that no unit is needed to explain
+_ONE_SENSOR, _TWO_SENSORS = 1.15, 1.6  # ratio over the factor of a unit that explains it
+_MOVES = 0.3  # per second, in the motion's unit: a smaller one is no evidence between two sensors
+_WITH = 0.8  # share of a motion that goes with its drive, or against it
+_DRIVEN = 0.4  # of the drive of either side: a weaker drive is no evidence
+_APART = 0.5  # difference of left and right over their mean: a smaller one may be a mismatch of wheels or motors
+_AS_HARD = 1.5  # ratio of two sides' drives, for the sides to be compared
+_WIDE = 0.2  # m: radius of a turn, well above the distance of a sensor from the centre
 
 
 class State(IntEnum):
@@ -64,56 +66,42 @@ class Alike:
         over, under: groups of channels. The ratio grows with a common factor of a group in `over`, and shrinks with one
             in `under`.
         motions: gives the two motions, (w,) each.
-        good: lowest and highest ratio that physics may make.
-        fits: lowest and highest ratio over a factor, for the factor to explain the ratio; `fits_small`: for factors
-            below 1.
-        surely: least correlation of the two.
-        floor: least rms of either motion per second, for the relation to hold.
-        smallest: factors between this and its inverse are not considered.
+        fits: how far a ratio may be from a factor, in both directions, for the factor to explain the ratio.
+        floor: least rms per second of the larger motion: two smaller ones are no evidence.
+        slips: whether slip may make the first motion down to a fifth of the second.
     """
 
     over: tuple[Group, ...]
     under: tuple[Group, ...]
     motions: Motions
-    good: tuple[float, float]
-    fits: tuple[float, float]
-    surely: float = 0.9
+    fits: float = _TWO_SENSORS
     floor: float = 0.0
-    fits_small: tuple[float, float] | None = None
-    smallest: float = 0.0
+    slips: bool = False
 
     def evidence(self, windows: Windows, *, faint: bool = False) -> Evidence:
-        """Evaluates the relation in one run. `faint`: it may also hold for motions below the floor."""
-        floor = 0.0 if faint else self.floor
+        """Evaluates the relation in one run. `faint`: also for motions below the floor."""
         motion, against = self.motions(windows)
         known = np.isfinite(motion) & np.isfinite(against)
-        if np.count_nonzero(known) < _LEAST_WINDOWS:
+        level = max(windows.rms(np.where(known, one, np.nan)) for one in (motion, against))
+        ratio = ratio_of(motion, against)
+        if ratio is None or (level < self.floor and not faint):
             return SILENT
-        y, x, seconds = motion[known], against[known], windows.seconds[known]
-        rms_y, rms_x = (float(np.sqrt(np.mean((values / seconds) ** 2))) for values in (y, x))
-        if min(rms_x, rms_y) == 0.0 or max(rms_x, rms_y) < floor:
-            return SILENT
-        correlation = float(y @ x / np.sqrt((y @ y) * (x @ x)))
-        if abs(correlation) < self.surely:
-            return SILENT
-        ratio = float(np.copysign(np.sqrt((y @ y) / (x @ x)), correlation))
-        if self.good[0] < ratio < self.good[1]:
-            return Evidence(State.HOLDS, ratio) if min(rms_x, rms_y) >= floor else SILENT
-        factors = self._factors(ratio)
+        least = 1 / (_PHYSICAL * EQUAL) if self.slips else 1 / EQUAL
+        if least < ratio < EQUAL:
+            return Evidence(State.HOLDS, ratio)
+        factors = (-1.0,) if least < -ratio < EQUAL else self._factors(ratio)
         return Evidence(State.BROKEN, ratio, factors) if factors else SILENT
 
     def _factors(self, ratio: float) -> tuple[float, ...]:
-        if ratio < 0 and self.good[0] < -ratio < self.good[1]:
-            return (-1.0,)
         if 1 / _PHYSICAL < abs(ratio) < _PHYSICAL:
             return ()
         accelerations = self.over[0][0].startswith("accel_")
-        listed = [GRAVITY if accelerations and one == 30 / pi else one for one in FACTORS if one > self.smallest]
-        small = self.fits if self.fits_small is None else self.fits_small
-        found = [one for one in listed if self.fits[0] < abs(ratio) / one < self.fits[1]]
-        found += [1 / one for one in listed if small[0] < abs(ratio) * one < small[1]]
+        listed = [GRAVITY if accelerations and one == 30 / pi else one for one in FACTORS]
+        least = 1 / _PHYSICAL if self.slips else 1 / self.fits
+        found = [one for one in listed if least < abs(ratio) / one < self.fits]
+        found += [1 / one for one in listed if 1 / self.fits < abs(ratio) * one < self.fits]
         if ("time",) in self.under:
-            found += [1 / one for one in CLOCK_FACTORS if _CLOCK_RATIO[0] < abs(ratio) * one < _CLOCK_RATIO[1]]
+            found += [1 / one for one in CLOCK_FACTORS if 1 / self.fits < abs(ratio) * one < self.fits]
         return tuple(float(np.copysign(one, ratio)) for one in dict.fromkeys(found))
 
 
@@ -134,44 +122,218 @@ class Driven:
 
     def evidence(self, windows: Windows, *, faint: bool = False) -> Evidence:
         """Evaluates the relation in one run; `faint` makes no difference here."""
-        drive = driving(windows, self.drive)
-        motion = windows.moved.get(self.name)
-        if drive is None or motion is None:
-            return SILENT
+        drive, motion = windows.of(f"drive_{self.drive}"), windows.of(self.name)
         known = np.isfinite(motion) & np.isfinite(drive)
-        if np.count_nonzero(known) < _LEAST_WINDOWS or rms(drive, windows) < max(self.least, self._compared(windows)):
+        strongest = max(windows.rms(windows.of(f"drive_{side}")) for side in ("left", "right"))
+        if np.count_nonzero(known) < LEAST_WINDOWS or windows.rms(drive) < max(self.least, _DRIVEN * strongest):
             return SILENT
         work = motion[known] * drive[known]
-        if not np.any(work):
-            return SILENT
-        share = float(np.sum(work) / np.sum(np.abs(work)))
-        onset = int(np.argmax(np.abs(drive[known]) > _ONSET * np.abs(drive[known]).max()))
-        if share < _AGAINST and work[onset] < 0.0:
+        share = float(np.sum(work)) / max(float(np.sum(np.abs(work))), 1e-300)
+        if share < -_WITH:
             return Evidence(State.BROKEN, -1.0, (-1.0,))
         return Evidence(State.HOLDS, 1.0) if share > _WITH else SILENT
-
-    def _compared(self, windows: Windows) -> float:
-        """Returns the least rms of this drive beside the drives of both sides."""
-        left, right = driving(windows, "left"), driving(windows, "right")
-        if left is None or right is None:
-            return 0.0
-        if self.drive == "yaw":
-            return _TURNED * rms(left + right, windows)
-        return _DRIVEN * max(rms(left, windows), rms(right, windows))
 
 
 Relation = Alike | Driven
 
 
-def driving(windows: Windows, which: str) -> Vector | None:
-    """Returns the drive of "left", "right", "shaft" or "yaw", integrated over each window; None where there is none."""
-    if which != "yaw":
-        return windows.moved.get(f"drive_{which}")
-    left, right = windows.moved.get("drive_left"), windows.moved.get("drive_right")
-    return None if left is None or right is None else left - right
+@dataclass(frozen=True)
+class Geometry:
+    """What is known of the vehicle's geometry.
+
+    Attributes:
+        wheel_radius, half_track: m; None where the data set does not state them.
+        turned: (yaw channel, kind of wheel channel) -> yaw per difference of left and right, learnt from the data, for
+            use where the lengths are not stated.
+    """
+
+    wheel_radius: float | None
+    half_track: float | None
+    turned: Mapping[tuple[str, str], float]
+
+    def metres(self, kind: str) -> float | None:
+        """Returns the m per unit of a wheel channel; None where they are not known."""
+        return 1.0 if kind in {"travel", "velocity"} else self.wheel_radius
+
+    def turn(self, yaw: str, kind: str) -> float | None:
+        """Returns the yaw per difference of left and right; None where it is not known."""
+        metres = self.metres(kind)
+        if metres is None or self.half_track is None:
+            return self.turned.get((yaw, kind))
+        return metres / (2 * self.half_track)
 
 
-def rms(values: Vector, windows: Windows) -> float:
-    """Returns the rms per second of (w,) values; NaN where none is known."""
-    known = np.isfinite(values)
-    return float(np.sqrt(np.mean((values[known] / windows.seconds[known]) ** 2))) if known.any() else np.nan
+def relations(names: Iterable[str], geometry: Geometry, least: Mapping[str, float]) -> list[Relation]:
+    """Returns all relations among the channels `names`. `least`: drive -> `Driven.least`."""
+    present = set(names)
+    found: list[Relation] = [*_sums_and_rates(present), *_metres_and_radians(present, geometry)]
+    for kind in WHEEL_KINDS:
+        if {f"wheel_{kind}_left", f"wheel_{kind}_right"} <= present:
+            found += _of_two_wheels(kind, present, geometry)
+    for kind in (*(f"wheel_{kind}" for kind in WHEEL_KINDS), "current"):
+        if {f"{kind}_left", f"{kind}_right"} <= present:
+            found.append(_left_and_right(f"{kind}_left", f"{kind}_right", least))
+    return found + _driven(present, least)
+
+
+def _yaw_groups(name: str, present: set[str]) -> tuple[Group, ...]:
+    """Returns groups that may be wrong together: the channel alone, all of one gyro, all that the frame may reverse."""
+    both = tuple(sorted(present & {"yaw_rate", "yaw_angle"}))
+    return tuple(dict.fromkeys([(name,), both, tuple(sorted({*both, *(present & {"accel_sway"})}))]))
+
+
+def _wheel_groups(kind: str, present: set[str]) -> tuple[Group, ...]:
+    """Returns groups that may be wrong together: both wheels' channels of a kind, and all wheel channels."""
+    every = tuple(sorted(name for name in present if name.startswith("wheel_")))
+    return tuple(dict.fromkeys([(f"wheel_{kind}_left", f"wheel_{kind}_right"), every]))
+
+
+def _pair(over: str, under: str, scale: float = 1.0) -> Motions:
+    return lambda windows: (windows.of(over), scale * windows.of(under))
+
+
+def _one_or_both(name: str) -> tuple[Group, ...]:
+    """Returns groups that may be wrong together: the channel alone, and the channels of both wheels."""
+    for side, other in (("_left", "_right"), ("_right", "_left")):
+        if name.endswith(side):
+            return (name,), tuple(sorted((name, name.removesuffix(side) + other)))
+    return ((name,),)
+
+
+def _sums_and_rates(present: set[str]) -> list[Relation]:
+    return [
+        Alike(
+            _one_or_both(sums), (*_one_or_both(rate), ("time",)), _pair(sums, rate), _ONE_SENSOR,
+            floor=_MOVES if sums == "yaw_angle" else 0.0,
+        )
+        for sums, rate in (*RATE_OF.items(), ("yaw_angle", "yaw_rate"))
+        if {sums, rate} <= present
+    ]  # fmt: skip
+
+
+def _metres_and_radians(present: set[str], geometry: Geometry) -> list[Relation]:
+    """Relations of a wheel or shaft that is measured both in metres and in radians."""
+    radius = geometry.wheel_radius
+    names = [("position", "angle"), ("velocity", "speed")]
+    for side in ("left", "right"):
+        names += [(f"wheel_travel_{side}", f"wheel_angle_{side}"), (f"wheel_velocity_{side}", f"wheel_speed_{side}")]
+    if radius is None:
+        return []
+    return [
+        Alike(((metres,),), ((radians,),), _pair(metres, radians, radius))
+        for metres, radians in names
+        if {metres, radians} <= present
+    ]
+
+
+def _of_two_wheels(kind: str, present: set[str], geometry: Geometry) -> list[Relation]:
+    """Relations of both wheels' motion to the gyro and to the accelerometers."""
+    wheels = _Wheels(kind, geometry.metres(kind))
+    groups = _wheel_groups(kind, present)
+    found = [_turning(yaw, wheels, groups, present, geometry) for yaw in ("yaw_rate", "yaw_angle") if yaw in present]
+    if wheels.metres is None:
+        return found
+    if "accel_surge" in present:
+        found.append(Alike((("accel_surge",),), groups, wheels.surging, floor=_MOVES))
+    yaw = next((name for name in ("yaw_rate", "yaw_angle") if name in present), None)
+    if "accel_sway" in present and yaw is not None:
+        sideways = (*groups, *_yaw_groups(yaw, present)[:2])
+        found.append(Alike((("accel_sway",),), sideways, wheels.swaying(yaw), floor=1.0))
+    return found
+
+
+def _turning(yaw: str, wheels: _Wheels, groups: tuple[Group, ...], present: set[str], geometry: Geometry) -> Relation:
+    """A yaw channel beside the difference of the wheels. A ratio that is learnt from the data includes the slip."""
+    per = geometry.turn(yaw, wheels.kind)
+    slips = per is not None and (yaw, wheels.kind) not in geometry.turned
+    return Alike(_yaw_groups(yaw, present), groups, wheels.turning(yaw, per), floor=_MOVES, slips=slips)
+
+
+@dataclass(frozen=True)
+class _Wheels:
+    """Both wheels' channels of a kind; `metres`: m per unit, None where it is not known."""
+
+    kind: str
+    metres: float | None
+
+    @property
+    def left(self) -> str:
+        return f"wheel_{self.kind}_left"
+
+    @property
+    def right(self) -> str:
+        return f"wheel_{self.kind}_right"
+
+    def turning(self, yaw: str, per: float | None) -> Motions:
+        """The yaw, and the difference of the wheels times `per`; None: scaled so that only the sign counts."""
+
+        def motions(windows: Windows) -> tuple[Vector, Vector]:
+            turn, one, other = windows.of(yaw), windows.of(self.left), windows.of(self.right)
+            apart, together = one - other, one + other
+            # In a straight run the body turns by the difference of the wheels' radii, not of their speeds.
+            if windows.rms(apart) <= _APART * windows.rms(together) / 2:
+                return turn, np.full_like(apart, np.nan)
+            return turn, apart * (windows.rms(turn) / windows.rms(apart) if per is None else per)
+
+        return motions
+
+    def surging(self, windows: Windows) -> tuple[Vector, Vector]:
+        """The integral of the surge acceleration, and the change of the wheels' mean speed, without their means."""
+        nothing = np.full_like(windows.seconds, np.nan)
+        speeds = [windows.changed.get(name, nothing) for name in (self.left, self.right)]
+        motion, against = windows.of("accel_surge"), (self.metres or np.nan) * (speeds[0] + speeds[1]) / 2
+        known = np.isfinite(motion) & np.isfinite(against)
+        if not known.any():
+            return motion, against
+        # A bias or a slope adds the same amount in each second.
+        motion, against = (
+            values - windows.seconds * (np.sum(values[known]) / np.sum(windows.seconds[known]))
+            for values in (motion, against)
+        )
+        return motion, against
+
+    def swaying(self, yaw: str) -> Motions:
+        """The integral of the sway acceleration, and speed times yaw rate."""
+
+        def motions(windows: Windows) -> tuple[Vector, Vector]:
+            metres = self.metres or np.nan
+            ahead = metres * (windows.of(self.left) + windows.of(self.right)) / 2
+            turn = windows.of(yaw)
+            # In a turn on the spot, a sensor off the centre measures its own acceleration, not the vehicle's.
+            ahead = np.where(np.abs(ahead) > _WIDE * np.abs(turn), ahead, np.nan)
+            return windows.of("accel_sway"), ahead * turn / windows.seconds
+
+        return motions
+
+
+def _left_and_right(left: str, right: str, least: Mapping[str, float]) -> Relation:
+    """The relation of both sides, if they are driven alike and so hard that friction cannot hold one of them."""
+
+    def sides(windows: Windows) -> tuple[Vector, Vector]:
+        one, other = windows.of(left), windows.of(right)
+        drives = windows.of("drive_left"), windows.of("drive_right")
+        levels = [windows.rms(drive) for drive in drives]
+        alike = ratio_of(*drives)
+        hard = all(level >= least.get(side, np.inf) for level, side in zip(levels, ("left", "right"), strict=True))
+        if not hard or alike is None or not 1 / _AS_HARD < abs(alike) < _AS_HARD:
+            return one, np.full_like(other, np.nan)
+        return one, alike * other
+
+    return Alike(((left,),), ((right,),), sides)
+
+
+def _driven(present: set[str], least: Mapping[str, float]) -> list[Relation]:
+    found: list[Relation] = []
+    for name in sorted(present):
+        drive = driven_by(name)
+        if drive not in least or name.startswith(("current", "force")):  # a motor above the speed of its voltage brakes
+            continue
+        over: tuple[Group, ...] = _one_or_both(name)
+        under: tuple[Group, ...] = ((f"drive_{drive}",),)
+        if drive == "yaw":
+            over, under = _yaw_groups(name, present), ()
+        elif drive != "shaft":
+            under += (("drive_left", "drive_right"),)
+            over += (_wheel_groups("", present)[1],) if name.startswith("wheel_") else ()
+        found.append(Driven(tuple(dict.fromkeys(over)), under, name, drive, least[drive]))
+    return found

@@ -1,9 +1,11 @@
-"""Finds runs whose clock is fast or slow, drifts or jumps, compared with other runs or with the motion itself.
+"""Finds runs whose clock is fast or slow, drifts or jumps, and rates that are late beside their sums.
 
 Two things show it. One is the sampling interval, where the logger keeps it constant to a fraction of a percent in other
 runs. The other is the ratio of an angle's growth to the integral of its rate, which depends on the sensors and not on
 the run. A ratio that is wrong by the same factor in all runs may be a scale. It is the clock only if wheels and gyro,
 two sensors, are wrong by the same factor.
+
+A rate that is late is a property of the log, not a fault: motor controllers report an averaged velocity.
 """
 
 from __future__ import annotations
@@ -15,11 +17,9 @@ from math import floor, log10
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.data.audit.view import RunView
-from brickpilot.data.audit.windows import cut
+from brickpilot.data.audit.fault import joined
+from brickpilot.data.audit.view import RunView, Vector, cut, integral
 from brickpilot.data.signals import RATE_OF
-
-Vector = NDArray[np.float64]
 
 _BLOCKS = 20
 _LEAST_SAMPLES = 60
@@ -41,6 +41,11 @@ _JUMP = 8.0  # usual intervals: a longer step is a jump or a dropout
 _STOOD = 0.35  # of the motion expected during a jump
 _LOCAL = 10  # samples
 _STEPS = 10.0  # resolutions
+_LONGEST_S = 0.2  # no sensor has a longer delay
+_SPAN_S = 0.04  # over which a sum is differenced, and a rate averaged
+_CLEARER = 0.8  # residual with the delay over that without it
+_TRIED = 20  # delays in each direction of the longest one
+_AGREES = 0.5  # of the median: spread of the delays of the runs
 
 
 @dataclass(frozen=True)
@@ -84,11 +89,12 @@ def clock_faults(views: Sequence[RunView]) -> list[ClockFault]:
 def _off_intervals(views: Sequence[RunView]) -> list[ClockFault]:
     blocks = {k: _block_intervals(one.time) for k, one in enumerate(views) if len(one.time) >= _LEAST_SAMPLES}
     steady = {k: float(np.median(each)) for k, each in blocks.items() if _spread(each) < _STEADY}
-    usual = _usual_interval(list(steady.values())) if steady else _common_start(list(blocks.values()))
+    starts = [float(each[0]) for each in blocks.values()]
+    usual = _usual_interval(list(steady.values()) if steady or len(starts) < 2 else starts)
     found: list[ClockFault] = []
+    if usual is None:
+        return found
     for k, each in blocks.items():
-        if usual is None:
-            break
         off = float(np.median(each)) / usual - 1.0
         if k in steady and _LEAST_OFF < abs(off) < _MOST_OFF:
             evidence = f"is off: samples {1e3 * steady[k]:.4g} ms apart, {1e3 * usual:.4g} ms in the other runs"
@@ -97,13 +103,6 @@ def _off_intervals(views: Sequence[RunView]) -> list[ClockFault]:
             evidence = f"drifts: samples from {1e3 * each[0]:.4g} to {1e3 * each[-1]:.4g} ms apart"
             found.append(ClockFault(k, 0, float(np.mean(each)) / usual, evidence))
     return found
-
-
-def _common_start(blocks: list[Vector]) -> float | None:
-    """Returns the interval with which all runs begin, for runs whose interval is not constant; None: it differs."""
-    starts = [float(each[0]) for each in blocks]
-    alike = len(starts) > 1 and (max(starts) - min(starts)) < _LEAST_OFF * min(starts)
-    return float(np.median(starts)) if alike else None
 
 
 def _block_intervals(time: Vector) -> Vector:
@@ -306,3 +305,56 @@ def _stood(view: RunView, at: int) -> bool:
             if before * after > 0.0 and abs(path) > _STEPS * view.resolution[name]:
                 votes.append(abs(sums[at + 1] - sums[at]) < _STOOD * abs(path))
     return bool(votes) and all(votes)
+
+
+def delays(views: Sequence[RunView]) -> dict[str, float]:
+    """Returns rate -> its delay in s behind the derivative of its sum, if the delay is clear and agrees in all runs."""
+    found: dict[str, float] = {}
+    for sums, rate in RATE_OF.items():
+        each = [one for view in views if (one := _delay(view, sums, rate)) is not None]
+        middle = float(np.median(each)) if each else 0.0
+        spread = 1.4826 * float(np.median(np.abs(np.array(each) - middle))) if each else 0.0
+        # A delay of less than a row may come from the moment at which a row is written.
+        if abs(middle) > np.median([view.interval for view in views]) and spread < _AGREES * abs(middle):
+            found[rate] = middle
+    return found
+
+
+def delay_note(found: dict[str, float]) -> str:
+    """Describes the delays of rates, s."""
+    told = [f"{name} by {1e3 * abs(seconds):.0f} ms" for name, seconds in found.items()]
+    way = "behind" if next(iter(found.values())) > 0 else "ahead of"
+    return (
+        f"timing: {joined(told)} {'is' if len(told) == 1 else 'are'} {way} the derivative of the travel or angle of "
+        "the same wheel, as behind a filter; a model without this delay takes it for the vehicle's"
+    )
+
+
+def _delay(view: RunView, sums: str, rate: str) -> float | None:
+    """Returns the delay in one run: 0 where none is clear; None where it is not seen."""
+    if not {sums, rate} <= view.outputs.keys() or view.interval > _SPAN_S:
+        return None
+    summed, rated = (view.sampled(name) for name in (sums, rate))
+    time = np.arange(view.time[0] + _LONGEST_S + _SPAN_S, view.time[-1] - _LONGEST_S - _SPAN_S, view.interval)
+    if min(len(summed), len(rated), len(time)) < _LEAST_SAMPLES:
+        return None
+    travel = view.outputs[sums][summed]
+    grown = _growth(time, view.time[rated], integral(view.time[rated], view.outputs[rate][rated]))
+
+    def off(delay: float) -> float:
+        moved = _growth(time - delay, view.time[summed], travel)
+        scale = float(moved @ grown) / max(float(moved @ moved), 1e-300)
+        return float(np.sqrt(np.mean((grown - scale * moved) ** 2)))
+
+    tried = np.linspace(-_LONGEST_S, _LONGEST_S, 2 * _TRIED + 1)
+    left = np.array([off(delay) for delay in tried.tolist()])
+    best = int(np.argmin(left))
+    if left[best] > _CLEARER * left[_TRIED] or best in (0, len(tried) - 1):
+        return 0.0
+    finer = np.linspace(tried[best - 1], tried[best + 1], 2 * _TRIED + 1)
+    return float(finer[int(np.argmin([off(delay) for delay in finer.tolist()]))])
+
+
+def _growth(time: Vector, at: Vector, values: Vector) -> Vector:
+    """Returns the change of `values` over `_SPAN_S` about each of `time`."""
+    return np.asarray(np.interp(time + _SPAN_S / 2, at, values) - np.interp(time - _SPAN_S / 2, at, values))

@@ -1,42 +1,93 @@
-"""One run under audit, the behaviour of channels across all runs, and which drive moves which channel."""
+"""One run under audit: its channels, its drives, its motion in windows, and how all runs together behave."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot import catalogue
-from brickpilot.data.audit.held import Held
-from brickpilot.data.signals import of_motors
+from brickpilot.data.signals import RATE_OF, SUMMED, of_motors
 
 Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-LEAST_FROZEN = 20
-"""Number of equal samples: fewer are never reported as frozen."""
+LEAST_SAMPLES = 20
+"""Fewer samples, or fewer equal ones, have no statistics: nothing is said of them."""
+
+LEAST_WINDOWS = 4
+"""Fewer windows are no evidence."""
+
+EQUAL = 2.5
+"""Ratio of two measurements of one motion that lags, wrong lengths and unequal wheels may make, up or down."""
 
 _REVERSES = 0.3  # share of samples at which noise changes direction
 _REPEATS = 0.02  # share of repeats of a channel that changes with every sample
+_FEWEST, _MOST = 8, 32  # windows of a run
+_WINDOW_S = 0.25  # longer than delays and lags of sensors, shorter than a manoeuvre
+_KNOWN = 0.7  # share of known samples, for a window to count
+_TOGETHER = 0.9  # correlation of two motions that are one
+_EDGE = 0.15  # of a window: span on each side of an edge over which the velocity there is averaged
 
 
 @dataclass(frozen=True, eq=False)
-class RunView:
-    """One run under audit.
+class Channels:
+    """One run as it was measured, SI: (n,) each, NaN where blank."""
+
+    time: Vector
+    inputs: Mapping[str, Vector]
+    outputs: Mapping[str, Vector]
+    name: str = ""
+
+    @cached_property
+    def drives(self) -> Mapping[str, Vector]:
+        """The drives "left", "right" and "yaw" (left less right), or "shaft", in the inputs' unit.
+
+        A drive is 0 where its motor floats.
+        """
+        columns = np.nan_to_num(of_motors(self.inputs, catalogue.parameter("half_track").preset)).T
+        if len(columns) == 1:
+            return {"shaft": columns[0]}
+        return {"left": columns[0], "right": columns[1], "yaw": columns[0] - columns[1]}
+
+    @cached_property
+    def interval(self) -> float:
+        """s between samples, the median."""
+        return float(np.median(np.diff(self.time)))
+
+
+@dataclass(frozen=True)
+class Held:
+    """How one channel of a run is held.
 
     Attributes:
-        outputs: blanked as faults are found.
+        beat: s from sample to sample.
+        fresh: (n,) true in the rows in which a sample is new; all others repeat it.
+    """
+
+    beat: float
+    fresh: Mask
+
+    def blank_repeats(self, values: Vector) -> None:
+        """Sets those rows of `values` to NaN that repeat a sample that is NaN."""
+        sample = np.cumsum(self.fresh)
+        values[np.isin(sample, sample[self.fresh & np.isnan(values)])] = np.nan
+
+
+@dataclass(frozen=True, eq=False)
+class RunView(Channels):
+    """One run under audit, whose outputs are blanked as faults are found.
+
+    Attributes:
         resolution: by signal, SI.
         held: the channels that hold each sample for several rows (`held`).
     """
 
-    time: Vector
-    inputs: Mapping[str, Vector]
     outputs: dict[str, Vector]
-    resolution: Mapping[str, float]
+    resolution: Mapping[str, float] = field(default_factory=dict)
     held: Mapping[str, Held] = field(default_factory=dict)
 
     def sampled(self, name: str) -> NDArray[np.intp]:
@@ -49,15 +100,10 @@ class RunView:
         values = self.outputs[name][part]
         return values[self.held[name].fresh[part]] if name in self.held else values
 
-    @cached_property
-    def drives(self) -> Mapping[str, Vector]:
-        """See `drives`."""
-        return drives(self.inputs)
-
-    @cached_property
-    def interval(self) -> float:
-        """s between samples, the median."""
-        return float(np.median(np.diff(self.time)))
+    def blank(self, masks: Mapping[str, Mask]) -> None:
+        """Sets the samples of each signal to NaN where its mask is true."""
+        for name, mask in masks.items():
+            self.outputs[name][mask] = np.nan
 
 
 class AcrossRuns:
@@ -90,13 +136,13 @@ class AcrossRuns:
         for one in self.views:
             same = np.diff(one.outputs[name]) == 0.0
             outside = np.isfinite(one.outputs[name])
-            for first, last in stretches(same, LEAST_FROZEN - 1):
+            for first, last in stretches(same, LEAST_SAMPLES - 1):
                 same[first:last] = False
                 outside[first : last + 1] = False
             repeats += int(np.count_nonzero(same))
             samples += int(np.count_nonzero(outside))
             level += float(np.sum(np.abs(one.drives[driven_by(name)][outside])))
-        return level / samples if samples >= LEAST_FROZEN and repeats <= _REPEATS * samples else None
+        return level / samples if samples >= LEAST_SAMPLES and repeats <= _REPEATS * samples else None
 
 
 def stretches(mask: Mask, least: int = 1) -> list[tuple[int, int]]:
@@ -106,17 +152,6 @@ def stretches(mask: Mask, least: int = 1) -> list[tuple[int, int]]:
     return list(zip(edges[::2][long].tolist(), edges[1::2][long].tolist(), strict=True))
 
 
-def drives(inputs: Mapping[str, Vector]) -> dict[str, Vector]:
-    """Returns the drives "left", "right" and "yaw" (left less right), or "shaft", in the inputs' unit.
-
-    A drive is 0 where its motor floats.
-    """
-    columns = np.nan_to_num(of_motors(inputs, catalogue.parameter("half_track").preset)).T
-    if len(columns) == 1:
-        return {"shaft": columns[0]}
-    return {"left": columns[0], "right": columns[1], "yaw": columns[0] - columns[1]}
-
-
 def driven_by(name: str) -> str:
     """Returns which of the `drives` moves what a channel measures; "": more than one of them."""
     if name.endswith(("_left", "_right")):
@@ -124,3 +159,86 @@ def driven_by(name: str) -> str:
     if name.startswith("yaw_"):
         return "yaw"
     return "shaft" if name in {"speed", "angle", "position", "velocity", "current", "force"} else ""
+
+
+@dataclass(frozen=True, eq=False)
+class Windows:
+    """The motion of one run in windows, as each channel measures it.
+
+    A rate is integrated, and an angle is differenced over the window. Then both have the same unit and can be compared,
+    even if their noise, filters and sampling differ.
+
+    Attributes:
+        interval: s between samples, the median.
+        seconds: (w,), the length of each window.
+        moved: channel -> (w,), the integral of a rate or the growth of a sum, SI; NaN where too little is known.
+        changed: channel of a wheel or motor -> (w,), the change of its rate from a window's start to its end.
+    """
+
+    interval: float
+    seconds: Vector
+    moved: Mapping[str, Vector]
+    changed: Mapping[str, Vector]
+
+    def of(self, name: str) -> Vector:
+        """Returns the motion of a channel or a drive, (w,), NaN where there is none; "drive_yaw": left less right."""
+        if name == "drive_yaw":
+            return self.of("drive_left") - self.of("drive_right")
+        return self.moved.get(name, np.full_like(self.seconds, np.nan))
+
+    def rms(self, values: Vector) -> float:
+        """Returns the rms per second of (w,) values; 0 where none is known."""
+        known = np.isfinite(values)
+        return float(np.sqrt(np.mean((values[known] / self.seconds[known]) ** 2))) if known.any() else 0.0
+
+    def divided(self, factors: Mapping[str, float]) -> Windows:
+        """Returns the windows with channels divided by their factors; "time" divides the clock."""
+        clock = factors.get("time", 1.0)
+
+        def by(name: str, power: int) -> float:
+            return 1.0 / (factors.get(name, 1.0) * clock**power)
+
+        moved = {name: values * by(name, 0 if name in SUMMED else 1) for name, values in self.moved.items()}
+        changed = {name: values * by(name, -1 if name in SUMMED else 0) for name, values in self.changed.items()}
+        return replace(self, interval=self.interval / clock, seconds=self.seconds / clock, moved=moved, changed=changed)
+
+
+def cut(time: Vector, channels: Mapping[str, Vector], count: int = 0) -> Windows:
+    """Cuts one run into `count` windows; 0: into 8 to 32 of about 0.25 s. `channels`: (n,) each, NaN where unknown."""
+    count = count or int(np.clip((time[-1] - time[0]) / _WINDOW_S, _FEWEST, _MOST))
+    edges = np.unique(np.searchsorted(time, np.linspace(time[0], time[-1], count + 1)))
+    moved: dict[str, Vector] = {}
+    changed: dict[str, Vector] = {}
+    for name, values in channels.items():
+        known = np.isfinite(values)
+        if np.count_nonzero(known) < 2:
+            continue
+        whole = values if known.all() else np.interp(time, time[known], values[known])
+        sums = whole if name in SUMMED else integral(time, whole)
+        thin = np.diff(np.concatenate([[0], np.cumsum(known)])[edges]) < _KNOWN * np.diff(edges)
+        moved[name] = np.where(thin, np.nan, np.diff(sums[edges]))
+        if name in RATE_OF or name in RATE_OF.values():
+            changed[name] = np.where(thin, np.nan, np.diff(_rate_at(time, sums, edges)))
+    return Windows(float(np.median(np.diff(time))), np.diff(time[edges]), moved, changed)
+
+
+def integral(time: Vector, rate: Vector) -> Vector:
+    """Returns the integral of a rate from the first sample on, by the trapezoidal rule."""
+    steps = (rate[1:] + rate[:-1]) / 2 * np.diff(time)
+    return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def ratio_of(motion: Vector, against: Vector) -> float | None:
+    """Returns the signed ratio of two motions, (w,) each; None: too few windows, or they do not move together."""
+    known = np.isfinite(motion) & np.isfinite(against)
+    y, x = motion[known], against[known]
+    power = float(np.sqrt((y @ y) * (x @ x)))
+    if len(y) < LEAST_WINDOWS or abs(float(y @ x)) < _TOGETHER * power or power == 0.0:
+        return None
+    return float(np.copysign(np.sqrt((y @ y) / (x @ x)), y @ x))
+
+
+def _rate_at(time: Vector, sums: Vector, edges: NDArray[np.intp]) -> Vector:
+    half = max(1, round(_EDGE * float(np.median(np.diff(edges)))))
+    before, after = np.maximum(edges - half, 0), np.minimum(edges + half, len(time) - 1)
+    return (sums[after] - sums[before]) / (time[after] - time[before])

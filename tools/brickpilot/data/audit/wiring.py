@@ -12,14 +12,13 @@ from math import erf, exp, log, pi, sqrt
 
 import numpy as np
 
-from brickpilot.data.audit.view import drives
+from brickpilot.data.audit.view import Channels
 from brickpilot.data.audit.wiring_motion import (
     FREE,
     LAGS,
     SURE,
     UNIT_FITS,
     USUAL,
-    Channels,
     Miswired,
     Motion,
     Taken,
@@ -43,7 +42,7 @@ def miswired(runs: Sequence[Channels], nominal: Mapping[str, float]) -> tuple[Mi
         nominal: wheel_radius, half_track (m) and battery_voltage (V), as far as they are known.
     """
     runs = [one for one in runs if len(one.time) > 20]
-    if not runs or set(drives(runs[0].inputs)) != {"left", "right", "yaw"}:
+    if not runs or set(runs[0].drives) != {"left", "right", "yaw"}:
         return ()
     found: list[Miswired] = []
     for stage in (_clock, _beyond_battery, _dead, _hypotheses, _between_wheels, _of_yaw, _of_drives):

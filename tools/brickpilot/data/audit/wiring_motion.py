@@ -14,14 +14,10 @@ from itertools import product
 from math import exp, log, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from brickpilot.data.audit.fault import Kind
-from brickpilot.data.audit.view import drives
-from brickpilot.data.audit.windows import cut
-
-Vector = NDArray[np.float64]
+from brickpilot.data.audit.view import Channels, Vector, cut
 
 SURE = 0.99
 """A fault with at least this share of the trust is mended before the analysis."""
@@ -88,15 +84,6 @@ class Miswired:
         return f"{text} ({sure}{f', {done}' if self.is_mended else ''})."
 
 
-@dataclass(frozen=True, eq=False)
-class Channels:
-    """One run as it was measured, SI; NaN where blank."""
-
-    time: Vector
-    inputs: Mapping[str, Vector]
-    outputs: Mapping[str, Vector]
-
-
 class Motion:
     """The motion in short windows of all runs: of drives, wheels and yaw; (w,) each, NaN where unknown."""
 
@@ -108,7 +95,7 @@ class Motion:
         self.yaw = next((name for name in ("yaw_rate", "yaw_angle") if name in self.names), None)
         parts: list[dict[str, Vector]] = []
         for run in runs:
-            driven = {side: drive for side, drive in drives(run.inputs).items() if side != "yaw"}
+            driven = {side: drive for side, drive in run.drives.items() if side != "yaw"}
             wanted = {name: run.outputs[name] for name in self.names if name.startswith(("wheel_", "yaw_"))}
             seconds = float(run.time[-1] - run.time[0])
             windows = cut(run.time, driven | wanted, int(np.clip(seconds / _WINDOW_S, 8, 2000)))
