@@ -162,7 +162,4 @@ def _ratio(run: Run, signal: str, simulated: Vector) -> _Ratio | None:
 def _motion(windows: Windows, signal: str) -> Vector:
     """Returns the motion in each window. An acceleration loses its mean, which may be a bias or a slope."""
     moved = windows.of(signal)
-    known = np.isfinite(moved)
-    if not signal.startswith("accel_") or not known.any():
-        return moved
-    return moved - windows.seconds * float(np.sum(moved[known]) / np.sum(windows.seconds[known]))
+    return windows.unbiased(moved) if signal.startswith("accel_") else moved

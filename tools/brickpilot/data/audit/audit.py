@@ -19,7 +19,7 @@ from brickpilot.data.audit.fault import Fault, Kind, channel_note, collision_not
 from brickpilot.data.audit.held import held, held_note
 from brickpilot.data.audit.jumps import jumps
 from brickpilot.data.audit.run_clocks import clock_faults, delay_note, delays
-from brickpilot.data.audit.view import AcrossRuns, Channels, Mask, RunView, Vector, stretches
+from brickpilot.data.audit.view import Channels, Mask, RunView, Vector, stretches
 from brickpilot.data.description import Signal
 from brickpilot.data.signals import Frame
 
@@ -94,7 +94,7 @@ class _Search:
     def damaged_rows(self, signals: Mapping[str, Signal], frame: Frame) -> None:
         """Finds damaged samples."""
         damage = [jumps(view, signals, frame) for view in self.views]
-        across = AcrossRuns(self.views)
+        across = stuck.AcrossRuns(self.views)
         for view, masks in zip(self.views, damage, strict=True):
             masks["clipped"] = {name: stuck.clipped(view, name, signals[name].range) for name in view.outputs}
             view.blank(masks["clipped"])

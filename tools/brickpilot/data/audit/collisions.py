@@ -9,12 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from brickpilot.data.audit.view import RunView, driven_by
+from brickpilot.data.audit.view import Mask, RunView, Vector, driven_by, integral
 from brickpilot.data.signals import RATE_OF
-
-Vector = NDArray[np.float64]
 
 _WITHIN_S = 0.1  # a collision stops a vehicle in less time; no friction, battery or slope does
 _SETTLED_S = 0.3  # since the last change of command: until then the command itself may change the speed
@@ -44,15 +41,13 @@ class Collision:
 def collisions(views: Sequence[RunView]) -> list[Collision]:
     """Returns the first collision of each run that has one. A run without a measured wheel or shaft has none."""
     rates = [{name: rate for name in one.outputs if (rate := _rate(one, name)) is not None} for one in views]
-    fastest: dict[str, float] = {}
-    for each in rates:
-        for name, rate in each.items():
-            fastest[name] = max(fastest.get(name, 0.0), float(np.nanmax(np.abs(rate), initial=0.0)))
+    names = dict.fromkeys(name for each in rates for name in each)
+    fastest = {name: max(float(np.max(np.abs(each[name]))) for each in rates if name in each) for name in names}
     found: list[Collision] = []
     for number, (view, each) in enumerate(zip(views, rates, strict=True)):
         rows = {name: row for name, rate in each.items() if (row := _loss(view, name, rate, fastest[name])) is not None}
         sides = {driven_by(name) for name in rows}
-        if rows and ("shaft" in sides or {"left", "right"} <= sides):
+        if "shaft" in sides or {"left", "right"} <= sides:
             found.append(Collision(number, min(rows.values()), tuple(rows)))
     return found
 
@@ -65,15 +60,10 @@ def _rate(view: RunView, name: str) -> Vector | None:
     if np.count_nonzero(known) < 2 or view.interval > _WITHIN_S / 4:
         return None
     values = np.interp(view.time, view.time[known], view.outputs[name][known])
-    rows = max(1, round(_SMOOTH_S / view.interval))
-    if name in RATE_OF:
-        half = max(1, rows // 2)
-        ends = np.arange(len(values))
-        late, early = np.minimum(ends + half, len(values) - 1), np.maximum(ends - half, 0)
-        return np.asarray((values[late] - values[early]) / (view.time[late] - view.time[early]))
-    return np.asarray(np.convolve(np.pad(values, rows // 2, mode="edge"), np.ones(rows) / rows, mode="valid"))[
-        : len(values)
-    ]
+    sums = values if name in RATE_OF else integral(view.time, values)
+    half, rows = max(1, round(_SMOOTH_S / view.interval) // 2), np.arange(len(sums))
+    late, early = np.minimum(rows + half, len(sums) - 1), np.maximum(rows - half, 0)
+    return np.asarray((sums[late] - sums[early]) / (view.time[late] - view.time[early]))
 
 
 def _loss(view: RunView, name: str, rate: Vector, fastest: float) -> int | None:
@@ -92,15 +82,11 @@ def _loss(view: RunView, name: str, rate: Vector, fastest: float) -> int | None:
     return int(np.argmax(hit)) if hit.any() else None
 
 
-def _settled(view: RunView, name: str) -> NDArray[np.bool_]:
+def _settled(view: RunView, name: str) -> Mask:
     """Returns where no motor's command changed or was 0 within `_SETTLED_S`; a floating motor has no command."""
     settled = np.ones(len(view.time), dtype=bool)
     rows = max(1, round(_SETTLED_S / view.interval))
-    for which, drive in view.drives.items():
-        largest = float(np.max(np.abs(drive), initial=0.0))
-        if which == "yaw" or largest == 0.0:
-            continue
+    for drive in (drive for which, drive in view.drives.items() if which != "yaw"):
         past = np.lib.stride_tricks.sliding_window_view(np.pad(drive, (rows, 0), mode="edge"), rows + 1)
-        settled &= np.ptp(past, axis=1) < _CHANGE * largest
-    own = view.drives.get(driven_by(name))
-    return settled if own is None else settled & (np.abs(own) > 0.0)
+        settled &= np.ptp(past, axis=1) <= _CHANGE * float(np.max(np.abs(drive)))
+    return np.asarray(settled & (view.drives[driven_by(name)] != 0.0))

@@ -37,12 +37,9 @@ _TYPICAL_BATTERY, _HIGHEST_BATTERY = 9.0, 500.0  # V
 
 # Costs of a trial, in logarithms of a ratio.
 _PER_CHANNEL = 0.01  # for each channel blamed; decides only where all else is equal
-_PER_DRIVE = 0.1  # for a drive blamed alone
 _IMPLAUSIBLE = 0.25  # weight of the values of a typical small machine, relative to those of the channels
+_LIKELIER = 2.0  # how much likelier a mistake in a whole column is than in one run of it
 _UNUSUAL = 0.3  # for a factor by which the channel's own unit is seldom mistaken
-_AGAINST_DRIVE = 1.0  # for a channel that goes against its drive, however weakly
-_LIKELIER_IN_ALL = 0.5  # gained if one mistake in all runs explains as much as one in some runs
-_LIKELIER = 2.0  # logarithm: how much likelier a mistake in a whole column is than in one run of it
 
 
 @dataclass(frozen=True)
@@ -95,8 +92,8 @@ class RunSet:
 
     def has_noise_of(self, number: int, others: Iterable[int], name: str, factor: float) -> bool:
         """Whether a channel's noise in a run is `factor` times as large as in other runs."""
-        own = self.roughness[number][name]
-        usual = [rough for k in others if (rough := self.roughness[k][name]) > 0.0]
+        own = self.roughness[number].get(name, 0.0)
+        usual = [rough for k in others if (rough := self.roughness[k].get(name, 0.0)) > 0.0]
         return bool(own > 0.0 and usual and _is_near(own / float(np.median(usual)), factor, _NOISE_FIT))
 
 
@@ -203,9 +200,9 @@ def _most_likely(runs: RunSet) -> Contradiction | None:
         if not mended:
             continue
         breaks_none = all(gain >= 0 for gain in gains.values())
-        scope = _as_noisy(runs, trial, mended) if breaks_none else mended
+        scope = tuple(k for k in runs.windows if k in mended or _may_share(runs, k, trial, mended))
         score = sum(gains[number] for number in mended) - len(mended) * trial.is_one_drive
-        scored.append((score, -_cost(runs, trial, mended, in_all=breaks_none), trial, scope))
+        scored.append((score, -_cost(runs, trial, mended, in_all=breaks_none), trial, scope if breaks_none else mended))
     if not scored:
         return None
     _, _, trial, scope = max(scored, key=lambda one: one[:2])
@@ -233,20 +230,13 @@ def _gain(runs: RunSet, number: int, trial: Trial) -> int:
     return gain if mends or gain < 0 else 0
 
 
-def _as_noisy(runs: RunSet, trial: Trial, mended: tuple[int, ...]) -> tuple[int, ...]:
-    """Returns the runs that may have the same fault: all whose noise does not exclude it.
-
-    A channel in another unit has other noise than in the corrected run.
-    """
+def _may_share(runs: RunSet, number: int, trial: Trial, mended: tuple[int, ...]) -> bool:
+    """Whether a run may have the fault of those that are mended: not with the noise of one run's mended channel."""
     if abs(trial.factor) == 1.0 or trial.group == ("time",) or len(mended) > 1:
-        return tuple(runs.windows)
-    found: list[int] = []
-    for number in runs.windows:
-        shown, own = runs.roughness[mended[0]], runs.roughness[number]
-        known = [log(own[name] / shown[name]) for name in trial.group if own.get(name, 0) and shown.get(name, 0)]
-        if all(abs(ratio) < abs(ratio + log(abs(trial.factor))) + _LIKELIER for ratio in known):
-            found.append(number)
-    return tuple(sorted({*found, *mended}))
+        return True
+    own, shown = runs.roughness[number], runs.roughness[mended[0]]
+    ratios = [log(own[name] / shown[name]) for name in trial.group if own.get(name, 0) and shown.get(name, 0)]
+    return all(abs(ratio) < abs(ratio + log(abs(trial.factor))) + _LIKELIER for ratio in ratios)
 
 
 def _against(runs: RunSet, trial: Trial, scope: Iterable[int]) -> Group:
@@ -276,8 +266,7 @@ def _cost(runs: RunSet, trial: Trial, mended: tuple[int, ...], *, in_all: bool) 
     interval = float(np.median([one.interval for one in others])) if others else _TYPICAL_INTERVAL_S
     outputs = [name for name in trial.group if _is_output(name)]
     unusual = any(not is_one_of(trial.factor, usual_factors(name)) for name in outputs if name != "time")
-    cost = _PER_DRIVE if trial.is_one_drive else _PER_CHANNEL * len(outputs)
-    cost += _UNUSUAL * unusual - _LIKELIER_IN_ALL * in_all
+    cost = _PER_CHANNEL * len(trial.group) + _UNUSUAL * unusual
     for number in mended:
         right = runs.windows[number].divided(factors)
         evidence = [one.evidence(right, faint=True) for one in runs.relations if isinstance(one, Alike)]
@@ -285,9 +274,8 @@ def _cost(runs: RunSet, trial: Trial, mended: tuple[int, ...], *, in_all: bool) 
         odd += _log_ratio(right.interval, interval) + _IMPLAUSIBLE * _log_ratio(right.interval, _TYPICAL_INTERVAL_S)
         for name in runs.names:
             odd += _IMPLAUSIBLE * _oddness(right, name)
-            if (own := _gain_of(right, name)) is not None:
-                odd += _AGAINST_DRIVE if own < 0.0 else 0.0
-                odd += _log_ratio(own, float(np.median(gains[name]))) if gains[name] else 0.0
+            if gains[name] and (own := _gain_of(right, name)) is not None:
+                odd += _log_ratio(own, float(np.median(gains[name])))
         cost += odd / len(mended)
     return cost
 

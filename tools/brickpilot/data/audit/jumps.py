@@ -12,7 +12,7 @@ from itertools import combinations
 import numpy as np
 
 from brickpilot.data.audit.fault import Kind
-from brickpilot.data.audit.view import LEAST_SAMPLES, Mask, RunView, Vector, stretches
+from brickpilot.data.audit.view import LEAST_SAMPLES, Mask, RunView, Vector
 from brickpilot.data.description import Signal
 from brickpilot.data.signals import Frame, to_frd
 
@@ -21,14 +21,9 @@ _DROPOUT_SHARE = 0.02  # of a signal's samples: with more, the jumps belong to t
 _OUTLYING = 12.0  # scales of the residual
 _BACK = 0.2  # of the jump: largest distance of the samples before and after it
 _BEYOND_REST = 5.0  # times the largest residual of sound samples
-_BEYOND_REST_AT_ZERO = 2.0
-_BEYOND_REST_IMPULSIVE = 20.0
-_BEYOND_ALL_IMPULSIVE = 50.0  # times the span of all other samples: worn gear teeth make impacts of 20
+_BEYOND_ALL = 50.0  # times the span of all other samples, if impulsive: worn gear teeth make impacts of 20
 _IMPULSIVE = ("accel_", "current", "force")  # an impact or a switch of the motor's winding may last a single sample
 _INPUT_STEP = 0.1  # of its largest value
-_MOSTLY = 0.5
-_CLOSE_BY = 5  # samples
-_ZEROED = 4.0  # scales: noise may reach it, but not always at the value zero
 _SWAP_APART = 8.0  # scales: least distance of both cells from their lines
 _SWAP_MENDED = 0.2  # of that distance: the distance after the cells are exchanged
 
@@ -75,45 +70,18 @@ def _dropout(view: RunView, name: str, signal: Signal) -> Mask:
     if scale == 0.0:
         return found
     zero = signal.to_si * signal.offset
-    impulsive = name.startswith(_IMPULSIVE)
-    near_step = _near_input_step(view)[known]
-    stepped = near_step & impulsive
     events = _events(time, level, scale)
     rest = _sound_residual(residual, events)
     for away, start, length in sorted(events):
-        jolted = bool(stepped[start : start + length].any())
         stays_zero = bool(np.all(np.isin(level[start : start + length], (0.0, zero, -zero))))
-        beyond = (_BEYOND_REST_AT_ZERO if stays_zero else _BEYOND_REST) * rest
-        if impulsive and not stays_zero:
-            others = np.delete(level, slice(start, start + length))
-            beyond = max(_BEYOND_REST_IMPULSIVE * rest, _BEYOND_ALL_IMPULSIVE * float(np.ptp(others)))
-        if not jolted and away > beyond:
+        beyond = _BEYOND_REST * rest
+        if name.startswith(_IMPULSIVE) and not stays_zero:
+            beyond = _BEYOND_ALL * float(np.ptp(np.delete(level, slice(start, start + length))))
+        if away > beyond:
             found[known[start : start + length]] = True
         else:
             rest = max(rest, away)
-    if not impulsive:
-        at_zero = np.isin(level, (0.0, zero, -zero))
-        found[known[_single_zeros(time, level, at_zero, _ZEROED * scale) & ~near_step]] = True
     return found if np.count_nonzero(found) <= max(_DROPOUT_SHARE * len(known), 3) else np.zeros_like(found)
-
-
-def _single_zeros(time: Vector, level: Vector, at_zero: Mask, beyond: float) -> Mask:
-    """Finds a few zeros in a row, more than `beyond` from the line between the samples around them.
-
-    If the signal comes near zero again close by, it oscillates and has few samples; its zeros are kept.
-    """
-    found = np.zeros(len(level), dtype=bool)
-    if np.count_nonzero(at_zero) > _MOSTLY * len(level):  # the signal rests at zero
-        return found
-    for start, stop in stretches(at_zero):
-        if start == 0 or stop == len(level) or stop - start > _DROPOUT_SAMPLES:
-            continue
-        around = level[[start - 1, stop]]
-        away = float(np.abs(np.interp(time[start:stop], time[[start - 1, stop]], around)).min())
-        near = np.r_[level[max(start - _CLOSE_BY, 0) : start], level[stop : stop + _CLOSE_BY]]
-        oscillates = bool(np.any(near * np.sign(around[0]) < _MOSTLY * away))
-        found[start:stop] = away > max(beyond, float(np.ptp(around))) and not oscillates
-    return found
 
 
 def _events(time: Vector, level: Vector, scale: float) -> list[tuple[float, int, int]]:

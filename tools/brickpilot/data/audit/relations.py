@@ -213,97 +213,71 @@ def _sums_and_rates(present: set[str]) -> list[Relation]:
 
 def _metres_and_radians(present: set[str], geometry: Geometry) -> list[Relation]:
     """Relations of a wheel or shaft that is measured both in metres and in radians."""
-    radius = geometry.wheel_radius
     names = [("position", "angle"), ("velocity", "speed")]
     for side in ("left", "right"):
         names += [(f"wheel_travel_{side}", f"wheel_angle_{side}"), (f"wheel_velocity_{side}", f"wheel_speed_{side}")]
-    if radius is None:
-        return []
     return [
-        Alike(((metres,),), ((radians,),), _pair(metres, radians, radius))
+        Alike(((metres,),), ((radians,),), _pair(metres, radians, geometry.wheel_radius))
         for metres, radians in names
-        if {metres, radians} <= present
+        if geometry.wheel_radius is not None and {metres, radians} <= present
     ]
 
 
 def _of_two_wheels(kind: str, present: set[str], geometry: Geometry) -> list[Relation]:
     """Relations of both wheels' motion to the gyro and to the accelerometers."""
-    wheels = _Wheels(kind, geometry.metres(kind))
+    metres = geometry.metres(kind) or np.nan
     groups = _wheel_groups(kind, present)
-    found = [_turning(yaw, wheels, groups, present, geometry) for yaw in ("yaw_rate", "yaw_angle") if yaw in present]
-    if wheels.metres is None:
-        return found
-    if "accel_surge" in present:
-        found.append(Alike((("accel_surge",),), groups, wheels.surging, floor=_MOVES))
-    yaw = next((name for name in ("yaw_rate", "yaw_angle") if name in present), None)
-    if "accel_sway" in present and yaw is not None:
+    yaws = [yaw for yaw in ("yaw_rate", "yaw_angle") if yaw in present]
+    found: list[Relation] = [Alike((("accel_surge",),), groups, _surging(kind, metres), floor=_MOVES)]
+    for yaw in yaws:
+        # A ratio that is learnt from the data includes the slip.
+        per, is_learnt = geometry.turn(yaw, kind), (yaw, kind) in geometry.turned
+        slips = per is not None and not is_learnt
+        found.append(Alike(_yaw_groups(yaw, present), groups, _turning(yaw, kind, per), floor=_MOVES, slips=slips))
+    for yaw in yaws[:1]:
         sideways = (*groups, *_yaw_groups(yaw, present)[:2])
-        found.append(Alike((("accel_sway",),), sideways, wheels.swaying(yaw), floor=1.0))
+        found.append(Alike((("accel_sway",),), sideways, _swaying(yaw, kind, metres), floor=1.0))
     return found
 
 
-def _turning(yaw: str, wheels: _Wheels, groups: tuple[Group, ...], present: set[str], geometry: Geometry) -> Relation:
-    """A yaw channel beside the difference of the wheels. A ratio that is learnt from the data includes the slip."""
-    per = geometry.turn(yaw, wheels.kind)
-    slips = per is not None and (yaw, wheels.kind) not in geometry.turned
-    return Alike(_yaw_groups(yaw, present), groups, wheels.turning(yaw, per), floor=_MOVES, slips=slips)
+def _turning(yaw: str, kind: str, per: float | None) -> Motions:
+    """The yaw, and the difference of the wheels times `per`; None: scaled so that only the sign counts."""
+
+    def motions(windows: Windows) -> tuple[Vector, Vector]:
+        turn, left, right = windows.of(yaw), windows.of(f"wheel_{kind}_left"), windows.of(f"wheel_{kind}_right")
+        apart = left - right
+        # In a straight run the body turns by the difference of the wheels' radii, not of their speeds.
+        if windows.rms(apart) <= _APART * windows.rms(left + right) / 2:
+            return turn, np.full_like(apart, np.nan)
+        return turn, apart * (windows.rms(turn) / windows.rms(apart) if per is None else per)
+
+    return motions
 
 
-@dataclass(frozen=True)
-class _Wheels:
-    """Both wheels' channels of a kind; `metres`: m per unit, None where it is not known."""
+def _surging(kind: str, metres: float) -> Motions:
+    """The integral of the surge acceleration, and the change of the wheels' mean speed, without their means."""
 
-    kind: str
-    metres: float | None
-
-    @property
-    def left(self) -> str:
-        return f"wheel_{self.kind}_left"
-
-    @property
-    def right(self) -> str:
-        return f"wheel_{self.kind}_right"
-
-    def turning(self, yaw: str, per: float | None) -> Motions:
-        """The yaw, and the difference of the wheels times `per`; None: scaled so that only the sign counts."""
-
-        def motions(windows: Windows) -> tuple[Vector, Vector]:
-            turn, one, other = windows.of(yaw), windows.of(self.left), windows.of(self.right)
-            apart, together = one - other, one + other
-            # In a straight run the body turns by the difference of the wheels' radii, not of their speeds.
-            if windows.rms(apart) <= _APART * windows.rms(together) / 2:
-                return turn, np.full_like(apart, np.nan)
-            return turn, apart * (windows.rms(turn) / windows.rms(apart) if per is None else per)
-
-        return motions
-
-    def surging(self, windows: Windows) -> tuple[Vector, Vector]:
-        """The integral of the surge acceleration, and the change of the wheels' mean speed, without their means."""
+    def motions(windows: Windows) -> tuple[Vector, Vector]:
         nothing = np.full_like(windows.seconds, np.nan)
-        speeds = [windows.changed.get(name, nothing) for name in (self.left, self.right)]
-        motion, against = windows.of("accel_surge"), (self.metres or np.nan) * (speeds[0] + speeds[1]) / 2
-        known = np.isfinite(motion) & np.isfinite(against)
-        if not known.any():
-            return motion, against
-        # A bias or a slope adds the same amount in each second.
-        motion, against = (
-            values - windows.seconds * (np.sum(values[known]) / np.sum(windows.seconds[known]))
-            for values in (motion, against)
-        )
-        return motion, against
+        left, right = (windows.changed.get(f"wheel_{kind}_{side}", nothing) for side in ("left", "right"))
+        motion, against = windows.of("accel_surge"), metres * (left + right) / 2
+        known = np.where(np.isfinite(motion + against), 1.0, np.nan)
+        return windows.unbiased(known * motion), windows.unbiased(known * against)
 
-    def swaying(self, yaw: str) -> Motions:
-        """The integral of the sway acceleration, and speed times yaw rate."""
+    return motions
 
-        def motions(windows: Windows) -> tuple[Vector, Vector]:
-            metres = self.metres or np.nan
-            ahead = metres * (windows.of(self.left) + windows.of(self.right)) / 2
-            turn = windows.of(yaw)
-            # In a turn on the spot, a sensor off the centre measures its own acceleration, not the vehicle's.
-            ahead = np.where(np.abs(ahead) > _WIDE * np.abs(turn), ahead, np.nan)
-            return windows.of("accel_sway"), ahead * turn / windows.seconds
 
-        return motions
+def _swaying(yaw: str, kind: str, metres: float) -> Motions:
+    """The integral of the sway acceleration, and speed times yaw rate."""
+
+    def motions(windows: Windows) -> tuple[Vector, Vector]:
+        turn = windows.of(yaw)
+        ahead = metres * (windows.of(f"wheel_{kind}_left") + windows.of(f"wheel_{kind}_right")) / 2
+        # In a turn on the spot, a sensor off the centre measures its own acceleration, not the vehicle's.
+        ahead = np.where(np.abs(ahead) > _WIDE * np.abs(turn), ahead, np.nan)
+        return windows.of("accel_sway"), ahead * turn / windows.seconds
+
+    return motions
 
 
 def _left_and_right(left: str, right: str, least: Mapping[str, float]) -> Relation:

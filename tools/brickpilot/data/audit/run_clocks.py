@@ -18,25 +18,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.data.audit.fault import joined
-from brickpilot.data.audit.view import RunView, Vector, cut, integral
+from brickpilot.data.audit.view import EQUAL, RunView, Vector, cut, integral
 from brickpilot.data.signals import RATE_OF
 
 _BLOCKS = 20
 _LEAST_SAMPLES = 60
-_STEADY = 0.002  # spread of the sampling interval over a run's blocks, and from run to run
-_LEAST_OFF, _MOST_OFF = 0.008, 0.15  # of the interval; a larger difference is another sampling rate on purpose
+_STEADY = 0.002  # spread of an interval over a run's blocks and from run to run, and of a sensor's ratio
+_OFF = 0.008  # of the interval: a smaller difference is no fault
+_ON_PURPOSE = 0.15  # of the interval: a larger difference is another sampling rate on purpose
 _ALIKE = 2 / 3  # of the runs
 _SMOOTH = 0.15  # of the drift: the residual of a parabola
 _ROUND = 3e-4  # relative difference from a round number
 _WINDOWS = 24
 _BOUNDED = 0.5  # of the sd from independent windows: residuals of a sum are not independent
-_RATIO_OFF = 0.012
+_RATIO_OFF, _DRIFTS = 0.012, 0.02  # of a ratio and its trend: a bias and slip make as much
 _SURE = 5.0  # standard errors
-_DENIES = 3.0  # standard errors: a ratio at this distance from the fault contradicts it
 _WANDER = {"yaw_angle"}  # sums whose rate has a slow bias, which looks like a wrong clock
-_SENSOR = 0.002  # spread that a ratio always has
 _AGREE = 0.4  # of the deviation
-_DRIFTS = 0.02
 _JUMP = 8.0  # usual intervals: a longer step is a jump or a dropout
 _STOOD = 0.35  # of the motion expected during a jump
 _LOCAL = 10  # samples
@@ -79,9 +77,11 @@ def clock_faults(views: Sequence[RunView]) -> list[ClockFault]:
     """Returns at most one fault for each run, in the runs' order."""
     ratios = _ratios(views)
     usual = _usual(ratios)
+    offs = [{name: _off(one, *usual[name]) for name, one in each.items() if name in usual} for each in ratios]
     found: dict[int, ClockFault] = {}
-    for fault in (*_jumps(views), *_off_ratios(ratios, usual), *_off_intervals(views)):
-        if fault.run not in found and not (fault.factor and _is_right(ratios[fault.run], usual, fault.factor)):
+    for fault in (*_jumps(views), *_off_ratios(ratios, offs, usual), *_off_intervals(views)):
+        by = 0.0 if fault.factor is None else 1.0 / fault.factor - 1.0
+        if fault.run not in found and not (by and _denied(offs[fault.run], by)):
             found[fault.run] = fault
     return [found[number] for number in sorted(found)]
 
@@ -96,7 +96,7 @@ def _off_intervals(views: Sequence[RunView]) -> list[ClockFault]:
         return found
     for k, each in blocks.items():
         off = float(np.median(each)) / usual - 1.0
-        if k in steady and _LEAST_OFF < abs(off) < _MOST_OFF:
+        if k in steady and _OFF < abs(off) < _ON_PURPOSE:
             evidence = f"is off: samples {1e3 * steady[k]:.4g} ms apart, {1e3 * usual:.4g} ms in the other runs"
             found.append(ClockFault(k, 0, 1.0 + off, evidence))
         elif k not in steady and _drifts(each, usual):
@@ -139,9 +139,8 @@ def _drifts(blocks: Vector, usual: float) -> bool:
     place = np.linspace(-1.0, 1.0, len(blocks))
     smooth = np.polyval(np.polyfit(place, blocks, 2), place)
     change = float(np.ptp(smooth))
-    worst = float(np.max(np.abs(smooth / usual - 1.0)))
     residual = float(np.quantile(np.abs(blocks - smooth), 0.9))
-    return _LEAST_OFF * usual < change and worst < 2 * _MOST_OFF and residual < _SMOOTH * change
+    return _OFF * usual < change < 2 * _ON_PURPOSE * usual and residual < _SMOOTH * change
 
 
 def _ratios(views: Sequence[RunView]) -> list[dict[str, _Ratio]]:
@@ -184,7 +183,7 @@ def _ratio(growth: Vector, rate: Vector, beside: Vector, lag: float | None) -> _
         path, integral = (np.cumsum(one) - np.mean(np.cumsum(one)) for one in (growth - lag * beside, rate))
         value = float(path @ integral) / float(integral @ integral)
         sd = float(np.sqrt(np.sum((path - value * integral) ** 2) / (integral @ integral))) * _BOUNDED
-    if value <= 0.0:
+    if not 1 / EQUAL < value < EQUAL:  # nothing moves, or one of them is in another unit
         return None
     return _Ratio(value, sd, float(trend[0]) / value, float(trend_sd[0]) / value)
 
@@ -211,44 +210,35 @@ def _usual(ratios: Sequence[Mapping[str, _Ratio]]) -> dict[str, tuple[float, flo
     return found
 
 
-def _off_ratios(ratios: Sequence[Mapping[str, _Ratio]], usual: Mapping[str, tuple[float, float]]) -> list[ClockFault]:
+def _off_ratios(
+    ratios: Sequence[Mapping[str, _Ratio]],
+    offs: Sequence[Mapping[str, tuple[float, float]]],
+    usual: Mapping[str, tuple[float, float]],
+) -> list[ClockFault]:
     found: list[ClockFault] = []
     shared = _off_in_all(usual)
-    for number, each in enumerate(ratios):
-        if shared is not None and each:
-            found.append(
-                ClockFault(
-                    number,
-                    0,
-                    shared,
-                    "is off: the angles of wheels and gyro do not grow as their rates in any run",
-                )
-            )
-            continue
-        if each.keys() <= _WANDER:
-            continue
-        offs = {name: _off(one, *usual[name]) for name, one in each.items() if name in usual}
-        sure = {name: one for name, one in offs.items() if abs(one[0]) > _SURE * one[1]}
-        trends = [(one.trend, one.trend_sd) for one in each.values()]
+    for number, (each, its_offs) in enumerate(zip(ratios, offs, strict=True)):
+        sure = {name: one for name, one in its_offs.items() if abs(one[0]) > _SURE * one[1]}
         off = float(np.mean([one for one, _ in sure.values()])) if sure else 0.0
-        if not sure.keys() <= _WANDER and _agree(list(sure.values()), _RATIO_OFF) and not _denied(offs, off):
-            ratio = off + 1.0
+        if each and shared is not None:
+            evidence = "is off: the angles of wheels and gyro do not grow as their rates in any run"
+            found.append(ClockFault(number, 0, shared, evidence))
+        elif not sure.keys() <= _WANDER and _agree(list(sure.values()), _RATIO_OFF) and not _denied(its_offs, off):
             evidence = f"is off: {' and '.join(sure)} grow otherwise than the rates, unlike in the other runs"
-            found.append(ClockFault(number, 0, 1.0 / ratio, evidence))
-        elif trends and _agree(trends, _DRIFTS):
-            found.append(
-                ClockFault(number, 0, None, f"drifts: {' and '.join(each)} depart from the integrals of the rates")
-            )
+            found.append(ClockFault(number, 0, 1.0 / (off + 1.0), evidence))
+        elif not each.keys() <= _WANDER and _agree([(one.trend, one.trend_sd) for one in each.values()], _DRIFTS):
+            evidence = f"drifts: {' and '.join(each)} depart from the integrals of the rates"
+            found.append(ClockFault(number, 0, None, evidence))
     return found
 
 
 def _off(ratio: _Ratio, middle: float, spread: float) -> tuple[float, float]:
-    return ratio.value / middle - 1.0, float(np.hypot(np.hypot(ratio.sd, spread), _SENSOR))
+    return ratio.value / middle - 1.0, float(np.hypot(np.hypot(ratio.sd, spread), _STEADY))
 
 
 def _denied(offs: Mapping[str, tuple[float, float]], by: float) -> bool:
     """Whether a ratio that is certain enough contradicts a fault of this size."""
-    return any(abs(off - by) > max(_AGREE * abs(by), _DENIES * sd) for off, sd in offs.values())
+    return any(abs(off - by) > max(_AGREE * abs(by), _SURE * sd) for off, sd in offs.values())
 
 
 def _agree(offs: Sequence[tuple[float, float]], least: float) -> bool:
@@ -260,21 +250,11 @@ def _agree(offs: Sequence[tuple[float, float]], least: float) -> bool:
 
 def _off_in_all(usual: Mapping[str, tuple[float, float]]) -> float | None:
     """Returns stated over true time if wheels and gyro are wrong by the same factor in all runs; else None."""
-    offs = [(middle - 1.0, max(spread, _SENSOR)) for middle, spread in usual.values()]
+    offs = [(middle - 1.0, max(spread, _STEADY)) for middle, spread in usual.values()]
     kinds = {"yaw" if name.startswith("yaw_") else "wheel" for name in usual}
     if len(kinds) < 2 or not _agree(offs, _RATIO_OFF):
         return None
     return 1.0 / float(np.mean([middle for middle, _ in usual.values()]))
-
-
-def _is_right(ratios: Mapping[str, _Ratio], usual: Mapping[str, tuple[float, float]], factor: float) -> bool:
-    """Whether the ratio of an angle to its rate shows that the clock is right, although its interval differs."""
-    for name, one in ratios.items():
-        if name in usual and factor != 1.0:
-            off, sd = _off(one, *usual[name])
-            if sd < 0.2 * abs(factor - 1.0) and abs(off) < _AGREE * abs(factor - 1.0):
-                return True
-    return False
 
 
 def _jumps(views: Sequence[RunView]) -> list[ClockFault]:
@@ -282,13 +262,11 @@ def _jumps(views: Sequence[RunView]) -> list[ClockFault]:
     found: list[ClockFault] = []
     for number, view in enumerate(views):
         steps = np.diff(view.time)
-        if len(view.time) < _LEAST_SAMPLES:
-            continue
-        for at in np.flatnonzero(steps > _JUMP * np.median(steps)):
-            if (_LOCAL < at < len(view.time) - _LOCAL - 1) and _stood(view, int(at)):
-                found.append(
-                    ClockFault(number, int(at) + 1, None, f"jumps by {steps[at]:.3g} s, during which nothing moves")
-                )
+        inner = slice(_LOCAL + 1, -_LOCAL - 1)
+        for at in np.flatnonzero(steps[inner] > _JUMP * np.median(steps)) + _LOCAL + 1:
+            if _stood(view, int(at)):
+                evidence = f"jumps by {steps[at]:.3g} s, during which nothing moves"
+                found.append(ClockFault(number, int(at) + 1, None, evidence))
                 break
     return found
 
@@ -296,14 +274,13 @@ def _jumps(views: Sequence[RunView]) -> list[ClockFault]:
 def _stood(view: RunView, at: int) -> bool:
     """Whether no sum moved during the jump after sample `at`, although it moved before and after."""
     time, votes = view.time, []
-    for name in (*RATE_OF, "yaw_angle"):
-        if name in view.outputs:
-            sums = view.outputs[name]
-            before = (sums[at] - sums[at - _LOCAL]) / (time[at] - time[at - _LOCAL])
-            after = (sums[at + 1 + _LOCAL] - sums[at + 1]) / (time[at + 1 + _LOCAL] - time[at + 1])
-            path = min(before, after, key=abs) * (time[at + 1] - time[at])
-            if before * after > 0.0 and abs(path) > _STEPS * view.resolution[name]:
-                votes.append(abs(sums[at + 1] - sums[at]) < _STOOD * abs(path))
+    for name in {*RATE_OF, "yaw_angle"} & view.outputs.keys():
+        sums = view.outputs[name]
+        before = (sums[at] - sums[at - _LOCAL]) / (time[at] - time[at - _LOCAL])
+        after = (sums[at + 1 + _LOCAL] - sums[at + 1]) / (time[at + 1 + _LOCAL] - time[at + 1])
+        path = min(before, after, key=abs) * (time[at + 1] - time[at])
+        if abs(path) > _STEPS * view.resolution[name]:
+            votes.append(abs(sums[at + 1] - sums[at]) < _STOOD * abs(path))
     return bool(votes) and all(votes)
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
-from brickpilot.data.audit.view import LEAST_SAMPLES, AcrossRuns, Mask, RunView, Vector, driven_by, stretches
+from brickpilot.data.audit.view import LEAST_SAMPLES, Mask, RunView, Vector, driven_by, stretches
 from brickpilot.data.signals import RATE_OF, SUMMED
 
 _ANALOGUE = ("accel_", "yaw_rate", "current", "force", "battery")  # constant only where the resolution is coarse
@@ -19,9 +19,6 @@ _BLOCK = 50  # samples
 _QUIET_BLOCKS = 0.9  # quantile of that share over blocks: the quietest tenth is not counted
 _UNLIKELY = 4.0  # times the stretch that is expected once, or the longest elsewhere
 _LEAP = 8.0  # times the largest other change: the jump of a sum when a frozen sensor recovers
-_BY_RATE = 10.0  # resolutions: least motion, from the measured rate, of a sum that stands
-_ONE_WAY = 0.8  # of the path: least displacement of a motion; noise has less
-_MOVES = 0.1  # of the largest rate: more than the offset of a rate at rest
 _NEAR = 4.0  # of the usual change from sample to sample
 _FEW = 0.2  # of the samples at an extreme
 _STALE = 0.75  # share of repeats from which a rate stands itself and is no evidence
@@ -34,10 +31,47 @@ _OFF_RATE = 0.1  # of the fastest: allowed difference of a constant rate from th
 _RATE_STEPS = 3.0  # resolutions of a difference of two samples
 _DRIVEN = 0.5  # of the usual drive
 _PACE_S, _PACE_SAMPLES = 0.03, 10
-_STEADY = 0.3  # change of pace, over the fastest
+_STEADY = 0.3  # change of a pace over the fastest, or of a drive over the largest
 _FAST = 0.3  # of the fastest: a motion of this speed does not stop within one sample
-_HARDER = 1.3  # times the drive at which it moved in another run
-_NEARLY = 0.6  # times that drive: sufficient where the other side moved
+_MOTION = ("wheel_", "yaw_", "angle", "speed", "position", "velocity")
+_REVERSES = 0.3  # share of samples at which noise changes direction
+_REPEATED = 0.02  # share of repeats of a channel that changes with every sample
+
+
+class AcrossRuns:
+    """How the channels behave in all runs together.
+
+    Attributes:
+        views: of the runs.
+        noise: the channels that change direction at most samples: noise does, motion does not.
+        fastest: channel of a motion -> its largest mean rate over a fortieth of a run.
+        usual_drive: sum -> the mean size of its drive while it moves; only for one that changes with every sample, but
+            for long stretches of one value.
+    """
+
+    def __init__(self, views: Sequence[RunView]) -> None:
+        self.views = views
+        names = views[0].outputs if views else {}
+        changes = {name: np.concatenate([np.diff(one.outputs[name]) for one in views]) for name in names}
+        self.noise = {name for name, each in changes.items() if np.mean(each[1:] * each[:-1] < 0.0) > _REVERSES}
+        moving = [name for name in names if name.startswith(_MOTION)]
+        self.fastest = {name: max(_fastest(one, name) for one in views) for name in moving}
+        self.usual_drive = {name: self._drive_while_moving(name) for name in names if name in SUMMED}
+
+    def _drive_while_moving(self, name: str) -> float:
+        """Returns 0 where the channel repeats values outside long stretches of one value."""
+        repeats = samples = 0
+        level = 0.0
+        for one in self.views:
+            same = _repeats(one.outputs[name])
+            outside = np.isfinite(one.outputs[name])
+            for first, last in stretches(same, LEAST_SAMPLES - 1):
+                same[first:last] = False
+                outside[first : last + 1] = False
+            repeats += int(np.count_nonzero(same))
+            samples += int(np.count_nonzero(outside))
+            level += float(np.sum(np.abs(one.drives[driven_by(name)][outside])))
+        return level / samples if samples >= LEAST_SAMPLES and repeats <= _REPEATED * samples else 0.0
 
 
 def clipped(view: RunView, name: str, stated: tuple[float, float] | None) -> Mask:
@@ -109,8 +143,9 @@ def frozen(view: RunView, name: str, across: AcrossRuns) -> tuple[Mask, Mask]:
         if np.count_nonzero(samples[start:stop]) < LEAST_SAMPLES or _stands(view, name, start, stop):
             continue
         if (
-            _contradicts_rate(view, name, start, stop)
-            or _cannot_stand(view, name, start, stop, across)
+            _contradicts_partner(view, name, start, stop, across)
+            or _never_stands(view, name, start, stop, across)
+            or _stops_alone(view, name, start, stop, across)
             or (
                 _moves_elsewhere(view, name, start, stop)
                 and (_jumps(view, name, start, stop) or _too_long(view, name, start, stop, across))
@@ -178,45 +213,30 @@ def _too_long(view: RunView, name: str, start: int, stop: int, across: AcrossRun
     """
     level = view.outputs[name][start]
     analogue = name.startswith(_ANALOGUE) or (name == "yaw_angle" and level != 0.0)
-    if not analogue and (name in SUMMED or level == 0.0) and not across.is_noise(name):
+    if not analogue and (name in SUMMED or level == 0.0) and name not in across.noise:
         return False
     elsewhere = [one.once(name) for one in across.views if one is not view]
     elsewhere += [view.once(name, slice(0, start)), view.once(name, slice(stop, None))]
-    usual = _repetition([np.isfinite(values) for values in elsewhere], elsewhere)
-    # `once`: the length of a stretch that is expected once
-    once = np.log(usual.samples) / -np.log(usual.share) if 0.0 < usual.share <= _DITHERS else np.inf
+    once = _expected_once(elsewhere, 0.0)
     if not analogue and level != 0.0:
-        turning = _repetition([np.abs(values) >= 0.5 * abs(level) for values in elsewhere], elsewhere)
-        once = min(once, float(turning.longest)) if turning.share <= _DITHERS else once
+        once = min(once, _expected_once(elsewhere, 0.5 * abs(level)))
     return bool(len(view.once(name, slice(start, stop))) >= max(LEAST_SAMPLES, _UNLIKELY * once))
 
 
-@dataclass(frozen=True)
-class _Repetition:
-    """How often a signal repeats a value.
+def _expected_once(pieces: Sequence[Vector], least: float) -> float:
+    """Returns the length of a stretch of one value that is expected once; infinite: values repeat too often.
 
-    Attributes:
-        share: of repeats in all but the quietest blocks; 1: there are too few blocks.
-        longest: samples in the longest stretch of one value.
-        samples: how many changes were counted.
+    `least`: only values of this size or more count; where it is above 0, the longest stretch is taken, because a wheel
+    may turn slowly for a while.
     """
-
-    share: float
-    longest: int
-    samples: int
-
-
-def _repetition(counted: Sequence[Mask], pieces: Sequence[Vector]) -> _Repetition:
-    """Counts the repeats in `pieces`, where `counted` is true."""
-    inner = [values[a:b] for mask, values in zip(counted, pieces, strict=True) for a, b in stretches(mask)]
+    inner = [values[a:b] for values in pieces for a, b in stretches(np.abs(values) >= least)]
     repeats = np.concatenate([np.diff(values) == 0.0 for values in inner] or [np.zeros(0, dtype=bool)])
     blocks = repeats[: len(repeats) // _BLOCK * _BLOCK].reshape(-1, _BLOCK).mean(axis=1)
-    edges = np.flatnonzero(np.diff(repeats, prepend=False, append=False))
-    longest = 1 + int(np.diff(edges)[::2].max(initial=0))
-    if len(blocks) < 2:
-        return _Repetition(1.0, longest, len(repeats))
-    share = max(float(np.quantile(blocks, _QUIET_BLOCKS)), 1.0 / len(repeats))
-    return _Repetition(share, longest, len(repeats))
+    share = max(float(np.quantile(blocks, _QUIET_BLOCKS)), 1.0 / len(repeats)) if len(blocks) > 1 else 1.0
+    if share > _DITHERS:
+        return np.inf
+    longest = 1 + max((stop - start for start, stop in stretches(repeats)), default=0)
+    return float(longest if least > 0.0 else np.log(len(repeats)) / -np.log(share))
 
 
 def _jumps(view: RunView, name: str, start: int, stop: int) -> bool:
@@ -236,46 +256,21 @@ def _jumps(view: RunView, name: str, start: int, stop: int) -> bool:
     return all(bool(changes[edge - 1] > _LEAP * usual) for edge in edges)
 
 
-def _contradicts_rate(view: RunView, name: str, start: int, stop: int) -> bool:
-    """Whether a sum stands although its measured rate shows that it moved far."""
-    rate = view.outputs.get(RATE_OF.get(name, ""))
-    if rate is None:
+def _contradicts_partner(view: RunView, name: str, start: int, stop: int, across: AcrossRuns) -> bool:
+    """Whether the sum or the rate of the same sensor moves otherwise in a half of the stretch."""
+    partners = {**RATE_OF, **{rate: sums for sums, rate in RATE_OF.items()}}
+    partner = partners.get(name, "")
+    values = view.outputs.get(partner, np.full_like(view.time, np.nan))
+    known = start + np.flatnonzero(np.isfinite(values[start:stop]))
+    if len(known) < _STALE * (stop - start) or np.mean(np.diff(values[known]) == 0.0) > _STALE:
         return False
-    during = rate[start:stop]
-    if not np.isfinite(during).any() or np.mean(np.diff(during) == 0.0) > _STALE:
-        return False
-    moved = np.nan_to_num(during[:-1]) * np.diff(view.time[start:stop])
-    displacement, path = abs(float(moved.sum())), float(np.abs(moved).sum())
-    if displacement <= _ONE_WAY * path or displacement <= _BY_RATE * view.resolution[name]:
-        return False
-    return bool(abs(float(np.nanmean(during))) > _MOVES * float(np.nanmax(np.abs(rate))))
-
-
-def _cannot_stand(view: RunView, name: str, start: int, stop: int, across: AcrossRuns) -> bool:
-    """Whether samples `start` to `stop`, all of one value, cannot be a standstill or a steady motion."""
-    return (
-        _contradicts_sum(view, name, start, stop)
-        or _never_stands(view, name, start, stop, across)
-        or _stops_alone(view, name, start, stop)
-        or _stands_alone(view, name, start, stop, across)
-    )
-
-
-def _contradicts_sum(view: RunView, name: str, start: int, stop: int) -> bool:
-    """Whether a rate is constant while the sum of the same sensor grows at another rate, or at a changing one."""
-    of = next((sums for sums, rate in RATE_OF.items() if rate == name and sums in view.outputs), None)
-    if of is None:
-        return False
-    time, sums = view.time, view.outputs[of]
-    known = np.isfinite(sums[start:stop])
-    if known.mean() < _STALE or np.mean(np.diff(sums[start:stop][known]) == 0.0) > _STALE:
-        return False
-    fastest = _fastest(time, sums)
-    at = np.flatnonzero(known)
-    marks = start + at[np.array([0, len(at) // 2, -1])]
-    spans = np.diff(time[marks])
-    away = np.abs(np.diff(sums[marks]) / spans - view.outputs[name][start])
-    return bool(np.any(away > _OFF_RATE * fastest + _RATE_STEPS * view.resolution[of] / spans))
+    own = 0.0 if name in SUMMED else view.outputs[name][start]
+    step = view.resolution[name if name in SUMMED else partner]
+    for first, last in pairwise(known[[0, len(known) // 2, -1]].tolist()):
+        away = abs(_pace(view, partner, slice(first, last + 1)) - own)
+        if away > _OFF_RATE * across.fastest[partner] + _RATE_STEPS * step / (view.time[last] - view.time[first]):
+            return True
+    return False
 
 
 def _never_stands(view: RunView, name: str, start: int, stop: int, across: AcrossRuns) -> bool:
@@ -283,106 +278,37 @@ def _never_stands(view: RunView, name: str, start: int, stop: int, across: Acros
 
     A machine that is driven in one direction only may be at its end stop. A yaw angle has no end stop.
     """
-    during = view.drives[driven_by(name)][start:stop] if name in SUMMED else np.zeros(0)
-    both = (during[during > 0.0], -during[during < 0.0])
-    levels = [float(np.mean(one)) if one.size else 0.0 for one in both]
-    driven = max(levels) if name == "yaw_angle" else min(levels)
-    if driven == 0.0:
+    usual = across.usual_drive.get(name) if name in SUMMED else None
+    if not usual:
         return False
-    usual = across.usual_drive(name)
-    return usual is not None and driven > _DRIVEN * usual
+    during = view.drives[driven_by(name)][start:stop]
+    levels = [float(np.mean(one)) if one.size else 0.0 for one in (during[during > 0.0], -during[during < 0.0])]
+    return (max(levels) if name == "yaw_angle" else min(levels)) > _DRIVEN * usual
 
 
-def _stops_alone(view: RunView, name: str, start: int, stop: int) -> bool:
-    """Whether a sum in steady motion stops within one sample while its drive and other channels continue."""
+def _stops_alone(view: RunView, name: str, start: int, stop: int, across: AcrossRuns) -> bool:
+    """Whether a sum in motion stops within one sample while its drive and other channels continue."""
     reach = max(_PACE_SAMPLES, int(_PACE_S / view.interval))
-    if name not in SUMMED or start < 2 * reach or stop - start < 2 * reach:
+    if name not in SUMMED or start < reach or stop - start < 2 * reach:
         return False
-    before, earlier, after = _slices(start, -reach), _slices(start - reach, -reach), _slices(start + reach, reach)
-    values = view.outputs[name]
-    if any(np.count_nonzero(np.diff(values[part])) < _PACE_SAMPLES // 2 for part in (earlier, before)):
+    before, after = slice(start - reach, start + 1), slice(start + reach, start + 2 * reach + 1)
+    moving = np.count_nonzero(np.diff(view.outputs[name][before])) >= reach // 2
+    if not moving or abs(_pace(view, name, before)) < _FAST * across.fastest[name]:
         return False
-    fastest = _fastest(view.time, values)
-    paces = [_pace(view, name, part) for part in (earlier, before)]
-    if min(map(abs, paces)) < _FAST * fastest or abs(paces[1] - paces[0]) > _STEADY * fastest:
+    if any(
+        np.ptp(drive[before.start : after.stop]) > _STEADY * np.max(np.abs(drive)) for drive in view.drives.values()
+    ):
         return False
-    for drive in view.drives.values():
-        near = drive[start - reach : start + 2 * reach]
-        if np.ptp(near) > _STEADY * np.max(np.abs(drive)):
-            return False
-    others = [other for other in view.outputs if other != name and _is_motion(other)]
     changes: list[float] = []
-    for other in others:
-        if (top := _fastest(view.time, view.outputs[other], other)) > 0.0:
-            was, now = _pace(view, other, before), _pace(view, other, after)
-            if np.isfinite(was) and np.isfinite(now) and (abs(was) > _FAST * top or other.startswith("yaw_")):
-                changes.append(abs(now - was) / top)
+    for other, fastest in across.fastest.items():
+        if other != name and fastest > 0.0:
+            was, now = (_pace(view, other, part) / fastest for part in (before, after))
+            if abs(was) > _FAST and np.isfinite(now):
+                changes.append(abs(now - was))
     return bool(changes) and max(changes) < _STEADY
 
 
-def _stands_alone(view: RunView, name: str, start: int, stop: int, across: AcrossRuns) -> bool:
-    """Whether a channel stands for a whole run, at a drive that moves it in other runs, while the other side moves.
-
-    If one wheel is held for so long, the robot turns: a gyro, if there is one, must not show a turn.
-    """
-    if start > 0 or stop < len(view.time) or not _is_motion(name):
-        return False
-    if name == "yaw_angle":
-        return _turns(view, across)
-    side = driven_by(name)
-    other = name.replace(side, "left" if side == "right" else "right") if side in {"left", "right"} else name
-    own_drive = _level(view, side)
-    lowest = min((_level(one, side) for one in across.views if one is not view and _moves(one, name)), default=np.inf)
-    if other == name or not np.isfinite(lowest) or not _moves(view, other):
-        return bool(other == name and own_drive > _HARDER * lowest)
-    if own_drive > _HARDER * lowest:
-        return True
-    return own_drive > _NEARLY * lowest and _goes_straight(view, other)
-
-
-def _goes_straight(view: RunView, moving: str) -> bool:
-    """Whether the gyro shows no turn, as a robot would make if only one wheel moved; False without a gyro."""
-    rate = view.outputs.get("yaw_rate")
-    if rate is None or not np.isfinite(rate).any():
-        return False
-    sign = 1.0 if moving.endswith("_left") else -1.0
-    return bool(sign * np.nanmean(rate) * np.sign(_pace(view, moving, slice(None))) < 0.1 * np.nanmax(np.abs(rate)))
-
-
-def _turns(view: RunView, across: AcrossRuns) -> bool:
-    """Whether left and right differ in this run by as much as in another in which the yaw angle moved."""
-    for kind in ("travel", "velocity", "angle", "speed"):
-        left, right = f"wheel_{kind}_left", f"wheel_{kind}_right"
-        if left in view.outputs and right in view.outputs:
-            apart = [
-                abs(_pace(one, left, slice(None)) - _pace(one, right, slice(None))) for one in (view, *across.views)
-            ]
-            moved = [
-                difference for difference, one in zip(apart[1:], across.views, strict=True) if _moves(one, "yaw_angle")
-            ]
-            return bool(moved and apart[0] > _DRIVEN * max(moved))
-    return False
-
-
-def _is_motion(name: str) -> bool:
-    return name.startswith(("wheel_", "yaw_")) or name in {"angle", "speed", "position", "velocity"}
-
-
-def _level(view: RunView, drive: str) -> float:
-    return float(np.sqrt(np.mean(view.drives[drive] ** 2)))
-
-
-def _moves(view: RunView, name: str) -> bool:
-    values = view.outputs[name]
-    known = values[np.isfinite(values)]
-    return bool(known.size and np.count_nonzero(np.diff(known)) > LEAST_SAMPLES)
-
-
-def _slices(start: int, reach: int) -> slice:
-    return slice(start + reach, start + 1) if reach < 0 else slice(start, start + reach + 1)
-
-
-def _pace(view: RunView, name: str, part: slice) -> float:
+def _pace(view: RunView, name: str, part: slice = slice(None)) -> float:
     """Returns the mean rate of a channel over a part of the run; for a sum, its growth per time."""
     values, time = view.outputs[name][part], view.time[part]
     known = np.flatnonzero(np.isfinite(values))
@@ -393,12 +319,8 @@ def _pace(view: RunView, name: str, part: slice) -> float:
     return float((values[known[-1]] - values[known[0]]) / (time[known[-1]] - time[known[0]]))
 
 
-def _fastest(time: Vector, values: Vector, name: str = "angle") -> float:
+def _fastest(view: RunView, name: str) -> float:
     """Returns the largest mean rate over a fortieth of the run."""
-    known = np.flatnonzero(np.isfinite(values))
-    if known.size < 2:
-        return 0.0
-    marks = known[np.unique(np.linspace(0, known.size - 1, 41).astype(int))]
-    if name in SUMMED:
-        return float(np.max(np.abs(np.diff(values[marks]) / np.diff(time[marks]))))
-    return float(np.max(np.abs(values[marks])))
+    edges = np.linspace(0, len(view.time), 41).astype(int)
+    paces = [_pace(view, name, slice(one, other + 1)) for one, other in pairwise(edges.tolist())]
+    return float(np.nanmax(np.abs(paces), initial=0.0))

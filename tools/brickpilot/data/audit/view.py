@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -24,8 +24,6 @@ LEAST_WINDOWS = 4
 EQUAL = 2.5
 """Ratio of two measurements of one motion that lags, wrong lengths and unequal wheels may make, up or down."""
 
-_REVERSES = 0.3  # share of samples at which noise changes direction
-_REPEATS = 0.02  # share of repeats of a channel that changes with every sample
 _FEWEST, _MOST = 8, 32  # windows of a run
 _WINDOW_S = 0.25  # longer than delays and lags of sensors, shorter than a manoeuvre
 _KNOWN = 0.7  # share of known samples, for a window to count
@@ -106,45 +104,6 @@ class RunView(Channels):
             self.outputs[name][mask] = np.nan
 
 
-class AcrossRuns:
-    """How the channels behave in all runs together. Each result is computed when it is first needed, and kept."""
-
-    def __init__(self, views: Sequence[RunView]) -> None:
-        self.views = views
-        self._noise: dict[str, bool] = {}
-        self._usual_drive: dict[str, float | None] = {}
-
-    def is_noise(self, name: str) -> bool:
-        """Whether a signal changes direction at most samples: noise does, motion does not."""
-        if name not in self._noise:
-            changes = np.concatenate([np.diff(one.outputs[name]) for one in self.views])
-            self._noise[name] = bool(np.mean(changes[1:] * changes[:-1] < 0.0) > _REVERSES)
-        return self._noise[name]
-
-    def usual_drive(self, name: str) -> float | None:
-        """Returns the mean size of a channel's drive while the channel moves.
-
-        None: the channel repeats values outside long stretches of one value.
-        """
-        if name not in self._usual_drive:
-            self._usual_drive[name] = self._drive_while_moving(name)
-        return self._usual_drive[name]
-
-    def _drive_while_moving(self, name: str) -> float | None:
-        repeats = samples = 0
-        level = 0.0
-        for one in self.views:
-            same = np.diff(one.outputs[name]) == 0.0
-            outside = np.isfinite(one.outputs[name])
-            for first, last in stretches(same, LEAST_SAMPLES - 1):
-                same[first:last] = False
-                outside[first : last + 1] = False
-            repeats += int(np.count_nonzero(same))
-            samples += int(np.count_nonzero(outside))
-            level += float(np.sum(np.abs(one.drives[driven_by(name)][outside])))
-        return level / samples if samples >= LEAST_SAMPLES and repeats <= _REPEATS * samples else None
-
-
 def stretches(mask: Mask, least: int = 1) -> list[tuple[int, int]]:
     """Returns start and stop (exclusive) of each stretch of `least` true values or more."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
@@ -190,6 +149,11 @@ class Windows:
         """Returns the rms per second of (w,) values; 0 where none is known."""
         known = np.isfinite(values)
         return float(np.sqrt(np.mean((values[known] / self.seconds[known]) ** 2))) if known.any() else 0.0
+
+    def unbiased(self, values: Vector) -> Vector:
+        """Returns (w,) values without their mean per second, to which a bias or a slope adds."""
+        known = np.isfinite(values)
+        return values - self.seconds * (np.sum(values[known]) / max(float(np.sum(self.seconds[known])), 1e-300))
 
     def divided(self, factors: Mapping[str, float]) -> Windows:
         """Returns the windows with channels divided by their factors; "time" divides the clock."""
