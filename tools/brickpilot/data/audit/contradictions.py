@@ -65,23 +65,14 @@ class RunSet:
     Attributes:
         windows: number of the run -> its windows.
         names: the output channels.
-        roughness: number of the run -> channel -> mean size of its second differences, which show noise and resolution
-            more than motion; 0: not known.
         least: drive -> rms per second below which the drive is no evidence.
         relations: all relations among the channels.
         evidence: number of the run -> the evidence of each relation, in their order.
     """
 
-    def __init__(
-        self,
-        windows: Mapping[int, Windows],
-        names: Sequence[str],
-        roughness: Mapping[int, Mapping[str, float]],
-        geometry: Geometry,
-    ) -> None:
+    def __init__(self, windows: Mapping[int, Windows], names: Sequence[str], geometry: Geometry) -> None:
         self.windows = windows
         self.names = names
-        self.roughness = roughness
         levels = {
             which: [one.rms(one.of(f"drive_{which}")) for one in windows.values()]
             for which in ("left", "right", "shaft", "yaw")
@@ -89,12 +80,6 @@ class RunSet:
         self.least = {which: _LEVEL * max(each) for which, each in levels.items() if any(each)}
         self.relations = relations(names, geometry, self.least)
         self.evidence = {k: [relation.evidence(one) for relation in self.relations] for k, one in windows.items()}
-
-    def has_noise_of(self, number: int, others: Iterable[int], name: str, factor: float) -> bool:
-        """Whether a channel's noise in a run is `factor` times as large as in other runs."""
-        own = self.roughness[number].get(name, 0.0)
-        usual = [rough for k in others if (rough := self.roughness[k].get(name, 0.0)) > 0.0]
-        return bool(own > 0.0 and usual and _is_near(own / float(np.median(usual)), factor, _NOISE_FIT))
 
 
 @dataclass(frozen=True)
@@ -107,7 +92,9 @@ class Trial:
     @property
     def is_plausible(self) -> bool:
         """Whether a mistaken unit explains the factor."""
-        return is_one_of(self.factor, CLOCK_FACTORS if self.group == ("time",) else (GRAVITY, *FACTORS))
+        if self.group == ("time",):
+            return self.factor > 0.0 and is_one_of(self.factor, CLOCK_FACTORS)
+        return is_one_of(self.factor, (GRAVITY, *FACTORS))
 
     @property
     def is_one_drive(self) -> bool:
@@ -126,25 +113,19 @@ def contradictions(views: Sequence[RunView], nominal: Mapping[str, float]) -> li
     """
     windows = {k: _windows(view) for k, view in enumerate(views) if len(view.time) >= LEAST_SAMPLES}
     names = [name for name in dict.fromkeys(n for one in windows.values() for n in one.moved) if _is_output(name)]
-    rough = {k: {name: _roughness(values) for name, values in views[k].outputs.items()} for k in windows}
     geometry = Geometry(nominal.get("wheel_radius"), nominal.get("half_track"), {})
     found = _clocks_in_other_units(windows)
-    found += _search(windows, names, rough, geometry)
+    found += _search(windows, names, geometry)
     # The turn of the body by its wheels is learnt only now, from wheels that do not contradict each other.
     if learnt := _turned(windows, names, geometry):
-        found += _search(windows, names, rough, replace(geometry, turned=learnt))
-    found += _against_other_runs(RunSet(windows, names, rough, geometry))
+        found += _search(windows, names, replace(geometry, turned=learnt))
+    found += _against_other_runs(RunSet(windows, names, geometry))
     return found + _wrong_batteries(views, nominal.get("battery_voltage"))
 
 
 def _windows(view: RunView) -> Windows:
     driven = {f"drive_{which}": drive for which, drive in view.drives.items() if which != "yaw"}
     return cut(view.time, {**view.outputs, **driven})
-
-
-def _roughness(values: Vector) -> float:
-    rough = np.abs(np.diff(values, 2))
-    return float(np.mean(rough[np.isfinite(rough)])) if np.isfinite(rough).any() else 0.0
 
 
 def _is_output(name: str) -> bool:
@@ -173,16 +154,11 @@ def _clocks_in_other_units(windows: dict[int, Windows]) -> list[Contradiction]:
     return [Contradiction(("time",), factor, (number,), ()) for number, factor in odd.items()]
 
 
-def _search(
-    windows: dict[int, Windows],
-    names: Sequence[str],
-    roughness: Mapping[int, Mapping[str, float]],
-    geometry: Geometry,
-) -> list[Contradiction]:
+def _search(windows: dict[int, Windows], names: Sequence[str], geometry: Geometry) -> list[Contradiction]:
     """Returns the surest contradictions one after the other; each is corrected in `windows` before the next."""
     found: list[Contradiction] = []
     while len(found) < _MOST:
-        best = _most_likely(RunSet(windows, names, roughness, geometry))
+        best = _most_likely(RunSet(windows, names, geometry))
         if best is None:
             break
         found.append(best)
@@ -234,7 +210,7 @@ def _may_share(runs: RunSet, number: int, trial: Trial, mended: tuple[int, ...])
     """Whether a run may have the fault of those that are mended: not with the noise of one run's mended channel."""
     if abs(trial.factor) == 1.0 or trial.group == ("time",) or len(mended) > 1:
         return True
-    own, shown = runs.roughness[number], runs.roughness[mended[0]]
+    own, shown = runs.windows[number].roughness, runs.windows[mended[0]].roughness
     ratios = [log(own[name] / shown[name]) for name in trial.group if own.get(name, 0) and shown.get(name, 0)]
     return all(abs(ratio) < abs(ratio + log(abs(trial.factor))) + _LIKELIER for ratio in ratios)
 
@@ -376,8 +352,9 @@ def _against_other_runs(runs: RunSet) -> list[Contradiction]:
             # The median of two different gains is like neither of them.
             if factor is None or np.mean(np.abs(np.log(ratios / ratio)) < log(_GAINS_ALIKE)) <= 0.5:
                 continue
-            noisy = runs.has_noise_of(number, others, name, factor)
-            if noisy or (factor > 1.0 and not _is_confirmed(runs, number, name)):
+            own, rough = runs.windows[number].roughness[name], [runs.windows[k].roughness[name] for k in others]
+            usual = float(np.median([one for one in rough if one > 0.0] or [np.inf]))
+            if _is_near(own / usual, factor, _NOISE_FIT) or (factor > 1.0 and not _is_confirmed(runs, number, name)):
                 odd[number] = factor
         if len(odd) == len(gains) == 2:  # they contradict each other: the more unusual one is wrong
             odd = dict([max(odd.items(), key=lambda one: _oddness(runs.windows[one[0]], name))])
@@ -407,10 +384,9 @@ def _wrong_batteries(views: Sequence[RunView], nominal: float | None) -> list[Co
         others = [other for k, other in levels.items() if k != number]
         usual = float(np.median(others)) if len(others) > 1 else _TYPICAL_BATTERY
         usual = nominal if nominal is not None else usual if usual < _HIGHEST_BATTERY else _TYPICAL_BATTERY
-        listed = [factor for by in (1000.0, 100.0) for factor in (by, 1 / by)]
-        factor = next((one for one in listed if _is_near(abs(level) / max(usual, 1e-9), one, 3.0)), None)
-        if level < 0.0:
-            factor = -1.0
+        ratio = level / max(usual, 1e-9)
+        factor = next((one for one in (1e3, 1e-3, 1e2, 1e-2) if _is_near(abs(ratio), one, 3.0)), None)
+        factor = -1.0 if level < 0.0 else factor
         if usual > 0.0 and factor is not None:
             odd.setdefault(factor, []).append(number)
     return [Contradiction((name,), factor, tuple(runs), ()) for factor, runs in odd.items()]

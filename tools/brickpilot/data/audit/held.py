@@ -14,13 +14,10 @@ from brickpilot.data.audit.view import Held, Mask, Vector
 
 _LEAST_CHANGES = 20
 _LEAST_ROWS = 1.5  # mean rows for each sample
-_SHORTER = 0.6  # of the beat: two changes nearer to each other come from two samples
-_SELDOM = 0.05  # share of changes that may be so near to each other
 _ROW = 1.1  # rows: a change is logged so late at most
 _REGULAR = 0.9  # share of changes that are whole beats apart
 _STEPS = 2.5  # resolutions: a coarse channel at constant speed also changes at a beat, by one step each time
 _TOGETHER = 0.9  # share of the changes of a coarse channel that fall on those of another channel
-_SAME_BEAT = 0.1  # relative difference
 
 
 def held(time: Vector, outputs: Mapping[str, Vector], resolution: Mapping[str, float]) -> dict[str, Held]:
@@ -91,7 +88,7 @@ def _beat(time: Vector, changed: Mask, row: float) -> float | None:
     apart = np.diff(time[at])
     short = apart <= 1.5 * float(np.median(apart))
     beat = float(np.mean(apart[short]))  # each beat is rounded to rows, but their mean is exact
-    if beat < _LEAST_ROWS * row or np.mean(apart < min(_SHORTER * beat, beat - _ROW * row)) > _SELDOM:
+    if beat < _LEAST_ROWS * row:
         return None
     beats = np.maximum(np.round(apart / beat), 1.0)
     if beat < 2 * row and np.mean(beats == 1.0) < _REGULAR:
@@ -103,13 +100,8 @@ def _grids(beats: Mapping[str, float], changed: Mapping[str, Mask]) -> dict[str,
     """Returns channel -> its beat, and the rows in which it or a channel of the same device changes."""
     found: dict[str, tuple[float, Mask]] = {}
     for name, beat in beats.items():
-        device = [
-            other
-            for other, its in beats.items()
-            if abs(its - beat) < _SAME_BEAT * beat and _falls_on(changed[other], changed[name])
-        ]
-        grid = np.logical_or.reduce([changed[other] for other in device])
-        found[name] = beat, grid
+        device = [other for other in beats if _falls_on(changed[other], changed[name])]
+        found[name] = beat, np.logical_or.reduce([changed[other] for other in device])
     return found
 
 

@@ -132,12 +132,15 @@ class Windows:
         seconds: (w,), the length of each window.
         moved: channel -> (w,), the integral of a rate or the growth of a sum, SI; NaN where too little is known.
         changed: channel of a wheel or motor -> (w,), the change of its rate from a window's start to its end.
+        roughness: channel -> mean size of its second differences as logged, which show noise and resolution more than
+            motion; 0: not known.
     """
 
     interval: float
     seconds: Vector
     moved: Mapping[str, Vector]
     changed: Mapping[str, Vector]
+    roughness: Mapping[str, float]
 
     def of(self, name: str) -> Vector:
         """Returns the motion of a channel or a drive, (w,), NaN where there is none; "drive_yaw": left less right."""
@@ -173,8 +176,11 @@ def cut(time: Vector, channels: Mapping[str, Vector], count: int = 0) -> Windows
     edges = np.unique(np.searchsorted(time, np.linspace(time[0], time[-1], count + 1)))
     moved: dict[str, Vector] = {}
     changed: dict[str, Vector] = {}
+    roughness: dict[str, float] = {}
     for name, values in channels.items():
         known = np.isfinite(values)
+        rough = np.abs(np.diff(values, 2))
+        roughness[name] = float(np.mean(rough[np.isfinite(rough)])) if np.isfinite(rough).any() else 0.0
         if np.count_nonzero(known) < 2:
             continue
         whole = values if known.all() else np.interp(time, time[known], values[known])
@@ -183,7 +189,7 @@ def cut(time: Vector, channels: Mapping[str, Vector], count: int = 0) -> Windows
         moved[name] = np.where(thin, np.nan, np.diff(sums[edges]))
         if name in RATE_OF or name in RATE_OF.values():
             changed[name] = np.where(thin, np.nan, np.diff(_rate_at(time, sums, edges)))
-    return Windows(float(np.median(np.diff(time))), np.diff(time[edges]), moved, changed)
+    return Windows(float(np.median(np.diff(time))), np.diff(time[edges]), moved, changed, roughness)
 
 
 def integral(time: Vector, rate: Vector) -> Vector:

@@ -33,7 +33,7 @@ _PER_FAULT = 6.0  # logarithm of the prior odds against each fault
 LAGS = (1.0, 0.5, 0.25, 0.1)  # share of a step that the motion makes in a window
 _DEAD = 0.01  # of the other channels' motion
 _APART = 0.3  # of the drives: a smaller turn shows nothing of left and right
-FREE = (0.75, 1.33)  # what slip and inexact lengths may do to a ratio
+FREE = 1.33  # what slip and inexact lengths may do to a ratio, up or down
 UNIT_FITS = 3.0  # a ratio over the factor of a unit
 _ONE_RUN = 30.0  # times the motion of the other runs: another unit in one run
 _ONE_NUMBER = 0.93  # share of a turn that two wheels without slip explain
@@ -152,8 +152,9 @@ class Motion:
         if self.yaw is None:
             return False
         turn, left, right = (self.at[name] for name in (self.yaw, "left1", "right1"))
-        alone = _alike(turn, self.at[self.wheels[0 if moving == "left" else 1]])
-        return max(_alike(turn, left - right), _alike(turn, left + right)) > alone
+        alone = self.at[self.wheels[0 if moving == "left" else 1]]
+        ahead, apart, alone_alike = (abs(_correlation(turn, one)) for one in (left + right, left - right, alone))
+        return max(ahead, apart) > alone_alike
 
     def hypotheses(self, nominal: Mapping[str, float]) -> list[Miswired]:
         """Returns the faults of the likeliest way to swap and reverse the channels; empty: there is none."""
@@ -192,7 +193,7 @@ class Motion:
         # Slip and a gyro at the end of its range grow with speed. A wrong number of counts is the same at each speed.
         ratios = [float(turn[some] @ apart[some]) / max(float(apart[some] @ apart[some]), 1e-12)
                   for some in (known & slow, known & ~slow)]  # fmt: skip
-        alike = min(ratios) > 0.0 and max(ratios) < FREE[1] * min(ratios)
+        alike = min(ratios) > 0.0 and max(ratios) < FREE * min(ratios)
         return whole if alike else None
 
     def driven(self, lag: int) -> Gains | None:
@@ -216,13 +217,10 @@ class Motion:
         found = [name]
         for other in self.names:
             if other != name and other.startswith(f"{stem}_") and (stem == "yaw" or other.endswith(side)):
-                one, two = self.at[name], self.at.get(other, np.full_like(self.at[name], np.nan))
-                known = np.isfinite(one) & np.isfinite(two)
-                if float(one[known] @ two[known]) > 0.5 * float(
-                    np.linalg.norm(one[known]) * np.linalg.norm(two[known])
-                ):
-                    ratio = _rms(two[known]) / max(_rms(one[known]), 1e-12)
-                    found += [other] if stem == "wheel" or 1 / UNIT_FITS < ratio < UNIT_FITS else []
+                one, two = self.at[name], self.at[other]
+                ratio = _rms(two) / max(_rms(one), 1e-12)
+                if _correlation(one, two) > 0.5 and (stem == "wheel" or 1 / UNIT_FITS < ratio < UNIT_FITS):
+                    found.append(other)
         return found
 
     def is_odd_by(self, unit: float) -> bool:
@@ -394,11 +392,11 @@ def _gains(x: Vector, y: Vector, seconds: float, least: float = _EXPLAINED) -> G
     return Gains(np.asarray(gains, dtype=np.float64), float(np.sqrt(across @ covariance @ across)))
 
 
-def _alike(one: Vector, other: Vector) -> float:
-    """Returns the absolute correlation of two motions."""
+def _correlation(one: Vector, other: Vector) -> float:
+    """Returns the correlation of two motions about 0; 0 where one of them is none."""
     known = np.isfinite(one) & np.isfinite(other)
     power = sqrt(float(one[known] @ one[known]) * float(other[known] @ other[known]))
-    return abs(float(one[known] @ other[known])) / power if power > 0.0 else 0.0
+    return float(one[known] @ other[known]) / power if power > 0.0 else 0.0
 
 
 def pair(stem: str) -> tuple[str, str]:
