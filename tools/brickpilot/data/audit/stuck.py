@@ -53,7 +53,8 @@ class AcrossRuns:
         self.views = views
         names = views[0].outputs if views else {}
         changes = {name: np.concatenate([np.diff(one.outputs[name]) for one in views]) for name in names}
-        self.noise = {name for name, each in changes.items() if np.mean(each[1:] * each[:-1] < 0.0) > _REVERSES}
+        turns = {name: np.count_nonzero(each[1:] * each[:-1] < 0.0) for name, each in changes.items()}
+        self.noise = {name for name, count in turns.items() if count > _REVERSES * max(len(changes[name]) - 1, 0)}
         moving = [name for name in names if name.startswith(_MOTION)]
         self.fastest = {name: max(_fastest(one, name) for one in views) for name in moving}
         self.usual_drive = {name: self._drive_while_moving(name) for name in names if name in SUMMED}
