@@ -120,27 +120,6 @@ def test_the_density_of_each_stretch_is_that_of_the_reference(seed: int) -> None
     assert judge.density(residual) == pytest.approx(expected, rel=1e-4, abs=0.02)
 
 
-def test_what_goes_below_the_floor_counts_too() -> None:
-    """A floor may be higher than what is left. An error in few places, as at each start, lies under it."""
-    judge, places = given()
-    left = np.concatenate(
-        [
-            np.random.default_rng(1).normal(size=place.stop - place.start) * judge.data.floor(name)
-            for name, place in places.items()
-        ]
-    )
-
-    def excess(share: float) -> Array:
-        unknown: Any = None
-        found = Evidence(unknown, np.zeros(judge.count), share * left, np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0)))
-        return judge.excess(found)
-
-    counts = np.array([place.stop - place.start for place in places.values()])
-    assert excess(1.0) == pytest.approx(0.0, abs=0.3 * counts.max())
-    for share in (0.1, 0.5, 2.0):  # the squares of the scale, less those of the floor
-        assert excess(share) + counts == pytest.approx(share**2 * (excess(1.0) + counts), rel=0.01)
-
-
 def test_a_stretch_is_judged_by_the_scale_of_the_others() -> None:
     """A stretch that is ten times as large counts as far out, though it would be usual for itself."""
     judge, _ = given()

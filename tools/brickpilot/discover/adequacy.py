@@ -82,7 +82,7 @@ def adequacy(judge: Judge, best: Evidence, nothing: Evidence, seed: int) -> Adeq
     """Returns what an explanation leaves of the fit runs."""
     data, model = judge.data, best.explanation.model
     found = predictable(judge, model, nothing.explanation.model, seed)
-    after, before = (float(np.maximum(judge.excess(one), 0.0).sum()) for one in (best, nothing))
+    after, before = float(judge.excess(best).sum()), float(judge.excess(nothing).sum())
     left = max(judge.top - best.total, 0.0) / len(data.measured)
     return Adequacy(found, left, float(np.clip(1 - after / before, 0.0, 1.0)) if before > 0 else 1.0)
 

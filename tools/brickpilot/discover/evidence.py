@@ -38,7 +38,6 @@ _LEAST_STRETCHES = 10
 _LEAST_RUNS = 4  # parts that are left out in turn for a predictor, where there are fewer runs
 _DAMPED = 4.0  # times more, until a step is short enough
 _HALVINGS = 5  # of a long step, at most
-_LOWEST = 1e-3  # of a floor: a smaller scale counts as so large
 _FAR = 3.0  # scales: a residual beyond counts as so far, in its correlation
 
 
@@ -247,15 +246,9 @@ class Judge:
         return max(self.correlation(best), own_error / numbers.CHANCE_NATS, shared / numbers.CHANCE_NATS)
 
     def excess(self, evidence: Evidence) -> Array:
-        """Returns (signals,): the squared error above noise that is left, in squares of each signal's floor.
-
-        It is below 0 where the floor is higher than what is left.
-        """
-        found = []
-        for signal in self.data.signals:
-            floor, left = self.data.floor(signal), np.concatenate(self.data.parts(evidence.left_out, signal))
-            found.append(self.counts[signal] * ((scale_of_rest(left, _LOWEST * floor) / floor) ** 2 - 1))
-        return np.array(found)
+        """Returns (signals,): the squared error above noise that is left, in squares of each signal's floor."""
+        squares = {one: self.squares(evidence, one) / self.data.floor(one) ** 2 for one in self.data.signals}
+        return np.array([self.counts[signal] * (square - 1) for signal, square in squares.items()])
 
     def squares(self, evidence: Evidence, signal: str) -> float:
         """Returns the square of the scale of what an explanation leaves of a signal, at least that of the floor."""

@@ -205,7 +205,7 @@ def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozen
             gone, own = excess[one] - excess[other], found.judge.shape * np.maximum(start - excess[one], 0.0)
             gain = (gone - np.clip(gone, 0.0, own)).sum() / 2 + moved[one] - moved[other]
             sure = temperature * numbers.CHANCE_NATS * bool(own.any())
-            if gain < max(np.maximum(excess[other], 0.0).sum() / 2 + moved[other], sure):
+            if gain < max(excess[other].sum() / 2 + moved[other], sure):
                 return True
         return len(first.parts) < len(second.parts) and prior[one] >= prior[other] and one.total >= other.total
 
