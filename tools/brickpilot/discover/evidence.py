@@ -205,14 +205,14 @@ class Judge:
         def losses(values: Array) -> Array:
             return pseudo_huber_loss((self.data.measured - values) * weight) / taus
 
-        here = losses(problem.simulated(point)) if far else np.empty(0)
+        at_fit = losses(problem.simulated(point)) if far else np.empty(0)
         for halvings in range(_HALVINGS):
             ends = [point + 0.5**halvings * one.step for one in far]
             worse = []
             for one, end, values in zip(
                 far, ends, self.data.predict([problem.plan.at(end) for end in ends]), strict=True
             ):
-                rises = losses(values) - here
+                rises = losses(values) - at_fit
                 priors = float(np.sum(problem.prior(end) ** 2) - np.sum(problem.prior(point) ** 2)) / 2
                 if rises.sum() - rises[one.stretch].sum() + priors <= 0:
                     yield one.stretch, (self.data.measured - values)[one.stretch]
