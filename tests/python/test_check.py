@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 
+import brickpilot as bp
 import pytest
 from brickpilot.data import reading
 from brickpilot.data.signals import Vehicle
@@ -59,14 +61,25 @@ def test_what_straight_runs_hide_the_advised_manoeuvre_shows(tmp_path: Path) -> 
 
     turning = checked(tmp_path / "turning", BOTH)
     assert "gyro_delay" in turning.visible
-    assert turning.visible["yaw_scrub"].size < straight.visible["yaw_scrub"].size / 20
+    assert turning.visible["yaw_scrub"].size < straight.visible["yaw_scrub"].size / 10
     assert turning.parameters["yaw_inertia"].basis == "data and prior"
     assert all("yaw_scrub" not in one.effects for one in turning.advice)
 
 
+@pytest.mark.parametrize(("times", "verdict"), [(0.6, "none"), (1.4, "named")])
+def test_discovery_names_an_effect_from_its_smallest_visible_size_on(
+    times: float, verdict: str, tmp_path: Path
+) -> None:
+    """Below it, less than a fifth of the floor that every simulator leaves is to be explained."""
+    size = checked(tmp_path / "plain", BOTH).visible["yaw_scrub"].size
+    rubbing = dataclasses.replace(robot(), effects={"yaw_scrub": {"moment": times * size}})
+    found = bp.discover(write(tmp_path / "rubbing", rubbing, NOISE, NOMINAL, manoeuvres=BOTH, roles=[None] * len(BOTH)))
+    assert (found.verdict, [one.name for one in found.effects]) == (verdict, ["yaw_scrub"] * (verdict == "named"))
+
+
 def test_more_noise_hides_smaller_effects(tmp_path: Path) -> None:
     quiet = check(reading.read(write(tmp_path / "quiet", robot(), NOISE, NOMINAL, manoeuvres=BOTH)), jobs=1)
-    loud = {name: 10 * sd for name, sd in NOISE.items()}
+    loud = {name: 40 * sd for name, sd in NOISE.items()}  # far above what every simulator leaves
     noisy = check(reading.read(write(tmp_path / "noisy", robot(), loud, NOMINAL, manoeuvres=BOTH)), jobs=1)
     assert noisy.visible["coulomb_friction"].size > 3 * quiet.visible["coulomb_friction"].size
 

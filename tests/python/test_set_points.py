@@ -37,6 +37,11 @@ def rubbing() -> dict[str, pd.DataFrame]:
     return logs(SOFT, dry_friction=0.03)
 
 
+@pytest.fixture(scope="module")
+def plain(soft: dict[str, pd.DataFrame]) -> bp.Finding:
+    return bp.discover(dataset(soft))
+
+
 def test_set_points_of_the_body_are_those_of_its_wheels(soft: dict[str, pd.DataFrame]) -> None:
     body = dataset(soft)
     wheels = {
@@ -68,13 +73,19 @@ def test_the_controller_and_the_scale_of_volts_are_part_of_the_model(soft: dict[
     assert loose.nominal["emf_constant"].sd is None, "nothing tells what a volt is"
 
 
-def test_a_log_of_set_points_is_calibrated_and_lacks_nothing(soft: dict[str, pd.DataFrame]) -> None:
-    found = bp.discover(dataset(soft))
-    assert found.verdict == "none"
-    fits = [one.held_out.before for horizons in found.yardstick.signals.values() for one in horizons.values()]
+def test_a_log_of_set_points_is_calibrated_and_lacks_nothing(plain: bp.Finding) -> None:
+    assert plain.verdict == "none"
+    fits = [one.held_out.before for horizons in plain.yardstick.signals.values() for one in horizons.values()]
     assert min(one for one in fits if one is not None) > 98.0
-    gains = found.augmented.effects[CONTROLLER.name]
+    gains = plain.augmented.effects[CONTROLLER.name]
     assert gains["integral"] > 1.0
+
+
+@pytest.mark.parametrize(("times", "verdict"), [(0.6, "none"), (1.5, "named")])
+def test_none_says_how_much_dry_friction_would_have_shown(plain: bp.Finding, times: float, verdict: str) -> None:
+    """The error of every simulator, and not the noise, hides it behind a controller."""
+    size = plain.power["coulomb_friction"].size
+    assert bp.discover(dataset(logs(SOFT, dry_friction=times * size))).verdict == verdict
 
 
 def test_dry_friction_is_found_behind_a_controller(rubbing: dict[str, pd.DataFrame]) -> None:

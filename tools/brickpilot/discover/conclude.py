@@ -97,6 +97,9 @@ def conclude(prepared: Prepared, found: Conclusion) -> Finding:
     if effects and (found.claims or found.composed is None):
         mechanism = effects[0].mechanism
     left = adequacy is not None and adequacy.nats_left > numbers.UNEXPLAINED_NATS
+    beside, power = verdict.best if found.claims else verdict.nominal, dict[str, finding.Visible]()
+    if prepared.deadline.allows("the smallest size of each effect that would show"):
+        power = smallest_sizes(prepared, found.judge, verdict.nominal, beside)
     return Finding(
         dataset=proof.opened.whole,
         verdict=found.kind,
@@ -118,7 +121,7 @@ def conclude(prepared: Prepared, found: Conclusion) -> Finding:
         next_experiment=found.experiment,
         ranking=tuple(_rank(one, found) for one in verdict.ranked),
         whiteness=_whiteness(prepared.fine, model),
-        power=_power(prepared, found),
+        power=power,
         term=_term(prepared.dataset, found),
         nominal_model=found.nominal.model,
         augmented=model,
@@ -277,16 +280,6 @@ def _rank(one: Evidence, found: Conclusion) -> finding.Rank:
     values = {name: value_of(explanation.model, name) for name in names}
     error = math.exp(min(left, _LARGEST_LOG))
     return finding.Rank(explanation.names, values, error, found.removed(explanation), why)
-
-
-def _power(prepared: Prepared, found: Conclusion) -> Mapping[str, finding.Visible]:
-    """Returns the smallest size of each effect that would show; nothing if there is no time left."""
-    if not prepared.deadline.allows("the smallest size of each effect that would show"):
-        return {}
-    samples, settled = found.samples, found.best if found.claims else found.nominal
-    temperature = samples.judge.temperature(samples.table[settled.explanation.key], samples.nothing)
-    beside = found.verdict.best if found.claims else found.verdict.nominal
-    return smallest_sizes(prepared, beside, temperature)
 
 
 def _places(prepared: Prepared, found: Conclusion) -> tuple[gap.Place, ...]:

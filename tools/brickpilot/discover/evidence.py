@@ -179,26 +179,31 @@ class Judge:
         bounds = np.array([one.bounds() for one in found.plan.free]).reshape(-1, 2)
         order = np.argsort(self.stretch, kind="stable")
         ends = np.searchsorted(self.stretch[order], np.arange(self.count + 1))
-        far: list[_Far] = []
+        far: list[tuple[Indices, Array]] = []
         for number in range(self.count):
             here = order[ends[number] : ends[number + 1]]
             own = slopes[:count][here]
             step, is_long = _step(normal - own.T @ own, own.T @ rows[:count][here], reach, bounds.T - found.point)
             left_out[here] -= moved[here] @ step
             if is_long:
-                far.append(_Far(here, step))
+                far.append((here, step))
         for here, values in self._beyond(problem, found.point, far):
             left_out[here] = values
         away, away_slopes = problem.prior(found.point), np.array(problem.prior_slopes(found.point))
         information = slopes[:count].T @ slopes[:count]
         return Evidence(found, self.density(left_out), left_out, away, away_slopes, information)
 
-    def _beyond(self, problem: Problem, point: Array, far: Sequence[_Far]) -> Iterator[tuple[Indices, Array]]:
-        """Yields stretches to which steps lead that are too long for a linear model, and their simulated residuals.
+    def _beyond(
+        self, problem: Problem, point: Array, far: Sequence[tuple[Indices, Array]]
+    ) -> Iterator[tuple[Indices, Array]]:
+        """Yields stretches with the residuals that are simulated at the end of long steps.
 
         A step is halved as long as it fits the other stretches worse: it has left a curved valley that a fit without
         this stretch would follow. Where the shortest does, too, nothing is yielded: the linear model is better there
         because it stays in the valley.
+
+        Args:
+            far: stretches, and the step (parameters,) to where each is not fitted.
         """
         weight, taus = self.data.weight(), self.data.taus()
 
@@ -207,17 +212,15 @@ class Judge:
 
         at_fit = losses(problem.simulated(point)) if far else np.empty(0)
         for halvings in range(_HALVINGS):
-            ends = [point + 0.5**halvings * one.step for one in far]
-            worse = []
-            for one, end, values in zip(
-                far, ends, self.data.predict([problem.plan.at(end) for end in ends]), strict=True
-            ):
+            ends = [point + 0.5**halvings * step for _, step in far]
+            simulated, worse = self.data.predict([problem.plan.at(end) for end in ends]), []
+            for (stretch, step), end, values in zip(far, ends, simulated, strict=True):
                 rises = losses(values) - at_fit
                 priors = float(np.sum(problem.prior(end) ** 2) - np.sum(problem.prior(point) ** 2)) / 2
-                if rises.sum() - rises[one.stretch].sum() + priors <= 0:
-                    yield one.stretch, (self.data.measured - values)[one.stretch]
+                if rises.sum() - rises[stretch].sum() + priors <= 0:
+                    yield stretch, (self.data.measured - values)[stretch]
                 else:
-                    worse.append(one)
+                    worse.append((stretch, step))
             far = worse
             if not far:
                 break
@@ -245,27 +248,23 @@ class Judge:
             shared -= self.counts[signal] * float(np.log(1 - numbers.SHARED_REST * above_noise)) / 2
         return max(self.correlation(best), own_error / numbers.CHANCE_NATS, shared / numbers.CHANCE_NATS)
 
-    def excess(self, evidence: Evidence) -> Array:
-        """Returns (signals,): the squared error above noise that is left, in squares of each signal's floor."""
-        squares = {one: self.squares(evidence, one) / self.data.floor(one) ** 2 for one in self.data.signals}
+    def excess(self, evidence: Evidence, least: float = 1.0) -> Array:
+        """Returns (signals,): the squared error above noise that is left, in squares of each signal's floor.
+
+        `least`: a smaller share of the floor counts as this one. Below 1, a signal below its floor is negative.
+        """
+        squares = {one: self.squares(evidence, one, least) / self.data.floor(one) ** 2 for one in self.data.signals}
         return np.array([self.counts[signal] * (square - 1) for signal, square in squares.items()])
 
-    def squares(self, evidence: Evidence, signal: str) -> float:
-        """Returns the square of the scale of what an explanation leaves of a signal, at least that of the floor."""
-        return scale_of_rest(np.concatenate(self.data.parts(evidence.left_out, signal)), self.data.floor(signal)) ** 2
+    def squares(self, evidence: Evidence, signal: str, least: float = 1.0) -> float:
+        """Returns the square of the scale of what an explanation leaves of a signal, at least so much of the floor."""
+        left = np.concatenate(self.data.parts(evidence.left_out, signal))
+        return scale_of_rest(left, least * self.data.floor(signal)) ** 2
 
     @property
     def counts(self) -> dict[str, int]:
         """Signal -> how many of its values are compared."""
         return {signal: sum(map(len, self.data.parts(self.data.measured, signal))) for signal in self.data.signals}
-
-
-@dataclass(frozen=True, eq=False)
-class _Far:
-    """A stretch, by its values, and the step (parameters,) to where it is not fitted: too long for a linear model."""
-
-    stretch: Indices
-    step: Array
 
 
 def _step(matrix: Array, pull: Array, reach: Array, room: Array) -> tuple[Array, bool]:

@@ -21,6 +21,7 @@ from brickpilot.catalogue import ParameterInfo
 from brickpilot.data.dataset import Run
 from brickpilot.data.motion import cut_into_windows
 from brickpilot.discover import numbers
+from brickpilot.discover.evidence import Judge
 from brickpilot.discover.explanation import Explanation
 from brickpilot.discover.finding import NOMINAL_VALUES, Experiment, Visible
 from brickpilot.discover.parts import Part, library_parts, limit_of, scale_of, scanned_parameter
@@ -40,6 +41,8 @@ Array = NDArray[np.float64]
 _STEP_S = 0.01  # between the samples of a simulated manoeuvre
 _SEPARATES_NOISE_SD = 0.5  # rms, in noise sd: ten seconds of samples show it clearly
 _SEPARATES_SIGNAL_SHARE = 0.02  # of a signal's rms: an ordinary sensor shows that
+_NO_FLOOR = 1e-3  # of a floor
+_BLACK_BOX_FINDS = 0.5  # of the squares that a law explains, about: measured near the sizes that are named
 _CAN_MEASURE = frozenset(catalogue.outputs()) - {"x", "y", "surge", "sway", "force"}
 
 
@@ -116,29 +119,44 @@ def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def smallest_sizes(prepared: Prepared, best: Explanation, temperature: float) -> dict[str, Visible]:
+def smallest_sizes(prepared: Prepared, judge: Judge, nominal: Explanation, best: Explanation) -> dict[str, Visible]:
     """Returns effect -> the size at which it would be named beside `best`: what a verdict of `none` is worth.
 
-    It would be named if it predicted better by what counts as sure, and its prior odds. The size is extrapolated from
-    the nearest simulated size. Effects that nothing here excites are left out.
+    It would be named if it predicted better by what counts as sure, and its prior odds; and if it removed as much as
+    would still be left, or a black box found it in a signal: see `verdict`. The size is extrapolated from the nearest
+    simulated size. Effects that nothing here excites are left out.
 
     Args:
-        temperature: the nats that count as one.
+        judge: of the coarse residual.
+        nominal: the calibrated nominal model.
     """
-    here = Problem(prepared.coarse, best.plan).keeping(best.point, len(best.point))
-    chosen = library_parts(best.model, here.data.signals)
-    tried = []
+    data = prepared.coarse
+    here = Problem(data, best.plan).keeping(best.point, len(best.point))
+    known, nothing = judge.of_explanation(best), judge.of_explanation(nominal)
+    temperature, left = judge.temperature(known, nothing), judge.excess(known)
+    own = judge.shape * np.maximum(judge.excess(nothing) - left, 0.0) / 2
+    needed = max(float(left.sum()) / 2, temperature * numbers.CHANCE_NATS * bool(own.any()))
+    hidden = own + (left - judge.excess(known, _NO_FLOOR)) / 2
+    predictable = numbers.SHARED_REST * (np.array([*judge.counts.values()]) + left) / 2 / _BLACK_BOX_FINDS
+    chosen, tried = library_parts(best.model, data.signals), []
     for part, values, strength in signature_strengths(here, best.point, chosen, excitation=prepared.excitation):
-        size = abs(values[part.free[0]])
-        needed = _size_named(part, size, strength, temperature)
-        if needed <= _size_of(part).maximum:
-            tried.append((part, size, needed))
+        size, strength = abs(values[part.free[0]]), np.maximum(strength, 1e-12)
+        times = min(_times(strength, hidden, needed), float(np.min(predictable / strength)))
+        wanted = max(_size_named(part, size, float(strength.sum()), temperature), size * math.sqrt(times))
+        if wanted <= _size_of(part).maximum:
+            tried.append((part, size, wanted))
     found = {part.effect: Visible(_size_of(part).name, size, _size_of(part).unit) for part, size in _nearest(tried)}
     return dict(sorted(found.items()))
 
 
+def _times(strength: Array, hidden: Array, needed: float) -> float:
+    """Returns the least x for which x `strength` is `needed` nats above `hidden`, both (signals,), in all signals."""
+    order = np.argsort(hidden / strength)
+    return float(np.min((needed + np.cumsum(hidden[order])) / np.cumsum(strength[order])))
+
+
 def _size_named(part: Part, size: float, strength: float, temperature: float) -> float:
-    """Returns the size at which a part would be named: extrapolated from `size`, which shows with so many nats."""
+    """Returns the size at which a part surely predicts better: from `size`, which shows with so many nats."""
     return size * math.sqrt(temperature * (numbers.CHANCE_NATS - part.log_odds) / max(strength, 1e-12))
 
 
@@ -199,6 +217,7 @@ def advise(
     largest = np.max([np.diag(known)[len(nominal.point) :] for known in (now, *(known for _, known in more))], axis=0)
     possible = {probe.part.effect for probe, one in zip(asked.probes, largest, strict=True) if one > 0}
     shown = {name for name, one in visible.items() if one.size <= asked.usual.get((name, one.parameter), 0.0)}
+    shown |= asked.shown(now)
     found: list[Advice] = []
     while more and len(found) < _MANOEUVRES:
         offers = [

@@ -125,16 +125,21 @@ def _of_runs(part: RunPart, tried: Sequence[tuple[Probe, Array]], residual: Arra
 
 def signature_strengths(
     problem: Problem, point: Array, chosen: Sequence[Part], *, excitation: Excitation
-) -> list[tuple[Part, Mapping[str, float], float]]:
-    """Returns parts with one free size, its values, and half the squares of their signature there.
+) -> list[tuple[Part, Mapping[str, float], Array]]:
+    """Returns parts with one free size, its values, and (signals,) half the squares of their signature, in floors.
 
     The arguments are those of `screen`. Parts that come and go with their size are left out: one size says nothing of
     another there.
     """
     few = [one for one in chosen if len(one.free) == 1 and scanned_parameter(one) is None]
-    here = _Here.of(problem, point)
-    probed = [found for part in few for found in here.probed(part, excitation)]
-    return [(probe.part, probe.values[0], float(np.sum(one**2)) / 2) for probe, one in probed]
+    here, data = _Here.of(problem, point), problem.data
+    in_floors = 1 / (data.weight() * data.by_signal({one: data.floor(one) for one in data.signals}))
+    found = []
+    for probe, signature in (one for part in few for one in here.probed(part, excitation)):
+        squares = (signature[: len(in_floors), 0] * in_floors) ** 2 / 2
+        strength = [np.concatenate(data.parts(squares, name)).sum() for name in data.signals]
+        found.append((probe.part, probe.values[0], np.array(strength)))
+    return found
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,6 @@ from brickpilot.data.shown import Result, valid
 from brickpilot.discover.deadline import estimate
 from brickpilot.discover.evidence import Judge
 from brickpilot.discover.experiment import Advice, advise, smallest_sizes
-from brickpilot.discover.explanation import refine
 from brickpilot.discover.finding import Visible
 from brickpilot.discover.prepare import calibrate, in_closed_loop, prepare
 from brickpilot.discover.row_meaning import with_known_timing
@@ -127,10 +126,10 @@ def check(dataset: Dataset, *, seed: int = 0, jobs: int = 2) -> Check:
         prepared, nominal = in_closed_loop(*calibrate(prepare(some, None, seed=seed, jobs=jobs)[0]))
         samples, of = (sum(len(run.time) for run in one.runs) for one in (some, known))
         seconds = estimate(prepared, nominal, times=of / samples)
-        judge = Judge.of(prepared.fine, seed)
-        nothing = judge.of_explanation((refine(prepared.fine, [nominal], jobs) or [nominal])[0])
+        judge = Judge.of(prepared.coarse, seed)
+        nothing = judge.of_explanation(nominal)
         temperature = judge.temperature(nothing, nothing)
-        visible = smallest_sizes(prepared, nominal, temperature)
+        visible = smallest_sizes(prepared, judge, nominal, nominal)
         told = assess(prepared.fine, nominal.model, nominal.plan.free)
         advice, invisible = advise(prepared, nominal, visible, temperature)
         explained = headline(whole, nominal.model, threads=jobs)
