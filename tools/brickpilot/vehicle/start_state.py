@@ -96,6 +96,8 @@ def states(readings: Sequence[Reading], *, restart: bool = False) -> list[State]
     Each signal is solved by its own secant steps, which are exact after three if a sensor adds or scales. A signal
     that does not follow the state keeps its error: a clipped one, or a yaw rate beside two wheel speeds.
     """
+    if not readings:
+        return []
     wanted = [np.array([one.known[name] for name in one.read]) for one in readings]
     values, slopes = list(wanted), [np.ones_like(one) for one in wanted]
     unsolved = [k for k, one in enumerate(readings) if one.read]
