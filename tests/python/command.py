@@ -10,6 +10,8 @@ from __future__ import annotations
 import atexit
 import json
 import os
+import resource
+import select
 import socket
 import subprocess
 import sys
@@ -43,7 +45,13 @@ def lab(*arguments: str, cwd: Path, timeout: float = 300.0) -> subprocess.Comple
 
 def _copied(command: list[str], cwd: Path, timeout: float) -> subprocess.CompletedProcess[str]:
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
-        status = _run_copy(command, cwd, timeout, [out.fileno(), err.fileno()])
+        copy = Copy(command, cwd, out.fileno(), err.fileno())
+        try:
+            status = copy.wait(timeout)
+        except subprocess.TimeoutExpired:
+            with suppress(ProcessLookupError):
+                os.kill(copy.pid, 9)
+            raise
         printed = []
         for file in (out, err):
             file.seek(0)
@@ -51,21 +59,36 @@ def _copied(command: list[str], cwd: Path, timeout: float) -> subprocess.Complet
     return subprocess.CompletedProcess(command, status, *printed)
 
 
-def _run_copy(command: list[str], cwd: Path, timeout: float, files: list[int]) -> int:
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as talk:
+class Copy:
+    """A command that has begun to run, in a process `pid`. It prints to the files `out` and `err`.
+
+    Args:
+        room: the most bytes of a file that it may write; None: no limit.
+        in_group: it leads a process group of its own.
+    """
+
+    def __init__(
+        self, command: list[str], cwd: Path, out: int, err: int, *, room: int | None = None, in_group: bool = False
+    ) -> None:
+        self._command, talk = command, socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         talk.connect(str(_address()))
-        request = json.dumps({"command": command, "cwd": str(cwd), "environment": dict(os.environ)}).encode()
-        socket.send_fds(talk, [len(request).to_bytes(4, "big")], files)
+        wanted = {"command": command, "cwd": str(cwd), "environment": dict(os.environ)}
+        request = json.dumps(wanted | {"room": room, "in_group": in_group}).encode()
+        socket.send_fds(talk, [len(request).to_bytes(4, "big")], [out, err])
         talk.sendall(request)
-        answers = talk.makefile()
-        process = int(answers.readline())
-        talk.settimeout(timeout)
-        try:
-            return int(answers.readline())
-        except TimeoutError:
-            with suppress(ProcessLookupError):
-                os.kill(process, 9)
-            raise subprocess.TimeoutExpired(command, timeout) from None
+        self._answers = talk.makefile("rb", buffering=0)
+        talk.close()  # the file keeps it open
+        self.pid = int(self._answers.readline())
+        self._status: int | None = None
+
+    def wait(self, timeout: float) -> int:
+        """Returns the exit status. Raises subprocess.TimeoutExpired after `timeout` s, and may be called again."""
+        if self._status is None:
+            if not select.select([self._answers], [], [], timeout)[0]:
+                raise subprocess.TimeoutExpired(self._command, timeout)
+            with self._answers:
+                self._status = int(self._answers.readline())
+        return self._status
 
 
 def _address() -> Path:
@@ -138,11 +161,18 @@ def _watched(talk: socket.socket) -> list[str] | None:
     size, files, _, _ = socket.recv_fds(talk, 4, 2)
     request = json.loads(talk.makefile("rb").read(int.from_bytes(size, "big")))
     process = os.fork()
+    if request["in_group"]:
+        os.setpgid(process, process)  # in both, as either may be first
     if process == 0:
         talk.close()
         os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
-        os.dup2(files[0], 1)
-        os.dup2(files[1], 2)
+        for place, file in enumerate(files, 1):
+            os.dup2(file, place)
+            os.close(file)
+        sys.stdout = open(1, "w", closefd=False)  # noqa: SIM115
+        sys.stderr = open(2, "w", buffering=1, errors="backslashreplace", closefd=False)  # noqa: SIM115
+        if request["room"] is not None:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (request["room"], request["room"]))
         os.chdir(request["cwd"])
         os.environ.clear()
         os.environ.update(request["environment"])

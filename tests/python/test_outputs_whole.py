@@ -10,20 +10,18 @@ from __future__ import annotations
 import json
 import os
 import random
-import resource
 import shutil
 import signal
 import subprocess
 import time
 import zipfile
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 import pytest
 from brickpilot.vehicle import model
-from command import PROGRAM
+from command import PROGRAM, Copy
 from findings import measured
 from new_users_logs import STRAIGHT, write_log
 from test_campaign import SHORT
@@ -87,7 +85,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_log(folder / "log.csv", "planar", STRAIGHT, {})
     measured(folder / "set")
     model.save(model.rcx(), folder / "model.toml")
-    ended(begun("run", "short.toml", "--out", "flown", cwd=folder))
+    Begun("run", "short.toml", "--out", "flown", cwd=folder).ended()
     return folder
 
 
@@ -97,26 +95,28 @@ def folder(made: Path, tmp_path: Path) -> Path:
     return tmp_path
 
 
-def begun(*words: str, cwd: Path, first: Callable[[], None] | None = None) -> subprocess.Popen[str]:
-    """Starts a command in a process group of its own."""
-    return subprocess.Popen(
-        [PROGRAM, *words], cwd=cwd, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
-        text=True, start_new_session=True, preexec_fn=first,
-    )  # fmt: skip
+class Begun(Copy):
+    """A command in a process group of its own; it may write files of `room` bytes."""
 
+    def __init__(self, *words: str, cwd: Path, room: int | None = None) -> None:
+        self._said, err = os.pipe()  # which has no size, unlike a file
+        with open(os.devnull, "w") as nowhere:
+            super().__init__([str(PROGRAM), *words], cwd, nowhere.fileno(), err, room=room, in_group=True)
+        os.close(err)
 
-def ended(process: subprocess.Popen[str]) -> tuple[int, list[str]]:
-    """Returns the exit status, and the lines that the program says as its own; a traceback is none."""
-    said = process.communicate(timeout=300)[1]
-    assert "Traceback" not in said, said
-    return process.returncode, [line for line in said.splitlines() if line.startswith("brickpilot: ")]
+    def ended(self) -> tuple[int, list[str]]:
+        """Returns the exit status, and the lines that the program says as its own; a traceback is none."""
+        with os.fdopen(self._said) as pipe:
+            said = pipe.read()
+        assert "Traceback" not in said, said
+        return self.wait(300), [line for line in said.splitlines() if line.startswith("brickpilot: ")]
 
 
 @cache
 def whole(name: str, folder: Path) -> tuple[frozenset[str], float, int]:
     """Runs a command undisturbed: the files that it writes, how long it takes (s) and the size of its largest file."""
     began = time.monotonic()
-    assert ended(begun(*COMMANDS[name].words, cwd=folder)) == (0, []), name
+    assert Begun(*COMMANDS[name].words, cwd=folder).ended() == (0, []), name
     seconds, place = time.monotonic() - began, folder / PLACE
     found = files(place), seconds, max(one.stat().st_size for one in place.rglob("*") if one.is_file())
     emptied(place)
@@ -164,16 +164,16 @@ def test_a_killed_command_leaves_its_output_whole_or_absent_and_the_next_one_cle
     for _ in range(100 if full else 3):
         # Most of the time nothing is written yet: in the short form the end is tried.
         moment = draw.uniform(0.0 if full else 0.7, 1.1) * seconds
-        process = begun(*COMMANDS[name].words, cwd=folder)
+        process = Begun(*COMMANDS[name].words, cwd=folder)
         try:
             process.wait(moment)
         except subprocess.TimeoutExpired:
             os.killpg(process.pid, signal.SIGKILL)
-        process.communicate()
+        process.ended()
         assert_whole_or_absent(name, folder, expected)
         emptied(folder / PLACE)
     (folder / PLACE / f".{COMMANDS[name].out.name}-unfinished-left").touch()  # as if killed while it wrote
-    assert ended(begun(*COMMANDS[name].words, cwd=folder))[0] == 0
+    assert Begun(*COMMANDS[name].words, cwd=folder).ended()[0] == 0
     assert files(folder / PLACE) == expected
 
 
@@ -184,11 +184,7 @@ def test_on_a_full_disk_nothing_is_left_and_one_line_names_the_output(
     draw, (_, _, largest) = random.Random(name), whole(name, made)
     for _ in range(20 if full else 1):
         room = draw.randrange(largest)
-        limited = begun(
-            *COMMANDS[name].words, cwd=folder,
-            first=lambda room=room: resource.setrlimit(resource.RLIMIT_FSIZE, (room, room)),  # type: ignore[misc]
-        )  # fmt: skip
-        status, said = ended(limited)
+        status, said = Begun(*COMMANDS[name].words, cwd=folder, room=room).ended()
         assert (status, len(said)) == (1, 1), (room, said)
         # A compiler works in a temporary folder, and is killed there.
         assert OUT in said[0] or (name in COMPILES and "compil" in said[0]), said
@@ -203,7 +199,7 @@ def test_where_nothing_may_be_written_one_line_says_so(name: str, folder: Path) 
         (folder / PLACE).symlink_to("/proc/self/fdinfo")
     else:
         (folder / PLACE).mkdir(mode=0o555)
-    status, said = ended(begun(*COMMANDS[name].words, cwd=folder))
+    status, said = Begun(*COMMANDS[name].words, cwd=folder).ended()
     assert status in (1, 2)
     assert len(said) == 1
     assert OUT in said[0], said
@@ -213,8 +209,8 @@ def test_where_nothing_may_be_written_one_line_says_so(name: str, folder: Path) 
 @of_each_kind
 def test_of_two_that_write_one_output_it_is_that_of_one(name: str, made: Path, folder: Path) -> None:
     expected = whole(name, made)[0]
-    twins = [begun(*COMMANDS[name].words, cwd=folder) for _ in range(2)]
-    found = [ended(one) for one in twins]
+    twins = [Begun(*COMMANDS[name].words, cwd=folder) for _ in range(2)]
+    found = [one.ended() for one in twins]
     assert 0 in [status for status, _ in found]
     assert all(status == 0 or len(said) == 1 for status, said in found), found
     assert_whole_or_absent(name, folder, expected)

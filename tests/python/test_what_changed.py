@@ -76,8 +76,13 @@ def monday() -> bp.Dataset:
 
 
 @pytest.fixture(scope="module")
-def braked(monday: bp.Dataset) -> bp.Changed:
-    return bp.changed(monday, recording("friday", 2, ROUGH, EASY))
+def friday() -> bp.Dataset:
+    return recording("friday", 2, ROUGH, EASY)
+
+
+@pytest.fixture(scope="module")
+def braked(monday: bp.Dataset, friday: bp.Dataset) -> bp.Changed:
+    return bp.changed(monday, recording("tuesday", 3, SMOOTH, EASY), friday)
 
 
 def test_two_recordings_of_one_state_have_not_changed(monday: bp.Dataset) -> None:
@@ -110,8 +115,8 @@ def test_the_old_model_is_compared_before_anything_is_explained(braked: bp.Chang
     assert fit.explained_after > 99
 
 
-def test_the_other_direction_is_told_too(monday: bp.Dataset) -> None:
-    found = bp.changed(recording("friday", 2, ROUGH, EASY), monday)
+def test_the_other_direction_is_told_too(monday: bp.Dataset, friday: bp.Dataset) -> None:
+    found = bp.changed(friday, monday)
     (one,) = found.changes
     assert one.what == "kV"
     assert one.change.ci95[0] < KV[1e-3] - KV[2e-3] < one.change.ci95[1]
@@ -136,19 +141,18 @@ def test_a_change_within_what_runs_of_one_recording_differ_by_is_none() -> None:
     assert found.verdict == "nothing"
 
 
-def test_several_later_recordings_each_have_an_answer(monday: bp.Dataset) -> None:
-    found = bp.changed(monday, recording("tuesday", 3, SMOOTH, EASY), recording("friday", 2, ROUGH, EASY))
-    assert found.verdicts == {"tuesday": "nothing", "friday": "changed"}
-    assert {one.recording for one in found.changes} == {"friday"}
-    assert {one.recording for one in found.constants} == {"before", "tuesday", "friday"}
-    assert {"recording", "what", "low", "high"} <= set(found.to_frame().columns)
+def test_several_later_recordings_each_have_an_answer(braked: bp.Changed) -> None:
+    assert braked.verdicts == {"tuesday": "nothing", "friday": "changed"}
+    assert {one.recording for one in braked.changes} == {"friday"}
+    assert {one.recording for one in braked.constants} == {"before", "tuesday", "friday"}
+    assert {"recording", "what", "low", "high"} <= set(braked.to_frame().columns)
 
 
-def test_a_model_stands_for_what_was_before(tmp_path: Path) -> None:
+def test_a_model_stands_for_what_was_before(friday: bp.Dataset, tmp_path: Path) -> None:
     dry = {"coulomb_friction": {"torque": 0.01}}
     old = bp.Model("as built", "motor", "coupled", {**KNOWN, "viscous_friction": 1e-3, "inductance": 0.0}, dry)
     bp.save_model(old, tmp_path / "old.toml")
-    found = bp.changed(tmp_path / "old.toml", recording("friday", 2, ROUGH, EASY))
+    found = bp.changed(tmp_path / "old.toml", friday)
     assert [one.what for one in found.changes] == ["kV"]
     (fit,) = found.fits["friday"].values()
     assert fit.old_model_before is None
@@ -167,8 +171,8 @@ def test_the_spread_between_runs_is_that_of_random_effects() -> None:
     assert spread_of([[(0.0, 100.0), (0.01, 100.0)], [(0.0, 100.0), (0.02, 100.0)]]) == 0.0
 
 
-def test_each_recording_is_simulated_as_its_own_machine(monday: bp.Dataset) -> None:
-    joint = together({"before": monday, "later": recording("friday", 2, ROUGH, EASY)})
+def test_each_recording_is_simulated_as_its_own_machine(monday: bp.Dataset, friday: bp.Dataset) -> None:
+    joint = together({"before": monday, "later": friday})
     shared = bp.Model(
         "m", "motor", "coupled", {**KNOWN, "viscous_friction": 1e-3}, {"coulomb_friction": {"torque": 0.0}}
     )

@@ -33,17 +33,26 @@ def plain(text: str) -> str:
     return text.replace("\N{NO-BREAK SPACE}", " ")
 
 
-@pytest.mark.parametrize(
-    ("robot", "hidden", "side", "other"),
-    [("mujoco", WEAK_RIGHT, "right", "left"), ("planar", WEAK_LEFT, "left", "right")],
-)
-def test_one_straight_run_tells_the_side_and_the_size_and_what_it_cannot(
-    robot: str, hidden: dict[str, dict[str, float]], side: str, other: str, tmp_path: Path
-) -> None:
-    write_log(tmp_path / "log.csv", robot, STRAIGHT, hidden)
-    said = brickpilot("why", "log.csv", "--out", "found", cwd=tmp_path)
+def said_of(folder: Path, robot: str, hidden: dict[str, dict[str, float]]) -> list[str]:
+    """Returns the lines that `why` prints of one straight run, which it reads and answers in `folder`."""
+    write_log(folder / "log.csv", robot, STRAIGHT, hidden)
+    said = brickpilot("why", "log.csv", "--out", "found", cwd=folder)
     assert said.returncode == 0, said.stderr
-    lines = plain(said.stdout).splitlines()
+    return plain(said.stdout).splitlines()
+
+
+@pytest.fixture(scope="module")
+def weak_right(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[str]]:
+    """The folder of one straight run with a weak right motor, and what is said of it."""
+    folder = tmp_path_factory.mktemp("weak_right")
+    return folder, said_of(folder, "mujoco", WEAK_RIGHT)
+
+
+@pytest.mark.parametrize(("side", "other"), [("right", "left"), ("left", "right")])
+def test_one_straight_run_tells_the_side_and_the_size_and_what_it_cannot(
+    side: str, other: str, weak_right: tuple[Path, list[str]], tmp_path: Path
+) -> None:
+    folder, lines = weak_right if side == "right" else (tmp_path, said_of(tmp_path, "planar", WEAK_LEFT))
     assert len(lines) <= 5
     found = re.match(
         rf"what is wrong: The {side} side is {PERCENT} weaker than the {other} \({PERCENT[:-3]} to", lines[0]
@@ -52,8 +61,8 @@ def test_one_straight_run_tells_the_side_and_the_size_and_what_it_cannot(
     assert float(found[1]) == pytest.approx(12.0, abs=0.5)
     assert "cannot tell whether its motor, its drive, friction or a wheel's radius is the cause" in lines[0]
     assert lines[2].startswith("what to do:    Drive ")
-    assert (tmp_path / "found/next_experiment.toml").exists()
-    page = (tmp_path / "found/why.html").read_text()
+    assert (folder / "found/next_experiment.toml").exists()
+    page = (folder / "found/why.html").read_text()
     assert f"It turns to the {side} when it is to drive straight." in page
 
 
@@ -109,21 +118,22 @@ def test_straight_runs_without_a_fault_ask_for_a_turn(tmp_path: Path) -> None:
     assert any(one["left_V"] != one["right_V"] for one in driven["segments"])
 
 
-def test_one_run_two_runs_and_all_give_one_answer_that_gets_surer(tmp_path: Path) -> None:
-    write_log(tmp_path / "a.csv", "mujoco", STRAIGHT, WEAK_RIGHT, seed=1)
+def test_one_run_two_runs_and_all_give_one_answer_that_gets_surer(
+    weak_right: tuple[Path, list[str]], tmp_path: Path
+) -> None:
+    folder, lines = weak_right
     write_log(tmp_path / "b.csv", "mujoco", (steps("more", 5.0, (0.5, 3.5, 3.5), (4.0, 0, 0)),), WEAK_RIGHT, seed=2)
     write_log(tmp_path / "c.csv", "mujoco", MANY, WEAK_RIGHT, seed=3)
-    logs, widths = [tmp_path / "a.csv", tmp_path / "b.csv", tmp_path / "c.csv"], []
-    for count in (1, 2, 3):
-        found = bp.why(logs[:count])
-        what = plain(found.answer.what)
+    logs, widths = [folder / "log.csv", tmp_path / "b.csv", tmp_path / "c.csv"], []
+    more = [bp.why(logs[:count]).answer for count in (2, 3)]
+    for what in (lines[0].removeprefix("what is wrong: "), *(plain(one.what) for one in more)):
         assert re.match(rf"The right (side|motor) is {PERCENT} weaker than the left", what), what
         low, high = (float(one) for one in re.search(r"\(([\d.]+) to ([\d.]+) %\)", what).groups())  # type: ignore[union-attr]
         assert low <= 12.3
         assert high >= 11.7
         widths.append(high - low)
     assert "the right motor" in what.lower()
-    assert any(one.startswith("Swap the plugs of both motors: if the right side stays") for one in found.answer.todo)
+    assert any(one.startswith("Swap the plugs of both motors: if the right side stays") for one in more[-1].todo)
     assert max(widths) < 1.0
 
 

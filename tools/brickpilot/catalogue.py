@@ -214,6 +214,7 @@ def effects_of(names: Container[str]) -> list[EffectInfo]:
     return [effect for effect in effects() if effect.name in names]
 
 
+@cache
 def effect(name: str) -> EffectInfo:
     """Returns the effect of that name; raises KeyError where there is none."""
     found = effects_of((name,))
@@ -290,6 +291,11 @@ def outputs() -> dict[str, str]:
 
 def presets(vehicle: str) -> dict[str, float]:
     """Returns every nominal parameter of a vehicle of which nothing is stated; mass and wheel of a bare motor are 0."""
+    return dict(_presets(vehicle))
+
+
+@cache
+def _presets(vehicle: str) -> dict[str, float]:
     ffi, library = interface()
     built = ffi.gc(library.bp_model_new(VEHICLE_CODES[vehicle], 0), library.bp_model_free)
     value = ffi.new("double *")

@@ -15,8 +15,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
-from scipy.stats import ttest_1samp
 from threadpoolctl import threadpool_limits
 
 from brickpilot.data.dataset import Dataset, Run
@@ -132,6 +130,8 @@ def _asked(runs: Sequence[Run], commands: Sequence[str], output: str) -> Loop | 
 
 def _chance(gained: Array) -> float:
     """Returns the probability that the mean of `gained` (blocks,) is so large although its expectation is 0."""
+    from scipy.stats import ttest_1samp
+
     return float(ttest_1samp(gained, 0.0, alternative="greater").pvalue) if np.ptp(gained) > 0.0 else 1.0
 
 
@@ -228,6 +228,8 @@ def _decisions(run: Run, commands: Sequence[str], output: str, past: int) -> tup
     The table (n, columns) is in units of the rms change. Its columns are the change, the commands before, the output
     before, and the output's change up to the same row. The second result are the ages of the output's readings, s.
     """
+    from scipy.signal import lfilter
+
     inputs, reading = np.column_stack([run.inputs[name] for name in commands]), run.outputs[output]
     with np.errstate(invalid="ignore"):
         row = 1 + np.flatnonzero(np.abs(np.diff(inputs[:, 0])) > 0.0)

@@ -13,8 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len
-from scipy.signal import lombscargle
-from scipy.stats import f as fisher
 
 from brickpilot.data.dataset import Dataset, Run, motor_inputs
 from brickpilot.data.motion import HOLE_S, wheel_angles
@@ -189,6 +187,8 @@ def own_period(residuals: Sequence[tuple[Array, Array]], level: float) -> Period
     around = [one for one in range(-_AROUND - 1, _AROUND + 2) if abs(one) > 1]
     background = np.mean([power[tested - 1 + one] for one in around], axis=0)
     ratio = power[tested - 1] / background
+    from scipy.stats import f as fisher
+
     chances = fisher.sf(ratio, 2 * len(pieces), 2 * len(pieces) * len(around)) * len(tested)
     best = int(np.argmin(chances))
     if not chances[best] < level:
@@ -229,5 +229,7 @@ def _power_at_multiples(time: Array, left: Array, duration: float, count: int) -
 
 def _power(pieces: Sequence[tuple[Array, Array]], frequencies: Array) -> Array:
     """Returns (pieces, frequencies): the Lomb-Scargle power of each piece over its variance, at `frequencies` in Hz."""
+    from scipy.signal import lombscargle
+
     angular = 2.0 * math.pi * frequencies
     return np.array([np.asarray(lombscargle(time, left, angular)) / np.mean(left**2) for time, left in pieces])

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
 
 from brickpilot.data.agreement import Agreement, agreement, mean_fit, together
 from brickpilot.data.dataset import Dataset, Run
@@ -151,6 +150,8 @@ _STATES = (
 
 def _smoothed(time: Array, values: Array) -> Array:
     """Returns `values` with little noise and no delay: a parabola is fitted to the samples around each."""
+    from scipy.signal import savgol_filter
+
     known = np.isfinite(values)
     count = 2 * int(_SMOOTHED_S / 2 / max(float(np.median(np.diff(time))), 1e-9)) + 1
     count = min(max(count, 5), (len(values) - 1) // 2 * 2 + 1)

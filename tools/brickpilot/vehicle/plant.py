@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from operator import attrgetter
@@ -186,6 +186,11 @@ def build(model: Model) -> Any:
     return built
 
 
+def build_all(models: Iterable[Model]) -> dict[int, Any]:
+    """Returns id of the model -> what `build` makes of it."""
+    return {key: build(model) for key, model in {id(model): model for model in models}.items()}
+
+
 @dataclass(frozen=True)
 class Undoable:
     """The part of a model's effects that the firmware can undo. `bp_undoable` in the C interface explains the fields.
@@ -277,6 +282,7 @@ def simulate(
     *,
     signals: Collection[str] | None = None,
     lanes: int = MOST_LANES,
+    built: Mapping[int, Any] | None = None,
 ) -> list[Simulated]:
     """Simulates each run under its model, on up to `threads` threads; their number does not change the results.
 
@@ -286,6 +292,7 @@ def simulate(
         signals: the outputs to keep, of those that the vehicle has; None: all. To copy the other outputs costs more
             time than to simulate them.
         lanes: at most so many runs side by side; the processor may have room for fewer. Results do not depend on it.
+        built: what `build_all` made of the models; None: they are built here.
 
     Raises:
         SimulationError: of the first run that failed, e.g. because its state diverged.
@@ -297,7 +304,7 @@ def simulate(
     names = wanted_names(None if signals is None else frozenset(signals))
     ends = np.cumsum([len(run.time) * len(names) for _, run in jobs]).tolist()
     values = np.empty(ends[-1])
-    last = simulate_into(values, [0, *ends[:-1]], jobs, names, threads, lanes)
+    last = simulate_into(values, [0, *ends[:-1]], jobs, names, threads, lanes, built)
     kept = (one.reshape(len(names), -1) for one in np.split(values, ends[:-1]))
     return [Simulated(names, one, end) for one, end in zip(kept, last, strict=True)]
 
@@ -309,6 +316,7 @@ def simulate_into(
     names: tuple[str, ...],
     threads: int = 1,
     lanes: int = MOST_LANES,
+    built: Mapping[int, Any] | None = None,
 ) -> NDArray[np.void]:
     """Simulates as `simulate` does, but writes into the caller's `values` (n,).
 
@@ -319,7 +327,8 @@ def simulate_into(
     Returns the last states, as the compiled plant holds them.
     """
     ffi, library = interface()
-    built = {id(model): build(model) for model in {id(model): model for model, _ in jobs}.values()}
+    if built is None:
+        built = build_all(model for model, _ in jobs)
     models = {key: int(ffi.cast("uintptr_t", one)) for key, one in built.items()}
     rows = [run.as_c(1 if model.vehicle == "motor" else 2) for model, run in jobs]
     requests = np.frombuffer(bytearray().join(rows), dtype=_layout("bp_run"))

@@ -96,16 +96,19 @@ def states(readings: Sequence[Reading], *, restart: bool = False) -> list[State]
     Each signal is solved by its own secant steps, which are exact after three if a sensor adds or scales. A signal
     that does not follow the state keeps its error: a clipped one, or a yaw rate beside two wheel speeds.
     """
+    if not readings:
+        return []
     wanted = [np.array([one.known[name] for name in one.read]) for one in readings]
     values, slopes = list(wanted), [np.ones_like(one) for one in wanted]
     unsolved = [k for k, one in enumerate(readings) if one.read]
-    given = _sensor_outputs(readings, values, unsolved)
+    built = plant.build_all(readings[k].model for k in unsolved)
+    given = _sensor_outputs(readings, values, unsolved, built)
     for _ in range(_SECANT_STEPS):
         unsolved = [k for k in unsolved if np.any(np.abs(wanted[k] - given[k]) > 1e-12)]
         moved = {k: (wanted[k] - given[k]) / slopes[k] for k in unsolved}
         for k in unsolved:
             values[k] = values[k] + moved[k]
-        outputs = _sensor_outputs(readings, values, unsolved)
+        outputs = _sensor_outputs(readings, values, unsolved, built)
         changes = {k: outputs[k] - given[k] for k in unsolved}
         given |= outputs
         for k in unsolved:
@@ -115,13 +118,16 @@ def states(readings: Sequence[Reading], *, restart: bool = False) -> list[State]
     return [one.state(at, restart=restart) for one, at in zip(readings, values, strict=True)]
 
 
-def _sensor_outputs(readings: Sequence[Reading], values: Sequence[Array], which: Sequence[int]) -> dict[int, Array]:
+def _sensor_outputs(
+    readings: Sequence[Reading], values: Sequence[Array], which: Sequence[int], built: Mapping[int, Any]
+) -> dict[int, Array]:
     """Returns the model's sensor readings of these values, for the readings numbered `which`, at zero input."""
     jobs = []
     for k in which:
         rest = np.zeros((1, 1 if readings[k].model.vehicle == "motor" else 2))
         jobs.append((readings[k].model, OpenLoopRun(np.zeros(1), rest, readings[k].state(values[k]))))
-    outputs = zip(which, (one.outputs for one in plant.simulate(jobs)), strict=True)
+    simulated = plant.simulate(jobs, signals=_SENSOR_SIGNALS, built=built)
+    outputs = zip(which, (one.outputs for one in simulated), strict=True)
     return {
         k: np.array([one[n][0] if n in one else readings[k].known[n] for n in readings[k].read]) for k, one in outputs
     }

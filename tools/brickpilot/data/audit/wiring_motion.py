@@ -14,7 +14,6 @@ from itertools import product
 from math import exp, log, sqrt
 
 import numpy as np
-from scipy.signal import lfilter
 
 from brickpilot.data.audit.fault import Kind
 from brickpilot.data.audit.view import Channels, Vector, cut
@@ -88,6 +87,8 @@ class Motion:
     """The motion in short windows of all runs: of drives, wheels and yaw; (w,) each, NaN where unknown."""
 
     def __init__(self, runs: Sequence[Channels]) -> None:
+        from scipy.signal import lfilter  # loading it takes longer than most commands that read no data
+
         self.inputs = list(runs[0].inputs)
         self.names = [name for name in runs[0].outputs if any(np.isfinite(run.outputs[name]).any() for run in runs)]
         self.kind = next((kind for kind in WHEEL_KINDS if set(pair(f"wheel_{kind}")) & set(self.names)), None)
