@@ -15,7 +15,7 @@ import numpy as np
 
 from brickpilot.compiled import interface
 
-VEHICLE_CODES = {"diff_drive": 0, "motor": 1}
+VEHICLE_CODES = {"diff_drive": 0, "motor": 1, "skid_steer": 2}
 PROFILE_CODES = {"coupled": 0, "paper": 1}
 
 Role = Literal["size", "shape", "place", "switch", "limit", "fixed"]
