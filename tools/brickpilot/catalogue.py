@@ -289,12 +289,12 @@ def outputs() -> dict[str, str]:
 
 
 def presets(vehicle: str) -> dict[str, float]:
-    """Returns every nominal parameter of a vehicle of which nothing is stated; mass and wheel of a bare motor are 0."""
+    """Returns every nominal parameter that a vehicle has, as they are until stated; a motor has no mass or wheel."""
     ffi, library = interface()
     built = ffi.gc(library.bp_model_new(VEHICLE_CODES[vehicle], 0), library.bp_model_free)
     value = ffi.new("double *")
     found = {}
     for info in parameters():
-        library.bp_model_get(built, info.name.encode(), value)
-        found[info.name] = value[0]
+        if library.bp_model_get(built, info.name.encode(), value) == 0:
+            found[info.name] = value[0]
     return found
