@@ -31,6 +31,9 @@ typedef enum {
     PARAMETER_NO_LOAD_SPEED,
     PARAMETER_FORCE_PER_VOLT,
     PARAMETER_TORQUE_PER_VOLT,
+    PARAMETER_WHEELBASE,
+    PARAMETER_CONTACT_FRICTION,
+    PARAMETER_SLIP_SPEED,
     PARAMETER_COUNT
 } parameter_t;
 
@@ -149,7 +152,7 @@ typedef struct {
     real_t output[OUTPUT_COUNT]; /* sensor: readings of the state just reached, without noise */
 
     const real_t *parameter;
-    int vehicle; /* BP_DIFF_DRIVE or BP_MOTOR */
+    int vehicle; /* BP_DIFF_DRIVE, BP_MOTOR or BP_SKID_STEER */
     int profile;
 } vehicle_t;
 

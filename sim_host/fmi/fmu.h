@@ -31,7 +31,7 @@ typedef struct {
 
 typedef struct {
     const char *token;
-    int vehicle; /* BP_DIFF_DRIVE or BP_MOTOR */
+    int vehicle; /* BP_DIFF_DRIVE, BP_MOTOR or BP_SKID_STEER */
     int profile; /* BP_COUPLED or BP_PAPER */
     int effect_count;
     const char *const *effect; /* names, in the order of the table of effects */

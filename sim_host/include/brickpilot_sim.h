@@ -8,8 +8,8 @@
 #ifndef BRICKPILOT_SIM_H
 #define BRICKPILOT_SIM_H
 
-enum { BP_DIFF_DRIVE = 0, BP_MOTOR = 1 }; /* vehicle */
-enum { BP_COUPLED = 0, BP_PAPER = 1 };    /* profile */
+enum { BP_DIFF_DRIVE = 0, BP_MOTOR = 1, BP_SKID_STEER = 2 }; /* vehicle; skid steer is of the profile coupled alone */
+enum { BP_COUPLED = 0, BP_PAPER = 1 };                       /* profile */
 enum { BP_E_NAME = -1, BP_E_RANGE = -2, BP_E_MEMORY = -3, BP_E_TIME = -4, BP_E_DIVERGED = -5 };
 enum { BP_MAX_PARAMETERS = 192 }; /* of one effect */
 
@@ -118,12 +118,12 @@ const char *bp_output_name(int index); /* as in data sets: "yaw_rate", ...; at t
 const char *bp_output_unit(int index);
 
 /* A model at its presets, without effects. The mass, wheel radius, rolling friction and air drag of a BP_MOTOR are 0
- * until they are set. NULL: out of memory. */
+ * until they are set. NULL: out of memory, or no such vehicle in this profile. */
 bp_model *bp_model_new(int vehicle, int profile);
 bp_model *bp_model_copy(const bp_model *model);
 void bp_model_free(bp_model *model);
 
-/* Set or get one nominal parameter. BP_E_NAME: no such parameter. BP_E_RANGE: the value is outside its range. */
+/* Set or get one nominal parameter. BP_E_NAME: no such parameter, or none of this vehicle. BP_E_RANGE: the value is outside its range. */
 int bp_model_set(bp_model *model, const char *parameter, double value);
 int bp_model_get(const bp_model *model, const char *parameter, double *value);
 
@@ -224,7 +224,7 @@ typedef struct {
 } bp_devices;
 
 typedef struct {
-    const bp_model *model;   /* of a BP_DIFF_DRIVE */
+    const bp_model *model;   /* not of a BP_MOTOR */
     int controller;          /* BP_COUPLED or BP_PAPER: the firmware's set of constants */
     int sensors;             /* BP_SENSORS_ */
     unsigned long long seed; /* of the sensors' noise */

@@ -30,10 +30,51 @@ static double compliance(const tyre_t *tyre, double load, double slip)
 typedef struct {
     double along[2]; /* m/(N s): slip speed over force of each wheel along the track */
     double side;     /* kg: side impulse of both wheels over their common slip speed */
+    double side_yaw; /* kg m: the same over the yaw rate, and yaw impulse over sway: of contacts ahead and behind */
+    double yaw;      /* kg m^2: yaw impulse of the contacts' side forces over the yaw rate */
 } hold_t;
+
+/* The share of its wheel's, or its axle's, load that lies beyond the middle: with the centre of mass `offset` of `arm`
+ * towards it. No contact lifts off. */
+static double load_share(double offset, double arm)
+{
+    return 0.5 * fmin(fmax(1 + offset / arm, 0.05), 1.95);
+}
+
+/* The four contacts of a skid steer lie half a wheelbase ahead of and behind the middle, so that a turn drags them
+ * sideways. Each bears friction times its load against its slip over the floor, in whatever direction: Coulomb's law at
+ * each wheel as in Kozlowski & Pazderski 2004, Modeling and control of a 4-wheel skid-steering mobile robot, Int. J.
+ * Appl. Math. Comput. Sci. 14, eq. 14 to 17; theirs parts the directions, and passes 0 by an arc tangent. What the
+ * floor resists a turn with, and how much wider than it is the vehicle turns (Mandow and others 2007, Experimental
+ * kinematics for wheeled skid-steer mobile robots), follow. */
+static hold_t hold_of_four(const vehicle_t *vehicle, const slip_t *slip, double h)
+{
+    const build_t *build = &vehicle->build;
+    const double *p = vehicle->parameter;
+    const double arm = 0.5 * p[PARAMETER_WHEELBASE], low = p[PARAMETER_SLIP_SPEED];
+    const double most = h * build->along.friction * build->mass * p[PARAMETER_GRAVITY];
+    hold_t hold = {.side = 0};
+    for (int k = 0; k < 2; k++) {
+        const double of_side = load_share((k == 0 ? -1 : 1) * build->com_right, p[PARAMETER_HALF_TRACK]);
+        double along = 0;
+        for (int end = -1; end <= 1; end += 2) {
+            const double x = end * arm, sideways = slip->sway + x * slip->yaw_rate;
+            const double speed = sqrt(low * low + slip->along[k] * slip->along[k] + sideways * sideways);
+            const double held = most * of_side * load_share(build->com_forward, x) / speed;
+            along += held;
+            hold.side += held;
+            hold.side_yaw += x * held;
+            hold.yaw += x * x * held;
+        }
+        hold.along[k] = along > 0 ? h / along : 0;
+    }
+    return hold;
+}
 
 static hold_t hold_of(const vehicle_t *vehicle, const slip_t *slip, double h)
 {
+    if (vehicle->vehicle == BP_SKID_STEER)
+        return hold_of_four(vehicle, slip, h);
     const build_t *build = &vehicle->build;
     const double weight = build->mass * vehicle->parameter[PARAMETER_GRAVITY], sway = slip->sway;
     hold_t hold = {.side = 0};
@@ -57,13 +98,15 @@ static void expect(wheels_t *wheels, const vehicle_t *vehicle)
     const double *rim = vehicle->build.rim;
     const slip_t now = {{radius * rim[0] * state->wheel_speed[0] - (state->surge + b * state->yaw_rate),
                          radius * rim[1] * state->wheel_speed[1] - (state->surge - b * state->yaw_rate)},
-                        state->sway};
+                        state->sway,
+                        state->yaw_rate};
     const slip_t before = wheels->body.has_slip ? wheels->body.slip : now;
     wheels->body.slip = now;
     wheels->body.has_slip = true;
     wheels->body.ahead.along[0] = 2 * now.along[0] - before.along[0];
     wheels->body.ahead.along[1] = 2 * now.along[1] - before.along[1];
     wheels->body.ahead.sway = 2 * now.sway - before.sway;
+    wheels->body.ahead.yaw_rate = 2 * now.yaw_rate - before.yaw_rate;
 }
 
 static void prepare(wheels_t *wheels, const vehicle_t *vehicle)
@@ -102,22 +145,25 @@ static impulse_t impulse_of(const vehicle_t *vehicle, double h)
 }
 
 /* Computes how the body moves without tyre force along the track: its mass as the wheels feel it, with the sway
- * eliminated, and the speeds that it would reach. `side`: of hold_t. */
-static void free_body(wheels_t *wheels, const vehicle_t *vehicle, double h, double side)
+ * eliminated, and the speeds that it would reach. */
+static void free_body(wheels_t *wheels, const vehicle_t *vehicle, double h, const hold_t *hold)
 {
     const bp_state *state = &vehicle->state;
     const build_t *build = &vehicle->build;
     const double a = build->com_forward, c = build->com_right, b = vehicle->parameter[PARAMETER_HALF_TRACK];
     impulse_t impulse = impulse_of(vehicle, h);
-    double yaw_mass = build->yaw_inertia + build->mass * (a * a + c * c) + h * vehicle->drag_yaw;
+    double yaw_mass = build->yaw_inertia + build->mass * (a * a + c * c) + h * vehicle->drag_yaw + hold->yaw;
 
     wheels->body.sway_mass = 0;
     if (build->across.creep > 0) {
-        impulse.sway -= side * state->sway;
+        const double lever = build->mass * a + hold->side_yaw;
+        impulse.sway -= hold->side * state->sway + hold->side_yaw * state->yaw_rate;
+        impulse.yaw -= hold->side_yaw * state->sway + hold->yaw * state->yaw_rate;
         wheels->body.sway_impulse = impulse.sway;
-        wheels->body.sway_mass = build->mass + h * vehicle->drag_sway + side;
-        yaw_mass -= build->mass * a * build->mass * a / wheels->body.sway_mass;
-        impulse.yaw -= build->mass * a * impulse.sway / wheels->body.sway_mass;
+        wheels->body.sway_mass = build->mass + h * vehicle->drag_sway + hold->side;
+        wheels->body.sway_lever = lever;
+        yaw_mass -= lever * lever / wheels->body.sway_mass;
+        impulse.yaw -= lever * impulse.sway / wheels->body.sway_mass;
     }
     wheels->body.mass = contact_at_wheels(build->mass + h * vehicle->drag_surge, yaw_mass, b);
     wheels->body.mass.left -= 0.5 * build->mass * c / b;
@@ -140,7 +186,8 @@ static void grip(wheels_t *wheels, vehicle_t *vehicle, double h)
     const double radius = vehicle->parameter[PARAMETER_WHEEL_RADIUS];
     const double rim[2] = {radius * build->rim[0], radius * build->rim[1]};
     const hold_t hold = hold_of(vehicle, &wheels->body.ahead, h);
-    free_body(wheels, vehicle, h, hold.side);
+    free_body(wheels, vehicle, h, &hold);
+    wheels->body.turned = hold.yaw;
 
     wheels->body.grip = wheels->body.mass;
     if (build->along.creep > 0) {
@@ -158,31 +205,6 @@ static void grip(wheels_t *wheels, vehicle_t *vehicle, double h)
                               wheels->body.free[1] - rim[1] * state->wheel_speed[1]};
     wheels->load[0] = rim[0] * (grip_mass->left * behind[0] + grip_mass->cross * behind[1]) / h;
     wheels->load[1] = rim[1] * (grip_mass->right * behind[1] + grip_mass->cross * behind[0]) / h;
-}
-
-/* A tyre that loses its hold was expected to stick, and bore what no tyre can. It slips by what that force makes of it,
- * and so it holds less: by as much as it was overloaded, in each repetition. */
-static bool overloads(wheels_t *wheels, const vehicle_t *vehicle, double h)
-{
-    const double radius = vehicle->parameter[PARAMETER_WHEEL_RADIUS];
-    const pair_t *grip_mass = &wheels->body.grip;
-    if (!(vehicle->build.along.creep > 0))
-        return false;
-    const double ahead[2] = {radius * vehicle->build.rim[0] * vehicle->state.wheel_speed[0] - wheels->body.free[0],
-                             radius * vehicle->build.rim[1] * vehicle->state.wheel_speed[1] - wheels->body.free[1]};
-    const double impulse[2] = {grip_mass->left * ahead[0] + grip_mass->cross * ahead[1],
-                               grip_mass->right * ahead[1] + grip_mass->cross * ahead[0]};
-    slip_t reached = wheels->body.ahead;
-    for (int k = 0; k < 2; k++)
-        reached.along[k] = wheels->body.soft[k] * impulse[k];
-    const hold_t hold = hold_of(vehicle, &reached, h);
-    bool over = false;
-    for (int k = 0; k < 2; k++) {
-        const bool this_one = hold.along[k] > OVERLOAD * h * wheels->body.soft[k];
-        wheels->body.ahead.along[k] = this_one ? reached.along[k] : wheels->body.ahead.along[k];
-        over = over || this_one;
-    }
-    return over;
 }
 
 /* Computes the body's ground speeds with the tyres' impulses and the body's own dry friction. */
@@ -208,6 +230,48 @@ static void ground_speeds(const wheels_t *wheels, const vehicle_t *vehicle, doub
         dry_solve(ground, &wheels->body.mass, inverse, bound);
 }
 
+/* The same of the contacts of a skid steer that a turn drags sideways. */
+static bool drags(wheels_t *wheels, const vehicle_t *vehicle, double h)
+{
+    if (vehicle->vehicle != BP_SKID_STEER)
+        return false;
+    const bp_state *state = &vehicle->state;
+    double ground[2];
+    ground_speeds(wheels, vehicle, h, ground);
+    slip_t reached = wheels->body.ahead;
+    reached.yaw_rate = 0.5 * (ground[0] - ground[1]) / vehicle->parameter[PARAMETER_HALF_TRACK];
+    const double impulse = wheels->body.sway_impulse - wheels->body.sway_lever * (reached.yaw_rate - state->yaw_rate);
+    reached.sway = state->sway + impulse / wheels->body.sway_mass;
+    const bool over = wheels->body.turned > OVERLOAD * hold_of(vehicle, &reached, h).yaw;
+    wheels->body.ahead = over ? reached : wheels->body.ahead;
+    return over;
+}
+
+/* A tyre that loses its hold was expected to stick, and bore what no tyre can. It slips by what that force makes of it,
+ * and so it holds less: by as much as it was overloaded, in each repetition. */
+static bool overloads(wheels_t *wheels, const vehicle_t *vehicle, double h)
+{
+    const double radius = vehicle->parameter[PARAMETER_WHEEL_RADIUS];
+    const pair_t *grip_mass = &wheels->body.grip;
+    if (!(vehicle->build.along.creep > 0))
+        return false;
+    const double ahead[2] = {radius * vehicle->build.rim[0] * vehicle->state.wheel_speed[0] - wheels->body.free[0],
+                             radius * vehicle->build.rim[1] * vehicle->state.wheel_speed[1] - wheels->body.free[1]};
+    const double impulse[2] = {grip_mass->left * ahead[0] + grip_mass->cross * ahead[1],
+                               grip_mass->right * ahead[1] + grip_mass->cross * ahead[0]};
+    slip_t reached = wheels->body.ahead;
+    for (int k = 0; k < 2; k++)
+        reached.along[k] = wheels->body.soft[k] * impulse[k];
+    const hold_t hold = hold_of(vehicle, &reached, h);
+    bool over = false;
+    for (int k = 0; k < 2; k++) {
+        const bool this_one = hold.along[k] > OVERLOAD * h * wheels->body.soft[k];
+        wheels->body.ahead.along[k] = this_one ? reached.along[k] : wheels->body.ahead.along[k];
+        over = over || this_one;
+    }
+    return drags(wheels, vehicle, h) || over;
+}
+
 static void follow(wheels_t *wheels, vehicle_t *vehicle, double h)
 {
     bp_state *state = &vehicle->state;
@@ -217,8 +281,7 @@ static void follow(wheels_t *wheels, vehicle_t *vehicle, double h)
     state->surge = 0.5 * (ground[0] + ground[1]);
     state->yaw_rate = 0.5 * (ground[0] - ground[1]) / vehicle->parameter[PARAMETER_HALF_TRACK];
     if (wheels->body.sway_mass > 0) {
-        const double lever = vehicle->build.mass * vehicle->build.com_forward;
-        const double impulse = wheels->body.sway_impulse - lever * (state->yaw_rate - yaw_rate);
+        const double impulse = wheels->body.sway_impulse - wheels->body.sway_lever * (state->yaw_rate - yaw_rate);
         state->sway += impulse / wheels->body.sway_mass;
     }
     wheels->body.travel_surge += 0.5 * h * (surge + state->surge);

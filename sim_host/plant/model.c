@@ -1,5 +1,6 @@
 #include "plant/model.h"
 
+#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -142,11 +143,39 @@ static const bp_parameter_info PARAMETER[PARAMETER_COUNT] = {
                                    .minimum = 0,
                                    .maximum = 1e5,
                                    .preset = 0},
+    [PARAMETER_WHEELBASE] = {.name = "wheelbase",
+                             .role = BP_ROLE_SIZE,
+                             .unit = "m",
+                             .meaning = "of a skid_steer: from the front contact of a side to the rear one",
+                             .minimum = 1e-3,
+                             .maximum = 10,
+                             .preset = 0.14},
+    [PARAMETER_CONTACT_FRICTION] = {.name = "contact_friction",
+                                    .role = BP_ROLE_SIZE,
+                                    .unit = "1",
+                                    .meaning =
+                                        "of a skid_steer: largest force of a contact over its load, in any direction",
+                                    .minimum = 1e-3,
+                                    .maximum = 10,
+                                    .preset = 0.3},
+    [PARAMETER_SLIP_SPEED] = {.name = "slip_speed",
+                              .role = BP_ROLE_SIZE,
+                              .unit = "m/s",
+                              .meaning = "of a skid_steer: slip at which a contact bears 71 % of that force",
+                              .minimum = 1e-5,
+                              .maximum = 10,
+                              .preset = 0.01},
 };
 
 /* A bare motor has none of these: they are 0 until they are set. */
 static const parameter_t OF_A_VEHICLE[] = {PARAMETER_MASS, PARAMETER_WHEEL_RADIUS, PARAMETER_ROLLING_FRICTION,
                                            PARAMETER_DRAG_AREA};
+
+/* The contacts of a skid steer; no other vehicle has these. */
+static bool has(const bp_model *model, int parameter)
+{
+    return parameter < PARAMETER_WHEELBASE || model->vehicle == BP_SKID_STEER;
+}
 
 const bp_parameter_info *bp_parameter(int index)
 {
@@ -163,7 +192,8 @@ static int parameter_index(const char *name)
 
 bp_model *bp_model_new(int vehicle, int profile)
 {
-    if ((vehicle != BP_DIFF_DRIVE && vehicle != BP_MOTOR) || (profile != BP_COUPLED && profile != BP_PAPER))
+    if (vehicle < BP_DIFF_DRIVE || vehicle > BP_SKID_STEER || (profile != BP_COUPLED && profile != BP_PAPER) ||
+        (vehicle == BP_SKID_STEER && profile == BP_PAPER))
         return NULL;
     bp_model *model = calloc(1, sizeof *model);
     if (model == NULL)
@@ -206,7 +236,7 @@ static int may_be_absent(const bp_model *model, int parameter)
 int bp_model_set(bp_model *model, const char *parameter, double value)
 {
     const int index = parameter_index(parameter);
-    if (index < 0)
+    if (index < 0 || !has(model, index))
         return BP_E_NAME;
     if (!in_range(&PARAMETER[index], value) && !(value == 0 && may_be_absent(model, index)))
         return BP_E_RANGE;
@@ -217,7 +247,7 @@ int bp_model_set(bp_model *model, const char *parameter, double value)
 int bp_model_get(const bp_model *model, const char *parameter, double *value)
 {
     const int index = parameter_index(parameter);
-    if (index < 0)
+    if (index < 0 || !has(model, index))
         return BP_E_NAME;
     *value = model->parameter[index];
     return 0;

@@ -118,6 +118,18 @@ static bool has_hooks(const plant_t *plant, site_t site)
 
 #include "plant/step.h"
 
+/* The wheels of a skid steer slip by its nature, so its own law takes the place of those that effects have set. */
+static void build_contacts(vehicle_t *vehicle)
+{
+    if (vehicle->vehicle != BP_SKID_STEER)
+        return;
+    const double *p = vehicle->parameter;
+    const double friction = p[PARAMETER_CONTACT_FRICTION], weight = vehicle->build.mass * p[PARAMETER_GRAVITY];
+    const double creep = weight > 0 ? p[PARAMETER_SLIP_SPEED] / (0.5 * friction * weight) : 1;
+    vehicle->build.along = vehicle->build.across = (tyre_t){.creep = creep, .friction = friction};
+    vehicle->build.one_circle = 1;
+}
+
 static void start_state(vehicle_t *vehicle, const bp_state *initial)
 {
     if (initial != NULL)
@@ -154,6 +166,7 @@ int plant_start(plant_t *plant, const bp_model *model, const bp_state *initial, 
     vehicle_t *vehicle = &plant->vehicle;
     gather_hooks(plant, model);
     run_hooks(plant, SITE_BUILD);
+    build_contacts(vehicle);
     start_state(vehicle, initial);
     run_hooks(plant, SITE_START);
     vehicle->state.rest = 0;

@@ -15,6 +15,7 @@
 typedef struct {
     real_t along[2]; /* of each wheel's rim ahead of the body */
     real_t sway;     /* of both */
+    real_t yaw_rate; /* rad/s: of a skid steer, times their distance ahead of the middle */
 } slip_t;
 
 typedef struct {
@@ -34,11 +35,13 @@ typedef struct {
         real_t free[2];                   /* m/s: ground speeds at the end of the step without tyre force */
         real_t sway_impulse;              /* N s */
         real_t sway_mass;                 /* kg */
+        real_t sway_lever;                /* kg m: sway impulse that a change of the yaw rate takes */
         real_t travel_surge, travel_sway; /* m, since the body step began */
         real_t turn;                      /* rad */
         slip_t slip;                      /* at the start of the motor step; only where has_slip */
         bool has_slip;
         slip_t ahead;   /* at the end of the motor step, as it is expected: the tyres hold as they do there */
+        real_t turned;  /* kg m^2: hold of the contacts on the yaw rate in this step, with `ahead` */
         real_t soft[2]; /* 1/kg: slip speed over impulse of each tyre in this step, with `ahead` */
     } body;
 

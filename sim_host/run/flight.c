@@ -31,7 +31,7 @@ static uint16_t to_bam16(double angle)
 static bool can_be_flown(const bp_flight *request)
 {
     bool sound =
-        request->model != NULL && request->model->vehicle == BP_DIFF_DRIVE && request->steps >= 1 &&
+        request->model != NULL && request->model->vehicle != BP_MOTOR && request->steps >= 1 &&
         request->start_step >= 0 && request->sensors >= BP_SENSORS_IDEAL &&
         request->sensors <= BP_SENSORS_IMU_ENCODERS &&
         (request->controller == BP_COUPLED || request->controller == BP_PAPER) && request->cruise >= 0 &&

@@ -15,7 +15,7 @@ import numpy as np
 
 from brickpilot.compiled import interface
 
-VEHICLE_CODES = {"diff_drive": 0, "motor": 1}
+VEHICLE_CODES = {"diff_drive": 0, "motor": 1, "skid_steer": 2}
 PROFILE_CODES = {"coupled": 0, "paper": 1}
 
 Role = Literal["size", "shape", "place", "switch", "limit", "fixed"]
@@ -290,7 +290,7 @@ def outputs() -> dict[str, str]:
 
 
 def presets(vehicle: str) -> dict[str, float]:
-    """Returns every nominal parameter of a vehicle of which nothing is stated; mass and wheel of a bare motor are 0."""
+    """Returns every nominal parameter that a vehicle has, as they are until stated; a motor has no mass or wheel."""
     return dict(_presets(vehicle))
 
 
@@ -301,6 +301,6 @@ def _presets(vehicle: str) -> dict[str, float]:
     value = ffi.new("double *")
     found = {}
     for info in parameters():
-        library.bp_model_get(built, info.name.encode(), value)
-        found[info.name] = value[0]
+        if library.bp_model_get(built, info.name.encode(), value) == 0:
+            found[info.name] = value[0]
     return found

@@ -141,7 +141,8 @@ static void place(given_t *given)
 
 static void draw_trial(void)
 {
-    const int vehicle = chance(0.3) ? BP_MOTOR : BP_DIFF_DRIVE, profile = chance(0.3) ? BP_PAPER : BP_COUPLED;
+    const int vehicle = chance(0.3) ? BP_MOTOR : chance(0.2) ? BP_SKID_STEER : BP_DIFF_DRIVE;
+    const int profile = vehicle != BP_SKID_STEER && chance(0.3) ? BP_PAPER : BP_COUPLED;
     const double body_step = chance(0.3) ? 0.01 : 0, motor_step = chance(0.3) ? body_step : 0;
     draw_times();
     for (int i = 0; i < 5; i++)
@@ -260,6 +261,10 @@ static void test_lanes_hold_no_tyres_that_slip(void)
     TEST_ASSERT_TRUE(lanes_may_hold(&plant));
     const double value[] = {0.1, 0.6};
     TEST_ASSERT_EQUAL_INT(0, bp_model_add_effect(model, "wheel_slip", value));
+    TEST_ASSERT_EQUAL_INT(0, plant_start(&plant, model, NULL, 0, 0));
+    TEST_ASSERT_FALSE(lanes_may_hold(&plant));
+    bp_model_free(model);
+    model = bp_model_new(BP_SKID_STEER, BP_COUPLED);
     TEST_ASSERT_EQUAL_INT(0, plant_start(&plant, model, NULL, 0, 0));
     TEST_ASSERT_FALSE(lanes_may_hold(&plant));
     bp_model_free(model);

@@ -278,8 +278,8 @@ def _ends(toml: TomlFile, name: str, value: object) -> tuple[float, float]:
 
 def _check(toml: TomlFile, made: Campaign) -> None:
     """Refuses a campaign that no design can fly."""
-    if made.model.vehicle != "diff_drive":
-        toml.refuse(("campaign", "model"), f"is a {made.model.vehicle}, but a campaign flies a diff_drive")
+    if made.model.vehicle == "motor":
+        toml.refuse(("campaign", "model"), "is a motor, but a campaign flies a diff_drive or skid_steer")
     axes = [one for one in made.drawn if one.listed]
     if made.design == "grid" and not axes:
         toml.refuse(("vary",), "a grid needs a list of values, as gain.heading_kp = [10, 12, 14]")

@@ -14,7 +14,10 @@ from brickpilot.cli.terminal import as_json, jobs_option, progress_shown, seed_o
 @click.command()
 @click.argument("before")
 @click.argument("after", nargs=-1, required=True, metavar="AFTER...")
-@click.option("--vehicle", type=click.Choice(["diff_drive", "motor"]), help="Of logs; default: guessed from a table.")
+@click.option(
+    "--vehicle", type=click.Choice(["diff_drive", "motor", "skid_steer"]),
+    help="Of logs; default: guessed from a table.",
+)  # fmt: skip
 @click.option("--frame", type=click.Choice(["FLU", "FRD"]), help="Of logs; default: guessed from a table, else FRD.")
 @click.option("--map", "mapping", multiple=True, metavar="SIGNAL=FORMULA[:UNIT]", help="As in import; repeatable.")
 @click.option("--nominal", multiple=True, metavar="NAME=VALUE", help="A nominal parameter in SI; repeatable.")

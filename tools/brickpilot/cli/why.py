@@ -13,7 +13,9 @@ from brickpilot.cli.terminal import as_json, jobs_option, progress_shown, seed_o
 
 @click.command()
 @click.argument("logs", nargs=-1, required=True, metavar="LOG...")
-@click.option("--vehicle", type=click.Choice(["diff_drive", "motor"]), help="Default: guessed from a table.")
+@click.option(
+    "--vehicle", type=click.Choice(["diff_drive", "motor", "skid_steer"]), help="Default: guessed from a table."
+)
 @click.option("--frame", type=click.Choice(["FLU", "FRD"]), help="Default: guessed from a table, else FRD.")
 @click.option("--map", "mapping", multiple=True, metavar="SIGNAL=FORMULA[:UNIT]", help="As in import; repeatable.")
 @click.option("--nominal", multiple=True, metavar="NAME=VALUE", help="A nominal parameter in SI; repeatable.")

@@ -154,7 +154,7 @@ class Dataset(Result):
 
         Args:
             frames: run -> its table, a row a sample.
-            vehicle: "diff_drive" or "motor"; it has to be given.
+            vehicle: "diff_drive", "motor" or "skid_steer"; it has to be given.
             signals: signal -> its column: a name, in SI; (name, unit); or a mapping with what a data set's file may
                 state of it, such as {"column": "gz", "unit": "deg/s", "noise_sd": 0.2}. The time is in "time", in s,
                 unless stated. None: each column of the first frame that has the name of a signal, in SI. An index

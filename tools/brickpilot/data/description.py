@@ -1,7 +1,7 @@
 """A data set: a folder with `dataset.toml` and a table of columns for each run.
 
     name    = "bench-7"
-    vehicle = "diff_drive"       # or "motor": one motor and its load
+    vehicle = "diff_drive"       # or "motor": one motor and its load; or "skid_steer": two wheels or a track a side
     frame   = "FLU"              # y left, yaw counter-clockwise positive; or "FRD", the default
     csv     = { delimiter = ",", header = true }    # or semicolon, tab, blank, bar; header = false: columns from 0
     gap_s   = 0                  # pause between runs in s: charge and heat carry over from one to the next
@@ -72,6 +72,7 @@ from brickpilot.data.signals import (
     RATE_OF,
     SIGNALS,
     TURNS_WITH_FRAME,
+    VEHICLES,
     Frame,
     Vehicle,
     to_frd,
@@ -176,7 +177,7 @@ def described(toml: TomlFile) -> Description:
     for key in ("name", "vehicle", "signals", "runs"):
         if key not in data:
             raise InputError("is missing", file=toml.path, field=key)
-    vehicle = cast(Vehicle, toml.choice(("vehicle",), data["vehicle"], ("diff_drive", "motor")))
+    vehicle = cast(Vehicle, toml.choice(("vehicle",), data["vehicle"], VEHICLES))
     frame = cast(Frame, toml.choice(("frame",), data.get("frame", "FRD"), ("FLU", "FRD")))
     signals = _signals(toml, vehicle, frame)
     layout = _layout(toml)

@@ -84,7 +84,7 @@ class WeakerSide:
 def drives_straight_alone(dataset: Dataset) -> bool:
     """Returns whether all driven runs of a robot are driven straight."""
     kinds = {kind_of(np.nan_to_num(motor_inputs(run, dataset))) for run in dataset.runs}
-    return dataset.vehicle == "diff_drive" and kinds - {"rest"} == {"straight"}
+    return dataset.vehicle != "motor" and kinds - {"rest"} == {"straight"}
 
 
 @dataclass(frozen=True)
@@ -173,7 +173,7 @@ def _equal_windows(dataset: Dataset) -> Array:
 def _windows(run: Run, dataset: Dataset) -> Iterator[tuple[float, float, float]]:
     """Yields the turn of the left and the right wheel and the yaw in each window in which both get one voltage."""
     turned = wheel_angles(run) or {name: one for name, one in run.outputs.items() if name.startswith("wheel_travel")}
-    if dataset.vehicle != "diff_drive" or len(turned) < 2:
+    if dataset.vehicle == "motor" or len(turned) < 2:
         return
     left, right = (turned[name] for name in sorted(turned))
     volts = np.nan_to_num(motor_inputs(run, dataset))

@@ -42,6 +42,8 @@ def read_nominal(toml: TomlFile, table: Mapping[str, Any], vehicle: Vehicle) -> 
         key = ("nominal", name)
         if name not in known:
             toml.refuse(key, "unknown nominal parameter")
+        if name not in catalogue.presets(vehicle):
+            toml.refuse(key, f"belongs to a skid_steer, not to a {vehicle}")
         info = known[name]
         nominal[name] = _entry(toml, key, entry, info.minimum, info.maximum, info.unit)
     _check_drive(toml, nominal, vehicle)
@@ -84,6 +86,11 @@ def turns_with_frame(effect: str, parameter: str) -> bool:
         odd = any(info.odd for info in one.parameters if info.name == parameter)
         return odd and one.acts_on in _IN_AXES and parameter not in _SIDES
     return False
+
+
+def lengths(nominal: Mapping[str, Nominal], vehicle: Vehicle) -> dict[str, float]:
+    """Returns the stated values by which wheels and yaw agree: a skid steer does not turn by the width of its track."""
+    return {n: known.value for n, known in nominal.items() if (vehicle, n) != ("skid_steer", "half_track")}
 
 
 def _entry(toml: TomlFile, key: Key, entry: object, low: float, high: float, unit: str) -> Nominal:

@@ -24,6 +24,7 @@ from brickpilot.data.decimation import decimated, decimation_note
 from brickpilot.data.description import Description, RunEntry, Signal, describe, described
 from brickpilot.data.frames import Column, read_frame, tables
 from brickpilot.data.input_timing import with_linear_inputs
+from brickpilot.data.nominal import lengths
 from brickpilot.data.rows import Columns, read_columns
 from brickpilot.data.signals import SIGNALS, to_frd
 from brickpilot.errors import InputError
@@ -181,7 +182,7 @@ def channels_of(run: Run) -> Channels:
 def _wired(runs: list[Run], description: Description) -> tuple[tuple[Miswired, ...], tuple[str, ...], list[Run]]:
     """Returns the wrong wiring in all runs, the guesses corrected by it, and the runs with sure faults mended."""
     channels = [Channels(run.time, run.inputs, _comparable(run, description)) for run in runs]
-    nominal = {name: known.value for name, known in description.nominal.items()}
+    nominal = lengths(description.nominal, description.vehicle)
     found = miswired(channels, nominal)
     if description.as_wired:
         return tuple(replace(one, is_open=True) for one in found), description.guessed, runs
@@ -205,7 +206,7 @@ def _wired(runs: list[Run], description: Description) -> tuple[tuple[Miswired, .
 def _audited(runs: list[Run], description: Description) -> tuple[tuple[Run, ...], tuple[Fault, ...], tuple[str, ...]]:
     """Returns the runs with their damaged samples blanked, the faults, and the notes on them."""
     measured = [Channels(run.time, run.inputs, _comparable(run, description), run.name) for run in runs]
-    nominal = {name: known.value for name, known in description.nominal.items()}
+    nominal = lengths(description.nominal, description.vehicle)
     found = audit(measured, description.signals, description.frame, nominal)
     for outputs in found.outputs.values():
         for values in outputs.values():

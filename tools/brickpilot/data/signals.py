@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-Vehicle = Literal["diff_drive", "motor"]
+Vehicle = Literal["diff_drive", "motor", "skid_steer"]
+VEHICLES: tuple[Vehicle, ...] = get_args(Vehicle)
 Frame = Literal["FLU", "FRD"]
 Kind = Literal["time", "input", "output"]
 
@@ -32,37 +33,37 @@ class SignalType:
     vehicles: frozenset[Vehicle]
 
 
-_BOTH: frozenset[Vehicle] = frozenset({"diff_drive", "motor"})
-_DIFF: frozenset[Vehicle] = frozenset({"diff_drive"})
+_ALL: frozenset[Vehicle] = frozenset(VEHICLES)
+_SIDED: frozenset[Vehicle] = frozenset({"diff_drive", "skid_steer"})
 _MOTOR: frozenset[Vehicle] = frozenset({"motor"})
 
 
 def _sides(name: str, unit: str, kind: Kind, largest: float) -> dict[str, SignalType]:
-    return {f"{name}_{side}": SignalType(unit, kind, largest, _DIFF) for side in ("left", "right")}
+    return {f"{name}_{side}": SignalType(unit, kind, largest, _SIDED) for side in ("left", "right")}
 
 
 SIGNALS: dict[str, SignalType] = {
-    "time": SignalType("s", "time", 1e11, _BOTH),
+    "time": SignalType("s", "time", 1e11, _ALL),
     **_sides("voltage", "V", "input", 1e5),
     **_sides("duty", "1", "input", 1e5),
-    "duty_mean": SignalType("1", "input", 1e5, _DIFF),
-    "duty_diff": SignalType("1", "input", 1e5, _DIFF),
+    "duty_mean": SignalType("1", "input", 1e5, _SIDED),
+    "duty_diff": SignalType("1", "input", 1e5, _SIDED),
     **_sides("reference_wheel_speed", "rad/s", "input", 1e6),
-    "reference_velocity": SignalType("m/s", "input", 1e6, _DIFF),
-    "reference_yaw_rate": SignalType("rad/s", "input", 1e6, _DIFF),
+    "reference_velocity": SignalType("m/s", "input", 1e6, _SIDED),
+    "reference_yaw_rate": SignalType("rad/s", "input", 1e6, _SIDED),
     "reference_speed": SignalType("rad/s", "input", 1e6, _MOTOR),
     "voltage": SignalType("V", "input", 1e5, _MOTOR),
     "duty": SignalType("1", "input", 1e5, _MOTOR),
-    "accel_surge": SignalType("m/s^2", "output", 1e6, _DIFF),
-    "accel_sway": SignalType("m/s^2", "output", 1e6, _DIFF),
-    "yaw_rate": SignalType("rad/s", "output", 1e6, _DIFF),
-    "yaw_angle": SignalType("rad", "output", 1e9, _DIFF),
+    "accel_surge": SignalType("m/s^2", "output", 1e6, _SIDED),
+    "accel_sway": SignalType("m/s^2", "output", 1e6, _SIDED),
+    "yaw_rate": SignalType("rad/s", "output", 1e6, _SIDED),
+    "yaw_angle": SignalType("rad", "output", 1e9, _SIDED),
     **_sides("wheel_speed", "rad/s", "output", 1e6),
     **_sides("wheel_angle", "rad", "output", 1e9),
     **_sides("wheel_travel", "m", "output", 1e9),
     **_sides("wheel_velocity", "m/s", "output", 1e6),
     **_sides("current", "A", "output", 1e6),
-    "battery_voltage": SignalType("V", "output", 1e5, _BOTH),
+    "battery_voltage": SignalType("V", "output", 1e5, _ALL),
     "speed": SignalType("rad/s", "output", 1e6, _MOTOR),
     "angle": SignalType("rad", "output", 1e9, _MOTOR),
     "position": SignalType("m", "output", 1e9, _MOTOR),
@@ -81,6 +82,7 @@ INPUT_SETS: dict[Vehicle, tuple[tuple[str, ...], ...]] = {
     ),
     "motor": (("voltage",), ("duty",), ("reference_speed",)),
 }
+INPUT_SETS["skid_steer"] = INPUT_SETS["diff_drive"]
 """The inputs of a vehicle: exactly one of these sets, complete."""
 
 INITIAL_UNITS: dict[Vehicle, dict[str, str]] = {
@@ -92,6 +94,7 @@ INITIAL_UNITS: dict[Vehicle, dict[str, str]] = {
     },
     "motor": {"speed": "rad/s", "angle": "rad", "position": "m", "velocity": "m/s", "current": "A"},
 }  # fmt: skip
+INITIAL_UNITS["skid_steer"] = INITIAL_UNITS["diff_drive"]
 """The state that a run's ``initial`` may give, in SI and in the data set's frame."""
 
 RATE_OF: dict[str, str] = {"angle": "speed", "position": "velocity"} | {

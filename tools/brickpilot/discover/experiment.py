@@ -130,23 +130,22 @@ def smallest_sizes(prepared: Prepared, judge: Judge, nominal: Explanation, best:
         judge: of the coarse residual.
         nominal: the calibrated nominal model.
     """
-    data = prepared.coarse
-    here = Problem(data, best.plan).keeping(best.point, len(best.point))
+    here = Problem(prepared.coarse, best.plan).keeping(best.point, len(best.point))
     known, nothing = judge.of_explanation(best), judge.of_explanation(nominal)
     temperature, left = judge.temperature(known, nothing), judge.excess(known)
     own = judge.shape * np.maximum(judge.excess(nothing) - left, 0.0) / 2
     needed = max(float(left.sum()) / 2, temperature * numbers.CHANCE_NATS * bool(own.any()))
     hidden = own + (left - judge.excess(known, _NO_FLOOR)) / 2
     predictable = numbers.SHARED_REST * (np.array([*judge.counts.values()]) + left) / 2 / _BLACK_BOX_FINDS
-    chosen, tried = library_parts(best.model, data.signals), []
+    chosen, tried = library_parts(best.model, here.data.signals), []
     for part, values, strength in signature_strengths(here, best.point, chosen, excitation=prepared.excitation):
         size, strength = abs(values[part.free[0]]), np.maximum(strength, 1e-12)
         times = min(_times(strength, hidden, needed), float(np.min(predictable / strength)))
         wanted = max(_size_named(part, size, float(strength.sum()), temperature), size * math.sqrt(times))
         if wanted <= _size_of(part).maximum:
             tried.append((part, size, wanted))
-    found = {part.effect: Visible(_size_of(part).name, size, _size_of(part).unit) for part, size in _nearest(tried)}
-    return dict(sorted(found.items()))
+    nearest = sorted(_nearest(tried), key=lambda one: one[0].effect)
+    return {part.effect: Visible(_size_of(part).name, size, _size_of(part).unit) for part, size in nearest}
 
 
 def _times(strength: Array, hidden: Array, needed: float) -> float:

@@ -177,7 +177,7 @@ def run_parts(runs: Sequence[str]) -> list[RunPart]:
 
 def _adds_something(one: ParameterInfo, base: Model) -> bool:
     """Returns whether a parameter can say more than `base` does: it has two sides, and nothing that does the same."""
-    sided = base.vehicle == "diff_drive" or not one.odd
+    sided = base.vehicle != "motor" or not one.odd
     return sided and not (one.same_as and base.parameters.get(one.same_as, 0.0) != 0)
 
 

@@ -157,6 +157,8 @@ def _nominal(model: Model) -> list[Variable]:
     presets = catalogue.presets(model.vehicle)
     found = []
     for index, info in enumerate(catalogue.parameters()):
+        if info.name not in presets:
+            continue
         name, start = f"parameters.{info.name}", float(model.parameters.get(info.name, presets[info.name]))
         ends = (min(info.minimum, start), info.maximum)  # a motor may be without a load, and then has a mass of 0
         unit, shown = unit_on(model, info), info.name not in _NATURE

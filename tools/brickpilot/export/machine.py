@@ -13,6 +13,7 @@ from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass, fields, replace
 
 from brickpilot import catalogue
+from brickpilot.errors import InputError
 from brickpilot.vehicle.model import Model
 
 Pair = tuple[float, float]
@@ -104,7 +105,13 @@ def tell(model: Model, holds: Container[str] = _EVERYTHING) -> tuple[Machine, li
 
     Args:
         holds: the attributes of `Machine` that the file has a place for; an effect on another one is not told.
+
+    Raises:
+        InputError: a skid steer.
     """
+    if model.vehicle == "skid_steer":
+        message = "is a skid_steer, whose four contacts MJCF and URDF files cannot say here; an FMU can (export fmu)"
+        raise InputError(message, file=model.name, field="vehicle")
     machine, untold = nominal(model), []
     for effect in catalogue.effects_of(model.effects):
         presets = {info.name: info.preset for info in effect.parameters}

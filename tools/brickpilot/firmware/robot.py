@@ -41,6 +41,7 @@ from brickpilot.errors import InputError
 from brickpilot.vehicle import compensation
 from brickpilot.vehicle import model as models
 from brickpilot.vehicle.coefficients import difference_inertia, mean_inertia, wheel_speed_per_volt
+from brickpilot.vehicle.drive_constants import two_wheeled
 from brickpilot.vehicle.gains import Gains
 from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.settings import constants, default, holding_voltage, plain, settings
@@ -126,12 +127,12 @@ def load(path: Path) -> Robot:
     """Reads a model file, and completes it.
 
     Raises:
-        InputError: as `model.load`; a vehicle that is no coupled diff_drive; an unknown name, unit or value.
+        InputError: as `model.load`; a vehicle that is a motor or not coupled; an unknown name, unit or value.
     """
     model = models.load(path)
     toml = TomlFile(path)
-    if model.vehicle != "diff_drive":
-        toml.refuse(("vehicle",), f"{model.vehicle!r}: the firmware drives a diff_drive")
+    if model.vehicle == "motor":
+        toml.refuse(("vehicle",), "'motor': the firmware drives a diff_drive or skid_steer")
     if model.profile != "coupled":
         toml.refuse(("profile",), f"{model.profile!r}: firmware is made for the profile coupled")
     stated: dict[Place, float] = {
@@ -185,14 +186,14 @@ def complete(model: Model, toml: TomlFile, stated: Mapping[Place, float]) -> Rob
     vehicle["name"] = model.name
     vehicle["controller"] = {"coupled": vehicle["controller"]["coupled"]}
     del vehicle["estimator"]["paper"]
-    nominal = {**catalogue.presets(model.vehicle), **model.parameters}
+    believed = two_wheeled(dataclasses.replace(model, effects={}))
+    nominal = {**catalogue.presets(believed.vehicle), **believed.parameters}
     for name in vehicle["parameters"]:
-        basis = model.basis.get(name) or (_STATED if ("parameters", name) in stated else _PACKAGED)
+        basis = believed.basis.get(name) or (_STATED if ("parameters", name) in stated else _PACKAGED)
         vehicle["parameters"][name] |= {"value": nominal[name], "basis": basis}
     _put(vehicle, {place: (value, _STATED) for place, value in stated.items() if place[0] != "parameters"})
     chosen = {place: (one.value, one.rule) for place, one in _chosen(vehicle, stated).items() if place not in stated}
     _put(vehicle, chosen)
-    believed = dataclasses.replace(model, effects={})
     undone = compensation.from_model(model, believed, controller=plain(vehicle["controller"]["coupled"]))
     known = {} if undone is None else undone.raw
     remarks = () if undone is None else undone.remarks

@@ -186,6 +186,7 @@ def plan(dataset: Dataset, *, effects: Sequence[str] = (), free: Sequence[str] =
         if name not in infos or infos[name].role == "fixed":
             raise InputError("is not a nominal parameter that can be fitted", field=name)
     model = of_dataset(dataset, effects)
+    infos = {name: info for name, info in infos.items() if name in model.parameters}
     entering = _entering(model, dataset)
     chosen = [
         Free(n, info, dataset.nominal.get(n))
@@ -245,7 +246,7 @@ def _entering(model: Model, dataset: Dataset) -> set[str]:
     names = {
         info.name: _beside(base.parameters[info.name], info)
         for info in catalogue.parameters()
-        if info.role != "fixed" or info.name in dataset.nominal
+        if info.name in base.parameters and (info.role != "fixed" or info.name in dataset.nominal)
     }
     changed = [with_values(base, {name: value}) for name, value in names.items()]
     run = OpenLoopRun(time=time, inputs=inputs)

@@ -18,7 +18,12 @@ MAP = Option(
     repeatable=True,
 )
 VEHICLE = Option(
-    "vehicle", "--vehicle", "The kind of vehicle.", choices=("diff_drive", "motor"), required=True, unless="guessed"
+    "vehicle",
+    "--vehicle",
+    "The kind of vehicle.",
+    choices=("diff_drive", "motor", "skid_steer"),
+    required=True,
+    unless="guessed",
 )
 FRAME = Option(
     "frame", "--frame", "The frame of sway and yaw; the default is the one that wheels and yaw show, or else FRD.",

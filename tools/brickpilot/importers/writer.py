@@ -21,6 +21,7 @@ from brickpilot.data.audit.wiring import miswired, taken_from
 from brickpilot.data.audit.wiring_motion import Miswired
 from brickpilot.data.dataset import Dataset
 from brickpilot.data.input_timing import InputTiming
+from brickpilot.data.nominal import lengths
 from brickpilot.data.reading import channels_of
 from brickpilot.data.signals import Frame, Vehicle
 from brickpilot.data.whole_files import beside
@@ -189,7 +190,7 @@ def _framed(new: NewDataset, as_frd: Dataset, as_flu: Dataset | None) -> dict[st
     yaw = next((name for name in ("yaw_rate", "yaw_angle") if name in new.units), None)
     if yaw is None or new.vehicle == "motor":
         return {"frame": "FRD"}
-    nominal = {name: one.value for name, one in as_frd.nominal.items()}
+    nominal = lengths(as_frd.nominal, new.vehicle)
     channels = [channels_of(run) for run in as_frd.runs]
     found = miswired(channels, nominal) if new.as_wired else as_frd.wiring
 

@@ -87,7 +87,7 @@ def why(
 
     Args:
         logs: a log, the folder of a data set or a data set; or several logs, or several folders, of one robot.
-        vehicle: "diff_drive" or "motor"; None: guessed from a table.
+        vehicle: "diff_drive", "motor" or "skid_steer"; None: guessed from a table.
         frame: "FLU" or "FRD"; None: guessed from a table, else FRD.
         mapping: the columns of a table, as in `import_log`; the rest is guessed.
         nominal: parameter -> value in SI.

@@ -118,7 +118,7 @@ def render(terms: Sequence[Term], settings: Mapping[str, float], *, name: str, v
     Args:
         settings: name -> value of the other parameters of the composed effect, which shape the terms.
         name: name of the effect and of the file; a C identifier in lower case.
-        vehicle: "diff_drive" or "motor": the only kind of vehicle that it acts on.
+        vehicle: the only kind of vehicle that it acts on.
 
     Raises:
         ValueError: no terms, no C identifier, a missing setting, or a term that does not act on this vehicle.

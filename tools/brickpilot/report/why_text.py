@@ -338,7 +338,7 @@ def _lengths(finding: Finding) -> list[str]:
     """Returns a line on lengths that nobody stated; empty: all are stated, or it is a motor."""
     known, used = finding.dataset.nominal, finding.augmented.parameters
     missing = [name for name in ("wheel_radius", "half_track") if name not in known]
-    if finding.dataset.vehicle != "diff_drive" or not missing:
+    if finding.dataset.vehicle == "motor" or not missing:
         return []
     values = listed([f"{name} of {quantity(used[name], 'm')}" for name in missing])
     options = " ".join(f"--nominal {name}=METRES" for name in missing)
@@ -348,7 +348,7 @@ def _lengths(finding: Finding) -> list[str]:
 def _symptoms(finding: Finding) -> list[str]:
     """Returns how the augmented model drives straight at full power, where it does not without what was found."""
     robot, simulation = drives(finding.augmented), drives(as_stated(finding))
-    unit = "m" if finding.dataset.vehicle == "diff_drive" or finding.augmented.parameters.get("wheel_radius") else "rad"
+    unit = "m" if finding.dataset.vehicle != "motor" or finding.augmented.parameters.get("wheel_radius") else "rad"
     return [*_veering(robot, simulation), *_weakness(robot, simulation, unit), *_stopping(robot, simulation, unit)]
 
 

@@ -106,6 +106,10 @@ FORMULAS: dict[str, tuple[Formula, ...]] = {
 }
 
 
+FORMULAS["skid_steer"] = tuple(one for one in FORMULAS["diff_drive"] if not one.name.startswith("spin"))
+"""The contacts of a skid steer hold a spin more than its motors do."""
+
+
 def _over(name: str) -> _Rule:
     return lambda p: 1 / p[name]
 

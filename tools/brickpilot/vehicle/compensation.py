@@ -36,6 +36,7 @@ from brickpilot.data.whole_files import write_whole
 from brickpilot.vehicle import plant, scenario
 from brickpilot.vehicle.coefficients import difference_inertia, mean_inertia
 from brickpilot.vehicle.combinations import loss
+from brickpilot.vehicle.drive_constants import two_wheeled
 from brickpilot.vehicle.model import Model, rcx
 from brickpilot.vehicle.plant import Undoable
 from brickpilot.vehicle.settings import Setting, compensations
@@ -108,7 +109,8 @@ def from_model(
         None: nothing can be undone, or the model is a motor, has the profile `paper`, or motors without torque. If only
         nominal values differ, `undone` is empty.
     """
-    if model.vehicle != "diff_drive" or model.profile != "coupled" or model.parameters.get("torque_constant") == 0:
+    model = two_wheeled(model)
+    if model.vehicle == "motor" or model.profile != "coupled" or model.parameters.get("torque_constant") == 0:
         return None
     believed = believed or rcx()
     wanted, raw, limited = _quantised(model, believed)

@@ -6,12 +6,14 @@ as in diff_drive_controller of ros2_control: a radius for each wheel, and the se
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from brickpilot import catalogue
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.model import Model, rcx
 from brickpilot.vehicle.plant import OpenLoopRun
@@ -26,6 +28,7 @@ _MOVING = 0.1  # of the top speed: slower samples say little about a drive in mo
 _SETTLED = 0.5  # of a drive: the rest counts as steady
 _DRIVE_S = 3.0
 _LEVEL, _CURVE = 0.6, 0.4  # of the battery's voltage: a straight drive, and the inner wheel of a curve
+_TURNS = "as the skid steer turns in a curve, which is as if its track were wider"
 _ROUNDS = 3  # rounds in which the radii and the separation are fitted in turn
 
 
@@ -116,6 +119,22 @@ def odometry(model: Model, stated: Mapping[str, float]) -> Odometry | None:
     return Odometry(
         stated["wheel_radius"], stated_separation, float(left), float(right), separation / stated_separation
     )
+
+
+def two_wheeled(model: Model) -> Model:
+    """Returns the diff_drive that turns as a skid_steer does: with the track that a curve shows, and without contacts.
+
+    It is what the firmware believes in, which knows no slip. Another vehicle is returned as it is.
+    """
+    if model.vehicle != "skid_steer":
+        return model
+    known = catalogue.presets("diff_drive")
+    values = {name: model.parameters.get(name, known[name]) for name in known}
+    shown = odometry(model, values)
+    assert shown is not None  # it has two sides
+    values["half_track"] *= shown.turning
+    basis = {**model.basis, "half_track": _TURNS}
+    return dataclasses.replace(model, vehicle="diff_drive", parameters=values, basis=basis)
 
 
 def drives(model: Model) -> Drives:

@@ -87,10 +87,10 @@ def plan(
     """Chooses profile, sensors and seed: from the argument, else from the scenario, else coupled, ideal, 0.
 
     Raises:
-        InputError: the model is not of a differential drive, or the compensation cannot be used here.
+        InputError: the model is of a motor, or the compensation cannot be used here.
     """
-    if model.vehicle != "diff_drive":
-        raise InputError(f"a {model.vehicle} model cannot fly a mission; a diff_drive is needed", field=model.name)
+    if model.vehicle == "motor":
+        raise InputError("a motor model cannot fly a mission; a diff_drive or skid_steer is needed", field=model.name)
     profile = profile or scenario.profile or model.profile
     sensors = sensors or scenario.sensors or "ideal"
     if compensation is not None and (profile != "coupled" or scenario.kind != "mission"):

@@ -5,7 +5,7 @@ for `brickpilot firmware` your model may also have its tables `[robot]`, `[rates
 `[controller]`.
 
     name    = "bench-7"
-    vehicle = "diff_drive"            # or "motor"
+    vehicle = "diff_drive"            # or "motor" or "skid_steer"
     profile = "coupled"               # or "paper"
 
     [parameters]                      # a value in SI, or with unit and basis; absent ones keep their presets
@@ -49,7 +49,7 @@ class Model:
 
     Attributes:
         name: for errors and reports.
-        vehicle: ``diff_drive`` or ``motor``.
+        vehicle: ``diff_drive``, ``motor`` or ``skid_steer``.
         profile: ``coupled`` or ``paper``.
         parameters: nominal parameter -> value, SI; absent ones keep the plant's presets.
         effects: effect -> its parameters, SI; absent ones keep the effect's presets.
@@ -151,7 +151,7 @@ def _value(toml: TomlFile, key: Key, entry: object, info: ParameterInfo, *, abse
 
 
 def _parameters(toml: TomlFile, vehicle: str, basis: dict[str, str]) -> dict[str, float]:
-    infos = {info.name: info for info in catalogue.parameters()}
+    infos = {info.name: info for info in catalogue.parameters() if info.name in catalogue.presets(vehicle)}
     table = toml.table(("parameters",), toml.data.get("parameters", {}))
     toml.known_keys(("parameters",), table, infos)
     values = catalogue.presets(vehicle)
@@ -193,6 +193,8 @@ def load(path: Path | str) -> Model:
             toml.refuse((key,), "is missing")
     basis: dict[str, str] = {}
     vehicle = toml.choice(("vehicle",), toml.data["vehicle"], catalogue.VEHICLE_CODES)
+    if vehicle == "skid_steer" and toml.data["profile"] == "paper":
+        toml.refuse(("profile",), "'paper' has no contacts with the floor: a skid_steer is of the profile coupled")
     model = Model(
         name=toml.file_name(("name",), toml.data["name"]),
         vehicle=vehicle,

@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 Outputs = Mapping[str, Array]
 
 _MOST_BEGUN = 1024  # start states of runs that are kept
+_SLIDING_S = 0.003  # the longest motor step that resolves how contacts of a skid steer begin to slide
 
 
 @dataclass(frozen=True)
@@ -125,7 +126,7 @@ class Replay:
         places, length = self._places(names)
         rows = np.empty((len(models), length))
         restarts = self._restarts(models, marks)
-        carrying = [index for index, model in enumerate(models) if _needs(tuple(model.effects))[0]]
+        carrying = [index for index, model in enumerate(models) if _needs(tuple(model.effects), model.vehicle)[0]]
         others = [index for index in range(len(models)) if index not in carrying]
         wanted = [one for one in self.aged if only is None or one[0].name in only]
         until = self.aged.index(wanted[-1]) + 1 if wanted else 0
@@ -203,7 +204,7 @@ class Replay:
                 time=run.time,
                 inputs=self._driven(run, model),
                 initial=dataclasses.replace(state, age=age, rest=run.gap_s),
-                motor_step=min([self.motor_step, *_needs(tuple(model.effects))[1]]),
+                motor_step=min([self.motor_step, *_needs(tuple(model.effects), model.vehicle)[1]]),
                 body_step=self.body_step,
             )
         found = [made[key] if key in made else begun[key] for key in keys]
@@ -222,10 +223,11 @@ class Replay:
 
 
 @cache
-def _needs(effects: tuple[str, ...]) -> tuple[bool, tuple[float, ...]]:
+def _needs(effects: tuple[str, ...], vehicle: str) -> tuple[bool, tuple[float, ...]]:
     """Returns whether charge or heat carries over from run to run with these effects, and their longest motor steps."""
     infos = catalogue.effects_of(effects)
-    return any(one.carries_over for one in infos), tuple(one.motor_step for one in infos if one.motor_step > 0)
+    steps = tuple(one.motor_step for one in infos if one.motor_step > 0)
+    return any(one.carries_over for one in infos), (*steps, _SLIDING_S) if vehicle == "skid_steer" else steps
 
 
 def _own_values(run: Run, model: Model) -> tuple[tuple[str, float], ...]:
@@ -237,7 +239,7 @@ def _own_values(run: Run, model: Model) -> tuple[tuple[str, float], ...]:
 def _start_key(model: Model) -> tuple[object, ...]:
     """Returns everything that the start of a run depends on, except the run and its own values."""
     sensors = tuple((name, *model.effects[name].items()) for name in start_state.sensor_effects(model))
-    steps = _needs(tuple(model.effects))[1]
+    steps = _needs(tuple(model.effects), model.vehicle)[1]
     return model.vehicle, steps, sensors, *(model.parameters.get(name) for name in GEOMETRY)
 
 
