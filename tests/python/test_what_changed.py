@@ -19,6 +19,8 @@ from brickpilot.fit.parameters import Plan
 from brickpilot.vehicle.replay import Replay, in_recording
 from click.testing import CliRunner
 from command import brickpilot
+from hidden import folder
+from lab import changed_sets
 
 RESISTANCE, CONSTANT, INERTIA = 20.0, 0.3, 1e-3  # ohm, N m/A and V s/rad, kg m^2
 KNOWN = {
@@ -132,6 +134,17 @@ def test_what_sets_in_within_a_run_is_told_with_its_moment(monday: bp.Dataset) -
     assert one.since.run == "run_2"
     assert one.since.at_s == pytest.approx(3.0, abs=0.5)
     assert one.after / one.before == pytest.approx(2.0, rel=0.1)
+
+
+@pytest.mark.parametrize("effect", ["speed_lag", "start_delay"])
+def test_an_effect_that_is_gone_is_told(effect: str, tmp_path: Path) -> None:
+    """Its difference ends where nothing is left of it; beyond, the data would tell nothing of it."""
+    pair = changed_sets.Pair("planar", effect, size=2.0, gone=True, index=1, seed_offset=64_000_000)
+    before, after = (folder.write(one, tmp_path) for one in pair.recipes())
+    (one,) = bp.changed(before, after).changes
+    assert one.what == effect
+    assert one.after == 0.0
+    assert -1.1 * one.before < one.change.ci95[0] < one.change.ci95[1] < -0.9 * one.before
 
 
 def test_a_change_within_what_runs_of_one_recording_differ_by_is_none() -> None:

@@ -29,7 +29,7 @@ from brickpilot.fit.parameters import Free, Plan
 from brickpilot.fit.problem import Problem
 from brickpilot.vehicle.combinations import loss
 from brickpilot.vehicle.model import Model
-from brickpilot.vehicle.replay import ADDED, RUN_KINDS
+from brickpilot.vehicle.replay import ADDED, RUN_KINDS, in_recording
 
 Array = NDArray[np.float64]
 Infos = Mapping[str, ParameterInfo]
@@ -192,6 +192,22 @@ def own_differences(model: Model, nominal: Collection[str], recording: str) -> I
                 size = max(abs(table[row.name]), _LEAST * (row.preset or row.trial) * scale_of(row.unit, model))
                 ends = (-row.maximum, row.maximum)
                 yield _own(key, recording, row, ends, size, numbers.COMMON, mechanism, {})
+
+
+def no_further(model: Model, recording: str) -> Model:
+    """Returns a model in which no size differs by more than it can: where one is gone, a larger difference is none.
+
+    Beyond that end a difference changes nothing, so that the data would tell nothing of it there.
+    """
+    by_run = {key: dict(table) for key, table in model.by_run.items()}
+    there = in_recording(model, recording, ("",))
+    for key, table in by_run.items():
+        effect, dot, name = key.partition(".")
+        if dot and recording in table:
+            table[recording] = there.effects.get(effect, {}).get(name, 0.0) - model.effects[effect][name]
+        elif key in ADDED and recording in table:
+            table[recording] = there.parameters[key] - model.parameters[key]
+    return dataclasses.replace(model, by_run=by_run)
 
 
 def _brakes(model: Model) -> float:

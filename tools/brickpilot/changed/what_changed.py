@@ -39,7 +39,7 @@ from brickpilot.changed.change import (
     sized,
     told_combinations,
 )
-from brickpilot.changed.differences import Difference, Differences, always
+from brickpilot.changed.differences import Difference, Differences, always, no_further
 from brickpilot.changed.onset import Onset, onset, suspected
 from brickpilot.changed.recordings import only, own_name, since, together
 from brickpilot.changed.run_spread import sd_between_recordings
@@ -373,7 +373,8 @@ def _changes(compared: Compared, alone: Mapping[str, Mapping[str, tuple[str, Siz
     if verdict.kind not in ("named", "ambiguous"):
         return []
     best, count = verdict.best, len(joint.base.parts)
-    spread = assess(joint.data, best.model, best.plan.free).spread
+    model = no_further(best.model, joint.recording)
+    spread = assess(joint.data, model, best.plan.free).spread
     moment, (first, later) = compared.since, (alone.get(name, {}) for name in (BEFORE, joint.recording))
     both = {what: (first[what][1], later[what][1]) for what in first.keys() & later.keys()}
     told: dict[str, Any] = {
@@ -383,7 +384,7 @@ def _changes(compared: Compared, alone: Mapping[str, Mapping[str, tuple[str, Siz
     correlated = Judge.of(joint.data, 0).correlation(next(e for e in verdict.ranked if e.explanation.key == best.key))
     return [
         change_of(
-            part, best.model, spread, sd_between_recordings(joint.data, best, part, correlated), BEFORE,
+            part, model, spread, sd_between_recordings(joint.data, best, part, correlated), BEFORE,
             joint.recording, both,
             weight=min(sum(one.weight for one in verdict.held if one.explanation.says(part)), 1.0), **told,
         )
