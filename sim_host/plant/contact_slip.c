@@ -55,11 +55,12 @@ static hold_t hold_of_four(const vehicle_t *vehicle, const slip_t *slip, double 
     const double most = h * build->along.friction * build->mass * p[PARAMETER_GRAVITY];
     hold_t hold = {.side = 0};
     for (int k = 0; k < 2; k++) {
-        const double of_side = load_share((k == 0 ? -1 : 1) * build->com_right, p[PARAMETER_HALF_TRACK]);
-        double along = 0;
-        for (int end = -1; end <= 1; end += 2) {
-            const double x = end * arm, sideways = slip->sway + x * slip->yaw_rate;
-            const double speed = sqrt(low * low + slip->along[k] * slip->along[k] + sideways * sideways);
+        const double of_side = load_share((k == 0) ? -build->com_right : build->com_right, p[PARAMETER_HALF_TRACK]);
+        double along = 0.0;
+        for (int end = 0; end < 2; end++) {
+            const double x = (end == 0) ? -arm : arm;
+            const double sideways = slip->sway + (x * slip->yaw_rate);
+            const double speed = sqrt((low * low) + (slip->along[k] * slip->along[k]) + (sideways * sideways));
             const double held = most * of_side * load_share(build->com_forward, x) / speed;
             along += held;
             hold.side += held;
