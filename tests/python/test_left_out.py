@@ -145,7 +145,7 @@ def test_a_long_step_is_halved_until_it_fits_the_other_stretches_no_worse(
     problem: Any = SimpleNamespace(
         plan=SimpleNamespace(at=lambda end: end), prior=lambda end: np.zeros(2), simulated=lambda end: slopes
     )
-    found = list(judge._beyond(problem, np.ones(2), [evidence._Far(here, np.array(step))]))
+    found = list(judge._beyond(problem, np.ones(2), [(here, np.array(step))]))
     if halvings is None:
         assert found == []
         return

@@ -59,7 +59,7 @@ def test_the_pages_of_files_and_of_the_verdict_show_what_their_sources_hold() ->
     files = reference.files_page()
     for name in reference.FILES:
         assert all(line in files for line in example(manual(name)).splitlines())
-    assert "| `wheel_angle_left` | output | rad | diff_drive |" in files
+    assert "| `wheel_angle_left` | output | rad | diff_drive, skid_steer |" in files
     assert "| `dataflash` | .bin |" in files
     verdict = reference.verdict_page()
     assert "| `proof.draws` | How often stretches of the held-out runs" in verdict
