@@ -130,7 +130,7 @@ def _asked(runs: Sequence[Run], commands: Sequence[str], output: str) -> Loop | 
 
 def _chance(gained: Array) -> float:
     """Returns the probability that the mean of `gained` (blocks,) is so large although its expectation is 0."""
-    from scipy.stats import ttest_1samp
+    from scipy.stats import ttest_1samp  # slow to load, and most commands need none of it
 
     return float(ttest_1samp(gained, 0.0, alternative="greater").pvalue) if np.ptp(gained) > 0.0 else 1.0
 
@@ -228,7 +228,7 @@ def _decisions(run: Run, commands: Sequence[str], output: str, past: int) -> tup
     The table (n, columns) is in units of the rms change. Its columns are the change, the commands before, the output
     before, and the output's change up to the same row. The second result are the ages of the output's readings, s.
     """
-    from scipy.signal import lfilter
+    from scipy.signal import lfilter  # slow to load, and most commands need none of it
 
     inputs, reading = np.column_stack([run.inputs[name] for name in commands]), run.outputs[output]
     with np.errstate(invalid="ignore"):

@@ -187,7 +187,7 @@ def own_period(residuals: Sequence[tuple[Array, Array]], level: float) -> Period
     around = [one for one in range(-_AROUND - 1, _AROUND + 2) if abs(one) > 1]
     background = np.mean([power[tested - 1 + one] for one in around], axis=0)
     ratio = power[tested - 1] / background
-    from scipy.stats import f as fisher
+    from scipy.stats import f as fisher  # slow to load, and most commands need none of it
 
     chances = fisher.sf(ratio, 2 * len(pieces), 2 * len(pieces) * len(around)) * len(tested)
     best = int(np.argmin(chances))
@@ -229,7 +229,7 @@ def _power_at_multiples(time: Array, left: Array, duration: float, count: int) -
 
 def _power(pieces: Sequence[tuple[Array, Array]], frequencies: Array) -> Array:
     """Returns (pieces, frequencies): the Lomb-Scargle power of each piece over its variance, at `frequencies` in Hz."""
-    from scipy.signal import lombscargle
+    from scipy.signal import lombscargle  # slow to load, and most commands need none of it
 
     angular = 2.0 * math.pi * frequencies
     return np.array([np.asarray(lombscargle(time, left, angular)) / np.mean(left**2) for time, left in pieces])

@@ -97,9 +97,9 @@ def conclude(prepared: Prepared, found: Conclusion) -> Finding:
     if effects and (found.claims or found.composed is None):
         mechanism = effects[0].mechanism
     left = adequacy is not None and adequacy.nats_left > numbers.UNEXPLAINED_NATS
-    beside, power = verdict.best if found.claims else verdict.nominal, dict[str, finding.Visible]()
-    if prepared.deadline.allows("the smallest size of each effect that would show"):
-        power = smallest_sizes(prepared, found.judge, verdict.nominal, beside)
+    beside = verdict.best if found.claims else verdict.nominal
+    may_ask = prepared.deadline.allows("the smallest size of each effect that would show")
+    power = smallest_sizes(prepared, found.judge, verdict.nominal, beside) if may_ask else {}
     return Finding(
         dataset=proof.opened.whole,
         verdict=found.kind,
