@@ -11,10 +11,8 @@ better that are left out, claimed or not. It is for those who want to predict an
 from __future__ import annotations
 
 import dataclasses
-import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,8 +27,7 @@ from brickpilot.discover.search import Found, Library, Search, Tell, runs_of
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.fit.residual import Residual, of_bins
 from brickpilot.fit.uncertainty import Estimate, assess
-from brickpilot.vehicle import model as model_file
-from brickpilot.vehicle.model import Model
+from brickpilot.vehicle.model import Model, read_back
 from brickpilot.vehicle.replay import Outputs, Replay
 from brickpilot.vehicle.spread import Spread
 
@@ -163,14 +160,6 @@ def _change(before: Mapping[str, float], after: Mapping[str, float]) -> float:
     """Returns how many times as large the error becomes, as the geometric mean over the signals."""
     ratios = [after[signal] / before[signal] for signal in before if before[signal] > 0 and after.get(signal, 0) > 0]
     return float(np.exp(np.mean(np.log(ratios)))) if ratios else 1.0
-
-
-def read_back(model: Model) -> Model:
-    """Returns the model as it is read back from its file: what is shown is simulated from what is written."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "model.toml"
-        model_file.save(model, path)
-        return model_file.load(path)
 
 
 def best_predictor(prepared: Prepared, start: Explanation, tell: Tell) -> Settled:

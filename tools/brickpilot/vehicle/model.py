@@ -16,6 +16,7 @@ for `brickpilot firmware` your model may also have its tables `[robot]`, `[rates
 from __future__ import annotations
 
 import dataclasses
+import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -260,3 +261,15 @@ def save(model: Model, path: Path | str) -> None:
     """
     plant.build(model)
     write_whole(path, render(model))
+
+
+def read_back(model: Model) -> Model:
+    """Returns the model as it is read back from its file: what is shown is simulated from what is written.
+
+    Raises:
+        InputError: as of `save`.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "model.toml"
+        save(model, path)
+        return load(path)
