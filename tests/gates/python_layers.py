@@ -29,7 +29,7 @@ MAY: dict[str, set[str]] = {
     "flash": {"vehicle", "link"},
     "firmware": {"data", "vehicle", "link", "hil"},
     "campaign": {"data", "vehicle", "fit", "report", "hil"},
-    "bench": {"data", "vehicle", "fit", "discover", "link", "hil", "campaign"},
+    "bench": {"data", "vehicle", "fit", "discover", "hil", "campaign"},
     "export": {"data", "vehicle", "link", "hil"},
     "tune": {"data", "vehicle", "fit", "report", "hil", "firmware", "campaign"},
     "public": {
@@ -44,11 +44,10 @@ MAY: dict[str, set[str]] = {
 }  # fmt: skip
 
 # The only files of their rooms that may: one fetches a recording from the robot itself, one loads a program into a
-# simulated brick, and one writes the simulator's table of states.
+# simulated brick.
 ALSO = {
     "importers/rcx.py": {"link"},
     "hil/rcx_flight.py": {"flash"},
-    "gen/h8_states_header.py": {"bench"},
 }
 
 

@@ -10,6 +10,8 @@ times and more, and RK23 where each step begins anew, with half of RK45's evalua
 from __future__ import annotations
 
 import dataclasses
+import json
+import subprocess
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -23,9 +25,10 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from brickpilot import catalogue
-from brickpilot.bench import control_peers, this_machine
+from brickpilot.bench import this_machine
 from brickpilot.constants import MOTOR_STEP_S, STEP_S
-from brickpilot.errors import SimulationError
+from brickpilot.errors import InputError, SimulationError
+from brickpilot.hil.checkout import in_lab
 from brickpilot.vehicle import flight, plant, scenario
 from brickpilot.vehicle.model import Model, rcx
 
@@ -206,36 +209,18 @@ def _scipy(model: Model, manoeuvre: Manoeuvre) -> dict[str, Callable[[], float]]
 
 
 def control_law() -> tuple[dict[str, LawFigure], list[str]]:
-    """Returns the control law's cost on each brick's processor beside its peers, and why a brick is missing here."""
-    found: dict[str, LawFigure] = {}
-    reasons = []
-    for brick in control_peers.BRICKS:
-        if reason := control_peers.missing(brick):
-            reasons.append(reason)
-            continue
-        costs = control_peers.measure(brick)
-        found |= {
-            f"control_{brick}_{name}": _law_figure(brick, name, costs["ours"], cost)
-            for name, cost in costs.items()
-            if name != "ours"
-        }
-    return found, reasons
+    """Returns the control law's cost on each brick's processor beside its peers, and why a brick is missing here.
 
-
-def _law_figure(brick: str, name: str, ours: control_peers.LawCost, theirs: control_peers.LawCost) -> LawFigure:
-    value, other = float(np.median(ours.cycles)), float(np.median(theirs.cycles))
-    return LawFigure(
-        value=value,
-        unit=control_peers.UNITS[brick],
-        peer=control_peers.ARITHMETICS[name],
-        ratio=other / value,
-        machine=control_peers.BRICKS[brick],
-        most=int(ours.cycles.max()),
-        peer_most=int(theirs.cycles.max()),
-        flash_bytes=ours.flash,
-        peer_flash_bytes=theirs.flash,
-        apart_v=float(np.abs(theirs.voltages - ours.voltages).max()),
-    )
+    A checkout measures it: `tests/lab/control_peers.py`.
+    """
+    try:
+        done = in_lab("step_costs", "law", field="control law", stdout=subprocess.PIPE)
+    except InputError as error:
+        return {}, [str(error)]
+    if done.returncode != 0:
+        raise SimulationError("the control law could not be measured")
+    told = json.loads(done.stdout)
+    return {name: LawFigure(**figure) for name, figure in told["figures"].items()}, told["missing"]
 
 
 def lines(found: Mapping[str, Figure], laws: Mapping[str, LawFigure]) -> Iterator[str]:
