@@ -40,7 +40,7 @@ MAY: dict[str, set[str]] = {
         "data", "importers", "vehicle", "fit", "discover", "changed", "readiness", "report", "link", "hil", "flash",
         "firmware", "campaign", "bench", "export", "tune", "public",
     },
-    "gen": {"data", "vehicle", "fit", "discover", "report", "firmware"},
+    "gen": {"vehicle", "firmware"},
 }  # fmt: skip
 
 # The only files of their rooms that may: one fetches a recording from the robot itself, one loads a program into a

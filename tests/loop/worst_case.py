@@ -2,7 +2,9 @@
 
     PYTHONPATH=tests python tests/loop/worst_case.py [TARGET...] [--flights N] [--seconds S] [--seed N]
 
-It prints a JSON line for each target. Each flight draws its settings, a third of them at each end of their range, and how it begins: by itself after power-on,
+It prints a JSON line for each target.
+
+Each flight draws its settings, a third of them at each end of their range, and how it begins: by itself after power-on,
 or in a host's session. All the time the host sends as much as the line carries, or a message in a period: half of these
 requests write settings and routes. The brick sends telemetry as often as it can.
 

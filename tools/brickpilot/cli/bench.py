@@ -66,11 +66,8 @@ def bench(
     if target != "host":
         chosen = {"--profile": profile, "--sensors": sensors, "--seconds": seconds}
         words = [str(word) for flag, value in chosen.items() if value is not None for word in (flag, value)]
-        sys.exit(
-            in_lab(
-                "step_costs", target, *words, *(["--json"] if as_json else []), field=f"--target {target}"
-            ).returncode
-        )
+        words += ["--json"] if as_json else []
+        sys.exit(in_lab("step_costs", target, *words, field=f"--target {target}").returncode)
     _refuse("h8 or avr", seconds=seconds)
     from brickpilot.bench import speed as bench_module
 
