@@ -1,4 +1,4 @@
-"""Makes a data set of the channels that the user chose from a log. All readers of logs with channels end here.
+"""Makes a data set of the signals that the user chose from logs. All readers but those of text and JSON end here.
 
 Channels with different times are put on the rows of one table.
 """
@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Protocol
 
@@ -23,27 +24,26 @@ from brickpilot.importers.formula import Formula, FormulaError, Place, Scaling
 from brickpilot.importers.mapping import Mapped, Source, common_scalings, parse_mapping, read_formulas
 from brickpilot.importers.split import parse_split
 from brickpilot.importers.table import runs_of
-from brickpilot.importers.writer import Imported, NewDataset, check_out, run_names, write
+from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out, run_names, write
 
-_CLOCK = {"time": Source("time", "s")}
 _NEAREST = 4  # names that an error proposes
 _ALIKE = 0.4  # of difflib: the least likeness to the name
 
 
-class ChannelImporter(Protocol):
-    """The function of a row in the table of importers, for a kind of log with channels.
+class SignalImporter(Protocol):
+    """The function of a row in the table of importers, for a kind of log of which `mapping` chooses the signals.
 
-    It makes a data set of logs; each file becomes a run of the same name.
+    It makes a data set of logs; each file becomes a run of the same name, or several where it is split.
 
     Args:
-        files: logs with the same channels.
+        files: logs with the same channels, columns or variables.
         out: the new folder.
         mapping: ``SIGNAL=CHANNEL[:UNIT]``, or a formula of channels; the default unit is the one that the file states,
-            or else the SI unit.
+            or else the SI unit. The module of the kind says how channels are named.
         vehicle, frame, nominal, name: as in a data set; the default name is that of the folder, and the default frame
             the one that wheels and yaw show.
         as_wired: whether nothing is mended that looks swapped, reversed or scaled wrongly.
-        rate: rows per second; None: the rows are the samples of the fastest output.
+        rate: rows per second, of a log whose channels have times; None: the rows are the samples of the fastest output.
         split: ``rests``, or ``FROM,TO`` in s of the log's clock, repeatable; a part becomes a run.
         cut: whether a file that ends inside a record is read without that record.
 
@@ -69,18 +69,32 @@ class ChannelImporter(Protocol):
 
 
 @dataclass(frozen=True)
-class _Read:
+class Read:
     """The content of one log: its signals on common rows, signal -> unit, and notes."""
 
     signals: Mapped
-    units: dict[str, str]
-    notes: list[str]
+    units: Mapping[str, str]
+    notes: Sequence[str] = ()
 
 
-def channel_importer(read: Reader) -> ChannelImporter:
-    """Returns the importer of the logs that `read` reads."""
+SignalReader = Callable[[Path, Mapping[str, Source], float | None, bool], Read]
+"""Reads the signals of a file: (file, signal -> source, rate, cut), the last two as in `SignalImporter`."""
 
-    def import_channels(
+
+def channel_importer(read: Reader) -> SignalImporter:
+    """Returns the importer of logs whose channels have times of their own, which `read` reads."""
+    return signal_importer(partial(_signals, read), has_time=True)
+
+
+def signal_importer(read: SignalReader, *, has_time: bool = False, is_whole: bool = False) -> SignalImporter:
+    """Returns the importer of the logs whose signals `read` reads.
+
+    Args:
+        has_time: whether the samples have times of their own, so that none is mapped.
+        is_whole: whether a file is one run in any case; else a new run begins behind each pause between its rows.
+    """
+
+    def import_signals(
         files: Sequence[Path],
         out: Path,
         mapping: Sequence[str],
@@ -95,19 +109,27 @@ def channel_importer(read: Reader) -> ChannelImporter:
         name: str | None = None,
     ) -> Imported:
         check_out(out)
-        sources = parse_mapping(mapping, has_time=True)
+        sources = parse_mapping(mapping, has_time=has_time)
         hertz, names, spans = _rate(rate), run_names(files), parse_split(split)
-        logs = [_signals(file, read, sources, hertz, cut) for file in files]
+        logs = [read(file, sources, hertz, cut) for file in files]
+        units = logs[0].units
         for file, log in zip(files, logs, strict=True):
-            if log.units != logs[0].units:
+            if log.units != units:
                 raise InputError(f"states other units than {files[0]}; give them in --map", file=file)
-        whole = [table_log.Log(file, log.signals, (), tuple(log.notes)) for file, log in zip(files, logs, strict=True)]
-        runs, notes = runs_of(whole, _CLOCK, spans, names)
+        notes: list[str] = []
+        if is_whole:
+            runs = [NewRun(run, log.signals.columns) for run, log in zip(names, logs, strict=True)]
+        else:
+            clock = {"time": Source("time", units["time"])}
+            whole = [
+                table_log.Log(file, one.signals, (), tuple(one.notes)) for file, one in zip(files, logs, strict=True)
+            ]
+            runs, notes = runs_of(whole, clock, spans, names)
         new = NewDataset(
             name or out.resolve().name,
             vehicle,
             frame,
-            logs[0].units,
+            units,
             runs,
             nominal or {},
             notes,
@@ -117,7 +139,7 @@ def channel_importer(read: Reader) -> ChannelImporter:
         )
         return write(new, out, files[0])
 
-    return import_channels
+    return import_signals
 
 
 def _rate(text: str | None) -> float | None:
@@ -132,7 +154,7 @@ def _rate(text: str | None) -> float | None:
     return rate
 
 
-def _signals(file: Path, read: Reader, sources: Mapping[str, Source], rate: float | None, cut: bool) -> _Read:
+def _signals(read: Reader, file: Path, sources: Mapping[str, Source], rate: float | None, cut: bool) -> Read:
     log = read(file, [source.text for source in sources.values()])
     if log.cut and not cut:
         raise InputError("ends inside a record; --cut reads it up to there", file=file)
@@ -149,7 +171,7 @@ def _signals(file: Path, read: Reader, sources: Mapping[str, Source], rate: floa
     scalings = {
         signal: formula.scaling for signal, formula in formulas.items() if formula.scaling not in (None, Scaling())
     }
-    return _Read(Mapped(made, scalings), {"time": "s"} | units, notes + told)
+    return Read(Mapped(made, scalings), {"time": "s"} | units, notes + told)
 
 
 def _formulas(log: Log, read: Reader, sources: Mapping[str, Source]) -> dict[str, Formula]:
