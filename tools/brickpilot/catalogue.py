@@ -14,8 +14,9 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from brickpilot.compiled import interface
+from brickpilot.constants import VEHICLES
 
-VEHICLE_CODES = {"diff_drive": 0, "motor": 1, "skid_steer": 2}
+VEHICLE_CODES: dict[str, int] = {name: number for number, name in enumerate(VEHICLES)}
 PROFILE_CODES = {"coupled": 0, "paper": 1}
 
 Role = Literal["size", "shape", "place", "switch", "limit", "fixed"]

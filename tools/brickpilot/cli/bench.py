@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import shlex
 import sys
 from pathlib import Path
 
@@ -85,12 +84,13 @@ def bench(
 def _scaling(folder: Path, as_json: bool) -> None:
     """Measures how time grows, and writes its page and its figures."""
     from brickpilot.bench import scaling as scaling_module
+    from brickpilot.public.doors import command_line
     from brickpilot.report import run_folder, scaling_page
 
     with run_folder.fresh_folder(folder, ("report.html", "scaling.json")) as beside:
         with progress_shown(as_json) as progress:
             found = scaling_module.as_dict(scaling_module.measure(progress))
-        command = shlex.join(["brickpilot", "bench", "--scaling", "--out", str(folder)])
+        command = command_line("bench", scaling=True, out=folder)
         (beside / "scaling.json").write_text(json.dumps(found, indent=2, allow_nan=False) + "\n", encoding="utf-8")
         (beside / "report.html").write_text(scaling_page.page(found, command), encoding="utf-8")
     if as_json:
