@@ -29,7 +29,7 @@ MAY: dict[str, set[str]] = {
     "flash": {"vehicle", "link"},
     "firmware": {"data", "vehicle", "link", "hil"},
     "campaign": {"data", "vehicle", "fit", "report", "hil"},
-    "bench": {"data", "vehicle", "fit", "discover", "hil", "campaign"},
+    "bench": {"vehicle", "hil"},
     "export": {"data", "vehicle", "link", "hil"},
     "tune": {"data", "vehicle", "fit", "report", "hil", "firmware", "campaign"},
     "public": {

@@ -1,6 +1,4 @@
-"""`brickpilot bench`: how fast the simulator is. What a control step costs on a brick is measured in `tests/lab`.
+"""`brickpilot bench`: how fast the simulator and the links are, beside peers.
 
-speed.py           the simulator and the links, beside a peer in the same process
-scaling.py         how time grows with the amount of work
-this_machine.py    the machine's processor, cores and compiler
+What a control step costs on a brick, and how time grows with the amount of work, is measured in `tests/lab`.
 """

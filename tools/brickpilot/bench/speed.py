@@ -11,6 +11,9 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
+import platform
+import re
 import subprocess
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -18,14 +21,14 @@ from dataclasses import dataclass
 from functools import cache, partial
 from importlib.util import find_spec
 from math import cos, sin
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from brickpilot import catalogue
-from brickpilot.bench import this_machine
+from brickpilot import catalogue, compiled
 from brickpilot.constants import MOTOR_STEP_S, STEP_S
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.hil.checkout import in_lab
@@ -117,7 +120,7 @@ def _side_by_side(model: Model) -> dict[str, Figure]:
         rates = _best({lanes: partial(_many, one, count) for lanes, count in _LANES.items()}, 9)
         alone, many = (rates[lanes] for lanes in _LANES)
         peer = f"the same 16 runs one at a time, {alone / MOTOR_STEP_S:.2e} motor steps/s"
-        found[name] = Figure(many / MOTOR_STEP_S, "motor steps/s", peer, many / alone, this_machine.describe())
+        found[name] = Figure(many / MOTOR_STEP_S, "motor steps/s", peer, many / alone, this_machine())
     return found
 
 
@@ -172,7 +175,7 @@ def host() -> dict[str, Figure]:
     solve_ivp at the plant's own accuracy. Their inputs change every 3 ms for the full loop, and every second for the
     plant alone. Both simulate the robot without its controller and sensors. The peer of the link is real time.
     """
-    model, on = rcx(), this_machine.describe()
+    model, on = rcx(), this_machine()
     ours: dict[str, Callable[[], float]] = {"full_loop": _full_loop, "plant": partial(_plant_alone, model)}
     scipy = {"full_loop": _scipy(model, controlled()), "plant": _scipy(model, held())}
     mujoco: dict[str, Callable[[], float]] = {}
@@ -370,3 +373,28 @@ def loosest(model: Model, manoeuvre: Manoeuvre) -> list[SolverSetting]:
         else:
             raise SimulationError(f"no tolerance of SciPy's {method} errs by {plant_m:.1e} m at most")
     return found
+
+
+def this_machine() -> str:
+    """Returns one line: "Intel(R) Xeon(R) Processor, 2 cores, gcc (Debian 12.2.0-14) 12.2.0"."""
+    return f"{processor()}, {cores()} cores, {compiler()}"
+
+
+def processor() -> str:
+    """Returns the name of the processor, as Linux or Python's platform tells it."""
+    told = Path("/proc/cpuinfo")
+    named = re.search(r"^model name\s*: (.+)$", told.read_text(), re.MULTILINE) if told.exists() else None
+    return named[1].strip() if named else platform.processor() or platform.machine()
+
+
+def cores() -> int:
+    """Returns the number of processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def compiler() -> str:
+    """Returns what the compiler wrote into the plant's library about itself."""
+    told = re.search(rb"GCC: (\([^)\0]*\) [\d.]+)|(?:Apple )?clang version [\d.]+", compiled.library().read_bytes())
+    if told is None:
+        return "a compiler that does not tell its name"
+    return f"gcc {told[1].decode()}" if told[1] else told[0].decode()

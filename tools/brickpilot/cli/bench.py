@@ -5,11 +5,10 @@ from __future__ import annotations
 import dataclasses
 import json
 import sys
-from pathlib import Path
 
 import click
 
-from brickpilot.cli.terminal import as_json, progress_shown
+from brickpilot.cli.terminal import as_json
 from brickpilot.constants import STEP_S
 from brickpilot.errors import InputError
 from brickpilot.hil.checkout import AVR_TARGETS, in_lab
@@ -56,8 +55,8 @@ def bench(
             raise InputError("works only without --target", field="--scaling")
         _refuse("h8", profile=profile, sensors=sensors)
         _refuse("h8 or avr", seconds=seconds)
-        _scaling(Path(out or "runs/bench-scaling"), as_json)
-        return
+        words = ["--out", out or "runs/bench-scaling", *(["--json"] if as_json else [])]
+        sys.exit(in_lab("scaling_page", *words, field="--scaling").returncode)
     if out is not None:
         raise InputError("works only with --scaling", field="--out")
     if not target.startswith("h8"):
@@ -79,32 +78,6 @@ def bench(
         return
     for line in bench_module.lines(found, laws):
         click.echo(line)
-
-
-def _scaling(folder: Path, as_json: bool) -> None:
-    """Measures how time grows, and writes its page and its figures."""
-    from brickpilot.bench import scaling as scaling_module
-    from brickpilot.public.doors import command_line
-    from brickpilot.report import run_folder, scaling_page
-
-    with run_folder.fresh_folder(folder, ("report.html", "scaling.json")) as beside:
-        with progress_shown(as_json) as progress:
-            found = scaling_module.as_dict(scaling_module.measure(progress))
-        command = command_line("bench", scaling=True, out=folder)
-        (beside / "scaling.json").write_text(json.dumps(found, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-        (beside / "report.html").write_text(scaling_page.page(found, command), encoding="utf-8")
-    if as_json:
-        click.echo(json.dumps(found, allow_nan=False))
-        return
-    click.echo(f"on {found['machine']}")
-    for one in found["sweeps"].values():
-        low, high = one["exponent"]["ci95"]
-        growth = f"{one['growth']}, exponent {one['exponent']['value']:.2f} ({low:.2f} to {high:.2f})"
-        ratio = f"{one['times_as_long']:6.1f} times as long for {one['times_work']:4.1f} times the {one['unit']}"
-        click.echo(f"{ratio}: {growth}; {one['what']}")
-    for number, gain in zip(found["workers"]["numbers"], found["workers"]["gain"], strict=True):
-        click.echo(f"{gain:6.2f} times the flights of one worker with {number} on {found['workers']['cores']} cores")
-    click.echo(f"report: {folder / 'report.html'}")
 
 
 def _refuse(target: str, **given: str | float | None) -> None:
