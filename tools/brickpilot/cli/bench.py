@@ -37,7 +37,7 @@ from brickpilot.hil.checkout import AVR_TARGETS, in_lab
     "--scaling",
     is_flag=True,
     help="Measure how time grows with runs, samples, candidates and workers instead, in about four minutes of a quiet "
-    "machine; writes report.html and scaling.json.",
+    "machine; writes report.html and scaling.json. It needs a checkout.",
 )
 @click.option("--out", metavar="DIR", help="With --scaling: the folder to write; default runs/bench-scaling.")
 @as_json
