@@ -11,7 +11,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
@@ -30,44 +29,6 @@ _NEAREST = 4  # names that an error proposes
 _ALIKE = 0.4  # of difflib: the least likeness to the name
 
 
-class SignalImporter(Protocol):
-    """The function of a row in the table of importers, for a kind of log of which `mapping` chooses the signals.
-
-    It makes a data set of logs; each file becomes a run of the same name, or several where it is split.
-
-    Args:
-        files: logs with the same channels, columns or variables.
-        out: the new folder.
-        mapping: ``SIGNAL=CHANNEL[:UNIT]``, or a formula of channels; the default unit is the one that the file states,
-            or else the SI unit. The module of the kind says how channels are named.
-        vehicle, frame, nominal, name: as in a data set; the default name is that of the folder, and the default frame
-            the one that wheels and yaw show.
-        as_wired: whether nothing is mended that looks swapped, reversed or scaled wrongly.
-        rate: rows per second, of a log whose channels have times; None: the rows are the samples of the fastest output.
-        split: ``rests``, or ``FROM,TO`` in s of the log's clock, repeatable; a part becomes a run.
-        cut: whether a file that ends inside a record is read without that record.
-
-    Raises:
-        InputError: naming file and channel, or the option. Nothing is written then.
-    """
-
-    def __call__(
-        self,
-        files: Sequence[Path],
-        out: Path,
-        mapping: Sequence[str],
-        *,
-        vehicle: Vehicle,
-        frame: Frame | None = None,
-        as_wired: bool = False,
-        rate: str | None = None,
-        split: Sequence[str] = (),
-        cut: bool = False,
-        nominal: Mapping[str, float] | None = None,
-        name: str | None = None,
-    ) -> Imported: ...
-
-
 @dataclass(frozen=True)
 class Read:
     """The content of one log: its signals on common rows, signal -> unit, and notes."""
@@ -83,18 +44,25 @@ SignalReader = Callable[[Path, Mapping[str, Source], float | None, bool], Read]
 
 def channel_importer(read: Reader) -> SignalImporter:
     """Returns the importer of logs whose channels have times of their own, which `read` reads."""
-    return signal_importer(partial(_signals, read), has_time=True)
+    return SignalImporter(partial(_signals, read), has_time=True)
 
 
-def signal_importer(read: SignalReader, *, has_time: bool = False, is_whole: bool = False) -> SignalImporter:
-    """Returns the importer of the logs whose signals `read` reads.
+@dataclass(frozen=True)
+class SignalImporter:
+    """The function of a row in the table of importers, for a kind of log of which `mapping` chooses the signals.
 
-    Args:
+    Attributes:
+        read: reads the signals of a file.
         has_time: whether the samples have times of their own, so that none is mapped.
         is_whole: whether a file is one run in any case; else a new run begins behind each pause between its rows.
     """
 
-    def import_signals(
+    read: SignalReader
+    has_time: bool = False
+    is_whole: bool = False
+
+    def __call__(
+        self,
         files: Sequence[Path],
         out: Path,
         mapping: Sequence[str],
@@ -108,16 +76,33 @@ def signal_importer(read: SignalReader, *, has_time: bool = False, is_whole: boo
         nominal: Mapping[str, float] | None = None,
         name: str | None = None,
     ) -> Imported:
+        """Makes a data set of logs; each file becomes a run of the same name, or several where it is split.
+
+        Args:
+            files: logs with the same channels, columns or variables.
+            out: the new folder.
+            mapping: ``SIGNAL=CHANNEL[:UNIT]``, or a formula of channels; the default unit is the one that the file
+                states, or else the SI unit. The module of the kind says how channels are named.
+            vehicle, frame, nominal, name: as in a data set; the default name is that of the folder, and the default
+                frame the one that wheels and yaw show.
+            as_wired: whether nothing is mended that looks swapped, reversed or scaled wrongly.
+            rate: rows per second, of channels with times; None: the rows are the samples of the fastest output.
+            split: ``rests``, or ``FROM,TO`` in s of the log's clock, repeatable; a part becomes a run.
+            cut: whether a file that ends inside a record is read without that record.
+
+        Raises:
+            InputError: naming file and channel, or the option. Nothing is written then.
+        """
         check_out(out)
-        sources = parse_mapping(mapping, has_time=has_time)
+        sources = parse_mapping(mapping, has_time=self.has_time)
         hertz, names, spans = _rate(rate), run_names(files), parse_split(split)
-        logs = [read(file, sources, hertz, cut) for file in files]
+        logs = [self.read(file, sources, hertz, cut) for file in files]
         units = logs[0].units
         for file, log in zip(files, logs, strict=True):
             if log.units != units:
                 raise InputError(f"states other units than {files[0]}; give them in --map", file=file)
         notes: list[str] = []
-        if is_whole:
+        if self.is_whole:
             runs = [NewRun(run, log.signals.columns) for run, log in zip(names, logs, strict=True)]
         else:
             clock = {"time": Source("time", units["time"])}
@@ -138,8 +123,6 @@ def signal_importer(read: SignalReader, *, has_time: bool = False, is_whole: boo
             as_wired=as_wired,
         )
         return write(new, out, files[0])
-
-    return import_signals
 
 
 def _rate(text: str | None) -> float | None:

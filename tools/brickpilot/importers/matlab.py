@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from brickpilot.errors import InputError
 from brickpilot.importers.channels import Channel, Log
-from brickpilot.importers.chosen import Read, signal_importer
+from brickpilot.importers.chosen import Read, SignalImporter
 from brickpilot.importers.formula import Place, unknown_name
 from brickpilot.importers.mapping import Source, read_formulas, take, units_of
 from brickpilot.importers.mat_file import load
@@ -105,4 +105,4 @@ def _column(
     return column
 
 
-import_matlab = signal_importer(_signals, is_whole=True)
+import_matlab = SignalImporter(_signals, is_whole=True)

@@ -13,7 +13,7 @@ import numpy as np
 
 from brickpilot.errors import InputError
 from brickpilot.importers.channels import Channel, Log, Vector, check_file, is_wanted, libraries
-from brickpilot.importers.chosen import Read, signal_importer, unit_of
+from brickpilot.importers.chosen import Read, SignalImporter, unit_of
 from brickpilot.importers.formula import Place, unknown_name
 from brickpilot.importers.mapping import Source, read_formulas, take
 
@@ -87,4 +87,4 @@ def _unit(field: Any) -> str | None:
     return stated or None
 
 
-import_parquet = signal_importer(_signals)
+import_parquet = SignalImporter(_signals)
