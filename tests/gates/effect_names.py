@@ -12,7 +12,7 @@ TABLE = Path("sim_host/effects/effects.c")
 MAY_NAME = frozenset(
     {
         Path("tools/brickpilot/export/machine.py"),
-        Path("tools/brickpilot/gen/pictures.py"),
+        Path("tools/docs/pictures.py"),
         Path("tools/examples/gain_sweep.toml"),
         Path("tools/examples/make_logs.py"),
         Path("tools/examples/tolerances.toml"),

@@ -29,7 +29,7 @@ MAY: dict[str, set[str]] = {
     "flash": {"vehicle", "link"},
     "firmware": {"data", "vehicle", "link", "hil"},
     "campaign": {"data", "vehicle", "fit", "report", "hil"},
-    "bench": {"data", "vehicle", "fit", "discover", "link", "hil", "campaign"},
+    "bench": {"vehicle", "hil"},
     "export": {"data", "vehicle", "link", "hil"},
     "tune": {"data", "vehicle", "fit", "report", "hil", "firmware", "campaign"},
     "public": {
@@ -40,15 +40,14 @@ MAY: dict[str, set[str]] = {
         "data", "importers", "vehicle", "fit", "discover", "changed", "readiness", "report", "link", "hil", "flash",
         "firmware", "campaign", "bench", "export", "tune", "public",
     },
-    "gen": {"data", "vehicle", "fit", "discover", "report", "firmware"},
+    "gen": {"vehicle", "firmware"},
 }  # fmt: skip
 
 # The only files of their rooms that may: one fetches a recording from the robot itself, one loads a program into a
-# simulated brick, and one writes the simulator's table of states.
+# simulated brick.
 ALSO = {
     "importers/rcx.py": {"link"},
     "hil/rcx_flight.py": {"flash"},
-    "gen/h8_states_header.py": {"bench"},
 }
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from brickpilot.bench import control_peers
 from brickpilot.errors import SimulationError
+from lab import control_peers
 
 ROOT = Path(__file__).resolve().parents[2]
 STEPS = 120

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from brickpilot.bench import h8_states
+from brickpilot.hil.rcx_flight import CLOCK_HZ
 from command import brickpilot
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -93,4 +93,4 @@ def test_a_step_is_done_in_time_and_takes_what_the_documents_say(target: str, pr
     _, _, built_for = target.partition(":")
     if built_for:
         assert found["stack_bytes"] <= STACK
-        assert most["states_external"] <= SHARE * step_ms(built_for) * 1e-3 * h8_states.CLOCK_HZ
+        assert most["states_external"] <= SHARE * step_ms(built_for) * 1e-3 * CLOCK_HZ

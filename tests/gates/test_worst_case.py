@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import pytest
 import worst_case
-from brickpilot.bench.avr_budget import PERIOD
+from lab.avr_budget import PERIOD
 
 AVR_SHARE = 1.2
 """Of a period. A step that ends behind it begins the next one that much later; from 2 on it would count as late."""

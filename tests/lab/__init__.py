@@ -1,4 +1,4 @@
-"""How often discovery is right: measured from a checkout, and no part of the package.
+"""What is measured from a checkout, and no part of the package: how often discovery is right, and what a step costs.
 
 `sh tests/lab/run discover`, on data sets whose truth is known:
 
@@ -20,6 +20,15 @@
     real_results.py    the kept results
     real_table.py      the table in tools/docs/benchmarks.md, from the kept results alone
 
-Both write a page, page.py. `parts.py` and `surer.py` are programs by themselves: whether parts of a log give one
-answer, and whether more runs give a surer one.
+`brickpilot bench`, whose `--target` measures a brick's processor, and `--scaling` how time grows with work:
+
+    step_costs.py      the program that it runs, and its tables
+    rcx_budget.py      instructions, states, stack and bytes of a control step on the H8 simulator; the kernel's share
+    avr_budget.py      cycles, stack and bytes of a control period on simavr, drivers and interrupts included
+    control_peers.py   the control law on a brick's processor, beside other arithmetic
+    scaling.py         how time grows with runs, samples, candidates and workers
+    scaling_page.py    the program that measures it, and its page
+
+`discover` and `real` write a page, page.py. `parts.py` and `surer.py` are programs by themselves: whether parts of a
+log give one answer, and whether more runs give a surer one.
 """

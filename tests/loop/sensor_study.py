@@ -1,6 +1,7 @@
 """Compares sets of sensors: the mission with many seeds, on a plant that the firmware's model fits and on others.
 
-Prints the table of firmware/README.md and draws firmware/sensors.svg: `.venv/bin/python tests/loop/sensor_study.py`.
+Prints the table of firmware/README.md and draws firmware/sensors.svg:
+`PYTHONPATH=tools/docs .venv/bin/python tests/loop/sensor_study.py`.
 """
 
 from __future__ import annotations
@@ -9,9 +10,9 @@ import dataclasses
 from pathlib import Path
 
 import numpy as np
-from brickpilot.gen.pictures import BLUE, GREEN, ORANGE, figure, to_svg
 from brickpilot.vehicle import flight, flight_figures, scenario
 from brickpilot.vehicle.model import rcx
+from pictures import BLUE, GREEN, ORANGE, figure, to_svg
 
 SEEDS = 50
 PLANTS: dict[str, dict[str, dict[str, object]]] = {

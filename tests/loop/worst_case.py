@@ -1,6 +1,8 @@
 """Looks for the longest control period of a brick: any start, a full line in both directions, any settings.
 
-    worst_case.py [TARGET...] [--flights N] [--seconds S] [--seed N]    a JSON line for each target
+    PYTHONPATH=tests python tests/loop/worst_case.py [TARGET...] [--flights N] [--seconds S] [--seed N]
+
+It prints a JSON line for each target.
 
 Each flight draws its settings, a third of them at each end of their range, and how it begins: by itself after power-on,
 or in a host's session. All the time the host sends as much as the line carries, or a message in a period: half of these
@@ -19,7 +21,6 @@ from collections.abc import Iterator
 from typing import Any, cast
 
 import numpy as np
-from brickpilot.bench.avr_budget import PERIOD, Image
 from brickpilot.constants import STEP_MS, STEP_S
 from brickpilot.hil import rcx_flight
 from brickpilot.hil.avr_flight import AvrRobot, avr_image, open_robot
@@ -35,6 +36,7 @@ from brickpilot.link.tower import Tower
 from brickpilot.vehicle import flight, scenario
 from brickpilot.vehicle.model import rcx
 from brickpilot.vehicle.settings import Setting, settings
+from lab.avr_budget import PERIOD, Image
 from numpy.typing import NDArray
 
 FULL_BYTES, A_MESSAGE_BYTES = 40, 14

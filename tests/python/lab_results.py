@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from brickpilot.bench import scaling
+from lab import scaling
 from lab.result import truth_fields
 from pages import HOSTILE
 

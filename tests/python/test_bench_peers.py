@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from brickpilot.bench import speed, this_machine
+from brickpilot.bench import speed
 from brickpilot.errors import SimulationError
 from brickpilot.vehicle.model import Model, rcx
 
@@ -84,6 +84,6 @@ def test_mujoco_does_no_work_that_its_robot_does_not_need() -> None:
 
 
 def test_the_machine_is_named() -> None:
-    assert " cores, " in this_machine.describe()
-    assert any(name in this_machine.compiler() for name in ("gcc", "clang"))
-    assert this_machine.cores() >= 1
+    assert " cores, " in speed.this_machine()
+    assert any(name in speed.compiler() for name in ("gcc", "clang"))
+    assert speed.cores() >= 1

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 from bad_datasets import BAD
 from brickpilot import catalogue
-from brickpilot.bench import control_peers
+from brickpilot.bench import speed
 from brickpilot.cli import main
 from brickpilot.errors import SimulationError
 from brickpilot.report import run_folder
 from command import brickpilot
+from lab import control_peers
 from pages import assert_self_contained, figures
 from test_dataset import measured
 
@@ -166,8 +167,8 @@ def test_bench_reports_values_beside_a_peer(
         cycles = {"ours": 100, "q16": 300, "float": 200}
         return {name: control_peers.LawCost(np.array([one]), one, np.zeros((1, 2))) for name, one in cycles.items()}
 
-    monkeypatch.setattr(control_peers, "missing", lambda brick: None)
-    monkeypatch.setattr(control_peers, "measure", costs)
+    figures_of = {**control_peers.figures("h8", costs("h8")), **control_peers.figures("avr", costs("avr"))}
+    monkeypatch.setattr(speed, "control_law", lambda: (figures_of, []))
     main.main(["bench", "--json"])
     figures = json.loads(capsys.readouterr().out)
     host = {"full_loop", "plant", "plant_lanes", "plant_lanes_dry", "lockstep_pty", "full_loop_scipy", "plant_scipy"}

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from brickpilot.bench import h8_states
-from brickpilot.bench.rcx_budget import STAGES, Counter, Program
+from lab.rcx_budget import EXTERNAL, ON_CHIP, STAGES, Counter, Program
 
 # Hitachi H8/300 Series Programming Manual, appendix A: states with everything in on-chip memory.
-ON_CHIP = {
+STATES_ON_CHIP = {
     "add.w r1,r0": (0x09, 2),
     "addx #0,r0l": (0x98, 2),
     "adds #1,r0": (0x0B, 2),
@@ -28,14 +27,14 @@ ON_CHIP = {
 }
 
 
-@pytest.mark.parametrize("instruction", ON_CHIP)
+@pytest.mark.parametrize("instruction", STATES_ON_CHIP)
 def test_states_on_chip_equal_the_manuals(instruction: str) -> None:
-    first, expected = ON_CHIP[instruction]
-    assert h8_states.by_first_byte(h8_states.ON_CHIP)[first] == expected
+    first, expected = STATES_ON_CHIP[instruction]
+    assert ON_CHIP.by_first_byte()[first] == expected
 
 
 def test_a_word_behind_the_external_bus_takes_six_states_and_a_byte_three() -> None:
-    external = h8_states.by_first_byte(h8_states.EXTERNAL)
+    external = EXTERNAL.by_first_byte()
     assert external[0x09] == 6  # one word of code
     assert external[0x6E] == 2 * 6 + 3
     assert external[0x6F] == 2 * 6 + 6

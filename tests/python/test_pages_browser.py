@@ -13,13 +13,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from brickpilot.bench import scaling
 from brickpilot.campaign import conduct, file, workers
 from brickpilot.data import reading
 from brickpilot.discover.finding import Finding
 from brickpilot.fit.calibration import calibrate
 from brickpilot.fit.comparison import compare
-from brickpilot.report import run_page, scaling_page, why_page, why_text
+from brickpilot.report import run_page, why_page, why_text
 from brickpilot.report.discover_page import page
 from brickpilot.report.fit_pages import calibrate_page, compare_page
 from brickpilot.tune import page as tune_page
@@ -28,7 +27,7 @@ from brickpilot.vehicle.model import rcx
 from command import brickpilot
 from findings import COMMAND, VERDICTS, all_verdicts
 from lab import page as lab_page
-from lab import real_logs, real_results, table
+from lab import real_logs, real_results, scaling, scaling_page, table
 from lab_results import quick_results, scaling_results
 from matplotlib.image import imread
 from pages import FAULTY, HOSTILE, assert_self_contained

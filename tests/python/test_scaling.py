@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import json
 import re
+import subprocess
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
-from brickpilot.bench import scaling, this_machine
-from brickpilot.cli import main
-from brickpilot.report import scaling_page
+from brickpilot.bench import speed
+from brickpilot.cli import bench, main
+from brickpilot.cli.main import run_to_exit
+from lab import scaling, scaling_page
 from lab_results import scaling_results
 
 
@@ -62,7 +64,7 @@ def test_work_that_grows_with_the_square_is_told(monkeypatch: pytest.MonkeyPatch
 
 
 def test_every_kind_of_work_runs_and_has_its_row_on_the_page(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(this_machine, "cores", lambda: 1)  # one and two workers, which start slowly
+    monkeypatch.setattr(speed, "cores", lambda: 1)  # one and two workers, which start slowly
     monkeypatch.setattr(scaling, "_campaign", lambda *_: scaling_results().sweeps[0])
     small = {"simulate_runs": (8, 16, 32), "discover_candidates": (2, 4, 8)}
     chosen = [
@@ -80,11 +82,26 @@ def test_every_kind_of_work_runs_and_has_its_row_on_the_page(monkeypatch: pytest
     assert html.count('class="plot') == len(found.sweeps) + 1
 
 
+def in_this_process(module: str, *arguments: str, field: str) -> subprocess.CompletedProcess[bytes]:
+    """Does as `checkout.in_lab`, in this process."""
+    assert (module, field) == ("scaling_page", "--scaling")
+    run_to_exit(scaling_page.measure_scaling, list(arguments), "brickpilot")
+    return subprocess.CompletedProcess(module, 0)
+
+
+def command(*arguments: str) -> None:
+    """Runs the command line, which ends with the status of the program of the lab."""
+    with pytest.raises(SystemExit) as ended:
+        main.main(list(arguments))
+    assert ended.value.code == 0
+
+
 def test_the_command_writes_page_and_figures(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(scaling, "measure", lambda progress: scaling_results())
-    main.main(["bench", "--scaling", "--out", str(tmp_path / "out")])
+    monkeypatch.setattr(bench, "in_lab", in_this_process)
+    command("bench", "--scaling", "--out", str(tmp_path / "out"))
     printed = capsys.readouterr().out
     assert re.search(r"8.0 times as long for  8.0 times the runs: linear, exponent 1.00", printed)
     assert re.search(r"64.0 times as long for  8.0 times the runs: more than linear, exponent 2.00", printed)
@@ -92,7 +109,7 @@ def test_the_command_writes_page_and_figures(
     assert kept["sweeps"]["linear"]["exponent"]["value"] == pytest.approx(1.0)
     assert kept["workers"]["gain"] == pytest.approx([1.0, 20 / 11, 18 / 11])
     assert "1 of 2 kinds of work grow linearly" in (tmp_path / "out/report.html").read_text()
-    main.main(["bench", "--scaling", "--out", str(tmp_path / "out"), "--json"])
+    command("bench", "--scaling", "--out", str(tmp_path / "out"), "--json")
     assert json.loads(capsys.readouterr().out) == kept
 
 

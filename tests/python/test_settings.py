@@ -29,7 +29,6 @@ ROW = (
 
 # Where a setting's name may stand beside the table: each file gives a setting its value.
 NAMED = {
-    "bench/control_peers.py",  # the constants that the peers of the control law get, read from the model file
     "firmware/simulate.py",  # the cruise speed that scales the mission
     "firmware/robot.py",  # the rules by which the gains of another robot follow, and the cruise speed that they use
     "firmware/params_header.py",  # the floor that the range of a battery depends on, and checks of defaults

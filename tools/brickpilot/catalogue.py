@@ -6,16 +6,17 @@ Each is written once, in C: `sim_host/plant/model.c`, `sim_host/effects` and `si
 from __future__ import annotations
 
 import re
-from collections.abc import Container, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Container, Mapping
+from dataclasses import dataclass, fields
 from functools import cache
 from typing import Any, Literal, get_args
 
 import numpy as np
 
 from brickpilot.compiled import interface
+from brickpilot.constants import VEHICLES
 
-VEHICLE_CODES = {"diff_drive": 0, "motor": 1, "skid_steer": 2}
+VEHICLE_CODES: dict[str, int] = {name: number for number, name in enumerate(VEHICLES)}
 PROFILE_CODES = {"coupled": 0, "paper": 1}
 
 Role = Literal["size", "shape", "place", "switch", "limit", "fixed"]
@@ -134,32 +135,17 @@ def _priors() -> dict[int, Prior]:
     return {getattr(library, f"BP_PRIOR_{prior.upper()}"): prior for prior in get_args(Prior)}
 
 
+def _same_named(row: Any, record: type) -> dict[str, Any]:
+    """Returns the texts, numbers and flags of a row in C that `record` has by the same names."""
+    convert: dict[Any, Callable[[Any], Any]] = {"str": _text, "float": float, "bool": bool}
+    return {one.name: convert[one.type](getattr(row, one.name)) for one in fields(record) if one.type in convert}
+
+
 def _parameter(info: Any) -> ParameterInfo:
-    return ParameterInfo(
-        name=_text(info.name),
-        unit=_text(info.unit),
-        meaning=_text(info.meaning),
-        minimum=info.minimum,
-        maximum=info.maximum,
-        preset=info.preset,
-        odd=bool(info.odd),
-        role=_roles()[info.role],
-        linear_unit=_text(info.linear_unit) or _text(info.unit),
-        optional=bool(info.optional),
-        trial=info.trial,
-        scan=tuple(np.geomspace(info.scan_from, info.scan_to, info.scan_count).tolist()) if info.scan_count else (),
-        limits=_text(info.limits),
-        arm_of=_text(info.arm_of),
-        only_with=_text(info.only_with),
-        in_volts=_text(info.in_volts),
-        zero_if_unstated=bool(info.zero_if_unstated),
-        variation=_text(info.variation),
-        mechanism=_text(info.mechanism),
-        same_as=_text(info.same_as),
-        says=_text(info.says),
-        says_below=_text(info.says_below),
-        over_mean=bool(info.over_mean),
-    )
+    found = _same_named(info, ParameterInfo)
+    found["linear_unit"] = found["linear_unit"] or found["unit"]
+    scan = tuple(np.geomspace(info.scan_from, info.scan_to, info.scan_count).tolist()) if info.scan_count else ()
+    return ParameterInfo(**found, role=_roles()[info.role], scan=scan)
 
 
 @cache
@@ -183,29 +169,14 @@ def effects() -> tuple[EffectInfo, ...]:
     library = interface()[1]
     found: list[EffectInfo] = []
     while info := library.bp_effect(len(found)):
-        found.append(
-            EffectInfo(
-                name=_text(info.name),
-                acts_on=_text(info.acts_on),
-                equation=_text(info.equation),
-                source=_text(info.source),
-                parameters=tuple(_parameter(info.parameters[k]) for k in range(info.parameter_count)),
-                words=_text(info.words),
-                summary=_text(info.summary),
-                mechanism=_text(info.mechanism),
-                prior=_priors()[info.prior],
-                prior_reason=_text(info.prior_reason),
-                advice=_text(info.advice),
-                motor_step=info.motor_step,
-                carries_over=bool(info.carries_over),
-                composed=bool(info.composed),
-                variant_of=_text(info.variant_of),
-                variation=_text(info.variation),
-                contains=tuple(_text(info.contains).split()),
-                made_of=tuple(_text(info.made_of).split()),
-                stated_by=_text(info.stated_by),
-            )
+        effect = EffectInfo(
+            **_same_named(info, EffectInfo),
+            parameters=tuple(_parameter(info.parameters[k]) for k in range(info.parameter_count)),
+            prior=_priors()[info.prior],
+            contains=tuple(_text(info.contains).split()),
+            made_of=tuple(_text(info.made_of).split()),
         )
+        found.append(effect)
     return tuple(found)
 
 

@@ -1,10 +1,17 @@
-"""The constants of the packaged robot that are no parameters of the plant. They are read from `models/rcx.toml`."""
+"""The kinds of vehicle, and the constants of the packaged robot that are no parameters of the plant.
+
+The constants are read from `models/rcx.toml`.
+"""
 
 from __future__ import annotations
 
 import tomllib
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
+
+Vehicle = Literal["diff_drive", "motor", "skid_steer"]
+VEHICLES: tuple[Vehicle, ...] = get_args(Vehicle)
+"""In the order of the numbers that they have in C."""
 
 RCX = Path(__file__).parent / "models" / "rcx.toml"
 """The packaged robot's file."""

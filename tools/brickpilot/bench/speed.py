@@ -10,22 +10,28 @@ times and more, and RK23 where each step begins anew, with half of RK45's evalua
 from __future__ import annotations
 
 import dataclasses
+import json
+import os
+import platform
+import re
+import subprocess
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache, partial
 from importlib.util import find_spec
 from math import cos, sin
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from brickpilot import catalogue
-from brickpilot.bench import control_peers, this_machine
+from brickpilot import catalogue, compiled
 from brickpilot.constants import MOTOR_STEP_S, STEP_S
-from brickpilot.errors import SimulationError
+from brickpilot.errors import InputError, SimulationError
+from brickpilot.hil.checkout import in_lab
 from brickpilot.vehicle import flight, plant, scenario
 from brickpilot.vehicle.model import Model, rcx
 
@@ -114,7 +120,7 @@ def _side_by_side(model: Model) -> dict[str, Figure]:
         rates = _best({lanes: partial(_many, one, count) for lanes, count in _LANES.items()}, 9)
         alone, many = (rates[lanes] for lanes in _LANES)
         peer = f"the same 16 runs one at a time, {alone / MOTOR_STEP_S:.2e} motor steps/s"
-        found[name] = Figure(many / MOTOR_STEP_S, "motor steps/s", peer, many / alone, this_machine.describe())
+        found[name] = Figure(many / MOTOR_STEP_S, "motor steps/s", peer, many / alone, this_machine())
     return found
 
 
@@ -169,7 +175,7 @@ def host() -> dict[str, Figure]:
     solve_ivp at the plant's own accuracy. Their inputs change every 3 ms for the full loop, and every second for the
     plant alone. Both simulate the robot without its controller and sensors. The peer of the link is real time.
     """
-    model, on = rcx(), this_machine.describe()
+    model, on = rcx(), this_machine()
     ours: dict[str, Callable[[], float]] = {"full_loop": _full_loop, "plant": partial(_plant_alone, model)}
     scipy = {"full_loop": _scipy(model, controlled()), "plant": _scipy(model, held())}
     mujoco: dict[str, Callable[[], float]] = {}
@@ -206,36 +212,18 @@ def _scipy(model: Model, manoeuvre: Manoeuvre) -> dict[str, Callable[[], float]]
 
 
 def control_law() -> tuple[dict[str, LawFigure], list[str]]:
-    """Returns the control law's cost on each brick's processor beside its peers, and why a brick is missing here."""
-    found: dict[str, LawFigure] = {}
-    reasons = []
-    for brick in control_peers.BRICKS:
-        if reason := control_peers.missing(brick):
-            reasons.append(reason)
-            continue
-        costs = control_peers.measure(brick)
-        found |= {
-            f"control_{brick}_{name}": _law_figure(brick, name, costs["ours"], cost)
-            for name, cost in costs.items()
-            if name != "ours"
-        }
-    return found, reasons
+    """Returns the control law's cost on each brick's processor beside its peers, and why a brick is missing here.
 
-
-def _law_figure(brick: str, name: str, ours: control_peers.LawCost, theirs: control_peers.LawCost) -> LawFigure:
-    value, other = float(np.median(ours.cycles)), float(np.median(theirs.cycles))
-    return LawFigure(
-        value=value,
-        unit=control_peers.UNITS[brick],
-        peer=control_peers.ARITHMETICS[name],
-        ratio=other / value,
-        machine=control_peers.BRICKS[brick],
-        most=int(ours.cycles.max()),
-        peer_most=int(theirs.cycles.max()),
-        flash_bytes=ours.flash,
-        peer_flash_bytes=theirs.flash,
-        apart_v=float(np.abs(theirs.voltages - ours.voltages).max()),
-    )
+    A checkout measures it: `tests/lab/control_peers.py`.
+    """
+    try:
+        done = in_lab("step_costs", "law", field="control law", stdout=subprocess.PIPE)
+    except InputError as error:
+        return {}, [str(error)]
+    if done.returncode != 0:
+        raise SimulationError("the control law could not be measured")
+    told = json.loads(done.stdout)
+    return {name: LawFigure(**figure) for name, figure in told["figures"].items()}, told["missing"]
 
 
 def lines(found: Mapping[str, Figure], laws: Mapping[str, LawFigure]) -> Iterator[str]:
@@ -385,3 +373,28 @@ def loosest(model: Model, manoeuvre: Manoeuvre) -> list[SolverSetting]:
         else:
             raise SimulationError(f"no tolerance of SciPy's {method} errs by {plant_m:.1e} m at most")
     return found
+
+
+def this_machine() -> str:
+    """Returns one line: "Intel(R) Xeon(R) Processor, 2 cores, gcc (Debian 12.2.0-14) 12.2.0"."""
+    return f"{processor()}, {cores()} cores, {compiler()}"
+
+
+def processor() -> str:
+    """Returns the name of the processor, as Linux or Python's platform tells it."""
+    told = Path("/proc/cpuinfo")
+    named = re.search(r"^model name\s*: (.+)$", told.read_text(), re.MULTILINE) if told.exists() else None
+    return named[1].strip() if named else platform.processor() or platform.machine()
+
+
+def cores() -> int:
+    """Returns the number of processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def compiler() -> str:
+    """Returns what the compiler wrote into the plant's library about itself."""
+    told = re.search(rb"GCC: (\([^)\0]*\) [\d.]+)|(?:Apple )?clang version [\d.]+", compiled.library().read_bytes())
+    if told is None:
+        return "a compiler that does not tell its name"
+    return f"gcc {told[1].decode()}" if told[1] else told[0].decode()

@@ -144,17 +144,13 @@ def load(
         InputError: naming the file, line and key.
     """
     toml = TomlFile(path)
-    toml.known_keys((), toml.data, ("campaign", "vary", "route", "faults"))
-    if "campaign" not in toml.data:
-        toml.refuse(("campaign",), "is missing")
+    toml.known_keys((), toml.data, ("campaign", "vary", "route", "faults"), ("campaign",))
     head = toml.table(("campaign",), toml.data["campaign"])
     design = toml.choice(("campaign", "design"), head.get("design", "monte_carlo"), COUNTS)
     for name in set(COUNTS.values()) - {COUNTS[design]}:
         if name in head:
             toml.refuse(("campaign", name), f"does not belong to {design}, which takes {COUNTS[design]}")
-    toml.known_keys(("campaign",), head, (*_KEYS, COUNTS[design]))
-    if "name" not in head:
-        toml.refuse(("campaign", "name"), "is missing")
+    toml.known_keys(("campaign",), head, (*_KEYS, COUNTS[design]), ("name",))
     scenarios, sensors = _scenarios(toml, head), _choices(toml, head, "sensors", scenario.SENSORS)
     found = [inputs.labelled("scenario", [one.name for one in scenarios]), inputs.labelled("sensors", sensors)]
     found += inputs.parse(toml, sensors)
@@ -248,10 +244,8 @@ def _box(toml: TomlFile) -> Box | None:
     if "route" not in toml.data:
         return None
     table = toml.table(("route",), toml.data["route"])
-    toml.known_keys(("route",), table, ("waypoints", "x_m", "y_m", "least_leg_m", "duration_s"))
-    for name in ("waypoints", "x_m", "y_m"):
-        if name not in table:
-            toml.refuse(("route", name), "is missing")
+    needed = ("waypoints", "x_m", "y_m")
+    toml.known_keys(("route",), table, (*needed, "least_leg_m", "duration_s"), needed)
     whole = variables.Range(1, 32, "", whole=True)
     waypoints = variables.parse_distribution(toml, ("route", "waypoints"), table["waypoints"], whole)
     if waypoints.varies:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shlex
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -73,16 +72,16 @@ def _replay(file: str, index: int, out: str | None, count: int | None, seed: int
     from brickpilot.campaign import conduct
     from brickpilot.campaign import file as campaign_file
     from brickpilot.discover.prepare import SD_SHARE
+    from brickpilot.public.doors import command_line
     from brickpilot.report import run_folder, run_page
 
     given = campaign_file.load(Path(file), count=count, seed=seed, shares=SD_SHARE)
-    command = ["brickpilot", "campaign", file, *(["--runs", str(count)] if count is not None else [])]
-    command += ["--seed", str(seed)] if seed is not None else []
     found = conduct.replay(given, index)
     folder = Path(out) if out else Path("runs") / f"{given.name}-run-{index}"
     figures = found.figures | {"campaign": given.name, "run": index, "inputs": found.inputs}
     link = None if found.ticks is None else run_page.link_figures(found.ticks, realtime=False)
-    page = run_page.page(found.flight, figures, shlex.join([*command, "--replay", str(index)]), link)
+    command = command_line("campaign", file, runs=count, seed=seed, replay=index)
+    page = run_page.page(found.flight, figures, command, link)
     run_folder.write(found.flight, figures, page, folder, found.ticks)
     if as_json:
         click.echo(json.dumps(figures))

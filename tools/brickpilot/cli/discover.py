@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import shlex
 from pathlib import Path
 
 import click
@@ -52,6 +51,7 @@ def discover(
     from brickpilot.data import reading
     from brickpilot.discover import conclude, pipeline
     from brickpilot.discover.finding import verdict_json
+    from brickpilot.public.doors import command_line
     from brickpilot.report import (
         composed_law,
         discover_fit,
@@ -66,8 +66,7 @@ def discover(
     data = reading.read(Path(dataset))
     given = dataclasses.replace(model.load(Path(model_file)), name=model_file) if model_file else None
     folder = Path(out) if out else Path("runs") / f"discover-{data.name}"
-    command = ["brickpilot", "discover", dataset, *(["--model", model_file] if model_file else []), "--seed", str(seed)]
-    command += ["--budget", f"{budget:g}"] if budget is not None else []
+    command = command_line("discover", dataset, model=model_file, seed=seed, budget=budget)
     files = {"report.html", "verdict.json", "model.toml", "compensation.toml", conclude.composed_file(data)}
     with run_folder.fresh_folder(folder, files | set(experiment_files.FILES)) as beside:
         with progress_shown(as_json) as progress:
@@ -82,7 +81,7 @@ def discover(
             )
         figures = verdict_json(found)
         (beside / "verdict.json").write_text(json.dumps(figures, indent=2, allow_nan=False) + "\n")
-        (beside / "report.html").write_text(discover_page.page(found, shlex.join(command)), encoding="utf-8")
+        (beside / "report.html").write_text(discover_page.page(found, command), encoding="utf-8")
         model.save(found.augmented, beside / "model.toml")
         for name, text in (composed_law.of_finding(found) | experiment_files.of_finding(found)).items():
             (beside / name).write_text(text, encoding="utf-8")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,15 +26,16 @@ def run(request: FlightRequest, out: str | None, as_json: bool) -> None:
     Without SCENARIO it flies the paper's eight waypoints. The run folder holds log.csv, summary.json and report.html.
     If a mission missed a waypoint or ended with a fault, one line says so and the exit status is 1.
     """
+    from brickpilot.public.doors import command_line
     from brickpilot.report import run_folder, run_page
     from brickpilot.vehicle import scenario_flight
 
     flown = scenario_flight.fly(request.scenario, **request.choices())
     figures, plan = flown.figures, flown.flight.plan
     chosen = plan.scenario
-    command = ["brickpilot", "run", request.scenario, *request.options(plan)]
+    command = command_line("run", request.scenario, **request.options(plan))
     folder = Path(out) if out else Path("runs") / f"{chosen.name}-{plan.controller}-{plan.sensors}"
-    run_folder.write(flown.flight, figures, run_page.page(flown.flight, figures, shlex.join(command)), folder)
+    run_folder.write(flown.flight, figures, run_page.page(flown.flight, figures, command), folder)
     if as_json:
         click.echo(json.dumps(figures))
     else:

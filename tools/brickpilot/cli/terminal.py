@@ -16,6 +16,7 @@ import click
 from click.shell_completion import CompletionItem
 from tqdm import tqdm
 
+from brickpilot.constants import VEHICLES
 from brickpilot.errors import InputError
 
 _SHOWN_S = 2.0  # a shorter rest is not told
@@ -190,3 +191,19 @@ def flight_options(command: Callable[..., None]) -> Callable[..., None]:
     for option in reversed(_FLIGHT_OPTIONS):
         decorated = option(decorated)
     return decorated
+
+
+_LOG_OPTIONS = (
+    click.option("--vehicle", type=click.Choice(VEHICLES), help="Of logs; default: guessed from a table."),
+    click.option("--frame", type=click.Choice(["FLU", "FRD"]), help="Of logs; default: guessed from a table, or FRD."),
+    click.option("--map", "mapping", multiple=True, metavar="SIGNAL=FORMULA[:UNIT]", help="As in import; repeatable."),
+    click.option("--nominal", multiple=True, metavar="NAME=VALUE", help="A nominal parameter in SI; repeatable."),
+    click.option("--as-wired", is_flag=True, help="Keep channels that look wired wrongly: notes name them."),
+)
+
+
+def log_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Adds the options that say how logs are read, by the keywords of `public.logs.why`."""
+    for option in reversed(_LOG_OPTIONS):
+        command = option(command)
+    return command

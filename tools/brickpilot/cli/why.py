@@ -3,23 +3,17 @@
 from __future__ import annotations
 
 import json
-import shlex
 from pathlib import Path
+from typing import Any
 
 import click
 
-from brickpilot.cli.terminal import as_json, jobs_option, progress_shown, seed_option
+from brickpilot.cli.terminal import as_json, jobs_option, log_options, progress_shown, seed_option
 
 
 @click.command()
 @click.argument("logs", nargs=-1, required=True, metavar="LOG...")
-@click.option(
-    "--vehicle", type=click.Choice(["diff_drive", "motor", "skid_steer"]), help="Default: guessed from a table."
-)
-@click.option("--frame", type=click.Choice(["FLU", "FRD"]), help="Default: guessed from a table, else FRD.")
-@click.option("--map", "mapping", multiple=True, metavar="SIGNAL=FORMULA[:UNIT]", help="As in import; repeatable.")
-@click.option("--nominal", multiple=True, metavar="NAME=VALUE", help="A nominal parameter in SI; repeatable.")
-@click.option("--as-wired", is_flag=True, help="Keep channels that look wired wrongly: notes name them.")
+@log_options
 @click.option("--out", metavar="DIR", help="The folder to write; default runs/why-NAME.")
 @click.option(
     "--budget", type=click.FloatRange(min=0, min_open=True), metavar="SECONDS", help="As in discover: the best so far."
@@ -29,8 +23,8 @@ from brickpilot.cli.terminal import as_json, jobs_option, progress_shown, seed_o
 @jobs_option
 @as_json
 def why(
-    logs: tuple[str, ...], vehicle: str | None, frame: str | None, mapping: tuple[str, ...], nominal: tuple[str, ...],
-    as_wired: bool, out: str | None, budget: float | None, verbose: bool, seed: int, jobs: int, as_json: bool,
+    logs: tuple[str, ...], out: str | None, budget: float | None, verbose: bool, seed: int, jobs: int, as_json: bool,
+    **how: Any,
 ) -> None:  # fmt: skip
     """Says why a robot behaves differently from its simulation, from logs that import reads, or data sets, of one
     robot.
@@ -43,24 +37,16 @@ def why(
     from brickpilot.discover.finding import verdict_json
     from brickpilot.importers.mapping import parse_nominal
     from brickpilot.public import logs as public
+    from brickpilot.public.doors import command_line
     from brickpilot.report import why_text
 
     folder = Path(out) if out else Path("runs") / f"why-{Path(logs[0]).stem}"
-    words = [*(["--vehicle", vehicle] if vehicle else []), *(["--frame", frame] if frame else [])]
-    for flag, values in (("--map", mapping), ("--nominal", nominal)):
-        words += [word for value in values for word in (flag, value)]
-    words += [
-        *(["--as-wired"] if as_wired else []),
-        *([] if budget is None else ["--budget", f"{budget:g}"]),
-        "--seed",
-        str(seed),
-    ]
+    command = command_line("why", *logs, **how, budget=budget, seed=seed)
+    how["nominal"] = parse_nominal(how["nominal"])
     with progress_shown(as_json) as progress:
         found = public.why(
-            logs, vehicle=vehicle, frame=frame, mapping=mapping, nominal=parse_nominal(nominal),
-            as_wired=as_wired, out=folder, budget_s=budget, seed=seed, jobs=jobs, progress=progress,
-            command=shlex.join(["brickpilot", "why", *logs, *words]),
-        )  # fmt: skip
+            logs, **how, out=folder, budget_s=budget, seed=seed, jobs=jobs, progress=progress, command=command
+        )
     if as_json:
         said = {name: getattr(found.answer, name) for name in ("what", "sure", "todo", "symptoms", "ending")}
         told = {**said, "constants": found.constants.to_json(), "verdict": verdict_json(found.finding)}

@@ -79,7 +79,6 @@ from brickpilot.data.signals import (
 )
 from brickpilot.data.toml_file import Key, TomlFile
 from brickpilot.data.units import si_factor
-from brickpilot.errors import InputError
 
 Role = Literal["fit", "held_out"]
 
@@ -173,10 +172,7 @@ def described(toml: TomlFile) -> Description:
         InputError: the message names file, line and key.
     """
     data = toml.data
-    toml.known_keys((), data, _TOP)
-    for key in ("name", "vehicle", "signals", "runs"):
-        if key not in data:
-            raise InputError("is missing", file=toml.path, field=key)
+    toml.known_keys((), data, _TOP, ("name", "vehicle", "signals", "runs"))
     vehicle = cast(Vehicle, toml.choice(("vehicle",), data["vehicle"], VEHICLES))
     frame = cast(Frame, toml.choice(("frame",), data.get("frame", "FRD"), ("FLU", "FRD")))
     signals = _signals(toml, vehicle, frame)

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brickpilot.constants import MOTOR_STEP_S
 from brickpilot.data.audit.audit import audit
 from brickpilot.data.audit.fault import Fault
 from brickpilot.data.audit.view import Channels
 from brickpilot.data.audit.wiring import mended, miswired, with_counts
 from brickpilot.data.audit.wiring_motion import Miswired
 from brickpilot.data.dataset import PRESET_BATTERY_VOLTAGE, Dataset, Run, battery
-from brickpilot.data.decimation import decimated, decimation_note
 from brickpilot.data.description import Description, RunEntry, Signal, describe, described
 from brickpilot.data.frames import Column, read_frame, tables
 from brickpilot.data.input_timing import with_linear_inputs
@@ -225,10 +225,57 @@ def _comparable(run: Run, description: Description) -> dict[str, Vector]:
 
 
 def _decimated(runs: tuple[Run, ...]) -> tuple[tuple[Run, ...], tuple[str, ...]]:
-    """Returns the runs with no more rows than the plant can use, and a note if rows were merged."""
+    """Returns the runs with no more rows than the plant can use, and a note if rows were merged.
+
+    A simulation holds an input for at least a motor step, so faster rows only cost time and memory.
+    """
     fewer = tuple(decimated(run) for run in runs)
     rows, kept = (sum(run.time.size for run in some) for some in (runs, fewer))
-    return fewer, (decimation_note(rows, kept),) if kept < rows else ()
+    note = (
+        f"{rows:,} rows become {kept:,}: the plant moves its motors in steps of {1e3 * MOTOR_STEP_S:g} ms, and faster "
+        "rows tell it nothing; inputs are averaged"
+    )
+    return fewer, (note,) if kept < rows else ()
+
+
+def decimated(run: Run) -> Run:
+    """Returns the run with several rows merged into one; the run itself unless two rows fit into a motor step.
+
+    An input becomes the mean of its rows, and floats if it floats in one of them. An output stays a reading of one
+    instant: the first that is there, so a channel that is logged less often loses none.
+    """
+    step = float(np.median(np.diff(run.time)))
+    together = int(MOTOR_STEP_S / step * (1 + 1e-6))
+    if together < 2:
+        return run
+    group = np.floor((run.time - run.time[0]) / (together * step) + 1e-6).astype(np.int64)
+    first = np.flatnonzero(np.diff(group, prepend=-1))
+    rows = np.diff(np.append(first, run.time.size))
+    if first.size < 2:
+        return run
+
+    def mean(values: Vector) -> Vector:
+        return _fixed(np.add.reduceat(values, first) / rows)
+
+    def reading(values: Vector) -> Vector:
+        known = np.flatnonzero(np.isfinite(values))
+        if not known.size:
+            return _fixed(values[first])
+        found = known[np.minimum(np.searchsorted(known, first), known.size - 1)]
+        return _fixed(np.where(group[found] == group[first], values[found], np.nan))
+
+    return replace(
+        run,
+        time=_fixed(run.time[first]),
+        inputs={name: mean(values) for name, values in run.inputs.items()},
+        outputs={name: reading(values) for name, values in run.outputs.items()},
+        raw_outputs={name: reading(values) for name, values in run.raw_outputs.items()},
+    )
+
+
+def _fixed(values: Vector) -> Vector:
+    values.setflags(write=False)
+    return values
 
 
 def _to_si(columns: Columns, description: Description, signal: Signal) -> Vector:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-Vehicle = Literal["diff_drive", "motor", "skid_steer"]
-VEHICLES: tuple[Vehicle, ...] = get_args(Vehicle)
+from brickpilot.constants import VEHICLES as VEHICLES
+from brickpilot.constants import Vehicle as Vehicle
+
 Frame = Literal["FLU", "FRD"]
 Kind = Literal["time", "input", "output"]
 

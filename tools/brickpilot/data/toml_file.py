@@ -104,12 +104,18 @@ class TomlFile:
         field = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in key).lstrip(".")
         raise InputError(message, file=self.path, line=self.line(key), field=field or None)
 
-    def known_keys(self, key: Key, table: Mapping[str, Any], known: Iterable[str]) -> None:
-        """Refuses the first key of `table` (which stands at `key`) that is not among `known`."""
+    def known_keys(self, key: Key, table: Mapping[str, Any], known: Iterable[str], needed: Iterable[str] = ()) -> None:
+        """Refuses the first key of `table`, which stands at `key`, that is not among `known`, or else a missing one.
+
+        `needed`: the keys that have to be there.
+        """
         names = sorted(known)
         for name in table:
             if name not in names:
                 self.refuse((*key, name), f"unknown key; known: {', '.join(names)}")
+        for name in needed:
+            if name not in table:
+                self.refuse((*key, name), "is missing")
 
     def number(self, key: Key, value: object, low: float, high: float, unit: str = "") -> float:
         """Returns `value` as a finite number in low..high, ends included, or refuses it."""

@@ -6,7 +6,9 @@ The images of `firmware/targets/avr` that can be flown are listed here too: this
 
 from __future__ import annotations
 
+import os
 import subprocess
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -60,6 +62,25 @@ def script_output(script: str, *arguments: str, field: str | None = None, packed
     if done.returncode != 0:
         raise InputError(f"{script} failed", field=field)
     return done.stdout.strip()
+
+
+def in_lab(
+    module: str, *arguments: str, field: str | None = None, stdout: int | None = None
+) -> subprocess.CompletedProcess[bytes]:
+    """Runs a module of the checkout's `tests/lab`, which no package holds, to its end.
+
+    Args:
+        module: its name in `lab`.
+        arguments: of the module.
+        field: what needs it, for error messages.
+        stdout: as of `subprocess.run`; None: it prints where this process does.
+
+    Raises:
+        InputError: there is no checkout.
+    """
+    paths = [str(checkout(field) / "tests"), os.environ.get("PYTHONPATH", "")]
+    env = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
+    return subprocess.run([sys.executable, "-m", f"lab.{module}", *arguments], env=env, stdout=stdout, check=False)
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ help and its checks of options from these rows.
 
 from __future__ import annotations
 
+from brickpilot.constants import VEHICLES
 from brickpilot.importers.registry import Importer, Option
 
 MAP = Option(
@@ -21,7 +22,7 @@ VEHICLE = Option(
     "vehicle",
     "--vehicle",
     "The kind of vehicle.",
-    choices=("diff_drive", "motor", "skid_steer"),
+    choices=VEHICLES,
     required=True,
     unless="guessed",
 )

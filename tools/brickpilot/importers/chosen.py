@@ -1,4 +1,4 @@
-"""Makes a data set of the channels that the user chose from a log. All readers of logs with channels end here.
+"""Makes a data set of the signals that the user chose from logs. All readers but those of text and JSON end here.
 
 Channels with different times are put on the rows of one table.
 """
@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
@@ -23,33 +23,43 @@ from brickpilot.importers.formula import Formula, FormulaError, Place, Scaling
 from brickpilot.importers.mapping import Mapped, Source, common_scalings, parse_mapping, read_formulas
 from brickpilot.importers.split import parse_split
 from brickpilot.importers.table import runs_of
-from brickpilot.importers.writer import Imported, NewDataset, check_out, run_names, write
+from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out, run_names, write
 
-_CLOCK = {"time": Source("time", "s")}
 _NEAREST = 4  # names that an error proposes
 _ALIKE = 0.4  # of difflib: the least likeness to the name
 
 
-class ChannelImporter(Protocol):
-    """The function of a row in the table of importers, for a kind of log with channels.
+@dataclass(frozen=True)
+class Read:
+    """The content of one log: its signals on common rows, signal -> unit, and notes."""
 
-    It makes a data set of logs; each file becomes a run of the same name.
+    signals: Mapped
+    units: Mapping[str, str]
+    notes: Sequence[str] = ()
 
-    Args:
-        files: logs with the same channels.
-        out: the new folder.
-        mapping: ``SIGNAL=CHANNEL[:UNIT]``, or a formula of channels; the default unit is the one that the file states,
-            or else the SI unit.
-        vehicle, frame, nominal, name: as in a data set; the default name is that of the folder, and the default frame
-            the one that wheels and yaw show.
-        as_wired: whether nothing is mended that looks swapped, reversed or scaled wrongly.
-        rate: rows per second; None: the rows are the samples of the fastest output.
-        split: ``rests``, or ``FROM,TO`` in s of the log's clock, repeatable; a part becomes a run.
-        cut: whether a file that ends inside a record is read without that record.
 
-    Raises:
-        InputError: naming file and channel, or the option. Nothing is written then.
+SignalReader = Callable[[Path, Mapping[str, Source], float | None, bool], Read]
+"""Reads the signals of a file: (file, signal -> source, rate, cut), the last two as in `SignalImporter`."""
+
+
+def channel_importer(read: Reader) -> SignalImporter:
+    """Returns the importer of logs whose channels have times of their own, which `read` reads."""
+    return SignalImporter(partial(_signals, read), has_time=True)
+
+
+@dataclass(frozen=True)
+class SignalImporter:
+    """The function of a row in the table of importers, for a kind of log of which `mapping` chooses the signals.
+
+    Attributes:
+        read: reads the signals of a file.
+        has_time: whether the samples have times of their own, so that none is mapped.
+        is_whole: whether a file is one run in any case; else a new run begins behind each pause between its rows.
     """
+
+    read: SignalReader
+    has_time: bool = False
+    is_whole: bool = False
 
     def __call__(
         self,
@@ -65,49 +75,46 @@ class ChannelImporter(Protocol):
         cut: bool = False,
         nominal: Mapping[str, float] | None = None,
         name: str | None = None,
-    ) -> Imported: ...
-
-
-@dataclass(frozen=True)
-class _Read:
-    """The content of one log: its signals on common rows, signal -> unit, and notes."""
-
-    signals: Mapped
-    units: dict[str, str]
-    notes: list[str]
-
-
-def channel_importer(read: Reader) -> ChannelImporter:
-    """Returns the importer of the logs that `read` reads."""
-
-    def import_channels(
-        files: Sequence[Path],
-        out: Path,
-        mapping: Sequence[str],
-        *,
-        vehicle: Vehicle,
-        frame: Frame | None = None,
-        as_wired: bool = False,
-        rate: str | None = None,
-        split: Sequence[str] = (),
-        cut: bool = False,
-        nominal: Mapping[str, float] | None = None,
-        name: str | None = None,
     ) -> Imported:
+        """Makes a data set of logs; each file becomes a run of the same name, or several where it is split.
+
+        Args:
+            files: logs with the same channels, columns or variables.
+            out: the new folder.
+            mapping: ``SIGNAL=CHANNEL[:UNIT]``, or a formula of channels; the default unit is the one that the file
+                states, or else the SI unit. The module of the kind says how channels are named.
+            vehicle, frame, nominal, name: as in a data set; the default name is that of the folder, and the default
+                frame the one that wheels and yaw show.
+            as_wired: whether nothing is mended that looks swapped, reversed or scaled wrongly.
+            rate: rows per second, of channels with times; None: the rows are the samples of the fastest output.
+            split: ``rests``, or ``FROM,TO`` in s of the log's clock, repeatable; a part becomes a run.
+            cut: whether a file that ends inside a record is read without that record.
+
+        Raises:
+            InputError: naming file and channel, or the option. Nothing is written then.
+        """
         check_out(out)
-        sources = parse_mapping(mapping, has_time=True)
+        sources = parse_mapping(mapping, has_time=self.has_time)
         hertz, names, spans = _rate(rate), run_names(files), parse_split(split)
-        logs = [_signals(file, read, sources, hertz, cut) for file in files]
+        logs = [self.read(file, sources, hertz, cut) for file in files]
+        units = logs[0].units
         for file, log in zip(files, logs, strict=True):
-            if log.units != logs[0].units:
+            if log.units != units:
                 raise InputError(f"states other units than {files[0]}; give them in --map", file=file)
-        whole = [table_log.Log(file, log.signals, (), tuple(log.notes)) for file, log in zip(files, logs, strict=True)]
-        runs, notes = runs_of(whole, _CLOCK, spans, names)
+        notes: list[str] = []
+        if self.is_whole:
+            runs = [NewRun(run, log.signals.columns) for run, log in zip(names, logs, strict=True)]
+        else:
+            clock = {"time": Source("time", units["time"])}
+            whole = [
+                table_log.Log(file, one.signals, (), tuple(one.notes)) for file, one in zip(files, logs, strict=True)
+            ]
+            runs, notes = runs_of(whole, clock, spans, names)
         new = NewDataset(
             name or out.resolve().name,
             vehicle,
             frame,
-            logs[0].units,
+            units,
             runs,
             nominal or {},
             notes,
@@ -116,8 +123,6 @@ def channel_importer(read: Reader) -> ChannelImporter:
             as_wired=as_wired,
         )
         return write(new, out, files[0])
-
-    return import_channels
 
 
 def _rate(text: str | None) -> float | None:
@@ -132,7 +137,7 @@ def _rate(text: str | None) -> float | None:
     return rate
 
 
-def _signals(file: Path, read: Reader, sources: Mapping[str, Source], rate: float | None, cut: bool) -> _Read:
+def _signals(read: Reader, file: Path, sources: Mapping[str, Source], rate: float | None, cut: bool) -> Read:
     log = read(file, [source.text for source in sources.values()])
     if log.cut and not cut:
         raise InputError("ends inside a record; --cut reads it up to there", file=file)
@@ -149,7 +154,7 @@ def _signals(file: Path, read: Reader, sources: Mapping[str, Source], rate: floa
     scalings = {
         signal: formula.scaling for signal, formula in formulas.items() if formula.scaling not in (None, Scaling())
     }
-    return _Read(Mapped(made, scalings), {"time": "s"} | units, notes + told)
+    return Read(Mapped(made, scalings), {"time": "s"} | units, notes + told)
 
 
 def _formulas(log: Log, read: Reader, sources: Mapping[str, Source]) -> dict[str, Formula]:

@@ -1,4 +1,8 @@
-"""MATLAB .mat files, v4 to v7.3, turned into a data set."""
+"""MATLAB .mat files, v4 to v7.3, turned into a data set.
+
+A signal's place is ``VARIABLE``, or ``VARIABLE[COLUMN]`` for a column of a matrix, from 0; a field of a struct is
+``struct.field``.
+"""
 
 from __future__ import annotations
 
@@ -9,61 +13,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.data.signals import Frame, Vehicle
 from brickpilot.errors import InputError
 from brickpilot.importers.channels import Channel, Log
+from brickpilot.importers.chosen import Read, SignalImporter
 from brickpilot.importers.formula import Place, unknown_name
-from brickpilot.importers.mapping import Mapped, Source, common_scalings, parse_mapping, read_formulas, take, units_of
+from brickpilot.importers.mapping import Source, read_formulas, take, units_of
 from brickpilot.importers.mat_file import load
-from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out, run_names, write
 
 
-def import_matlab(
-    files: Sequence[Path],
-    out: Path,
-    mapping: Sequence[str],
-    *,
-    vehicle: Vehicle,
-    frame: Frame | None = None,
-    as_wired: bool = False,
-    nominal: Mapping[str, float] | None = None,
-    name: str | None = None,
-) -> Imported:
-    """Makes a data set of .mat files; each file becomes a run of the same name.
-
-    Args:
-        files: .mat files that hold the same variables.
-        out: the new folder.
-        mapping: ``SIGNAL=VARIABLE:UNIT``, ``SIGNAL=VARIABLE[COLUMN]:UNIT`` for a column of a matrix, from 0, or a
-            formula of them; ``:UNIT`` is optional for the SI unit; a field of a struct is ``struct.field``.
-        vehicle, frame, nominal, name: as in a data set; the default name is that of the folder, and the default frame
-            the one that wheels and yaw show.
-        as_wired: whether nothing is mended that looks swapped, reversed or scaled wrongly.
-
-    Raises:
-        InputError: naming file and variable, or the option. Nothing is written then.
-    """
-    check_out(out)
-    sources = parse_mapping(mapping)
-    names = run_names(files)
-    logs = [_signals(file, sources) for file in files]
-    runs = [NewRun(run, log.columns) for run, log in zip(names, logs, strict=True)]
-    scalings = common_scalings(logs, files)
-    new = NewDataset(
-        name or out.resolve().name,
-        vehicle,
-        frame,
-        units_of(sources),
-        runs,
-        nominal or {},
-        scalings=scalings,
-        sources=sources,
-        as_wired=as_wired,
-    )
-    return write(new, out, files[0])
-
-
-def _signals(file: Path, sources: Mapping[str, Source]) -> Mapped:
+def _signals(file: Path, sources: Mapping[str, Source], _rate: float | None, _cut: bool) -> Read:
     variables = load(file)
     names = _names(variables)
 
@@ -79,7 +37,7 @@ def _signals(file: Path, sources: Mapping[str, Source]) -> Mapped:
             raise InputError(f"has {values.size} values where time has {samples}", file=file, field=signal)
         return values
 
-    return take(formulas, checked, file)
+    return Read(take(formulas, checked, file), units_of(sources))
 
 
 def read(file: Path) -> Log:
@@ -145,3 +103,6 @@ def _column(
     if np.isinf(column).any():
         raise InputError(f"{place.name!r} holds an infinite value", file=file, field=signal)
     return column
+
+
+import_matlab = SignalImporter(_signals, is_whole=True)

@@ -1,71 +1,24 @@
-"""Parquet files turned into a data set. pyarrow reads them; each holds a table, like the text files of `table`."""
+"""Parquet files turned into a data set. pyarrow reads them; each holds a table, like the text files of `table`.
+
+A field of a struct is ``column.field``. A column of time stamps is in s from its first value, one of durations in s.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from brickpilot.data.signals import Frame, Vehicle
 from brickpilot.errors import InputError
-from brickpilot.importers import table_log
 from brickpilot.importers.channels import Channel, Log, Vector, check_file, is_wanted, libraries
-from brickpilot.importers.chosen import unit_of
+from brickpilot.importers.chosen import Read, SignalImporter, unit_of
 from brickpilot.importers.formula import Place, unknown_name
-from brickpilot.importers.mapping import Mapped, Source, common_scalings, parse_mapping, read_formulas, take
-from brickpilot.importers.split import parse_split
-from brickpilot.importers.table import runs_of
-from brickpilot.importers.writer import Imported, NewDataset, check_out, run_names, write
+from brickpilot.importers.mapping import Source, read_formulas, take
 
 
-def import_parquet(
-    files: Sequence[Path],
-    out: Path,
-    mapping: Sequence[str],
-    *,
-    vehicle: Vehicle,
-    frame: Frame | None = None,
-    as_wired: bool = False,
-    split: Sequence[str] = (),
-    nominal: Mapping[str, float] | None = None,
-    name: str | None = None,
-) -> Imported:
-    """Makes a data set of Parquet files; each file becomes a run of the same name.
-
-    Args:
-        files: Parquet files with the same columns.
-        out: the new folder.
-        mapping: ``SIGNAL=COLUMN[:UNIT]``, or a formula of columns; a field of a struct is ``column.field``. A column of
-            time stamps is in s from its first value, a column of durations in s.
-        vehicle, frame, nominal, name: as in a data set; the default name is that of the folder, and the default frame
-            the one that wheels and yaw show.
-        as_wired: whether nothing is mended that looks swapped, reversed or scaled wrongly.
-        split: ``rests``, or ``FROM,TO`` in s of the log's clock, repeatable; a part becomes a run.
-
-    Raises:
-        InputError: naming file and column, or the option. Nothing is written then.
-    """
-    check_out(out)
-    sources = parse_mapping(mapping)
-    spans, names = parse_split(split), run_names(files)
-    tables = [_signals(file, sources) for file in files]
-    for file, (_, units) in zip(files, tables, strict=True):
-        if units != tables[0][1]:
-            raise InputError(f"states other units than {files[0]}; give them in --map", file=file)
-    logs = [log for log, _ in tables]
-    clock = {"time": Source("time", tables[0][1]["time"])}
-    whole = [table_log.Log(file, log, (), ()) for file, log in zip(files, logs, strict=True)]
-    runs, notes = runs_of(whole, clock, spans, names)
-    scalings = common_scalings(logs, files)
-    new = NewDataset(name or out.resolve().name, vehicle, frame, tables[0][1], runs, nominal or {}, notes, scalings,
-                     sources=sources, as_wired=as_wired)  # fmt: skip
-    return write(new, out, files[0])
-
-
-def _signals(file: Path, sources: Mapping[str, Source]) -> tuple[Mapped, dict[str, str]]:
-    """Returns the signals, and signal -> unit."""
+def _signals(file: Path, sources: Mapping[str, Source], _rate: float | None, _cut: bool) -> Read:
     log = read(file, [source.text for source in sources.values()])
     known = list(log.channels)
     formulas = read_formulas(sources, known)
@@ -81,7 +34,7 @@ def _signals(file: Path, sources: Mapping[str, Source]) -> tuple[Mapped, dict[st
         signal: unit_of(file, signal, formula, log.channels[formula.places[0].name], sources[signal])
         for signal, formula in formulas.items()
     }
-    return mapped, units
+    return Read(mapped, units)
 
 
 def read(file: Path, texts: Collection[str] | None = None) -> Log:
@@ -132,3 +85,6 @@ def _floats(column: Any, arrow: Any) -> Vector:
 def _unit(field: Any) -> str | None:
     stated = (field.metadata or {}).get(b"unit", b"").decode(errors="replace")
     return stated or None
+
+
+import_parquet = SignalImporter(_signals)

@@ -6,6 +6,7 @@ Functions that write a folder have the same result, `Made`.
 from __future__ import annotations
 
 import dataclasses
+import shlex
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -149,10 +150,32 @@ class FlightRequest:
             "gains": gains.load(Path(self.gains_file)) if self.gains_file else None,
         }
 
-    def options(self, plan: Plan) -> list[str]:
-        """The options that repeat the flight of `plan`, for the command line on its page."""
-        found = ["--profile", plan.controller, "--sensors", plan.sensors, "--seed", str(plan.seed)]
-        found += ["--model", self.model_file] if self.model_file else []
-        found += ["--compensation", self.compensation_file] if self.compensation_file else []
-        found += ["--gains", self.gains_file] if self.gains_file else []
-        return found
+    def options(self, plan: Plan) -> dict[str, Any]:
+        """The options that repeat the flight of `plan`, for `command_line`."""
+        chosen = {"profile": plan.controller, "sensors": plan.sensors, "seed": plan.seed}
+        files = {"model": self.model_file, "compensation": self.compensation_file, "gains": self.gains_file}
+        return chosen | files
+
+
+_FLAGS = {"mapping": "map", "settings": "set"}
+
+
+def command_line(command: str, *arguments: str, **options: Any) -> str:
+    """Returns the command line of `brickpilot`, for pages that say how they are made again.
+
+    Args:
+        command: its name.
+        arguments: in order.
+        options: by the keywords of the public functions. None, False and () are left out, True is a switch, and a
+            sequence repeats its flag.
+    """
+    words = ["brickpilot", command, *arguments]
+    for name, value in options.items():
+        flag = f"--{_FLAGS.get(name, name).replace('_', '-')}"
+        if value is True:
+            words.append(flag)
+        elif isinstance(value, list | tuple):
+            words += [word for one in value for word in (flag, str(one))]
+        elif value is not None and value is not False:
+            words += [flag, f"{value:g}" if isinstance(value, float) else str(value)]
+    return shlex.join(words)

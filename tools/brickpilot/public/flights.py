@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-import shlex
 from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.firmware import simulate
@@ -20,7 +20,7 @@ from brickpilot.hil.linked_flight import Progress
 from brickpilot.hil.traffic_log import RecordingLink
 from brickpilot.link.links import Link
 from brickpilot.link.session import LOCKSTEP, REALTIME
-from brickpilot.public.doors import FlightRequest, Made, whole
+from brickpilot.public.doors import FlightRequest, Made, command_line, whole
 from brickpilot.report import flight_text, run_folder, run_page
 from brickpilot.vehicle import flight_figures
 from brickpilot.vehicle.flight import Plan
@@ -179,14 +179,13 @@ def fly_over(request: FlightRequest, session: Session, out: Path | None, progres
 
 def _command(request: FlightRequest, session: Session, plan: Plan) -> str:
     """Returns the command line that repeats the flight."""
-    simulated = ["--target", session.spec] if session.image is None else ["--image", str(session.image.path)]
-    where = simulated if session.simulated else ["--link", session.spec, f"--{session.pace}"]
+    where: dict[str, Any] = {"link": session.spec, session.pace: True}
+    if session.simulated:
+        where = {"target": session.spec} if session.image is None else {"image": session.image.path}
     own_mission = session.image is not None and request.scenario_name is None and request.scenario_file is None
-    words = ["brickpilot", "hil", *([] if own_mission else [request.scenario]), *where]
-    words += request.options(plan)
-    return shlex.join(
-        words + [word for name, value in session.settings.items() for word in ("--set", f"{name}={value}")]
-    )
+    settings = [f"{name}={value}" for name, value in session.settings.items()]
+    named = [] if own_mission else [request.scenario]
+    return command_line("hil", *named, **where, **request.options(plan), settings=settings)
 
 
 def _write_junit(session: Session, text: str) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shlex
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,7 +22,7 @@ from brickpilot.firmware.package import Made as Built
 from brickpilot.firmware.package import Order
 from brickpilot.fit import calibration
 from brickpilot.fit.descent import Progress
-from brickpilot.public.doors import Made, jobs_of, model_of, seed_of, whole
+from brickpilot.public.doors import Made, command_line, jobs_of, model_of, seed_of, whole
 from brickpilot.report import campaign_page, run_folder, run_page
 from brickpilot.report.flight_text import waypoint_lines
 from brickpilot.report.template import render_plain
@@ -66,13 +65,9 @@ def campaign(
     """
     count = None if runs is None else whole("runs", runs, 1)
     given = campaign_file.load(Path(file), count=count, seed=None if seed is None else seed_of(seed), shares=SD_SHARE)
-    words = ["brickpilot", "campaign", str(file)]
-    words += ["--runs", str(count)] if count is not None else []
-    words += ["--seed", str(seed)] if seed is not None else []
     folder = Path(out) if out else Path("runs") / f"campaign-{given.name}"
-    found = conduct.conduct(
-        given, folder, workers.chosen(jobs_of(jobs), scheduler), progress or _silent, shlex.join(words)
-    )
+    command = command_line("campaign", str(file), runs=count, seed=seed)
+    found = conduct.conduct(given, folder, workers.chosen(jobs_of(jobs), scheduler), progress or _silent, command)
     return Made(folder, campaign_page.verdict(found), found)
 
 
@@ -107,9 +102,10 @@ def tune(
         raise InputError("needs a robot: --model FILE or --dataset DIR, one of them", field="tune")
     whole("robots", robots, 4, 1000), whole("judges", judges, 20, 100_000), seed_of(seed)
     spent, where = _budget(str(budget)), workers.chosen(jobs_of(jobs), scheduler)
-    words = ["brickpilot", "tune", *(["--model", str(model)] if model else ["--dataset", str(dataset)])]
-    words += ["--board", board, "--sensors", sensors, *(["--scenario", str(scenario)] if scenario else [])]
-    words += ["--robots", str(robots), "--judges", str(judges), "--budget", str(budget), "--seed", str(seed)]
+    command = command_line(
+        "tune", model=model, dataset=dataset, board=board, sensors=sensors, scenario=scenario, robots=robots,
+        judges=judges, budget=str(budget), seed=seed,
+    )  # fmt: skip
     folder = Path(out) if out else Path("runs") / f"tune-{Path(model or dataset or '').stem}"
     show = progress or _silent
     with run_folder.fresh_folder(folder, _TUNE_FILES) as beside:
@@ -121,7 +117,7 @@ def tune(
             ready.problem, ready.firmware, where, robots=robots, judges=judges, budget=spent,
             show=lambda stage, count: show(min(count, total), total, said[stage]),
         )  # fmt: skip
-        figures = _write_tuned(tuned, shlex.join(words), beside)
+        figures = _write_tuned(tuned, command, beside)
     return Made(folder, tune_page.sentence(tuned), figures), tuned
 
 
@@ -189,27 +185,21 @@ def firmware(
     with run_folder.fresh_folder(folder, package.files_of(order.board)) as beside:
         made = package.make(order, beside)
         figures = _firmware_figures(order, made) | {"fly": _fly_image(str(model), order, folder)}
-        command = _firmware_command(str(model), None if gains is None else str(gains), order, folder)
+        command = command_line(
+            "firmware", model=model, board=order.board.name, out=folder, sensors=sensors, seed=seed,
+            imu=None if imu == boards.ANALOGUE else imu, gains=gains, scenario=mission,
+        )  # fmt: skip
         _write_firmware(order, made, figures, command, beside)
     failure = figures["flight"]["failure"]
     said = f"{order.robot.model.name}: {failure or 'the mission is flown'}"
     return Made(folder, said, figures)
 
 
-def _firmware_command(model_file: str, gains_file: str | None, order: Order, folder: Path) -> str:
-    words = ["brickpilot", "firmware", "--model", model_file, "--board", order.board.name, "--out", str(folder)]
-    words += ["--sensors", order.sensors, "--seed", str(order.seed)]
-    words += [] if order.imu == boards.ANALOGUE else ["--imu", order.imu]
-    words += ["--gains", gains_file] if gains_file else []
-    return shlex.join(words + (["--scenario", order.mission] if order.mission else []))
-
-
 def _fly_image(model_file: str, order: Order, folder: Path) -> str | None:
     """Returns the command that flies the image itself, if a simulator of its board exists."""
     if not order.board.flown:
         return None
-    words = ["brickpilot", "hil", "--image", str(folder / order.board.flown), "--model", model_file]
-    return shlex.join(words + (["--scenario", order.mission] if order.mission else []))
+    return command_line("hil", image=folder / order.board.flown, model=model_file, scenario=order.mission)
 
 
 def _firmware_figures(order: Order, made: Built) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from brickpilot.changed.change import Change, Changed, Constant, FitPercent, Trace, subject
+from brickpilot.changed.change import Change, Changed, FitPercent, Trace, subject
 from brickpilot.changed.what_changed import BEFORE
 from brickpilot.data.signals import SIGNALS
 from brickpilot.report import headline_text, plot
@@ -156,10 +156,6 @@ def page(found: Changed, command: str) -> str:
         notes=found.notes,
         command=command,
     )
-
-
-def _value(one: Constant | None) -> str:
-    return str(quantity(one.value, one.unit, one.ci95)) if one else ""
 
 
 def _figure(one: Trace, points: int) -> dict[str, object]:

@@ -15,7 +15,6 @@ from brickpilot.report.headline_text import DEFINITION, HORIZONS, RUNS, plain
 from brickpilot.report.quantities import DASH, fit_number, fit_text, percent, quantity
 
 _HEADLINE = "free_run"
-_SPACE = "\N{NO-BREAK SPACE}"
 _MINUS = "\N{MINUS SIGN}"
 _SAME = 0.05  # percentage points: fits that differ by less read the same
 

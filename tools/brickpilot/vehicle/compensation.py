@@ -203,10 +203,7 @@ def load(path: Path | str) -> Compensation:
             The message names file, line and field.
     """
     toml = TomlFile(Path(path))
-    toml.known_keys((), toml.data, ("name", "left_out", "limited", "remarks", "parameters"))
-    for key in ("name", "parameters"):
-        if key not in toml.data:
-            toml.refuse((key,), "is missing")
+    toml.known_keys((), toml.data, ("name", "left_out", "limited", "remarks", "parameters"), ("name", "parameters"))
     given = toml.table(("parameters",), toml.data["parameters"])
     toml.known_keys(("parameters",), given, FORMATS)
     found = {name: _raw(toml, name, entry) for name, entry in given.items()}

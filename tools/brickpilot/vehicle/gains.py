@@ -78,10 +78,7 @@ def load(path: Path | str) -> Gains:
             raw number, or two gains that contradict each other. The message names file, line and field.
     """
     toml = TomlFile(Path(path))
-    toml.known_keys((), toml.data, ("name", "gains"))
-    for key in ("name", "gains"):
-        if key not in toml.data:
-            toml.refuse((key,), "is missing")
+    toml.known_keys((), toml.data, ("name", "gains"), ("name", "gains"))
     given = toml.table(("gains",), toml.data["gains"])
     if not given:
         toml.refuse(("gains",), "has no gain")

@@ -188,10 +188,7 @@ def load(path: Path | str) -> Model:
             move. The message names file, line and field.
     """
     toml = TomlFile(Path(path))
-    toml.known_keys((), toml.data, _TOP_KEYS)
-    for key in ("name", "vehicle", "profile"):
-        if key not in toml.data:
-            toml.refuse((key,), "is missing")
+    toml.known_keys((), toml.data, _TOP_KEYS, ("name", "vehicle", "profile"))
     basis: dict[str, str] = {}
     vehicle = toml.choice(("vehicle",), toml.data["vehicle"], catalogue.VEHICLE_CODES)
     if vehicle == "skid_steer" and toml.data["profile"] == "paper":

@@ -122,10 +122,7 @@ def load(path: Path) -> Scenario:
     """
     toml = TomlFile(path)
     data = toml.data
-    toml.known_keys((), data, _KEYS)
-    for key in ("name", "kind", "duration_s"):
-        if key not in data:
-            raise InputError("is missing", file=path, field=key)
+    toml.known_keys((), data, _KEYS, ("name", "kind", "duration_s"))
     kind = toml.choice(("kind",), data["kind"], ("mission", "manoeuvre"))
     other = "manoeuvre" if kind == "mission" else "mission"
     for key in sorted(_ONLY[other] & data.keys()):
@@ -205,10 +202,7 @@ def _segments(toml: TomlFile, data: Mapping[str, Any], duration: float) -> tuple
     for index, entry in enumerate(_list(toml, "segments", data, 1000)):
         key = ("segments", index)
         table = toml.table(key, entry)
-        toml.known_keys(key, table, {"from_s", "left_V", "right_V"})
-        for name in ("from_s", "left_V", "right_V"):
-            if name not in table:
-                toml.refuse((*key, name), "is missing")
+        toml.known_keys(key, table, ("from_s", "left_V", "right_V"), ("from_s", "left_V", "right_V"))
         start = toml.number((*key, "from_s"), table["from_s"], 0.0, duration, "s")
         if segments and start <= segments[-1].from_s:
             toml.refuse((*key, "from_s"), f"{start:g} s does not come after the segment before")
@@ -325,10 +319,7 @@ def parse_faults(toml: TomlFile, value: object, duration: float) -> tuple[Fault,
 
 def _fault(toml: TomlFile, key: tuple[str, int], entry: object, duration: float) -> Fault:
     table: Mapping[str, Any] = toml.table(key, entry)
-    toml.known_keys(key, table, {"kind", "from_s", "to_s", "rate", "direction", "sensor"})
-    for name in ("kind", "from_s"):
-        if name not in table:
-            toml.refuse((*key, name), "is missing")
+    toml.known_keys(key, table, {"kind", "from_s", "to_s", "rate", "direction", "sensor"}, ("kind", "from_s"))
     kind = toml.choice((*key, "kind"), table["kind"], FAULT_KINDS)
     begin = toml.number((*key, "from_s"), table["from_s"], 0.0, duration, "s")
     end = toml.number((*key, "to_s"), table.get("to_s", duration), begin, duration, "s")

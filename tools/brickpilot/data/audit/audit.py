@@ -15,9 +15,9 @@ import numpy as np
 from brickpilot.data.audit import stuck
 from brickpilot.data.audit.contradictions import contradictions
 from brickpilot.data.audit.fault import Fault, Kind, channel_note, collision_note, range_note, rows_note
-from brickpilot.data.audit.held import held, held_note
 from brickpilot.data.audit.jumps import jumps
 from brickpilot.data.audit.run_clocks import clock_faults, delay_note, delays
+from brickpilot.data.audit.stuck import held, held_note
 from brickpilot.data.audit.view import Channels, Mask, RunView, Vector, driven_by, integral, stretches
 from brickpilot.data.description import Signal
 from brickpilot.data.signals import RATE_OF, Frame

@@ -16,11 +16,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy import stats
-from threadpoolctl import threadpool_limits
-
 from brickpilot import catalogue
-from brickpilot.bench import this_machine
+from brickpilot.bench import speed
 from brickpilot.campaign import engine, runs, workers
 from brickpilot.data.reading import Dataset
 from brickpilot.discover import parts, pipeline, prepare
@@ -30,6 +27,8 @@ from brickpilot.fit.comparison import compare
 from brickpilot.fit.problem import Problem
 from brickpilot.vehicle import flight, plant, scenario
 from brickpilot.vehicle.model import Model, rcx
+from scipy import stats
+from threadpoolctl import threadpool_limits
 
 Progress = Callable[[int, int, str], None]
 Work = Callable[[int], Callable[[], object]]
@@ -222,7 +221,7 @@ def measure(
     progress(total - 2, total, "flights of a campaign")
     found.insert(1, _campaign(flights_of, repeats))
     progress(total - 1, total, "workers of a campaign")
-    return Scaling(this_machine.describe(), tuple(found), _crowd(crowd_flights, repeats))
+    return Scaling(speed.this_machine(), tuple(found), _crowd(crowd_flights, repeats))
 
 
 def _measure(sweep: Sweep) -> Measured:
@@ -317,9 +316,9 @@ def _campaign(sizes: Sequence[int], repeats: int) -> Measured:
 
 
 def _crowd(count: int, repeats: int) -> Crowd:
-    numbers = tuple(range(1, this_machine.cores() + 2))
+    numbers = tuple(range(1, speed.cores() + 2))
     rates = [tuple(count / _fly(count, jobs).wall_s for _ in range(repeats)) for jobs in numbers]
-    return Crowd(numbers, count, tuple(rates), this_machine.cores())
+    return Crowd(numbers, count, tuple(rates), speed.cores())
 
 
 def as_dict(found: Scaling) -> dict[str, Any]:

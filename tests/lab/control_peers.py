@@ -13,19 +13,20 @@ import re
 import subprocess
 import tempfile
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
-
-from brickpilot.bench import rcx_budget
+from brickpilot.bench.speed import LawFigure
 from brickpilot.constants import RCX, STEP_S
-from brickpilot.errors import InputError, SimulationError
-from brickpilot.hil.checkout import checkout, script_output
+from brickpilot.errors import SimulationError
+from brickpilot.hil.checkout import script_output
 from brickpilot.vehicle import flight, scenario
 from brickpilot.vehicle.model import Model, rcx
+from numpy.typing import NDArray
+
+from lab import rcx_budget
 
 Array = NDArray[np.float64]
 
@@ -112,15 +113,43 @@ def check_same_answers(what: str, ours: Array, theirs: Array) -> None:
 
 def missing(brick: str) -> str | None:
     """Returns why the law cannot be measured on a brick here, or None."""
-    try:
-        checkout(f"peers on {brick}")
-    except InputError as error:
-        return str(error)
     tools = {"h8": ("h8300-hms-gcc", "h8300-hms-ar"), "avr": ("avr-gcc", "avr-size")}[brick]
     files = {"h8": "/usr/lib/brickos/libfloat.a", "avr": "/usr/include/simavr"}
     absent = [tool for tool in tools if not any((Path(at) / tool).exists() for at in os.get_exec_path())]
     absent += [] if Path(files[brick]).exists() else [files[brick]]
     return f"peers on {brick}: needs {', '.join(absent)}" if absent else None
+
+
+def figures_here() -> tuple[dict[str, LawFigure], list[str]]:
+    """Returns the figures of each brick that can be measured here, and why another cannot."""
+    reasons = {brick: missing(brick) for brick in BRICKS}
+    found: dict[str, LawFigure] = {}
+    for brick, reason in reasons.items():
+        if reason is None:
+            found |= figures(brick, measure(brick))
+    return found, [reason for reason in reasons.values() if reason is not None]
+
+
+def figures(brick: str, costs: Mapping[str, LawCost]) -> dict[str, LawFigure]:
+    """Returns the firmware's arithmetic beside each other one on a brick, as figures of `brickpilot bench`."""
+    ours = costs["ours"]
+    value = float(np.median(ours.cycles))
+    return {
+        f"control_{brick}_{name}": LawFigure(
+            value=value,
+            unit=UNITS[brick],
+            peer=ARITHMETICS[name],
+            ratio=float(np.median(theirs.cycles)) / value,
+            machine=BRICKS[brick],
+            most=int(ours.cycles.max()),
+            peer_most=int(theirs.cycles.max()),
+            flash_bytes=ours.flash,
+            peer_flash_bytes=theirs.flash,
+            apart_v=float(np.abs(theirs.voltages - ours.voltages).max()),
+        )
+        for name, theirs in costs.items()
+        if name != "ours"
+    }
 
 
 def _numbers(output: bytes, steps: int) -> NDArray[np.int32]:

@@ -6,6 +6,10 @@ link to the host, on a brick it is drivers.
 
 For the share of kernel and interrupts, and whether a control step is in time, the image flies the mission in a
 simulated brick, in which every instruction and every interrupt takes its time.
+
+States are cycles of the clock. On-chip memory answers a byte or a word in 2 states. Behind the 8-bit external bus a
+byte takes 3 states and a word 6, without wait states. The RCX holds brickOS and programs in external RAM; `EXTERNAL`
+assumes that for code, data and stack.
 """
 
 from __future__ import annotations
@@ -22,15 +26,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-
-from brickpilot.bench import h8_states
-from brickpilot.bench.h8_states import CLOCK_HZ
 from brickpilot.errors import SimulationError
+from brickpilot.gen import h8_states
 from brickpilot.hil import ends, fly, rcx_flight
+from brickpilot.hil.rcx_flight import CLOCK_HZ
 from brickpilot.link.session import LOCKSTEP
 from brickpilot.vehicle import flight, scenario
 from brickpilot.vehicle.model import rcx
+from numpy.typing import NDArray
 
 STEP = "loop_tick"
 STAGES = {
@@ -45,7 +48,28 @@ STAGES = {
 }
 """Stage -> its functions in firmware/. Those of the HAL are "hal"; everything else in a step is "rest"."""
 
-MEMORIES = {"external": h8_states.EXTERNAL, "on_chip": h8_states.ON_CHIP}
+COSTS = h8_states.load((Path(__file__).parents[2] / "hal/h8sim/states.toml").read_text(encoding="utf-8"))
+
+
+@dataclass(frozen=True)
+class Memory:
+    """States of one access: ``word`` for code, stack or data, ``byte`` for data."""
+
+    word: int
+    byte: int
+
+    def states(self, cost: h8_states.Cost) -> int:
+        """Returns the states of an instruction with code, stack and data in this memory."""
+        return (cost.code + cost.words) * self.word + cost.data_bytes * self.byte + cost.own
+
+    def by_first_byte(self) -> NDArray[np.int64]:
+        """Returns (256,): states of an instruction by its first byte; -1: there is none, or none with a fixed sum."""
+        return np.array([self.states(COSTS[first]) if first in COSTS else -1 for first in range(256)], dtype=np.int64)
+
+
+EXTERNAL = Memory(word=6, byte=3)
+ON_CHIP = Memory(word=2, byte=2)
+MEMORIES = {"external": EXTERNAL, "on_chip": ON_CHIP}
 
 _CHUNK = 1 << 22
 """Instructions of a trace that are read at a time."""
@@ -114,7 +138,7 @@ class Program:
         at = {
             name: int(address, 16) & 0xFFFF for address, name in re.findall(r"^(\w+) T _(\w+)$", listed, re.MULTILINE)
         }
-        return cls({name: h8_states.by_first_byte(kind)[memory] for name, kind in MEMORIES.items()}, at)
+        return cls({name: kind.by_first_byte()[memory] for name, kind in MEMORIES.items()}, at)
 
 
 class Counter:
@@ -271,7 +295,7 @@ def as_dict(budget: Budget) -> dict[str, Any]:
         for name, counts in budget.stages.items()
     }
     bytes_of = {name: dataclasses.asdict(size) for name, size in budget.sizes.items()}
-    return {"stages": stages, "stack_bytes": budget.stack, "bytes": bytes_of, "clock_hz": h8_states.CLOCK_HZ}
+    return {"stages": stages, "stack_bytes": budget.stack, "bytes": bytes_of, "clock_hz": CLOCK_HZ}
 
 
 LABELS = {

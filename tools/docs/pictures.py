@@ -1,6 +1,7 @@
 """Draws the pictures of the READMEs as SVG, by matplotlib, which the package does not need at run time.
 
-`python -m brickpilot.gen.pictures` draws all of them, and with names only those. Run it from the root of a checkout.
+`.venv/bin/python tools/docs/pictures.py` draws all of them, and with names only those. Run it from the root of a
+checkout.
 
 - mission: the mission with gyro and rotation sensors, seed 0.
 - places: what runs where: on this machine, in simulators, on bricks.
@@ -25,10 +26,6 @@ from typing import Any
 
 import matplotlib
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.patches import Circle, FancyBboxPatch
-
 from brickpilot.constants import ACCEPTANCE_M, STEP_S
 from brickpilot.data import reading
 from brickpilot.discover import pipeline
@@ -38,6 +35,9 @@ from brickpilot.vehicle import flight, scenario
 from brickpilot.vehicle.flight import Flight
 from brickpilot.vehicle.model import Model, rcx
 from brickpilot.vehicle.plant import OpenLoopRun, simulate
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, FancyBboxPatch
 
 # These differ in lightness as well as in hue (Okabe & Ito 2008), and show on white and on near-black.
 BLUE, ORANGE, GREEN, GREY = "#0072b2", "#d55e00", "#009e73", "#808080"
@@ -257,7 +257,7 @@ PICTURES: dict[str, Callable[[], None]] = {
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m brickpilot.gen.pictures", description=__doc__)
+    parser = argparse.ArgumentParser(prog="pictures.py", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(PICTURES))
     names = parser.parse_args().names or PICTURES
     if unknown := [name for name in names if name not in PICTURES]:

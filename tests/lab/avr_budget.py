@@ -14,9 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-
-from brickpilot.bench.rcx_budget import STAGES, STEP
 from brickpilot.constants import STEP_MS
 from brickpilot.errors import SimulationError
 from brickpilot.hil import avr_flight
@@ -25,6 +22,9 @@ from brickpilot.hil.checkout import AVR_TARGETS
 from brickpilot.hil.linked_flight import Progress
 from brickpilot.vehicle import flight, scenario
 from brickpilot.vehicle.model import rcx
+from numpy.typing import NDArray
+
+from lab.rcx_budget import STAGES, STEP
 
 CLOCK_HZ = 16_000_000
 PERIOD = CLOCK_HZ // 1000 * STEP_MS

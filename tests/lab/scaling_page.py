@@ -1,15 +1,26 @@
-"""The page of `brickpilot bench --scaling`. It shows what `bench.scaling.as_dict` has."""
+"""What `brickpilot bench --scaling` runs in a checkout: it measures how time grows, and shows it on a page.
+
+python -m lab.scaling_page --out DIR [--json]
+"""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
+import click
 import numpy as np
-from markupsafe import Markup
-
+from brickpilot.cli.main import run_to_exit
+from brickpilot.cli.terminal import as_json, progress_shown
+from brickpilot.public.doors import command_line
+from brickpilot.report import run_folder
 from brickpilot.report.plot import Curve, Figure, Panel, to_html
 from brickpilot.report.template import render
+from markupsafe import Markup
+
+from lab import scaling
 
 Content = Mapping[str, Any]
 
@@ -19,6 +30,7 @@ def page(content: Content, command: str) -> str:
     sweeps = content["sweeps"].values()
     return render(
         "scaling",
+        folder=Path(__file__).parent,
         title="How time grows",
         command=command,
         machine=content["machine"],
@@ -82,3 +94,33 @@ def _crowd(workers: Content) -> Markup:
             x_unit="",
         )
     )
+
+
+@click.command()
+@click.option("--out", required=True, metavar="DIR", help="The folder to write.")
+@as_json
+def measure_scaling(out: str, as_json: bool) -> None:
+    """Measures how time grows, and writes its page and its figures."""
+    folder = Path(out)
+    with run_folder.fresh_folder(folder, ("report.html", "scaling.json")) as beside:
+        with progress_shown(as_json) as progress:
+            found = scaling.as_dict(scaling.measure(progress))
+        command = command_line("bench", scaling=True, out=folder)
+        (beside / "scaling.json").write_text(json.dumps(found, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+        (beside / "report.html").write_text(page(found, command), encoding="utf-8")
+    if as_json:
+        click.echo(json.dumps(found, allow_nan=False))
+        return
+    click.echo(f"on {found['machine']}")
+    for one in found["sweeps"].values():
+        low, high = one["exponent"]["ci95"]
+        growth = f"{one['growth']}, exponent {one['exponent']['value']:.2f} ({low:.2f} to {high:.2f})"
+        ratio = f"{one['times_as_long']:6.1f} times as long for {one['times_work']:4.1f} times the {one['unit']}"
+        click.echo(f"{ratio}: {growth}; {one['what']}")
+    for number, gain in zip(found["workers"]["numbers"], found["workers"]["gain"], strict=True):
+        click.echo(f"{gain:6.2f} times the flights of one worker with {number} on {found['workers']['cores']} cores")
+    click.echo(f"report: {folder / 'report.html'}")
+
+
+if __name__ == "__main__":
+    run_to_exit(measure_scaling, None, "brickpilot")
