@@ -9,30 +9,39 @@ static inline int16_t of_model(int16_t voltage_mv)
     return MOTOR_VOLTAGE_BITS == 0 ? voltage_mv : (int16_t)fix_trunc_shift(voltage_mv, MOTOR_VOLTAGE_BITS);
 }
 
-/* The voltages of the step before, less what friction takes. */
+#ifndef FRICTION_UNLEARNT
+/* The model, with the voltages of the step before less what friction takes. */
 static void predict(const step_config_t *config, step_state_t *state, const signals_drive_t *drive)
 {
-    int16_t lost_mv = 0;
-#ifndef FRICTION_UNLEARNT
     const int16_t surge_mv = (int16_t)fix_trunc_shift(fix_add(drive->left_mv, drive->right_mv), 1);
-    lost_mv = friction_takes_mv(&state->speed.friction, surge_mv);
-#endif
-    body_predict(config->model, &state->model, of_model(fix_sub16(drive->left_mv, lost_mv)),
-                 of_model(fix_sub16(drive->right_mv, lost_mv)));
+    const int16_t taken_mv = friction_takes_mv(&state->speed.friction, surge_mv);
+
+    body_predict(config->model, &state->model, of_model(fix_sub16(drive->left_mv, taken_mv)),
+                 of_model(fix_sub16(drive->right_mv, taken_mv)));
 }
 
-/* The voltage that holds the demanded speed. */
+/* The voltage that holds the demanded speed against the friction, too. */
 static int16_t feedforward_mv(const step_config_t *config, const signals_estimate_t *estimate, int16_t speed_mm_s_q4)
 {
     const int16_t mv = fix_mul16_q10(config->feedforward_mv_q10, speed_mm_s_q4);
-#ifndef FRICTION_UNLEARNT
-    if (speed_mm_s_q4 != 0)
-        return speed_mm_s_q4 < 0 ? fix_sub16(mv, estimate->friction_mv) : fix_add16(mv, estimate->friction_mv);
-#else
-    (void)estimate;
-#endif
-    return mv;
+
+    if (speed_mm_s_q4 == 0)
+        return mv;
+    return speed_mm_s_q4 < 0 ? fix_sub16(mv, estimate->friction_mv) : fix_add16(mv, estimate->friction_mv);
 }
+#else
+static inline void predict(const step_config_t *config, step_state_t *state, const signals_drive_t *drive)
+{
+    body_predict(config->model, &state->model, of_model(drive->left_mv), of_model(drive->right_mv));
+}
+
+static inline int16_t feedforward_mv(const step_config_t *config, const signals_estimate_t *estimate,
+                                     int16_t speed_mm_s_q4)
+{
+    (void)estimate;
+    return fix_mul16_q10(config->feedforward_mv_q10, speed_mm_s_q4);
+}
+#endif
 
 void step_run(const step_config_t *config, const route_t *route, step_state_t *state, const signals_sensors_t *sensors,
               mode_command_t command, step_output_t *output)

@@ -27,7 +27,7 @@
 
 #include "core/signals.h"
 
-/* A build with -DFRICTION_UNLEARNT has no code and no state for this: where there is no accelerometer, or no room. */
+/* A build with -DFRICTION_UNLEARNT has no code and no state for this: with rotation sensors, or where there is no room. */
 
 #define FRICTION_MOST_MV 3000   /* what the limit of the heading's controller leaves */
 #define FRICTION_BIAS_MM_S2 30  /* of the accelerometer: accel_bias_surge of sim_host/models/rcx.toml */

@@ -65,20 +65,20 @@ static int32_t accel_correction(const speed_config_t *config, speed_state_t *sta
 
 #ifndef FRICTION_UNLEARNT
     if (learns_friction(config, state, sensors)) {
-        const friction_input_t input = {.innovation_mm_s_q17 = fix_sub32(0, difference),
-                                        .accel_mm_s2 = accel_mm_s2,
-                                        .yaw_rate_mrad_s = yaw_rate_mrad_s,
-                                        .period_ms = sensors->period_ms,
-                                        .driven = predicted->driven,
-                                        .have_gyro = SIGNALS_HAVE(sensors, SENSOR_GYRO)};
-        switch (friction_step(&config->friction, &state->friction, &input)) {
-        case FRICTION_REST:
+        friction_input_t input; /* field by field: an initialiser calls memcpy on the RCX */
+        friction_belief_t belief;
+
+        input.innovation_mm_s_q17 = fix_sub32(0, difference);
+        input.accel_mm_s2 = accel_mm_s2;
+        input.yaw_rate_mrad_s = yaw_rate_mrad_s;
+        input.period_ms = sensors->period_ms;
+        input.driven = predicted->driven;
+        input.have_gyro = SIGNALS_HAVE(sensors, SENSOR_GYRO);
+        belief = friction_step(&config->friction, &state->friction, &input);
+        if (belief == FRICTION_REST)
             return fix_sub32(0, predicted->motion.surge_mm_s_q17);
-        case FRICTION_ACCELEROMETER:
+        if (belief == FRICTION_ACCELEROMETER)
             return difference;
-        default:
-            break;
-        }
     }
 #endif
     return fix_mul_q15(difference, config->accel_gain_q15);

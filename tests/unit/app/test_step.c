@@ -79,10 +79,11 @@ static void drive_ahead(void)
 static int16_t surge_ahead_mv(int32_t friction_mv, int32_t *speed_mm_s_q17)
 {
     setUp();
+    config.mode.los.cruise_mm_s_q4 = 3200;
     state.speed.friction.in_force_mv_q8 = friction_mv * 256;
     drive_ahead();
     const int16_t surge_mv = output.effort.surge_mv;
-    step_run(&config, &NOWHERE, &state, &sensors, MODE_NONE, &output);
+    drive_ahead();
     *speed_mm_s_q17 = output.predicted.motion.surge_mm_s_q17;
     return surge_mv;
 }
@@ -90,7 +91,6 @@ static int16_t surge_ahead_mv(int32_t friction_mv, int32_t *speed_mm_s_q17)
 static void test_step_adds_friction_to_the_motors_and_takes_it_from_the_model(void)
 {
     int32_t without, with;
-    config.speed_pid.limit_mv = 32000;
     const int16_t needed_mv = surge_ahead_mv(0, &without);
     TEST_ASSERT_INT16_WITHIN(2, 500, surge_ahead_mv(500, &with) - needed_mv);
     TEST_ASSERT_INT32_WITHIN(200, without, with);
