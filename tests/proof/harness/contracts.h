@@ -109,8 +109,9 @@ static bool friction_holds(const friction_state_t *of)
 
 static bool speed_holds(const speed_state_t *of)
 {
-    return friction_holds(&of->friction) && UP_TO(BODY_SPEED_LIMIT_MM_S_Q17, of->speed_mm_s_q17) && UP_TO(PROOF_ACCEL_MOST, of->accel_mm_s2_q8) &&
-           UP_TO(536870912L, of->residual_um_q5) && UP_TO(4096000L, of->bias.value);
+    return friction_holds(&of->friction) && UP_TO(BODY_SPEED_LIMIT_MM_S_Q17, of->speed_mm_s_q17) &&
+           UP_TO(PROOF_ACCEL_MOST, of->accel_mm_s2_q8) && UP_TO(536870912L, of->residual_um_q5) &&
+           UP_TO(4096000L, of->bias.value);
 }
 
 static bool pose_holds(const pose_state_t *of)
