@@ -14,20 +14,23 @@ static inline int16_t of_model(int16_t voltage_mv)
 static void predict(const step_config_t *config, step_state_t *state, const signals_drive_t *drive)
 {
     const int16_t surge_mv = (int16_t)fix_trunc_shift(fix_add(drive->left_mv, drive->right_mv), 1);
-    const int16_t taken_mv = friction_takes_mv(&state->speed.friction, surge_mv);
+    const int16_t taken_mv =
+        friction_takes_mv(&config->speed.friction, &state->speed.friction, state->speed.speed_mm_s_q4, surge_mv);
 
     body_predict(config->model, &state->model, of_model(fix_sub16(drive->left_mv, taken_mv)),
                  of_model(fix_sub16(drive->right_mv, taken_mv)));
 }
 
 /* The voltage that holds the demanded speed against the friction, too. */
-static int16_t feedforward_mv(const step_config_t *config, const signals_estimate_t *estimate, int16_t speed_mm_s_q4)
+static int16_t feedforward_mv(const step_config_t *config, const step_state_t *state, int16_t speed_mm_s_q4)
 {
     const int16_t mv = fix_mul16_q10(config->feedforward_mv_q10, speed_mm_s_q4);
 
+    const int16_t friction = friction_mv(&config->speed.friction, &state->speed.friction);
+
     if (speed_mm_s_q4 == 0)
         return mv;
-    return speed_mm_s_q4 < 0 ? fix_sub16(mv, estimate->friction_mv) : fix_add16(mv, estimate->friction_mv);
+    return speed_mm_s_q4 < 0 ? fix_sub16(mv, friction) : fix_add16(mv, friction);
 }
 #else
 static inline void predict(const step_config_t *config, step_state_t *state, const signals_drive_t *drive)
@@ -35,10 +38,9 @@ static inline void predict(const step_config_t *config, step_state_t *state, con
     body_predict(config->model, &state->model, of_model(drive->left_mv), of_model(drive->right_mv));
 }
 
-static inline int16_t feedforward_mv(const step_config_t *config, const signals_estimate_t *estimate,
-                                     int16_t speed_mm_s_q4)
+static inline int16_t feedforward_mv(const step_config_t *config, const step_state_t *state, int16_t speed_mm_s_q4)
 {
-    (void)estimate;
+    (void)state;
     return fix_mul16_q10(config->feedforward_mv_q10, speed_mm_s_q4);
 }
 #endif
@@ -76,7 +78,7 @@ void step_run(const step_config_t *config, const route_t *route, step_state_t *s
         input.period_ms = output->estimate.period_ms;
         input.error = fix_sub16(output->demand.speed_mm_s_q4, output->estimate.speed_mm_s_q4);
         input.rate = output->estimate.accel_mm_s2;
-        input.feedforward_mv = feedforward_mv(config, &output->estimate, output->demand.speed_mm_s_q4);
+        input.feedforward_mv = feedforward_mv(config, state, output->demand.speed_mm_s_q4);
         input.saturated = drive->surge_saturated;
         pid_step(&config->speed_pid, &state->speed_pid, &input, &output->speed_pid);
 

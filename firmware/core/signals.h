@@ -89,10 +89,7 @@ typedef struct {
     int16_t speed_mm_s_q4;   /* surge, saturates at +-2.047 m/s */
     int16_t yaw_rate_mrad_s; /* without the gyro's bias, -32767..32767, saturates */
     int16_t accel_mm_s2;     /* rate of change of speed, filtered, saturates */
-#ifndef FRICTION_UNLEARNT
-    int16_t friction_mv; /* dry friction that was learnt: what the motors need beyond the model to roll ahead, +-3000 */
-#endif
-    uint8_t period_ms; /* time since the step before, 1..20 */
+    uint8_t period_ms;       /* time since the step before, 1..20 */
     bool at_rest; /* wheels and body stand still: true from the end of the first quiet block until something moves */
     bool valid;   /* false: the estimate is too poor to steer by */
     bool bias_unknown; /* the heading is that of a gyro whose bias has not been learnt */

@@ -43,23 +43,21 @@ typedef struct {
 } friction_config_t;
 
 enum { FRICTION_STILL = 0, FRICTION_ROLLS = 1, FRICTION_TURNS = 2 };
-typedef uint8_t friction_motion_t;
 
 /* All zero at the start. */
 typedef struct {
-    int32_t learnt_mv_q8;     /* 0..FRICTION_MOST_MV */
-    int32_t in_force_mv_q8;   /* 0..learnt */
-    int16_t speed_mm_s_q4;    /* estimated, of the step before */
+    uint16_t learnt_mv_q4;    /* 0..FRICTION_MOST_MV */
     int16_t rest_sum_mm_s2;   /* accelerations of the quiet steps: +-3680 */
-    uint16_t slow_ms;         /* believed slow for so long; stays at 65535 */
-    uint16_t trusted_ms;      /* not slow since the last rest for so long; stays at 65535 */
-    uint8_t quiet_steps;      /* 0..FRICTION_REST_STEPS - 1 */
-    friction_motion_t motion; /* of the step before */
+    unsigned trusted_ms : 9;  /* not slow since the last rest for so long; stays where it passes FRICTION_TRUSTED_MS */
+    unsigned slow_ms : 7;     /* believed slow for so long; stays where it passes FRICTION_SLOW_MS */
+    unsigned quiet_steps : 6; /* 0..FRICTION_REST_STEPS - 1 */
+    unsigned motion : 2;      /* one of these, of the step before */
 } friction_state_t;
 
 /* What a step shows. */
 typedef struct {
     int32_t innovation_mm_s_q17; /* any */
+    int16_t speed_mm_s_q4;       /* estimated in the step before, any */
     int16_t accel_mm_s2;         /* without bias, any */
     int16_t yaw_rate_mrad_s;     /* without bias, any */
     uint8_t period_ms;           /* 1..20 */
@@ -79,10 +77,11 @@ void friction_take_motion(const friction_config_t *config, friction_state_t *sta
                           int16_t yaw_rate_mrad_s);
 
 /* The friction in force, 0..FRICTION_MOST_MV. */
-int16_t friction_mv(const friction_state_t *state);
+int16_t friction_mv(const friction_config_t *config, const friction_state_t *state);
 
-/* The voltage that friction takes from motors with `surge_mv` (any) in the mean: along the motion, or at rest all of it up to its
- * size. None in a turn on the spot, where those of the sides cancel. */
-int16_t friction_takes_mv(const friction_state_t *state, int16_t surge_mv);
+/* The voltage that friction takes from motors with `surge_mv` (any) in the mean, at the speed estimated in the step before: along
+ * the motion, or at rest all of it up to its size. None in a turn on the spot, where those of the sides cancel. */
+int16_t friction_takes_mv(const friction_config_t *config, const friction_state_t *state, int16_t speed_mm_s_q4,
+                          int16_t surge_mv);
 
 #endif

@@ -69,6 +69,7 @@ static int32_t accel_correction(const speed_config_t *config, speed_state_t *sta
         friction_belief_t belief;
 
         input.innovation_mm_s_q17 = fix_sub32(0, difference);
+        input.speed_mm_s_q4 = state->speed_mm_s_q4;
         input.accel_mm_s2 = accel_mm_s2;
         input.yaw_rate_mrad_s = yaw_rate_mrad_s;
         input.period_ms = sensors->period_ms;
@@ -190,7 +191,6 @@ int32_t speed_step(const speed_config_t *config, speed_state_t *state, const sig
     }
 #ifndef FRICTION_UNLEARNT
     friction_take_motion(&config->friction, &state->friction, estimate->speed_mm_s_q4, estimate->yaw_rate_mrad_s);
-    estimate->friction_mv = friction_mv(&state->friction);
 #endif
     return fix_sub32(state->speed_mm_s_q17, predicted->motion.surge_mm_s_q17);
 }

@@ -69,7 +69,7 @@ static int16_t accelerometer(double bias)
 static void observe(double volts, double bias, bool at_rest)
 {
     const int16_t mv = (int16_t)lround(1e3 * volts);
-    const int16_t taken_mv = friction_takes_mv(&speed.friction, mv);
+    const int16_t taken_mv = friction_takes_mv(&config.friction, &speed.friction, speed.speed_mm_s_q4, mv);
     const signals_sensors_t sensors = {
         .have = SENSOR_GYRO | SENSOR_ACCELEROMETER, .period_ms = STEP_MS, .accel_surge_mm_s2 = accelerometer(bias)};
     signals_predicted_t predicted = {.driven = mv != 0};
@@ -85,7 +85,7 @@ static void observe(double volts, double bias, bool at_rest)
 /* The speed controller without its integral, with feedforward. */
 static double control(double demanded)
 {
-    const double friction = demanded > 0 ? friction_mv(&speed.friction) / 1e3 : 0;
+    const double friction = demanded > 0 ? friction_mv(&config.friction, &speed.friction) / 1e3 : 0;
     const double volts = 6.67 * demanded + friction + 20 * (demanded - estimate.speed_mm_s_q4 / 16e3);
     return fmax(-9, fmin(9, volts));
 }
@@ -101,7 +101,7 @@ static void leg(const robot_t *robot, result_t *result)
         volts = control(demanded);
         if (i > 333 && i < DRIVE_STEPS)
             result->speed_error = fmax(result->speed_error, fabs(estimate.speed_mm_s_q4 / 16e3 - true_speed));
-        result->most_friction_v = fmax(result->most_friction_v, friction_mv(&speed.friction) / 1e3);
+        result->most_friction_v = fmax(result->most_friction_v, friction_mv(&config.friction, &speed.friction) / 1e3);
     }
     result->travel_error = fmax(result->travel_error, fabs(believed - travel));
 }
@@ -121,7 +121,7 @@ static result_t drive(const robot_t robot, uint64_t seed)
         observe(0, 0, true);
     for (int i = 0; i < LEGS; i++)
         leg(&robot, &result);
-    result.friction_v = friction_mv(&speed.friction) / 1e3;
+    result.friction_v = friction_mv(&config.friction, &speed.friction) / 1e3;
     return result;
 }
 

@@ -47,7 +47,7 @@ def test_every_effect_that_is_undone_flies_above() -> None:
 def test_a_battery_that_sags_a_little_is_undone_by_measuring_it() -> None:
     """What is left for the compensation is a battery below the floor that the mixer reckons with.
 
-    A part of it is learnt as a friction (firmware/estimator/friction.h); a third of the error is left.
+    A part of that is learnt as a friction (firmware/estimator/friction.h). A third of the error is left.
     """
     firm, little, much = (
         mean(Mission("", (robot({"battery_sag": {"resistance": ohm}}),), "imu", 6.0).fly(False, SEEDS), POSITION)

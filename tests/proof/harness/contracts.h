@@ -103,8 +103,7 @@ static bool heading_holds(const heading_state_t *of)
 
 static bool friction_holds(const friction_state_t *of)
 {
-    return of->learnt_mv_q8 >= 0 && of->learnt_mv_q8 <= FRICTION_MOST_MV * 256L && of->in_force_mv_q8 >= 0 &&
-           of->in_force_mv_q8 <= of->learnt_mv_q8 && of->quiet_steps < FRICTION_REST_STEPS;
+    return of->learnt_mv_q4 <= FRICTION_MOST_MV * 16L && of->quiet_steps < FRICTION_REST_STEPS;
 }
 
 static bool speed_holds(const speed_state_t *of)

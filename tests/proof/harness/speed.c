@@ -27,15 +27,16 @@ void friction_bounded(void)
     parameters_t parameters;
     friction_state_t state;
     friction_input_t input;
-    int16_t surge_mv, taken_mv, speed_mm_s_q4, yaw_rate_mrad_s;
+    int16_t friction, surge_mv, taken_mv, speed_mm_s_q4, yaw_rate_mrad_s;
 
     ASSUME(settings_hold(&parameters) && constants_hold(&parameters.config));
     ASSUME(friction_holds(&state) && WITHIN(friction_input_t_period_ms, input.period_ms));
     (void)friction_step(&parameters.config.step.speed.friction, &state, &input);
     friction_take_motion(&parameters.config.step.speed.friction, &state, speed_mm_s_q4, yaw_rate_mrad_s);
     ASSERT(friction_holds(&state));
-    ASSERT(friction_mv(&state) >= 0 && friction_mv(&state) <= FRICTION_MOST_MV);
-    taken_mv = friction_takes_mv(&state, surge_mv);
+    friction = friction_mv(&parameters.config.step.speed.friction, &state);
+    ASSERT(friction >= 0 && friction <= FRICTION_MOST_MV);
+    taken_mv = friction_takes_mv(&parameters.config.step.speed.friction, &state, speed_mm_s_q4, surge_mv);
     ASSERT(UP_TO(FRICTION_MOST_MV, taken_mv));
     if (state.motion == FRICTION_STILL)
         ASSERT(surge_mv >= 0 ? taken_mv >= 0 && taken_mv <= surge_mv : taken_mv <= 0 && taken_mv >= surge_mv);

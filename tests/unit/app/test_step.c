@@ -80,7 +80,7 @@ static int16_t surge_ahead_mv(int32_t friction_mv, int32_t *speed_mm_s_q17)
 {
     setUp();
     config.mode.los.cruise_mm_s_q4 = 3200;
-    state.speed.friction.in_force_mv_q8 = friction_mv * 256;
+    state.speed.friction.learnt_mv_q4 = (uint16_t)(friction_mv * 16);
     drive_ahead();
     const int16_t surge_mv = output.effort.surge_mv;
     drive_ahead();

@@ -409,7 +409,7 @@ static int32_t added_mm_s_q17(uint16_t trusted_ms)
     drive_with_imu();
     state.speed_mm_s_q17 = 300 * Q17;
     hold(1);
-    state.friction.trusted_ms = trusted_ms;
+    state.friction.trusted_ms = trusted_ms & 511U;
     step(303 * Q17);
     return state.speed_mm_s_q17 - 300 * Q17;
 }
@@ -438,7 +438,7 @@ static int16_t friction_learnt(void)
     state.speed_mm_s_q17 = 300 * Q17;
     for (int i = 0; i < 333; i++)
         step(state.speed_mm_s_q17 + 3 * Q17);
-    return estimate.friction_mv;
+    return friction_mv(&CONFIG->friction, &state.friction);
 }
 
 static void test_speed_learns_friction_of_the_accelerometer_alone(void)

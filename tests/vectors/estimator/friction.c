@@ -1,7 +1,6 @@
 #include "estimator/friction.h"
 
 #include "core/bytes.h"
-#include "core/fix.h"
 #include "states.h"
 #include "vectors.h"
 
@@ -18,14 +17,13 @@ static void begin(friction_state_t *state)
     bytes_clear(state, sizeof *state);
     if (draw_rarely(1))
         return;
-    state->learnt_mv_q8 = fix_mul((int16_t)(draw_u16() & 1023U), 750);
-    state->in_force_mv_q8 = draw_rarely(1) ? state->learnt_mv_q8 : 0;
-    state->slow_ms = draw_up_to(65535U);
-    state->trusted_ms = draw_rarely(1) ? draw_up_to(65535U) : draw_up_to(2 * FRICTION_TRUSTED_MS);
+    state->learnt_mv_q4 = draw_up_to(FRICTION_MOST_MV * 16U);
+    state->slow_ms = draw_up_to(FRICTION_SLOW_MS + 20);
+    state->trusted_ms = draw_up_to(FRICTION_TRUSTED_MS + 20);
 }
 
 /* A third of the runs is of a slow and quiet robot, a third of one that rolls, and the rest of anything. */
-static void draw_step(friction_input_t *input, int16_t *speed_mm_s_q4, uint8_t kind)
+static void draw_step(friction_input_t *input, uint8_t kind)
 {
     input->innovation_mm_s_q17 = kind == 0 ? draw_s32() : draw_within(131072L);
     input->accel_mm_s2 = kind == 1 ? draw_between(-60, 60) : draw_s16();
@@ -33,19 +31,17 @@ static void draw_step(friction_input_t *input, int16_t *speed_mm_s_q4, uint8_t k
     input->period_ms = draw_rarely(2) ? (uint8_t)draw_between(1, 20) : STEP_MS;
     input->driven = !draw_rarely(7);
     input->have_gyro = !draw_rarely(7);
-    *speed_mm_s_q4 = kind == 0 ? draw_s16() : kind == 1 ? draw_between(-645, 645) : draw_between(600, 9000);
+    input->speed_mm_s_q4 = kind == 0 ? draw_s16() : kind == 1 ? draw_between(-645, 645) : draw_between(600, 9000);
 }
 
 static void hash(const friction_state_t *state)
 {
-    hash_s32(state->learnt_mv_q8);
-    hash_s32(state->in_force_mv_q8);
-    hash_s16(state->speed_mm_s_q4);
+    hash_u16(state->learnt_mv_q4);
     hash_s16(state->rest_sum_mm_s2);
-    hash_u16(state->slow_ms);
-    hash_u16(state->trusted_ms);
-    hash_u8(state->quiet_steps);
-    hash_u8(state->motion);
+    hash_u16((uint16_t)state->slow_ms);
+    hash_u16((uint16_t)state->trusted_ms);
+    hash_u8((uint8_t)state->quiet_steps);
+    hash_u8((uint8_t)state->motion);
 }
 
 void vectors_feed(void)
@@ -54,7 +50,6 @@ void vectors_feed(void)
     static friction_state_t state;
     static friction_input_t input;
     static uint8_t left, kind;
-    int16_t speed_mm_s_q4;
 
     if (left == 0) {
         left = RUN_STEPS;
@@ -65,10 +60,10 @@ void vectors_feed(void)
         begin(&state);
     }
     left--;
-    draw_step(&input, &speed_mm_s_q4, kind);
+    draw_step(&input, kind);
     hash_u8((uint8_t)friction_step(&config, &state, &input));
-    friction_take_motion(&config, &state, speed_mm_s_q4, input.yaw_rate_mrad_s);
+    friction_take_motion(&config, &state, input.speed_mm_s_q4, input.yaw_rate_mrad_s);
     hash(&state);
-    hash_s16(friction_mv(&state));
-    hash_s16(friction_takes_mv(&state, draw_s16()));
+    hash_s16(friction_mv(&config, &state));
+    hash_s16(friction_takes_mv(&config, &state, input.speed_mm_s_q4, draw_s16()));
 }

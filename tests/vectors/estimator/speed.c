@@ -57,8 +57,7 @@ static void hash(const speed_state_t *state, const signals_estimate_t *estimate,
     hash_s32(estimate->travel_um_q5);
     hash_s32(estimate->sway_travel_um_q5);
 #ifndef FRICTION_UNLEARNT
-    hash_s32(state->friction.learnt_mv_q8);
-    hash_s16(estimate->friction_mv);
+    hash_u16(state->friction.learnt_mv_q4);
 #endif
 }
 
