@@ -21,16 +21,14 @@ static void predict(const step_config_t *config, step_state_t *state, const sign
                  of_model(fix_sub16(drive->right_mv, taken_mv)));
 }
 
-/* The voltage that holds the demanded speed against the friction, too. */
+/* The voltage that holds the demanded speed against the friction, too. The autopilot demands none backwards. */
 static int16_t feedforward_mv(const step_config_t *config, const step_state_t *state, int16_t speed_mm_s_q4)
 {
     const int16_t mv = fix_mul16_q10(config->feedforward_mv_q10, speed_mm_s_q4);
 
-    const int16_t friction = friction_mv(&config->speed.friction, &state->speed.friction);
-
     if (speed_mm_s_q4 == 0)
         return mv;
-    return speed_mm_s_q4 < 0 ? fix_sub16(mv, friction) : fix_add16(mv, friction);
+    return fix_add16(mv, friction_mv(&config->speed.friction, &state->speed.friction));
 }
 #else
 static inline void predict(const step_config_t *config, step_state_t *state, const signals_drive_t *drive)
