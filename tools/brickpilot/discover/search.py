@@ -2,9 +2,8 @@
 
 Singles, pairs of the best, then one part more beside the best two and beside what fits best, as long as that surely
 predicts better. Each part of what fits best gives way once to other laws of its mechanism. Rivals are searched as hard
-as the winner: each part of the best explanation is forbidden once, and what is best without it is found from the
-nominal values of the best, and from where a fit without the part ends. An explanation that comes out worse than one
-that it contains is a failed fit and is fitted again from there.
+as the winner: each part of the best explanation is forbidden once, and what is best without it is found from there. An
+explanation that comes out worse than one that it contains is a failed fit and is fitted again from there.
 """
 
 from __future__ import annotations
@@ -47,7 +46,6 @@ _PROMISED = 0.3  # of what a part has to gain: one that promises less in the scr
 _NEAR = 6.0  # nats that count as one: what fits worse than the best by more is not fitted to the end
 _STARTS = 3  # of a periodic part, at so many orders
 _BEAM = 2
-_ROUNDS = 3  # of rivals: what is best may change so often
 MOST_PARTS = 4
 PARTS_IN_WINDOWS = 2  # robots' runs are cut for a periodic effect, which stands alone or beside one other
 _ORDER_OFFSETS = np.linspace(-0.08, 0.08, 161).tolist()  # shares of an order by which it may be wrong
@@ -279,6 +277,8 @@ class Search:
             if (current, one.part.name, one.part.free) not in found.tried
         ]
         found.tried |= {(current, one.part.name, one.part.free) for one in trials}
+        if not trials:
+            return []
         rough = self._possible(before(self.deadline, start, trials, self.jobs))
         near = self.source.nearby(here, current, rough)
         rough += self._possible(before(self.deadline, start, near, self.jobs))
@@ -325,33 +325,23 @@ class Search:
         return Explanation(both.parts, both.plan, point)
 
     def _rivals(self, found: Found) -> None:
-        """Searches on with each part of the best forbidden, and with it the laws that contain it.
-
-        It goes on from where the other parts stand: a rival may need other nominal values than it was tried at, and the
-        best has such values. For a part that would be named, also from where a fit of the others ends. What turns out
-        better has rivals of its own.
-        """
-        base = len(self.base.parts)
-        for _ in range(_ROUNDS):
-            ranked = found.ranked()
-            best = ranked[0].explanation
-            sure = evidence.held_by(ranked, evidence.weigh(ranked, found.temperature))
-            for part in best.parts[base:]:
-                if self.deadline.passed:
-                    return
-                forbidden = [part.name, *(one.name for one in catalogue.effects() if part.name in one.contains)]
-                fewer = without(best, part)
-                starts = [found.judge.of_explanation(fewer)]
-                if sure[part.name] >= numbers.SURE:
-                    if fewer.key not in found.table:
-                        found.add(refine(self.data, [fewer], self.jobs, self.deadline), self.jobs)
-                    known = found.ranked(forbidden=forbidden)
-                    known = known[:1] + [one for one in known[1:] if one.explanation.key == fewer.key]
-                    starts += [one for one in known if base < len(one.explanation.key) < base + self.source.most]
-                for start in starts:
-                    found.add(self.beside(found, start, forbidden), self.jobs)
-            if found.ranked()[0].explanation is best:
+        """Searches on with each part forbidden that would be named, and with it the laws that contain it."""
+        best, ranked = found.ranked()[0].explanation, found.ranked()
+        sure = evidence.held_by(ranked, evidence.weigh(ranked, found.temperature))
+        for part in best.parts[len(self.base.parts) :]:
+            if self.deadline.passed:
                 return
+            if sure[part.name] < numbers.SURE:
+                continue
+            forbidden = [part.name, *(one.name for one in catalogue.effects() if part.name in one.contains)]
+            fewer = without(best, part)
+            if fewer.key not in found.table:
+                found.add(refine(self.data, [fewer], self.jobs, self.deadline), self.jobs)
+            known = found.ranked(forbidden=forbidden)[:1]
+            starts = {one.explanation.key: one for one in (*known, found.table.get(fewer.key)) if one is not None}
+            for key, start in starts.items():
+                if len(key) < self.source.most + len(self.base.parts) and key != self.base.key:
+                    found.add(self.beside(found, start, forbidden), self.jobs)
 
     def _prune(self, found: Found) -> None:
         """Fits what fits best without each of its parts: alone, one may have been fitted badly or never."""

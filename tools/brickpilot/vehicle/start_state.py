@@ -28,9 +28,6 @@ Array = NDArray[np.float64]
 # A run whose first samples all move in one direction starts in motion.
 _START_SAMPLES = 9
 _SECANT_STEPS = 4
-_PROBE = 1e-3  # rad, m, or per s: beside a reading, to see how it follows the state
-_LEAST_SLOPE = 0.1  # of a reading that follows the state
-_SOLVED, _LEAST_MOVE = 1e-12, 1e-9  # errors below are none; a shorter step shows no slope
 
 # Measured signals that make up a state and that a sensor effect may change.
 _SENSOR_SIGNALS = SUMMED | {"yaw_rate", *RATE_OF.values()}
@@ -96,53 +93,44 @@ def sensor_effects(model: Model) -> tuple[str, ...]:
 def states(readings: Sequence[Reading], *, restart: bool = False) -> list[State]:
     """Returns the states in which the models' sensors give the readings; see `Reading.state`.
 
-    Each signal is solved by its own secant steps, of which one is exact if a sensor adds or scales. A signal that does
-    not follow the state keeps its error: a clipped one, or a yaw rate beside two wheel speeds.
+    Each signal is solved by its own secant steps, which are exact after three if a sensor adds or scales. A signal
+    that does not follow the state keeps its error: a clipped one, or a yaw rate beside two wheel speeds.
     """
     if not readings:
         return []
-    values = [np.array([one.known[name] for name in one.read]) for one in readings]
+    wanted = [np.array([one.known[name] for name in one.read]) for one in readings]
+    values, slopes = list(wanted), [np.ones_like(one) for one in wanted]
     unsolved = [k for k, one in enumerate(readings) if one.read]
-    wanted = {k: values[k] for k in unsolved}
     built = plant.build_all(readings[k].model for k in unsolved)
-    at, beside = _sensor_outputs(readings, [wanted, {k: one + _PROBE for k, one in wanted.items()}], built)
-    slopes = {k: (beside[k] - at[k]) / _PROBE for k in unsolved}
+    given = _sensor_outputs(readings, values, unsolved, built)
     for _ in range(_SECANT_STEPS):
-        steps = {k: _secant_step(wanted[k] - at[k], slopes[k]) for k in unsolved}
-        unsolved = [k for k in unsolved if steps[k].any()]
-        if not unsolved:
-            break
+        unsolved = [k for k in unsolved if np.any(np.abs(wanted[k] - given[k]) > 1e-12)]
+        moved = {k: (wanted[k] - given[k]) / slopes[k] for k in unsolved}
         for k in unsolved:
-            values[k] = values[k] + steps[k]
-        (then,) = _sensor_outputs(readings, [{k: values[k] for k in unsolved}], built)
+            values[k] = values[k] + moved[k]
+        outputs = _sensor_outputs(readings, values, unsolved, built)
+        changes = {k: outputs[k] - given[k] for k in unsolved}
+        given |= outputs
         for k in unsolved:
-            moved = np.abs(steps[k]) > _LEAST_MOVE
-            slopes[k] = np.where(moved, (then[k] - at[k]) / np.where(moved, steps[k], 1.0), slopes[k])
-        at = then
-    return [one.state(value, restart=restart) for one, value in zip(readings, values, strict=True)]
-
-
-def _secant_step(error: Array, slope: Array) -> Array:
-    """Returns (signals,) the change of the values that takes the error away; 0 where a signal does not follow."""
-    follows = (np.abs(error) > _SOLVED) & (np.abs(slope) > _LEAST_SLOPE)
-    return np.where(follows, error / np.where(follows, slope, 1.0), 0.0)
+            follows = (np.abs(moved[k]) > 1e-9) & (np.abs(changes[k]) > 0.1 * np.abs(moved[k]))
+            slopes[k] = np.where(follows, changes[k] / np.where(follows, moved[k], 1.0), slopes[k])
+        unsolved = [k for k in unsolved if changes[k].any()]
+    return [one.state(at, restart=restart) for one, at in zip(readings, values, strict=True)]
 
 
 def _sensor_outputs(
-    readings: Sequence[Reading], asked: Sequence[Mapping[int, Array]], built: Mapping[int, Any]
-) -> list[dict[int, Array]]:
-    """Returns the models' sensor readings at zero input, for each of `asked`: number of a reading -> its values."""
+    readings: Sequence[Reading], values: Sequence[Array], which: Sequence[int], built: Mapping[int, Any]
+) -> dict[int, Array]:
+    """Returns the model's sensor readings of these values, for the readings numbered `which`, at zero input."""
     jobs = []
-    for k, values in ((k, values) for one in asked for k, values in one.items()):
+    for k in which:
         rest = np.zeros((1, 1 if readings[k].model.vehicle == "motor" else 2))
-        jobs.append((readings[k].model, OpenLoopRun(np.zeros(1), rest, readings[k].state(values))))
-    simulated = iter(plant.simulate(jobs, signals=_SENSOR_SIGNALS, built=built))
-
-    def read(k: int) -> Array:
-        outputs = next(simulated).outputs
-        return np.array([outputs[n][0] if n in outputs else readings[k].known[n] for n in readings[k].read])
-
-    return [{k: read(k) for k in one} for one in asked]
+        jobs.append((readings[k].model, OpenLoopRun(np.zeros(1), rest, readings[k].state(values[k]))))
+    simulated = plant.simulate(jobs, signals=_SENSOR_SIGNALS, built=built)
+    outputs = zip(which, (one.outputs for one in simulated), strict=True)
+    return {
+        k: np.array([one[n][0] if n in one else readings[k].known[n] for n in readings[k].read]) for k, one in outputs
+    }
 
 
 @cache
