@@ -64,6 +64,10 @@ static const FLASH loop_config_t PARAMS_COUPLED = {
             .travel_gain_q15 = 786,
             .speed_gain_q15 = 6442,
             .accel_filter_q15 = 4564,
+            .friction = {
+                .mv_per_mm_s2_q10 = 2404,
+                .half_track_m_q14 = 1147,
+            },
         },
         .mixer = {
             .battery_floor_mv = 5000,
@@ -159,6 +163,10 @@ static const FLASH loop_config_t PARAMS_COUPLED = {
             .travel_gain_q15 = 2359,
             .speed_gain_q15 = 19327,
             .accel_filter_q15 = 11874,
+            .friction = {
+                .mv_per_mm_s2_q10 = 2404,
+                .half_track_m_q14 = 1147,
+            },
         },
         .mixer = {
             .battery_floor_mv = 5000,
@@ -262,6 +270,10 @@ static const FLASH loop_config_t PARAMS_PAPER = {
             .travel_gain_q15 = 0,
             .speed_gain_q15 = 0,
             .accel_filter_q15 = 4564,
+            .friction = {
+                .mv_per_mm_s2_q10 = 0,
+                .half_track_m_q14 = 1147,
+            },
         },
         .mixer = {
             .battery_floor_mv = 5000,

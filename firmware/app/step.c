@@ -9,6 +9,40 @@ static inline int16_t of_model(int16_t voltage_mv)
     return MOTOR_VOLTAGE_BITS == 0 ? voltage_mv : (int16_t)fix_trunc_shift(voltage_mv, MOTOR_VOLTAGE_BITS);
 }
 
+#ifndef FRICTION_UNLEARNT
+/* The model, with the voltages of the step before less what friction takes. */
+static void predict(const step_config_t *config, step_state_t *state, const signals_drive_t *drive)
+{
+    const int16_t surge_mv = (int16_t)fix_trunc_shift(fix_add(drive->left_mv, drive->right_mv), 1);
+    const int16_t taken_mv =
+        friction_takes_mv(&config->speed.friction, &state->speed.friction, state->speed.speed_mm_s_q4, surge_mv);
+
+    body_predict(config->model, &state->model, of_model(fix_sub16(drive->left_mv, taken_mv)),
+                 of_model(fix_sub16(drive->right_mv, taken_mv)));
+}
+
+/* The voltage that holds the demanded speed against the friction, too. The autopilot demands none backwards. */
+static int16_t feedforward_mv(const step_config_t *config, const step_state_t *state, int16_t speed_mm_s_q4)
+{
+    const int16_t mv = fix_mul16_q10(config->feedforward_mv_q10, speed_mm_s_q4);
+
+    if (speed_mm_s_q4 == 0)
+        return mv;
+    return fix_add16(mv, friction_mv(&config->speed.friction, &state->speed.friction));
+}
+#else
+static inline void predict(const step_config_t *config, step_state_t *state, const signals_drive_t *drive)
+{
+    body_predict(config->model, &state->model, of_model(drive->left_mv), of_model(drive->right_mv));
+}
+
+static inline int16_t feedforward_mv(const step_config_t *config, const step_state_t *state, int16_t speed_mm_s_q4)
+{
+    (void)state;
+    return fix_mul16_q10(config->feedforward_mv_q10, speed_mm_s_q4);
+}
+#endif
+
 void step_run(const step_config_t *config, const route_t *route, step_state_t *state, const signals_sensors_t *sensors,
               mode_command_t command, step_output_t *output)
 {
@@ -20,7 +54,7 @@ void step_run(const step_config_t *config, const route_t *route, step_state_t *s
     /* The model, with the voltages of the step before. */
     state->lag_ms = (uint8_t)(state->lag_ms + sensors->period_ms);
     for (; state->lag_ms >= BODY_PERIOD_MS; state->lag_ms = (uint8_t)(state->lag_ms - BODY_PERIOD_MS))
-        body_predict(config->model, &state->model, of_model(drive->left_mv), of_model(drive->right_mv));
+        predict(config, state, drive);
     bytes_copy(&output->predicted.motion, &state->model.motion, sizeof output->predicted.motion);
     output->predicted.driven = drive->left_mv != 0 || drive->right_mv != 0;
 
@@ -42,7 +76,7 @@ void step_run(const step_config_t *config, const route_t *route, step_state_t *s
         input.period_ms = output->estimate.period_ms;
         input.error = fix_sub16(output->demand.speed_mm_s_q4, output->estimate.speed_mm_s_q4);
         input.rate = output->estimate.accel_mm_s2;
-        input.feedforward_mv = fix_mul16_q10(config->feedforward_mv_q10, output->demand.speed_mm_s_q4);
+        input.feedforward_mv = feedforward_mv(config, state, output->demand.speed_mm_s_q4);
         input.saturated = drive->surge_saturated;
         pid_step(&config->speed_pid, &state->speed_pid, &input, &output->speed_pid);
 

@@ -9,7 +9,8 @@ enum {
     SPEED_LIMIT_MM_S_Q1 = 16380,
     JUMP_LIMIT_MM_S_Q1 = 8192,
     MOST_TRAVEL_UM_Q_11 = 16384, /* um / 2^11: 2^30 um q5 */
-    MOST_COUNTS = 4096
+    MOST_COUNTS = 4096,
+    KNOWN_BIAS = 64 /* samples: an eighth of the noise is left, 4 mm/s^2 */
 };
 
 #define BIAS_LIMIT_MM_S2_Q12 4096000L
@@ -43,15 +44,45 @@ static int16_t forward_mm_s2(const speed_state_t *state, const signals_sensors_t
     return fix_sat16((int32_t)specific_force_mm_s2 - bias_mm_s2 + coriolis_mm_s2(predicted, yaw_rate_mrad_s));
 }
 
-/* The accelerometer's correction of the predicted speed, mm/s q17: eq. 2, with the specific force for X - D_u. */
-static int32_t accel_correction(const speed_config_t *config, const speed_state_t *state,
-                                const signals_sensors_t *sensors, const signals_predicted_t *predicted,
-                                int16_t yaw_rate_mrad_s)
+#ifndef FRICTION_UNLEARNT
+/* True where the accelerometer is all that tells the speed, and its bias is known. */
+static bool learns_friction(const speed_config_t *config, const speed_state_t *state, const signals_sensors_t *sensors)
 {
-    const int32_t accel_mm_s2_q8 = fix_to_q8(forward_mm_s2(state, sensors, predicted, yaw_rate_mrad_s));
-    const int32_t measured_change = fix_mul_q15(fix_mul32_u8(accel_mm_s2_q8, sensors->period_ms), Q17_PER_UM_S_Q8_Q15);
+    return config->friction.mv_per_mm_s2_q10 != 0 && state->bias.learnt >= KNOWN_BIAS && !state->rotation_known &&
+           !SIGNALS_HAVE(sensors, SENSOR_ROTATION | SENSOR_REFERENCE);
+}
+#endif
+
+/* The accelerometer's correction of the predicted speed, mm/s q17: eq. 2, with the specific force for X - D_u. */
+static int32_t accel_correction(const speed_config_t *config, speed_state_t *state, const signals_sensors_t *sensors,
+                                const signals_predicted_t *predicted, int16_t yaw_rate_mrad_s)
+{
+    const int16_t accel_mm_s2 = forward_mm_s2(state, sensors, predicted, yaw_rate_mrad_s);
+    const int32_t change_um_s_q8 = fix_mul32_u8(fix_to_q8(accel_mm_s2), sensors->period_ms);
+    const int32_t measured_change = fix_mul_q15(change_um_s_q8, Q17_PER_UM_S_Q8_Q15);
     const int32_t predicted_change = fix_sub32(predicted->motion.surge_mm_s_q17, state->speed_mm_s_q17);
-    return fix_mul_q15(fix_sub32(measured_change, predicted_change), config->accel_gain_q15);
+    const int32_t difference = fix_sub32(measured_change, predicted_change);
+
+#ifndef FRICTION_UNLEARNT
+    if (learns_friction(config, state, sensors)) {
+        friction_input_t input; /* field by field: an initialiser calls memcpy on the RCX */
+        friction_belief_t belief;
+
+        input.innovation_mm_s_q17 = fix_sub32(0, difference);
+        input.speed_mm_s_q4 = state->speed_mm_s_q4;
+        input.accel_mm_s2 = accel_mm_s2;
+        input.yaw_rate_mrad_s = yaw_rate_mrad_s;
+        input.period_ms = sensors->period_ms;
+        input.driven = predicted->driven;
+        input.have_gyro = SIGNALS_HAVE(sensors, SENSOR_GYRO);
+        belief = friction_step(&config->friction, &state->friction, &input);
+        if (belief == FRICTION_REST)
+            return fix_sub32(0, predicted->motion.surge_mm_s_q17);
+        if (belief == FRICTION_ACCELEROMETER)
+            return difference;
+    }
+#endif
+    return fix_mul_q15(difference, config->accel_gain_q15);
 }
 
 static int32_t travel_of_counts_um_q5(const speed_config_t *config, int16_t counts)
@@ -158,5 +189,8 @@ int32_t speed_step(const speed_config_t *config, speed_state_t *state, const sig
         estimate->sway_travel_um_q5 = travel_um_q5(state->sway_mm_s_q4, now_mm_s_q4, sensors->period_ms);
         state->sway_mm_s_q4 = now_mm_s_q4;
     }
+#ifndef FRICTION_UNLEARNT
+    friction_take_motion(&config->friction, &state->friction, estimate->speed_mm_s_q4, estimate->yaw_rate_mrad_s);
+#endif
     return fix_sub32(state->speed_mm_s_q17, predicted->motion.surge_mm_s_q17);
 }

@@ -4,7 +4,7 @@
  * correction. The caller adds it to the model's surge (body_correct_surge), so that both go on from the same speed.
  *
  *   accelerometer     surge' = specific force + sway * yaw rate. A share of the difference between this change of speed
- *                     and the predicted one corrects the speed.
+ *                     and the predicted one corrects the speed; all of it soon after a rest (friction.h).
  *   rotation sensors  an alpha-beta filter of the travel of the vehicle's middle. The residual, travel by the counts less
  *                     travel estimated, corrects both the travel (which damps) and the speed.
  *   at rest           the speed is 0, and the accelerometer's bias is learnt
@@ -18,6 +18,7 @@
 
 #include "core/signals.h"
 #include "estimator/bias.h"
+#include "estimator/friction.h"
 
 #define SPEED_RESIDUAL_LIMIT_UM_Q5 3200000L /* 100 mm: beyond it the wheels slip, and the observer forgets */
 
@@ -29,6 +30,7 @@ typedef struct {
     int16_t travel_gain_q15;     /* alpha: share of the residual that corrects the travel in a step, 0..32767 */
     int16_t speed_gain_q15;      /* beta: change of speed [mm/s q17] per residual [um q5], in a step, 0..32767 */
     int16_t accel_filter_q15;    /* share of a new acceleration in the filtered one, 1..32767 */
+    friction_config_t friction;
 } speed_config_t;
 
 /* All zero at the start, at rest. */
@@ -42,6 +44,9 @@ typedef struct {
     int16_t speed_mm_s_q4; /* of the step before */
     int16_t sway_mm_s_q4;
     bool rotation_known;
+#ifndef FRICTION_UNLEARNT
+    friction_state_t friction;
+#endif
 } speed_state_t;
 
 /* One step of sensors->period_ms. Reads yaw_rate_mrad_s and at_rest of `estimate`, which heading_step() has set; sets its speed,

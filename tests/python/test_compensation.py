@@ -45,13 +45,16 @@ def test_every_effect_that_is_undone_flies_above() -> None:
 
 
 def test_a_battery_that_sags_a_little_is_undone_by_measuring_it() -> None:
-    """What is left for the compensation is a battery below the floor that the mixer reckons with."""
+    """What is left for the compensation is a battery below the floor that the mixer reckons with.
+
+    A part of that is learnt as a friction (firmware/estimator/friction.h). A third of the error is left.
+    """
     firm, little, much = (
         mean(Mission("", (robot({"battery_sag": {"resistance": ohm}}),), "imu", 6.0).fly(False, SEEDS), POSITION)
         for ohm in (0.0, 4.0, 16.0)
     )
     assert little < 1.2 * firm
-    assert much > 1.5 * firm
+    assert much > 1.2 * firm
 
 
 @pytest.mark.parametrize("share", [0.8, 1.2])
@@ -290,11 +293,11 @@ def test_what_discover_finds_of_another_robot_lets_the_packaged_firmware_fly_it(
     assert "actuator_deadband" in found["found"]
     for sensors in robot_study.SENSORS:
         assert robot_study.missions(found, f"{sensors}, with") == 2
-        assert robot_study.missions(found, f"{sensors}, without") == 0
+    assert robot_study.missions(found, "imu+encoders, without") == 0  # with the IMU alone the loss is learnt
 
 
 def test_run_flies_an_augmented_model_with_its_compensation(tmp_path: Path) -> None:
-    model = robot({"coulomb_friction": {"torque": 0.005}})
+    model = robot({"coulomb_friction": {"torque": 0.032}})  # beyond what the firmware learns
     save(model, tmp_path / "model.toml")
     compensation_of(model).save(tmp_path / "compensation.toml")
     flying = ("run", "--model", "model.toml", "--sensors", "imu", "--json")

@@ -50,7 +50,9 @@ def told(folder: Path) -> None:
     fits = [one["headline"]["held_out"]["free_run"]["fit_percent"] for one in compared]
     assert fits == pytest.approx([92.4, 99.9], abs=0.1)
     flights = [json.loads((folder / f"runs/{name}/summary.json").read_text()) for name in ("told_nothing", "told")]
-    assert [one["waypoints_reached"] for one in flights] == [0, 8]
+    assert [one["waypoints_reached"] for one in flights] == [8, 8]
+    wrong_by = [1000 * one["position_estimate_error_m"] for one in flights]
+    assert wrong_by == pytest.approx([18, 5], abs=1)
 
 
 SAYS: dict[str, Callable[[Path], None]] = {"tools/README.md": told}

@@ -51,7 +51,9 @@ static bool constants_hold(const loop_config_t *of)
            WITHIN(speed_config_t_slowest_weight_bits, of->step.speed.slowest_weight_bits) &&
            WITHIN(speed_config_t_travel_gain_q15, of->step.speed.travel_gain_q15) &&
            WITHIN(speed_config_t_speed_gain_q15, of->step.speed.speed_gain_q15) &&
-           WITHIN(speed_config_t_accel_filter_q15, of->step.speed.accel_filter_q15);
+           WITHIN(speed_config_t_accel_filter_q15, of->step.speed.accel_filter_q15) &&
+           WITHIN(friction_config_t_mv_per_mm_s2_q10, of->step.speed.friction.mv_per_mm_s2_q10) &&
+           WITHIN(friction_config_t_half_track_m_q14, of->step.speed.friction.half_track_m_q14);
 }
 
 static bool sensors_hold(const signals_sensors_t *of)
@@ -99,10 +101,16 @@ static bool heading_holds(const heading_state_t *of)
 
 #define PROOF_ACCEL_MOST 1073676290L /* a jump of 2^29, twice less a 32768th, doubled */
 
+static bool friction_holds(const friction_state_t *of)
+{
+    return of->learnt_mv_q4 <= FRICTION_MOST_MV * 16L && of->quiet_steps < FRICTION_REST_STEPS;
+}
+
 static bool speed_holds(const speed_state_t *of)
 {
-    return UP_TO(BODY_SPEED_LIMIT_MM_S_Q17, of->speed_mm_s_q17) && UP_TO(PROOF_ACCEL_MOST, of->accel_mm_s2_q8) &&
-           UP_TO(536870912L, of->residual_um_q5) && UP_TO(4096000L, of->bias.value);
+    return friction_holds(&of->friction) && UP_TO(BODY_SPEED_LIMIT_MM_S_Q17, of->speed_mm_s_q17) &&
+           UP_TO(PROOF_ACCEL_MOST, of->accel_mm_s2_q8) && UP_TO(536870912L, of->residual_um_q5) &&
+           UP_TO(4096000L, of->bias.value);
 }
 
 static bool pose_holds(const pose_state_t *of)

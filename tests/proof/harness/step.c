@@ -52,6 +52,25 @@ int32_t speed_step(const speed_config_t *config, speed_state_t *state, const sig
     return correction;
 }
 
+int16_t friction_mv(const friction_config_t *config, const friction_state_t *state)
+{
+    int16_t friction;
+    (void)config;
+    ASSERT(friction_holds(state));
+    ASSUME(friction >= 0 && friction <= FRICTION_MOST_MV);
+    return friction;
+}
+
+int16_t friction_takes_mv(const friction_config_t *config, const friction_state_t *state, int16_t speed_mm_s_q4,
+                          int16_t surge_mv)
+{
+    int16_t taken_mv;
+    (void)config, (void)speed_mm_s_q4, (void)surge_mv;
+    ASSERT(friction_holds(state));
+    ASSUME(UP_TO(FRICTION_MOST_MV, taken_mv));
+    return taken_mv;
+}
+
 void pose_step(pose_state_t *state, const signals_sensors_t *sensors, signals_estimate_t *estimate)
 {
     pose_state_t after;

@@ -75,6 +75,27 @@ static void drive_ahead(void)
     TEST_ASSERT_TRUE(output.demand.drive);
 }
 
+/* The voltage of surge towards a waypoint ahead, and the model's speed in the step after it. */
+static int16_t surge_ahead_mv(int32_t friction_mv, int32_t *speed_mm_s_q17)
+{
+    setUp();
+    config.mode.los.cruise_mm_s_q4 = 3200;
+    state.speed.friction.learnt_mv_q4 = (uint16_t)(friction_mv * 16);
+    drive_ahead();
+    const int16_t surge_mv = output.effort.surge_mv;
+    drive_ahead();
+    *speed_mm_s_q17 = output.predicted.motion.surge_mm_s_q17;
+    return surge_mv;
+}
+
+static void test_step_adds_friction_to_the_motors_and_takes_it_from_the_model(void)
+{
+    int32_t without, with;
+    const int16_t needed_mv = surge_ahead_mv(0, &without);
+    TEST_ASSERT_INT16_WITHIN(2, 500, surge_ahead_mv(500, &with) - needed_mv);
+    TEST_ASSERT_INT32_WITHIN(200, without, with);
+}
+
 static void test_step_damps_the_controllers_by_what_is_measured(void)
 {
     config.speed_pid = config.heading_pid = (pid_config_t){.kd_mv_q10 = 1024, .limit_mv = 32000};
@@ -140,6 +161,7 @@ int main(void)
     RUN_TEST(test_step_is_driven_where_one_motor_is);
     RUN_TEST(test_step_learns_no_bias_while_one_motor_drives);
     RUN_TEST(test_step_moves_the_model_by_whole_periods);
+    RUN_TEST(test_step_adds_friction_to_the_motors_and_takes_it_from_the_model);
     RUN_TEST(test_step_damps_the_controllers_by_what_is_measured);
     RUN_TEST(test_step_holds_the_integral_whose_effort_the_mixer_cuts);
     RUN_TEST(test_step_empties_both_controllers_where_the_robot_may_not_drive);

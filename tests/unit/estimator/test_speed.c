@@ -394,9 +394,79 @@ static void test_speed_turns_felt_acceleration_into_speed_to_a_ten_thousandth(vo
     TEST_ASSERT_INT32_WITHIN(350, 90 * (Q17 / 32768 * 32767), state.speed_mm_s_q17);
 }
 
+/* A driven robot with gyro and accelerometer, whose bias is known. */
+static void drive_with_imu(void)
+{
+    sensors.have = SENSOR_GYRO | SENSOR_ACCELEROMETER;
+    predicted.driven = true;
+    state.bias.learnt = 64;
+}
+
+/* What a step adds to 300 mm/s in which the model adds 3 mm/s and the accelerometer nothing. */
+static int32_t added_mm_s_q17(uint16_t trusted_ms)
+{
+    setUp();
+    drive_with_imu();
+    state.speed_mm_s_q17 = 300 * Q17;
+    hold(1);
+    state.friction.trusted_ms = trusted_ms & 511U;
+    step(303 * Q17);
+    return state.speed_mm_s_q17 - 300 * Q17;
+}
+
+static void test_speed_is_the_accelerometers_soon_after_a_rest_and_the_models_later(void)
+{
+    TEST_ASSERT_EQUAL_INT32(0, added_mm_s_q17(0));
+    TEST_ASSERT_EQUAL_INT32(0, added_mm_s_q17(FRICTION_TRUSTED_MS - 3));
+    TEST_ASSERT_INT32_WITHIN(Q17 / 100, 3 * Q17 * 4 / 5, added_mm_s_q17(FRICTION_TRUSTED_MS));
+}
+
+static void test_speed_is_zero_where_rest_is_seen(void)
+{
+    drive_with_imu();
+    state.speed_mm_s_q17 = 30 * Q17;
+    state.speed_mm_s_q4 = 30 * 16;
+    hold(FRICTION_REST_STEPS - 1);
+    TEST_ASSERT_NOT_EQUAL(0, estimate.speed_mm_s_q4);
+    hold(2);
+    TEST_ASSERT_EQUAL_INT16(0, estimate.speed_mm_s_q4);
+}
+
+/* The friction in force after a second in which the model says 1 m/s^2 more than the accelerometer. */
+static int16_t friction_learnt(void)
+{
+    state.speed_mm_s_q17 = 300 * Q17;
+    for (int i = 0; i < 333; i++)
+        step(state.speed_mm_s_q17 + 3 * Q17);
+    return friction_mv(&CONFIG->friction, &state.friction);
+}
+
+static void test_speed_learns_friction_of_the_accelerometer_alone(void)
+{
+    drive_with_imu();
+    TEST_ASSERT_EQUAL_INT16(FRICTION_MOST_MV, friction_learnt());
+    setUp();
+    drive_with_imu();
+    state.bias.learnt = 63;
+    TEST_ASSERT_EQUAL_INT16(0, friction_learnt());
+    setUp();
+    drive_with_imu();
+    sensors.have |= SENSOR_ROTATION;
+    TEST_ASSERT_EQUAL_INT16(0, friction_learnt());
+    sensors.have &= (uint8_t)~SENSOR_ROTATION; /* a reading that is missing is no IMU alone */
+    TEST_ASSERT_EQUAL_INT16(0, friction_learnt());
+    setUp();
+    drive_with_imu();
+    sensors.have |= SENSOR_REFERENCE;
+    TEST_ASSERT_EQUAL_INT16(0, friction_learnt());
+}
+
 int main(void)
 {
     UNITY_BEGIN();
+    RUN_TEST(test_speed_is_the_accelerometers_soon_after_a_rest_and_the_models_later);
+    RUN_TEST(test_speed_is_zero_where_rest_is_seen);
+    RUN_TEST(test_speed_learns_friction_of_the_accelerometer_alone);
     RUN_TEST(test_speed_without_sensors_is_the_models);
     RUN_TEST(test_speed_takes_its_share_of_the_accelerometer);
     RUN_TEST(test_speed_corrects_nothing_where_model_and_accelerometer_agree);

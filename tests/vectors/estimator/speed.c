@@ -17,6 +17,8 @@ static void draw_config(speed_config_t *config)
     config->travel_gain_q15 = draw_between(0, 32767);
     config->speed_gain_q15 = draw_between(0, 32767);
     config->accel_filter_q15 = draw_between(1, 32767);
+    config->friction.mv_per_mm_s2_q10 = draw_between(0, 32767);
+    config->friction.half_track_m_q14 = draw_between(0, 32767);
 }
 
 static void begin(speed_state_t *state)
@@ -54,6 +56,9 @@ static void hash(const speed_state_t *state, const signals_estimate_t *estimate,
     hash_s16(estimate->accel_mm_s2);
     hash_s32(estimate->travel_um_q5);
     hash_s32(estimate->sway_travel_um_q5);
+#ifndef FRICTION_UNLEARNT
+    hash_u16(state->friction.learnt_mv_q4);
+#endif
 }
 
 void vectors_feed(void)

@@ -82,6 +82,17 @@ def _heading(common: Mapping[str, float], gyro_range: float) -> dict[str, Any]:
     }
 
 
+def _friction(profile: str, values: Mapping[str, float]) -> dict[str, Any]:
+    """Returns a `friction_config_t`; in `paper` none is learnt, for its wheels do not roll with the body (fault 1)."""
+    radius = values["wheel_radius"]
+    inertia = values["wheel_inertia"] + values["mass"] * radius**2 / 2
+    per_acceleration = values["resistance"] * inertia / (values["torque_constant"] * radius)  # V per m/s^2, both motors
+    return {
+        "mv_per_mm_s2_q10": min(round(per_acceleration * 2**10), INT16) if profile == "coupled" else 0,
+        "half_track_m_q14": min(round(values["half_track"] * 2**14), INT16),
+    }
+
+
 def _speed(
     common: Mapping[str, float], own: Mapping[str, float], radius: float, counts: float, step: float
 ) -> dict[str, Any]:
@@ -131,7 +142,10 @@ def _loop(
         "step": {
             "model": f"&MODEL_{profile.upper()}",
             "heading": _heading(common, plain(vehicle["sensors"]["imu"])["gyro_range"]),
-            "speed": _speed(common, estimator, rolls_like, counts, step),
+            "speed": {
+                **_speed(common, estimator, rolls_like, counts, step),
+                "friction": _friction(profile, values),
+            },
             "mixer": {
                 "battery_floor_mv": integer(own["battery_floor"] * 1e3, 1000, MILLIVOLTS, "battery_floor"),
                 "battery_nominal_mv": integer(values["battery_voltage"] * 1e3, 1000, MILLIVOLTS, "battery_voltage"),
