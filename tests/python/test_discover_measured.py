@@ -12,6 +12,7 @@ from brickpilot.data import reading
 from brickpilot.data.dataset import Dataset
 from brickpilot.discover import pipeline
 from brickpilot.discover.finding import Effect, Finding
+from brickpilot.fit import problem
 from brickpilot.importers.wpilib import import_wpilib
 from brickpilot.vehicle import model as model_file
 from brickpilot.vehicle import plant
@@ -211,3 +212,14 @@ def test_micromouse_is_not_explained_at_the_cost_of_held_out_runs(mouse: Found) 
         assert gap.after is not None
         assert gap.after <= gap.before * (1 + 1e-9)
     intervals(found)
+
+
+def test_an_answer_does_not_hang_on_a_number_that_means_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The prior of what nobody states is so wide that it only holds what the data leave open: 30 or 20 is the same."""
+    data = reading.read(measured("micromouse_wheels"))
+    answers = []
+    for anchor in (30.0, 20.0):
+        monkeypatch.setattr(problem, "_ANCHOR_SD", anchor)
+        found = pipeline.discover(data)
+        answers.append((found.verdict, [effect.name for effect in found.effects]))
+    assert answers[0] == answers[1]

@@ -10,7 +10,9 @@ import pytest
 from brickpilot.data import reading
 from brickpilot.fit import uncertainty
 from brickpilot.fit.calibration import calibrate
-from synthetic import robot, write
+from brickpilot.fit.parameters import plan
+from brickpilot.vehicle.combinations import not_told_apart, signatures_of
+from synthetic import motor, robot, write
 
 NOISE = {"yaw_rate": 0.014, "wheel_speed_left": 0.05, "wheel_speed_right": 0.05}
 GEOMETRY = "wheel_radius = 0.0408\nhalf_track = 0.0565\n"
@@ -33,6 +35,30 @@ def test_a_torque_without_a_scale_is_given_as_a_voltage(
     volts = size * lever * truth.parameters["resistance"] / truth.parameters["torque_constant"]
     assert found.identified.ci95[0] < volts < found.identified.ci95[1]
     assert found.identified.value == pytest.approx(volts, rel=0.1)
+
+
+def test_of_what_the_signals_do_not_tell_apart_one_is_fitted_and_the_rest_keep_their_share(tmp_path: Path) -> None:
+    """A robot's mass and the inertia of its wheels are one sum to its wheels, as are back-EMF and what brakes them."""
+    data = reading.read(write(tmp_path / "data", robot(wheel_radius=0.0408, half_track=0.0565), NOISE, GEOMETRY))
+    chosen = plan(data)
+    assert [one.name for one in chosen.free] == ["mass", "yaw_inertia", "emf_constant"]
+    held = {one.name for one in chosen.held}
+    assert held == {"wheel_inertia", "resistance", "torque_constant", "viscous_friction", "rolling_friction"}
+    twice, start = chosen.at(chosen.start() + np.log(2.0)).parameters, chosen.model.parameters
+    doubled = {"mass", "yaw_inertia", "emf_constant", "wheel_inertia", "viscous_friction", "rolling_friction"}
+    assert {name for name, value in twice.items() if value > 1.5 * start[name] > 0} == doubled
+    assert {*calibrate(data).parameters} == {*held, *(one.name for one in chosen.free)}
+
+
+def test_friction_of_a_known_torque_tells_how_much_torque_a_volt_makes() -> None:
+    names = {"wheel_inertia", "resistance", "torque_constant", "emf_constant", "viscous_friction"}
+
+    def held(effects: dict[str, dict[str, float]]) -> set[str]:
+        signatures = signatures_of(dataclasses.replace(motor(), effects=effects), {"speed"}, ())
+        return not_told_apart({name: signatures[name] for name in names})
+
+    assert len(held({})) == 3
+    assert len(held({"coulomb_friction": {"torque": 0.02}})) == 2
 
 
 def test_slopes_that_may_be_errors_tell_nothing_and_pull_nowhere() -> None:

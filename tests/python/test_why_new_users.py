@@ -156,11 +156,12 @@ def test_nothing_wrong_is_said_with_how_small_a_fault_would_have_shown(tmp_path:
     assert found.answer.todo[0] == "Nothing needs to be done."
 
 
-def test_what_held_out_runs_refuse_and_nobody_can_predict_is_nothing(tmp_path: Path) -> None:
-    """The fit runs alone ask for wheels that slip: of 99.54 % that can be had, 99.53 % are explained without."""
-    write_log(tmp_path / "log.csv", "planar", MANY, {})
+@pytest.mark.parametrize("seed", [1, 21, 33])
+def test_what_a_black_box_predicts_of_the_noise_is_nothing(seed: int, tmp_path: Path) -> None:
+    """It knows a fifth of how the counts round: of 99.54 % that can be had, the model alone explains 99.53 %."""
+    write_log(tmp_path / "log.csv", "planar", MANY, {}, seed=seed)
     found = bp.why(tmp_path / "log.csv")
-    assert found.finding.verdict == "unknown"
+    assert found.finding.verdict == "none"
     assert found.answer.ending == "nothing", found.answer
     assert found.answer.what.startswith("Nothing is wrong: the simulation explains 99.")
     assert re.search(r"These data would have shown .* from [\d.]+", found.answer.what)

@@ -139,7 +139,7 @@ class Difference(Part):
         for key in self.free:
             by_run.setdefault(key, {})[self.recording] = values.get(key, 0.0)
         free = tuple(self._free(key) for key in self.free)
-        return Plan(dataclasses.replace(base.model, effects=effects, by_run=by_run), (*base.free, *free), ())
+        return base.joined(dataclasses.replace(base.model, effects=effects, by_run=by_run), free)
 
     def _free(self, key: str) -> Free:
         info, known = self.rows[key], self.known.get(key)

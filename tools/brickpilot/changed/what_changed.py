@@ -248,7 +248,9 @@ def _begun(joint: Joint, parts: Parts, seed: int, jobs: int, tell: Stages) -> tu
 def _joint(dataset: Dataset, recording: str, model: Model | None, parts: Parts, seed: int, jobs: int) -> Joint:
     """Returns two recordings ready for fits, with the explanation that both share."""
     prepared, _ = prepare(dataset, model, seed=seed, jobs=jobs)
-    prepared, nominal = in_closed_loop(*calibrate(prepared))
+    # Each constant may differ by itself and fall as far as it reaches in the shared model, so none is held.
+    plan = dataclasses.replace(prepared.plan, free=prepared.plan.uncertain, held=())
+    prepared, nominal = in_closed_loop(*calibrate(dataclasses.replace(prepared, plan=plan)))
     if model is not None:
         effects = {name: {size: 0.0} for name, size in always().items()} | {
             one: dict(of) for one, of in model.effects.items()
@@ -314,7 +316,7 @@ def _largest(rests: Sequence[Mapping[str, float]]) -> dict[str, float]:
 
 def _search(joint: Joint, new_in: Sequence[str], tell: Stages) -> Found:
     prepared = joint.prepared
-    nominal = [one.name for one in prepared.plan.free if one.effect is None]
+    nominal = [one.name for one in prepared.plan.uncertain if one.effect is None]
     source = Differences(nominal, joint.recording, prepared.excitation, new_in)
     search = Search(prepared.coarse, joint.base, source, prepared.excitation, prepared.jobs, NO_LIMIT, tell)
     # The laws are the same in both recordings, and the floors hold what their shape leaves of each.
@@ -374,7 +376,7 @@ def _changes(compared: Compared, alone: Mapping[str, Mapping[str, tuple[str, Siz
         return []
     best, count = verdict.best, len(joint.base.parts)
     model = no_further(best.model, joint.recording)
-    spread = assess(joint.data, model, best.plan.free).spread
+    spread = assess(joint.data, model, best.plan.uncertain).spread
     moment, (first, later) = compared.since, (alone.get(name, {}) for name in (BEFORE, joint.recording))
     both = {what: (first[what][1], later[what][1]) for what in first.keys() & later.keys()}
     told: dict[str, Any] = {
@@ -440,7 +442,7 @@ def _told_alone(joint: Joint) -> dict[str, dict[str, tuple[str, Sized]]]:
     """Returns recording -> combination of constants -> its unit, and what the recording alone tells of it."""
     found: dict[str, dict[str, tuple[str, Sized]]] = {}
     for name, (data, explanation) in joint.alone.items():
-        spread = assess(data, explanation.model, explanation.plan.free).spread
+        spread = assess(data, explanation.model, explanation.plan.uncertain).spread
         for formula in FORMULAS[joint.dataset.vehicle]:
             if formula.name in told_combinations():
                 one = sized(partial(in_model, formula), explanation.model, spread)

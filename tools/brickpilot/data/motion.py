@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -12,6 +12,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from brickpilot.data.dataset import Dataset, Run, motor_inputs
 from brickpilot.data.signals import RATE_OF, SUMMED
+from brickpilot.errors import InputError
 
 Array = NDArray[np.float64]
 
@@ -252,3 +253,44 @@ def wheel_angles(run: Run) -> dict[str, Array] | None:
             found[angle] = begun + cumulative_trapezoid(rates, run.time, initial=0)
     one_of_two = len(found) == 1 and found.keys() & {"wheel_angle_left", "wheel_angle_right"}
     return None if one_of_two else found or None
+
+
+WINDOW_S = 1.0
+"""s: default length of the open-loop windows in which a motor's velocity is compared."""
+
+LEAST_WINDOW_S, LEAST_WINDOW_SAMPLES = 1e-3, 10
+"""No window is shorter than either. Samples count by the median step of the run with the longest steps."""
+
+
+def _least_window_s(dataset: Dataset) -> float:
+    coarsest = max(float(np.median(np.diff(run.time))) for run in dataset.runs)
+    return max(LEAST_WINDOW_S, LEAST_WINDOW_SAMPLES * coarsest)
+
+
+def check_window(dataset: Dataset, asked: float) -> None:
+    """Raises InputError where windows of `asked` s cannot be cut from a data set."""
+    if dataset.vehicle != "motor":
+        raise InputError("windows need a data set of a motor", field="--window")
+    least = _least_window_s(dataset)
+    longest = max(float(run.time[-1] - run.time[0]) for run in dataset.runs)
+    if not (1 - 1e-6) * least <= asked <= longest:
+        raise InputError(
+            f"{asked:g} s is not within {least:g} s, the least of {LEAST_WINDOW_SAMPLES} samples and 1 ms, "
+            f"and {longest:g} s, the longest run; 0: no windows",
+            field="--window",
+        )
+
+
+def window_length(dataset: Dataset, names: Sequence[str], asked: float | None) -> float:
+    """Returns the length in s of the windows in which a motor's signals are compared; 0: in whole runs.
+
+    Raises:
+        InputError: a length is asked for, and no velocity and no position is measured.
+    """
+    moves = any(name in names for pair in MOTOR_RATE_OF.items() for name in pair)
+    if asked and not moves:
+        raise InputError("windows need a velocity or a position that the model gives", field="--window")
+    if asked is not None:
+        return asked
+    shortest = min(float(run.time[-1] - run.time[0]) for run in dataset.runs)
+    return WINDOW_S if moves and shortest >= 3 * WINDOW_S >= 3 * _least_window_s(dataset) else 0.0

@@ -90,9 +90,9 @@ def adequacy(judge: Judge, best: Evidence, nothing: Evidence, seed: int) -> Adeq
 def predictable(judge: Judge, model: Model, nominal: Model, seed: int) -> dict[str, float]:
     """Returns signal -> the share of its squared residual that is predicted on runs left out, 0..1.
 
-    What is left counts as large as noise and the error of every simulator at least: a black box that predicts a part of
-    less shows no law that is missing. Nor does one that predicts no more than the error of the laws in `model`, which
-    are right to a share of what they explain beyond the `nominal` model.
+    Only what is above noise and the error of every simulator counts: a black box that predicts a part of less shows how
+    a sensor rounds, and no law that is missing. Nor does one that predicts no more than the error of the laws in
+    `model`, which are right to a share of what they explain beyond the `nominal` model.
     """
     data = judge.data
     error, before = data.measured - data.predict([model, nominal])
@@ -108,10 +108,11 @@ def predictable(judge: Judge, model: Model, nominal: Model, seed: int) -> dict[s
         folds = folds_of(runs, np.concatenate([one.middle for one in blocks]))
         predicted = out_of_fold(columns, target, folds, seed).value
         total = float(target @ target)
-        least = max(total, len(target) * data.floor(signal) ** 2)
+        noise = len(target) * data.floor(signal) ** 2
         explained = float(np.sum(np.concatenate(data.parts(before, signal)) ** 2)) - total
         own_error = numbers.LAW_SHAPE * max(explained, 0.0)
-        found[signal] = max(0.0, (total - float(np.sum((target - predicted) ** 2)) - own_error) / least)
+        gone = total - float(np.sum((target - predicted) ** 2)) - own_error
+        found[signal] = max(0.0, min(gone, total - noise)) / max(total, noise)
     return found
 
 

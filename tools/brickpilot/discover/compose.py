@@ -118,7 +118,7 @@ class Atom(Part):
         present, table = {one.name for one in base.free}, {**dict(self.settings), **values}
         rows = [self._row(info, table) for info in parameters() if info.name in self.free]
         added = tuple(one for one in rows if one.name not in present)
-        return Plan(with_terms(base.model, table), (*base.free, *added), ())
+        return base.joined(with_terms(base.model, table), added)
 
     def removed_from(self, model: Model) -> Model:
         table = {name: value for name, value in model.effects[EFFECT].items() if name not in self.names}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
@@ -150,7 +151,7 @@ def without(found: Explanation, part: Part) -> Explanation:
     """Returns `found` without one of its parts, at the same values of the others; it has to be fitted again."""
     model = part.removed_from(found.plan.model)
     kept = [k for k, one in enumerate(found.plan.free) if _is_in(one, model)]
-    plan = Plan(model, tuple(found.plan.free[index] for index in kept), ())
+    plan = dataclasses.replace(found.plan, model=model, free=tuple(found.plan.free[index] for index in kept))
     return Explanation(tuple(one for one in found.parts if one is not part), plan, found.point[kept])
 
 

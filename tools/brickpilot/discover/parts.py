@@ -84,7 +84,7 @@ class Part:
             for name, one in self.infos.items()
             if name in self.free
         )
-        return Plan(model, (*base.free, *added), ())
+        return base.joined(model, added)
 
     def removed_from(self, model: Model) -> Model:
         """Returns `model` without what `starting` added."""
@@ -138,7 +138,7 @@ class RunPart(Part):
         )  # fmt: skip
         known = Nominal(0.0, kind.sd)
         free = tuple(Free(f"{self.effect}@{run}", info, known, unit=kind.sd, centred=kind.low < 0) for run in self.free)
-        return Plan(model, (*base.free, *free), ())
+        return base.joined(model, free)
 
     def removed_from(self, model: Model) -> Model:
         by_run = {kind: table for kind, table in model.by_run.items() if kind != self.effect}

@@ -8,6 +8,7 @@ explanation that comes out worse than one that it contains is a failed fit and i
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
@@ -33,7 +34,7 @@ from brickpilot.discover.explanation import (
 )
 from brickpilot.discover.parts import Excitation, Part, library_parts, run_parts
 from brickpilot.discover.screen import Trial, screen
-from brickpilot.fit.parameters import Plan
+from brickpilot.fit.descent import descend, natural_start
 from brickpilot.fit.problem import Problem
 from brickpilot.fit.residual import Residual
 from brickpilot.fit.robust import pseudo_huber_loss
@@ -198,11 +199,10 @@ class Search:
             if not self._may_gain(found) or not self.deadline.allows(f"the search for {self.source.word} {count}"):
                 break
             self.tell(f"searching for {self.source.word} {count}")
-            parents = self._parents(found, base + count - 1)
-            if count == 1 and (stated := self._as_stated()) is not None:
-                parents.append(judge.of_explanation(stated))
-            for parent in parents:
+            for parent in self._parents(found, base + count - 1):
                 found.add(self.beside(found, parent), self.jobs)
+            if count == 1 and (expected := self._as_expected()) is not None:
+                found.add(self.beside(found, judge.of_explanation(expected), every=True), self.jobs)
             if count == 2 and self.source.width.paired:
                 singles = found.ranked(base + 1)[: self.source.width.paired]
                 found.add(self._pairs([one.explanation for one in singles]), self.jobs)
@@ -226,18 +226,27 @@ class Search:
         best = [one for one in _different(ranked) if one not in fitting]
         return best[:_BEAM] + fitting
 
-    def _as_stated(self) -> Explanation | None:
-        """Returns the base at its stated values, where these are not near: it may have moved to stand in for an effect.
+    def _as_expected(self) -> Explanation | None:
+        """Returns the base at stated and usual values, where these are not near: it may stand in for an effect.
 
-        A descent from there would not come back: a resistance of nearly nothing is a lag.
+        A descent from there would not come back: a resistance of nearly nothing is a lag, and a robot of a huge yaw
+        inertia does not turn. What is not stated is fitted within decades of a usual value, to data that are weighed by
+        what the base leaves of them.
         """
-        free, fitted = self.base.plan.free, self.base.point
-        away = [one.away(float(x)) or 0.0 if one.known else 0.0 for one, x in zip(free, fitted, strict=True)]
+        plan, fitted = self.base.plan, self.base.point
+        stated = np.array([one.known is not None for one in plan.free], dtype=bool)
+        point = plan.start() if stated.all() else natural_start(Problem(self.data, plan))
+        free = tuple(
+            one if one.known else dataclasses.replace(one, natural=one.to_value(x))
+            for one, x in zip(plan.free, point.tolist(), strict=True)
+        )
+        away = [one.away(x) or 0.0 for one, x in zip(free, fitted.tolist(), strict=True)]
         if not any(numbers.leaves_prior(one, len(away)) for one in away):
             return None
-        stated = [one.known is not None for one in free]
-        point = np.where(stated, self.base.plan.start(), fitted)
-        return Explanation(self.base.parts, self.base.plan, point)
+        if not stated.all():
+            weighed = Problem(self.data.weighed_by_size(self.base.model), dataclasses.replace(plan, free=free))
+            point = np.where(stated, plan.start(), descend(weighed, point, ROUGH))
+        return Explanation(self.base.parts, plan, point)
 
     @staticmethod
     def _gained(found: Found, count: int) -> bool:
@@ -254,8 +263,13 @@ class Search:
         possible = (found.judge.top - best.total) / temperature + surprise
         return bool(possible > -np.log(numbers.COMMON))
 
-    def beside(self, found: Found, parent: Evidence, forbidden: Collection[str] = ()) -> list[Explanation]:
-        """Returns the best parts fitted beside an explanation: those that may score better than the best so far."""
+    def beside(
+        self, found: Found, parent: Evidence, forbidden: Collection[str] = (), *, every: bool = False
+    ) -> list[Explanation]:
+        """Returns the best parts fitted beside an explanation: those that may score better than the best so far.
+
+        `every`: not only the first of the screen, which is linear and misleads far from any that fits.
+        """
         current, temperature, best = parent.explanation, found.temperature, found.ranked()[0]
         here = Problem(self.data, current.plan).keeping(current.point, len(current.point))
         behind = best.log_weight(temperature) - parent.log_weight(temperature)
@@ -273,7 +287,7 @@ class Search:
         wanted = [one for one in found.screens[current] if one.part.name not in forbidden and promises(one)]
         trials = [
             one
-            for one in wanted[: self.source.width.rough]
+            for one in wanted[: None if every else self.source.width.rough]
             if (current, one.part.name, one.part.free) not in found.tried
         ]
         found.tried |= {(current, one.part.name, one.part.free) for one in trials}
@@ -316,9 +330,8 @@ class Search:
     def _joined(self, first: Explanation, second: Explanation) -> Explanation:
         """Returns both explanations' parts, at the mean of the nominal values that each alone led to."""
         count = len(self.base.point)
-        begin = Explanation(first.parts, Plan(first.plan.model, first.plan.free, ()), first.point)
         part = second.parts[-1]
-        both = joined(begin, part, part.values_in(second.model))
+        both = joined(first, part, part.values_in(second.model))
         point = np.array(both.point)
         point[:count] = (first.point[:count] + second.point[:count]) / 2
         point[len(first.point) :] = second.point[count:]

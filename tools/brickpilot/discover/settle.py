@@ -94,7 +94,7 @@ def at_samples(prepared: Prepared, nominal: Explanation, best: Explanation) -> F
 def written(prepared: Prepared, data: Residual, found: Explanation, notes: tuple[str, ...] = ()) -> Settled:
     """Returns the model of an explanation as read back from its file, with intervals that `data` give."""
     plan = found.plan
-    known = assess(data, found.model, plan.free) if plan.free else None
+    known = assess(data, found.model, plan.uncertain) if plan.free else None
     estimates = {} if known is None else known.estimates
     name = prepared.dataset.name
     basis = {key: f"fitted to {name}: {estimate.basis}" for key, estimate in estimates.items() if "@" not in key}

@@ -203,7 +203,7 @@ def calibrate(
     data = data.weighed_by_size(chosen.at(best), correlated=True)
     best = descent.descend(Problem(data, chosen), best, descent.FINE)
     model = chosen.at(best)
-    known = assess(data, model, chosen.free)
+    known = assess(data, model, chosen.uncertain)
     basis = {name: f"fitted to {dataset.name}: {estimate.basis}" for name, estimate in known.estimates.items()}
     model = dataclasses.replace(model, basis=basis)
     notes.extend(_remarks(chosen, model, known.traceless))
@@ -245,7 +245,7 @@ def _remarks(chosen: Plan, model: Model, traceless: tuple[str, ...]) -> list[str
     remarks = []
     if traceless:
         remarks.append(f"No effect on these runs: {', '.join(traceless)}. Any value fits as well.")
-    wide = [one.name for one in chosen.free if one.known is None]
+    wide = [one.name for one in chosen.uncertain if one.known is None]
     if wide:
         remarks.append(f"Not stated: {', '.join(wide)}. Their intervals assume a prior of a factor of 20 each way.")
     for one in chosen.free:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +12,7 @@ import numpy as np
 from brickpilot.data.agreement import SignalError, signal_error
 from brickpilot.data.dataset import Dataset, OwnUnit, frame_text, own_units
 from brickpilot.data.holdout import enough_to_fit
-from brickpilot.data.motion import MOTOR_RATE_OF
+from brickpilot.data.motion import MOTOR_RATE_OF, check_window, window_length
 from brickpilot.data.shown import Result
 from brickpilot.data.signals import SUMMED
 from brickpilot.errors import InputError
@@ -26,12 +26,6 @@ from brickpilot.vehicle.replay import Array, Outputs
 
 if TYPE_CHECKING:
     import pandas
-
-WINDOW_S = 1.0
-"""s: default length of the open-loop windows in which a motor's velocity is compared."""
-
-LEAST_WINDOW_S, LEAST_WINDOW_SAMPLES = 1e-3, 10
-"""No window is shorter than either. Samples count by the median step of the run with the longest steps."""
 
 
 @dataclass(frozen=True)
@@ -178,7 +172,7 @@ def compare(
             f"the model is a {model.vehicle}, the data set {dataset.name} is of a {dataset.vehicle}", field="--model"
         )
     if window_s:
-        _check_window(dataset, window_s)
+        check_window(dataset, window_s)
     model, remarks = (model, []) if model is not None else _nominal(dataset, seed, threads, progress)
     compared_signals(dataset, model)  # refuses what is no measurement before anything is made of it
     ready = comparable(dataset)
@@ -187,7 +181,7 @@ def compare(
     notes.extend(compared.notes)
     if progress:
         progress(0, 1, "simulating")
-    length = _window_s(ready.measured, compared.names, window_s)
+    length = window_length(ready.measured, compared.names, window_s)
     found = _compared(ready, model, length, threads)
     if progress:
         progress(1, 1, "simulated")
@@ -241,34 +235,6 @@ def _nominal(dataset: Dataset, seed: int, threads: int, progress: Progress | Non
     first = f"The data set does not fix {', '.join(fitted.parameters)}: fitted on the fit runs first."
     notes = list(fitted.notes if note is None else [note, *fitted.notes[1:]])  # roles of `some` are no news
     return fitted.model, [first, *notes]
-
-
-def _least_window_s(dataset: Dataset) -> float:
-    coarsest = max(float(np.median(np.diff(run.time))) for run in dataset.runs)
-    return max(LEAST_WINDOW_S, LEAST_WINDOW_SAMPLES * coarsest)
-
-
-def _check_window(dataset: Dataset, asked: float) -> None:
-    if dataset.vehicle != "motor":
-        raise InputError("windows need a data set of a motor", field="--window")
-    least = _least_window_s(dataset)
-    longest = max(float(run.time[-1] - run.time[0]) for run in dataset.runs)
-    if not (1 - 1e-6) * least <= asked <= longest:
-        raise InputError(
-            f"{asked:g} s is not within {least:g} s, the least of {LEAST_WINDOW_SAMPLES} samples and 1 ms, "
-            f"and {longest:g} s, the longest run; 0: no windows",
-            field="--window",
-        )
-
-
-def _window_s(dataset: Dataset, names: Sequence[str], asked: float | None) -> float:
-    moves = any(name in names for pair in MOTOR_RATE_OF.items() for name in pair)
-    if asked and not moves:
-        raise InputError("windows need a velocity or a position that the model gives", field="--window")
-    if asked is not None:
-        return asked
-    shortest = min(float(run.time[-1] - run.time[0]) for run in dataset.runs)
-    return WINDOW_S if moves and shortest >= 3 * WINDOW_S >= 3 * _least_window_s(dataset) else 0.0
 
 
 def _errors(

@@ -47,7 +47,7 @@ def counted(progress: Progress | None, total: int) -> Count:
     return lambda text: progress(next(done), total, text) if progress is not None else None
 
 
-def _natural_start(problem: Problem) -> Array:
+def natural_start(problem: Problem) -> Array:
     """Returns the plan's start with other values for parameters that may be zero and are not stated.
 
     Each gets the size at which it changes the signals by their rms.
@@ -61,7 +61,7 @@ def _natural_start(problem: Problem) -> Array:
 
 def search(problem: Problem, random: np.random.Generator, count: Count) -> tuple[Array, tuple[Start, ...]]:
     """Returns the best end of several descents: from two systematic starts and the best of many random ones near."""
-    starts = np.array([problem.plan.start(), _natural_start(problem)])
+    starts = np.array([problem.plan.start(), natural_start(problem)])
     spread = np.array([_SPREAD if one.known is None else 0.0 for one in problem.plan.free])
     between = random.uniform(size=(_SCREENED, len(spread)))
     candidates = starts[0] + between * (starts[1] - starts[0]) + random.normal(size=between.shape) * spread

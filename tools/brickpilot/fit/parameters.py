@@ -16,9 +16,8 @@ from brickpilot import catalogue
 from brickpilot.catalogue import ParameterInfo
 from brickpilot.data.dataset import Dataset, Nominal
 from brickpilot.errors import InputError
-from brickpilot.vehicle import plant
+from brickpilot.vehicle.combinations import ADDS_TO, not_told_apart, signatures_of
 from brickpilot.vehicle.model import Model, of_dataset, with_values
-from brickpilot.vehicle.plant import OpenLoopRun
 
 Array = NDArray[np.float64]
 
@@ -133,11 +132,23 @@ class Plan:
     Attributes:
         model: every fixed value, and the start of every free one.
         notes: sentences on choices that a user should know of.
+        held: parameters that no data of such signals tell from the free ones. A fit needs no coordinates for them, and
+            would go astray along them; their values are as uncertain as the others'.
     """
 
     model: Model
     free: tuple[Free, ...]
     notes: tuple[str, ...]
+    held: tuple[Free, ...] = ()
+
+    @property
+    def uncertain(self) -> tuple[Free, ...]:
+        """Every parameter whose value is not known: the free ones and those that are held."""
+        return (*self.free, *self.held)
+
+    def joined(self, model: Model, added: Sequence[Free]) -> Plan:
+        """Returns the plan of another model, with more free parameters."""
+        return dataclasses.replace(self, model=model, free=(*self.free, *added), notes=())
 
     def at(self, coordinates: Array) -> Model:
         """Returns the model at a point of the search."""
@@ -145,6 +156,10 @@ class Plan:
         for free, x in zip(self.free, coordinates, strict=True):
             if (load := values.get(free.load, 0.0)) > 0:
                 values[free.name] = free.to_value(float(x) / load)
+        start = self.model.parameters
+        for one in self.held:
+            if (other := ADDS_TO.get(one.name)) in values:
+                values[one.name] = start[one.name] * values[other] / start[other]
         return with_values(self.model, values)
 
     def start(self) -> Array:
@@ -168,7 +183,7 @@ def plan(dataset: Dataset, *, effects: Sequence[str] = (), free: Sequence[str] =
 
     A plain value of [nominal] is fixed, and so is {value, sd} with an sd below 1e-6 of the value. Any other {value, sd}
     is fitted with that prior. A parameter that is absent and enters this vehicle's equations is fitted with a wide
-    prior.
+    prior, or held where the measured signals do not tell it from others that are absent.
 
     Args:
         effects: effects to switch on, with all their parameters free but switches: see `settings`.
@@ -187,19 +202,24 @@ def plan(dataset: Dataset, *, effects: Sequence[str] = (), free: Sequence[str] =
             raise InputError("is not a nominal parameter that can be fitted", field=name)
     model = of_dataset(dataset, effects)
     infos = {name: info for name, info in infos.items() if name in model.parameters}
-    entering = _entering(model, dataset)
+    stated = {name: table for name, table in model.effects.items() if name in dataset.nominal_effects}
+    signatures = signatures_of(dataclasses.replace(model, effects=stated), dataset.signals, dataset.nominal)
+    entering = {name for name, one in signatures.items() if one.any()}
     chosen = [
         Free(n, info, dataset.nominal.get(n))
         for n, info in infos.items()
         if n in entering and _is_free(info, model, dataset, free)
     ]
+    held = not_told_apart({one.name: signatures[one.name] for one in chosen if one.known is None})
+    fitted = [one for one in chosen if one.name not in held]
     for name in model.effects:
         for info in effect_infos[name].parameters:
             known = dataset.nominal_effects.get(name, {}).get(info.name)
             if info.role != "switch" and (known is None or _is_open(known, info)):
-                chosen.append(Free(f"{name}.{info.name}", info, known))
+                fitted.append(Free(f"{name}.{info.name}", info, known))
     absent = [n for n, v in model.parameters.items() if v == 0 and n in entering and n not in dataset.nominal]
-    return Plan(model, tuple(chosen), (f"Not given, so set to 0: {', '.join(absent)}.",) if absent else ())
+    notes = (f"Not given, so set to 0: {', '.join(absent)}.",) if absent else ()
+    return Plan(model, tuple(fitted), notes, tuple(one for one in chosen if one.name in held))
 
 
 def settings(chosen: Plan, dataset: Dataset) -> list[Plan]:
@@ -230,30 +250,3 @@ def _is_free(info: ParameterInfo, model: Model, dataset: Dataset, asked: Sequenc
     if name == "inductance":
         return any(signal.startswith("current") for signal in dataset.signals)
     return info.role != "fixed" and name != "battery_voltage" and model.parameters[name] != 0
-
-
-def _beside(value: float, info: ParameterInfo) -> float:
-    """Returns another physical value, a tenth away."""
-    larger = 1.1 * value or 0.1 * info.preset
-    return larger if larger <= info.maximum else 0.9 * value
-
-
-def _entering(model: Model, dataset: Dataset) -> set[str]:
-    """Returns the nominal parameters that change a measured signal, in a short curve driven by such a vehicle."""
-    time = np.linspace(0.0, 0.3, 31)
-    inputs = np.tile(np.array([[3.0, 1.0]])[:, : 1 if model.vehicle == "motor" else 2], (len(time), 1))
-    base = dataclasses.replace(model, effects={})
-    names = {
-        info.name: _beside(base.parameters[info.name], info)
-        for info in catalogue.parameters()
-        if info.name in base.parameters and (info.role != "fixed" or info.name in dataset.nominal)
-    }
-    changed = [with_values(base, {name: value}) for name, value in names.items()]
-    run = OpenLoopRun(time=time, inputs=inputs)
-    reference, *others = plant.simulate([(one, run) for one in [base, *changed]], threads=1)
-    measured = [name for name in reference.outputs if name in dataset.signals and name != "battery_voltage"]
-    return {
-        name
-        for name, other in zip(names, others, strict=True)
-        if any(not np.array_equal(other.outputs[o], reference.outputs[o], equal_nan=True) for o in measured)
-    }

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ Array = NDArray[np.float64]
 _EFFECT_STEP, _NOMINAL_STEP = 1e-2, 1e-4  # of finite differences, in coordinates
 _ANCHOR_SD = 30.0  # in coordinates: a prior so weak that it holds only what the data leave open
 _COMMON_SD = 0.01  # in coordinates: what values of runs may have in common
+_NOTHING_KEPT: Mapping[int, Array] = MappingProxyType({})
 
 
 def _kind(free: Free) -> str:
@@ -31,17 +33,24 @@ class Problem:
     Args:
         holds_priors: False while the scale of the residual is not known. A prior would otherwise be held against the
             data: the gap that it leaves would count as the model's error.
-        kept: (values, count) sensitivities of the first coordinates, those of the nominal parameters. They cost most of
-            a descent and change little from one candidate to the next.
+        kept: coordinate -> (values,) its sensitivity where it was computed last.
     """
 
-    def __init__(self, residual: Residual, plan: Plan, *, holds_priors: bool = True, kept: Array | None = None) -> None:
+    def __init__(
+        self, residual: Residual, plan: Plan, *, holds_priors: bool = True, kept: Mapping[int, Array] = _NOTHING_KEPT
+    ) -> None:
         self.data, self.plan = residual, plan
         self._holds_priors, self._kept = holds_priors, kept
 
     def keeping(self, point: Array, count: int) -> Problem:
-        """Returns the problem with the sensitivities of the first `count` coordinates kept as they are at `point`."""
-        kept = self.columns(point, range(count)) if count else None
+        """Returns the problem with sensitivities of the first `count` coordinates kept as they are at `point`.
+
+        Those of nominal parameters cost most of a descent, and change little from one candidate to the next where the
+        values are stated. One that nothing is known of may go far, and is not kept where such are few.
+        """
+        few = bool(self.plan.held)
+        which = [k for k, one in enumerate(self.plan.free[:count]) if one.known or one.effect or not few]
+        kept = dict(zip(which, self.columns(point, which).T, strict=True))
         return Problem(self.data, self.plan, holds_priors=self._holds_priors, kept=kept)
 
     def of(self, plan: Plan) -> Problem:
@@ -73,11 +82,14 @@ class Problem:
 
     def sensitivity(self, point: Array) -> Array:
         """Returns (values, parameters): the change of the simulated signals per coordinate, in their SI units."""
-        if self._kept is None:
-            return self.columns(point, range(len(point)))
-        return np.hstack([self._kept, self.columns(point, range(self._kept.shape[1], len(point)))])
+        fresh = [k for k in range(len(point)) if k not in self._kept]
+        slopes = np.empty((len(self.data.measured), len(point)), order="F")
+        slopes[:, fresh] = self.columns(point, fresh)
+        for k, column in self._kept.items():
+            slopes[:, k] = column
+        return slopes
 
-    def columns(self, point: Array, which: Sequence[int] | range) -> Array:
+    def columns(self, point: Array, which: Sequence[int]) -> Array:
         """Returns (values, which): finite differences of the simulated signals along some coordinates.
 
         The value of a run touches the samples of that run alone, so one simulation with the values of all runs changed

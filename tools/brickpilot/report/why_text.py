@@ -13,7 +13,6 @@ import numpy as np
 from brickpilot import catalogue
 from brickpilot.data.facts import WeakerSide, bend, drives_straight_alone, weaker_side
 from brickpilot.data.holdout import kind_of
-from brickpilot.discover import numbers
 from brickpilot.discover.finding import Finding
 from brickpilot.report import discover_fit, experiment_files
 from brickpilot.report.discover_text import (
@@ -190,16 +189,6 @@ def _either(finding: Finding) -> str:
     return listed([listed(meant.get(one, [])) or explanation(one) for one in known], "or")
 
 
-def _nothing_left(finding: Finding) -> bool:
-    """Whether no explanation is needed, and what the model as it is stated leaves is neither much nor predictable."""
-    known = finding.yardstick.predictable.get("free_run")
-    shares = [] if known is None else [one for one in (known.share, known.held_out) if one is not None]
-    shares += (finding.predictable_left or {}).values()
-    contradicted = finding.evidence is not None and finding.evidence.contradicted
-    claimed = any(one.claimed for one in finding.effects) or finding.term is not None or finding.nominal_findings
-    return bool(shares) and contradicted and not claimed and _is_all(finding) and max(shares) <= numbers.SHARED_REST
-
-
 def _what(finding: Finding) -> tuple[Ending, str]:
     fit = discover_fit.headline(finding)
     if finding.verdict == "none" and finding.nominal_findings:
@@ -208,7 +197,7 @@ def _what(finding: Finding) -> tuple[Ending, str]:
             for one in finding.nominal_findings
         ]
         return "cause", f"What is stated is wrong: {listed(moved)}."
-    if finding.verdict == "none" or _nothing_left(finding):
+    if finding.verdict == "none":
         if leaves_more_than_noise(finding) and not _is_all(finding):
             size = "a part" if fit is None else f"{fit_text(fit.after)} of the measured signals on {fit.runs}"
             return "missing", f"Something is missing: the simulation explains {size}, and no known cause the rest."

@@ -1,17 +1,28 @@
 """Combinations of parameters that steady speed and its onset identify, even where they do not identify single ones.
 
+A fit along what they leave open ends anywhere, and what is fitted beside it later depends on where. So of each sum one
+parameter is fitted and the others are held (structural identifiability: Bellman & Astrom 1970, Math. Biosciences 7,
+here from the rank of the sensitivities).
+
 Once the current has settled, eqs. 12 to 14 describe a wheel by D = K_t K_e + R (b_s + sigma m g r^2).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from brickpilot import catalogue
 from brickpilot.catalogue import ParameterInfo
+from brickpilot.constants import STEP_S
+from brickpilot.vehicle import plant
+from brickpilot.vehicle.model import Model, with_values
+from brickpilot.vehicle.plant import OpenLoopRun
+
+Array = NDArray[np.float64]
 
 Values = Mapping[str, float]
 _Rule = Callable[[Values], float]
@@ -165,3 +176,66 @@ def forms(name: str) -> Iterator[Formula]:
 
 def _scaled(name: str, factor: _Rule) -> _Rule:
     return lambda p: abs(p[name]) * factor(p)
+
+
+ADDS_TO = {"wheel_inertia": "mass", "viscous_friction": "emf_constant", "rolling_friction": "emf_constant"}
+"""Data tell a sum of these, as mass + 2 wheel_inertia / wheel_radius^2: what is held keeps its ratio to the other."""
+
+_FITTED_FIRST = ("emf_constant", "mass", "yaw_inertia", "half_track", "wheel_radius", "wheel_inertia")
+"""Each of these gives its sum any value."""
+
+_CURVES_V = (3.0, 1.0), (6.0, 5.0)  # left and right: two voltages, as one does not tell friction from a gain
+_CURVE_S, _SAMPLES = 20.0, 60
+_TOLD_APART = 1e-2  # of a signature: less of it beside those of others is the error of finite differences
+
+
+def signatures_of(model: Model, measured: Collection[str], stated: Collection[str]) -> dict[str, Array]:
+    """Returns nominal parameter -> (values,): its effect on the measured signals of two curves, in shares of their rms.
+
+    Each curve is seen at times from a sample to longer than a vehicle of any size takes to reach its speed. A signature
+    is all zero where the parameter does not enter.
+
+    Args:
+        measured: names of signals.
+        stated: parameters that count although nobody fits their like.
+    """
+    after = np.geomspace(STEP_S, _CURVE_S, _SAMPLES)
+    time = np.concatenate([[0.0], after, _CURVE_S + after])
+    inputs = np.repeat(np.array(_CURVES_V), [_SAMPLES, _SAMPLES + 1], axis=0)
+    inputs = inputs[:, : 1 if model.vehicle == "motor" else 2]
+    values = {
+        info.name: _beside(model.parameters[info.name], info)
+        for info in catalogue.parameters()
+        if info.name in model.parameters and (info.role != "fixed" or info.name in stated)
+    }
+    models = [model, *(with_values(model, {name: value}) for name, value in values.items())]
+    run = OpenLoopRun(time=time, inputs=inputs)
+    reference, *others = (of.outputs for of in plant.simulate([(one, run) for one in models], threads=1))
+    signals = [name for name in reference if name in measured and name != "battery_voltage"]
+    rms = {name: float(np.sqrt(np.nanmean(reference[name] ** 2))) or 1.0 for name in signals}
+    return {
+        name: np.array([np.nan_to_num(other[one] - reference[one]) / rms[one] for one in signals]).ravel()
+        for name, other in zip(values, others, strict=True)
+    }
+
+
+def _beside(value: float, info: ParameterInfo) -> float:
+    """Returns another physical value, a thousandth away, or a tenth of the preset where it is 0."""
+    larger = 1.001 * value or 0.1 * info.preset
+    return larger if larger <= info.maximum else 0.999 * value
+
+
+def not_told_apart(signatures: Mapping[str, Array]) -> set[str]:
+    """Returns the parameters whose signatures, (values,) each and not all zero, are sums of those of the others."""
+    basis, held = list[Array](), set()
+    order = [name for name in _FITTED_FIRST if name in signatures]
+    for name in dict.fromkeys((*order, *signatures)):
+        rest = signatures[name] / np.linalg.norm(signatures[name])
+        for one in basis:
+            rest = rest - (one @ rest) * one
+        length = float(np.linalg.norm(rest))
+        if length < _TOLD_APART:
+            held.add(name)
+        else:
+            basis.append(rest / length)
+    return held
