@@ -130,7 +130,7 @@ def check(dataset: Dataset, *, seed: int = 0, jobs: int = 2) -> Check:
         nothing = judge.of_explanation(nominal)
         temperature = judge.temperature(nothing, nothing)
         visible = smallest_sizes(prepared, judge, nominal, nominal)
-        told = assess(prepared.fine, nominal.model, nominal.plan.free)
+        told = assess(prepared.fine, nominal.model, nominal.plan.uncertain)
         advice, invisible = advise(prepared, nominal, visible, temperature)
         explained = headline(whole, nominal.model, threads=jobs)
     return Check(
