@@ -13,6 +13,7 @@ import pytest
 from brickpilot.data.feedback import follows_outputs
 from brickpilot.data.periods import _power_at_multiples, own_period
 from brickpilot.discover.numbers import STRICT
+from brickpilot.discover.prepare import calibrate, in_closed_loop, prepare
 from brickpilot.fit.robust import noise_model, whitening
 from brickpilot.importers.wpilib import import_wpilib
 from scipy.signal import lfilter, lombscargle
@@ -133,6 +134,30 @@ def test_loop_of_a_controller(law, reading, lag):
         assert 0.05 < loop.gain <= 1.0
         assert lag is None or loop.lag == pytest.approx(lag)
         assert "follows speed" in loop.sentence
+
+
+@pytest.mark.parametrize(("disturbance", "innovations"), [(0.0, False), (1.0, True)])
+def test_only_noise_with_a_memory_asks_for_innovations(disturbance, innovations):
+    """White noise of a sensor that a controller follows tells nothing of the next sample; a load on the motor does."""
+    rng = np.random.default_rng(5)
+    runs = [motor(controller(rng, gain=1.5), rng, noise=0.3, disturbance=disturbance) for _ in range(3)]
+    prepared, nominal = calibrate(prepare(frames(runs), None, seed=0, jobs=1)[0])
+    ready, _ = in_closed_loop(prepared, nominal, nominal)
+    assert ready.loop is not None
+    assert ready.loop.gain > 0.2
+    assert ready.innovations == innovations
+
+
+def test_a_disturbance_with_a_period_asks_for_innovations_at_once():
+    rng = np.random.default_rng(6)
+    runs = []
+    for _ in range(3):
+        swing = 0.6 * np.sin(2 * np.pi * STEP * np.arange(ROWS) / 0.25 + rng.uniform(0, 6))
+        law = controller(rng, gain=1.5)
+        runs.append(motor(lambda row, reading, law=law, swing=swing: law(row, reading + swing[row]), rng, noise=0.1))
+        runs[-1] = (runs[-1][0], runs[-1][1] + swing)
+    prepared, nominal = calibrate(prepare(frames(runs), None, seed=0, jobs=1)[0])
+    assert in_closed_loop(prepared, nominal, None)[0].innovations
 
 
 def test_two_wheels_of_which_one_is_controlled():

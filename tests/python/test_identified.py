@@ -48,6 +48,8 @@ def test_of_what_the_signals_do_not_tell_apart_one_is_fitted_and_the_rest_keep_t
     doubled = {"mass", "yaw_inertia", "emf_constant", "wheel_inertia", "viscous_friction", "rolling_friction"}
     assert {name for name, value in twice.items() if value > 1.5 * start[name] > 0} == doubled
     assert {*calibrate(data).parameters} == {*held, *(one.name for one in chosen.free)}
+    far = chosen.at(chosen.start() + np.log(1e6)).parameters
+    assert far["rolling_friction"] == next(one.info.maximum for one in chosen.held if one.name == "rolling_friction")
 
 
 def test_friction_of_a_known_torque_tells_how_much_torque_a_volt_makes() -> None:

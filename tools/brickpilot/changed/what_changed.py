@@ -195,7 +195,8 @@ def _structure(dataset: Dataset, seed: int, jobs: int) -> Parts:
     """Returns the effects that the engine names in a recording, each with its values; nothing where it names none."""
     known = with_known_timing(together({BEFORE: dataset}), None, seed=seed, jobs=jobs)
     prepared, _ = prepare(known, None, seed=seed, jobs=jobs)
-    prepared, nominal = in_closed_loop(*calibrate(prepared))
+    prepared, nominal = calibrate(prepared)
+    prepared, nominal = in_closed_loop(prepared, nominal, nominal)
     base = (refine(prepared.coarse, [_shared(nominal, ())], jobs) or [nominal])[0]
     verdict = explain(prepared, base, Stages(None), _MOST_NAMED).verdict
     more = verdict.best.effects[len(base.parts) :] if verdict.kind == "named" else ()
@@ -250,7 +251,8 @@ def _joint(dataset: Dataset, recording: str, model: Model | None, parts: Parts, 
     prepared, _ = prepare(dataset, model, seed=seed, jobs=jobs)
     # Each constant may differ by itself and fall as far as it reaches in the shared model, so none is held.
     plan = dataclasses.replace(prepared.plan, free=prepared.plan.uncertain, held=())
-    prepared, nominal = in_closed_loop(*calibrate(dataclasses.replace(prepared, plan=plan)))
+    prepared, nominal = calibrate(dataclasses.replace(prepared, plan=plan))
+    prepared, nominal = in_closed_loop(prepared, nominal, nominal)
     if model is not None:
         effects = {name: {size: 0.0} for name, size in always().items()} | {
             one: dict(of) for one, of in model.effects.items()
@@ -279,7 +281,8 @@ def _shared(nominal: Explanation, parts: Parts) -> Explanation:
 def _alone(dataset: Dataset, base: Explanation, seed: int, jobs: int) -> tuple[Residual, Explanation]:
     """Returns the residual of one recording alone, and what explains it, of the same parts."""
     prepared, _ = prepare(dataset, None, seed=seed, jobs=jobs)
-    prepared, _ = in_closed_loop(*calibrate(prepared))
+    prepared, nominal = calibrate(prepared)
+    prepared, _ = in_closed_loop(prepared, nominal, nominal)
     return prepared.coarse, (refine(prepared.coarse, [base], jobs) or [base])[0]
 
 

@@ -1,8 +1,8 @@
 """A feedback loop around the data: whether the commands follow the outputs.
 
-Such a loop biases a simulation from the commands alone: the commands hold noise of the outputs, so that a model can
-explain this noise, by a delay that no machine has. Sources: Granger (1969), Econometrica 37; Gustavsson, Ljung and
-Soederstroem (1977), Automatica 13.
+Such a loop biases a simulation from the commands alone where the noise of the outputs has a memory: the commands hold
+it, so that a model can explain it, by a delay that no machine has. Sources: Granger (1969), Econometrica 37;
+Gustavsson, Ljung & Soederstroem (1977), Automatica 13.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class Loop:
         late = f"{1e3 * self.lag:.3g} ms later" if self.lag else "in the same row"
         return (
             f"{self.command} follows {self.output}, {late}: it tells {100 * self.gain:.2g} % of what the command's own "
-            "past leaves open. A feedback loop is around the data, and a fit without a model of the noise is biased"
+            "past leaves open. A feedback loop is around the data, and biases free runs if their noise has a memory"
         )
 
 

@@ -14,7 +14,7 @@ from scipy.signal import correlate
 from brickpilot import catalogue
 from brickpilot.data import gap
 from brickpilot.data.dataset import Dataset
-from brickpilot.data.periods import Period, own_period, resolved_order
+from brickpilot.data.periods import resolved_order
 from brickpilot.discover import evidence, finding, numbers
 from brickpilot.discover.compose import Composed
 from brickpilot.discover.evidence import Evidence, Judge
@@ -22,7 +22,7 @@ from brickpilot.discover.experiment import smallest_sizes
 from brickpilot.discover.explanation import Explanation
 from brickpilot.discover.finding import Experiment, Finding, Parameter, Predictor, VerdictKind
 from brickpilot.discover.parts import Part, RunPart
-from brickpilot.discover.prepare import Prepared
+from brickpilot.discover.prepare import Prepared, disturbances
 from brickpilot.discover.seal import Proof
 from brickpilot.discover.search import Found
 from brickpilot.discover.settle import Settled
@@ -135,7 +135,7 @@ def conclude(prepared: Prepared, found: Conclusion) -> Finding:
         run_values=_run_values(found.best),
         predictor=found.predictor,
         closed_loop=prepared.loop,
-        disturbances=_disturbances(prepared, found),
+        disturbances=disturbances(prepared, found.best.model),
         predictable_left=None if adequacy is None else adequacy.predictable,
         elapsed_s=0.0,
         seed=prepared.seed,
@@ -228,26 +228,6 @@ def _parameter(model: Model, effect: str, name: str, estimates: Mapping[str, Est
     if form is not None and known.value < 0:
         form = dataclasses.replace(form, value=-form.value, ci95=(-form.ci95[1], -form.ci95[0]))
     return Parameter(known.value, unit, known.ci95, form)
-
-
-def _disturbances(prepared: Prepared, found: Conclusion) -> dict[str, Period]:
-    """Returns signal -> a disturbance with a period of its own in what free runs of the fit runs leave, in a loop.
-
-    Without one the commands' own periods would be taken for it.
-    """
-    if prepared.loop is None:
-        return {}
-    runs = [run for run in prepared.dataset.runs if run.outputs]
-    simulated = Replay(prepared.dataset).simulate([found.best.model], threads=prepared.jobs)[0]
-    made = {
-        signal: own_period(
-            [(run.time, run.outputs[signal] - simulated[run.name][signal]) for run in runs if signal in run.outputs],
-            numbers.STRICT,
-        )
-        for signal in prepared.fine.signals
-        if all(signal in simulated[run.name] for run in runs)
-    }
-    return {signal: one for signal, one in made.items() if one is not None}
 
 
 def _run_values(best: Settled) -> tuple[finding.RunValues, ...]:
@@ -362,8 +342,8 @@ def _notes(prepared: Prepared, found: Conclusion) -> tuple[str, ...]:
             "more periods can look like dead time; only faster samples would tell."
         )
     if prepared.loop is not None:
-        innovations = "Innovations of a noise model were fitted"
-        fitted = innovations if prepared.is_biased else "It tells little, and free runs were fitted"
+        plain = "It has none here, or the loop tells little: free runs were fitted"
+        fitted = "Innovations of a noise model were fitted" if prepared.innovations else plain
         notes.append(f"{prepared.loop.sentence}. {fitted}.")
     if left_out:
         notes.append(f"The budget of {prepared.deadline.budget_s:g} s left out: {'; '.join(left_out)}.")

@@ -30,7 +30,7 @@ from brickpilot.discover.screen import Probe, probes_of, signature_strengths
 from brickpilot.discover.verdict import Verdict
 from brickpilot.fit.parameters import Plan
 from brickpilot.fit.problem import Problem
-from brickpilot.fit.residual import of_bins
+from brickpilot.fit.residual import of_bins, rms_of
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.manoeuvres import Manoeuvre, commands, manoeuvres
 from brickpilot.vehicle.model import Model
@@ -74,7 +74,7 @@ def next_experiment(rivals: Mapping[str, Model], noise_sd: Mapping[str, float], 
         outputs = [each.outputs for each in simulated]
         measured.append((*_separation(outputs, noise_sd), one))
         others = [name for name in outputs[0] if name in _CAN_MEASURE and name not in noise_sd]
-        sizes = {name: max(_rms(np.array([each[name] for each in outputs])), 1e-9) for name in others}
+        sizes = {name: max(rms_of([each[name] for each in outputs]), 1e-9) for name in others}
         unmeasured += [_separation(outputs, sizes)] if sizes else []
     separation, signal, manoeuvre = max(measured, key=lambda one: one[0])
     share, other = max(unmeasured, key=lambda one: one[0])
@@ -107,16 +107,12 @@ def _separation(outputs: Sequence[Mapping[str, Array]], sizes: Mapping[str, floa
     """Returns by how much even the nearest two rivals differ, rms over `sizes`, and in which signal that is most."""
     return max(
         (
-            (min(_rms(one[name] - other[name]) for one, other in combinations(outputs, 2)) / size, name)
+            (min(rms_of([one[name] - other[name]]) for one, other in combinations(outputs, 2)) / size, name)
             for name, size in sizes.items()
             if name in outputs[0]
         ),
         key=lambda one: one[0],
     )
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))
 
 
 def smallest_sizes(prepared: Prepared, judge: Judge, nominal: Explanation, best: Explanation) -> dict[str, Visible]:

@@ -5,7 +5,8 @@ Each stage is a function in a module beside this one. What it makes is a frozen 
     with_known_timing -> Dataset      what the inputs do between two rows, where the data set does not know
     prepare          -> Prepared, Sealed   the fit runs and their residual; what is held out, sealed
     calibrate        -> Explanation   the calibrated nominal model, which explains with nothing
-    in_closed_loop   -> Prepared      innovations take the residual's place, where a loop is around the data
+    in_closed_loop   -> Prepared      innovations take the residual's place, where a loop around the data biases free
+                                      runs; what the noise is may be known only behind a first search
     Search.run       -> Found         every explanation that was fitted, with its evidence           (search.py)
     weigh            -> Verdict       none, named or ambiguous, by the evidence alone                (verdict.py)
     adequate         -> Verdict       of those that leave nothing predictable; if none: `unknown`    (verdict.py)
@@ -106,7 +107,7 @@ def discover(
         if sampled is not None:
             prepared, sealed = prepare(sampled, model, seed=seed, jobs=jobs, deadline=deadline)
             prepared, nominal = calibrate(prepared)
-        prepared, nominal = in_closed_loop(prepared, nominal)
+        prepared, nominal = in_closed_loop(prepared, nominal, None)
         return _find(prepared, nominal, sealed, tell, predictor=predictor)
 
 
@@ -114,7 +115,7 @@ def _find(prepared: Prepared, nominal: Explanation, sealed: Sealed, tell: Stages
     """Runs the stages behind `calibrate`."""
     estimated: Span = estimate(prepared, nominal)
     tell.expect(estimated)
-    explained: Explained = explain(prepared, nominal, tell)
+    explained: Explained = _explain_in_loop(explain(prepared, nominal, tell), tell)
     if explained.verdict.kind == "unknown":
         explained = _explain_in_windows(explained, tell)
     composed: Composed | None = None
@@ -122,13 +123,9 @@ def _find(prepared: Prepared, nominal: Explanation, sealed: Sealed, tell: Stages
         composed = compose(explained.prepared, explained.found.judge, explained.verdict, tell)
     conclusion: Conclusion = _prove(explained, composed, sealed, tell, predictor=predictor)
     finding: Finding = conclude(explained.prepared, conclusion)
-    deadline = prepared.deadline
-    elapsed_s, skipped = round(time.perf_counter() - deadline.began, 2), tuple(deadline.left_out)
-    budget = (
-        None
-        if deadline.budget_s is None
-        else Budget(deadline.budget_s, round(estimated.middle, 1), bool(skipped), skipped)
-    )
+    limit, left_out = prepared.deadline.budget_s, tuple(prepared.deadline.left_out)
+    elapsed_s = round(time.perf_counter() - prepared.deadline.began, 2)
+    budget = None if limit is None else Budget(limit, round(estimated.middle, 1), bool(left_out), left_out)
     return dataclasses.replace(finding, elapsed_s=elapsed_s, budget=budget)
 
 
@@ -150,6 +147,21 @@ def explain(prepared: Prepared, nominal: Explanation, tell: Stages, most: int = 
         best = best_so_far(found) if verdict.kind == "none" else verdict.best
         verdict = verdict.turned(Step("adequacy", "unknown", _NO_TIME), best=best)
     return Explained(prepared, found, verdict)
+
+
+def _explain_in_loop(free_runs: Explained, tell: Stages) -> Explained:
+    """Explains the runs again by innovations, where a feedback loop biases free runs; else returns `free_runs`.
+
+    Only the likeliest explanation of free runs shows what the noise is: what others leave is also the law they lack.
+    """
+    if free_runs.prepared.loop is None or free_runs.prepared.innovations:
+        return free_runs
+    likeliest = max(free_runs.found.table.values(), key=lambda one: one.total).explanation
+    prepared, nominal = in_closed_loop(free_runs.prepared, free_runs.verdict.nominal, likeliest)
+    if not prepared.innovations:
+        return free_runs
+    tell("searching again by innovations, as a feedback loop is around the data")
+    return explain(prepared, nominal, tell)
 
 
 def _explain_in_windows(whole: Explained, tell: Stages) -> Explained:

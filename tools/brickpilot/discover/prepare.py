@@ -7,7 +7,7 @@ heat and charge carry over from run to run. What was taken away lies in the `Sea
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,6 +33,7 @@ from brickpilot.fit.residual import Residual, of_bins
 from brickpilot.fit.robust import noise_model, whitening
 from brickpilot.vehicle.compared_runs import Comparable, contradictions, started
 from brickpilot.vehicle.model import Model
+from brickpilot.vehicle.replay import Replay
 
 Array = NDArray[np.float64]
 
@@ -79,7 +80,8 @@ class Prepared:
         seed: seed of random starts.
         jobs: number of fits at the same time.
         deadline: of the whole discovery.
-        loop: a feedback loop around the data; None: the commands follow no output.
+        loop: a feedback loop around the data; None: the commands follow no output, or nobody has looked.
+        innovations: whether the residuals are innovations of a noise model, as the loop biases free runs.
     """
 
     dataset: Dataset
@@ -95,11 +97,7 @@ class Prepared:
     jobs: int
     deadline: Deadline
     loop: Loop | None = None
-
-    @property
-    def is_biased(self) -> bool:
-        """Whether a loop tells so much of the commands that free runs are biased."""
-        return self.loop is not None and self.loop.gain > numbers.SHARED_REST
+    innovations: bool = False
 
     @property
     def windowed(self) -> bool:
@@ -214,28 +212,62 @@ def calibrate(prepared: Prepared) -> tuple[Prepared, Explanation]:
     return ready, fit(Problem(coarse, plan), (), plan, rough.point, FINE) or rough
 
 
-def in_closed_loop(prepared: Prepared, nominal: Explanation) -> tuple[Prepared, Explanation]:
-    """Returns the data and the nominal model as they are right in a feedback loop; the same where there is none.
+def in_closed_loop(prepared: Prepared, nominal: Explanation, best: Explanation | None) -> tuple[Prepared, Explanation]:
+    """Returns the data and the nominal model as they are right in a feedback loop; the same where free runs are right.
 
-    There a simulation from the commands alone is biased. A model of the noise makes innovations of the residual, and
-    all that follows works on them: the direct method (Ljung 1999, sec. 13.4). Noise model and nominal model are fitted
-    in turn. A loop that says next to nothing of the commands biases nothing, and free runs tell more there.
+    A simulation from the commands alone is biased there if the noise has a memory: the commands follow what it was, and
+    so tell what it will be. Noise without a memory biases nothing, whatever the loop does (Ljung 1999, sec. 13.4), nor
+    does a loop that says next to nothing of the commands. Elsewhere a model of the noise makes innovations of the
+    residual, and all that follows works on them: the direct method. Noise model and nominal model are fitted in turn.
+
+    Args:
+        best: what it leaves of the output that the commands follow is the noise. None: no explanation is known, and
+            only a disturbance with a period of its own is surely noise.
     """
-    fitted = tuple(run for run in prepared.dataset.runs if run.outputs)
-    loop = follows_outputs(dataclasses.replace(prepared.dataset, runs=fitted), numbers.STRICT)
+    fitted, plain = tuple(run for run in prepared.dataset.runs if run.outputs), prepared.coarse
+    loop = prepared.loop or follows_outputs(dataclasses.replace(prepared.dataset, runs=fitted), numbers.STRICT)
     prepared = dataclasses.replace(prepared, loop=loop)
-    if not prepared.is_biased:
+    if loop is None or loop.gain <= numbers.SHARED_REST:
+        return prepared, nominal
+    if best is None:
+        has_memory = loop.output in disturbances(prepared, nominal.model)
+    else:
+        has_memory = _memory(plain.parts(plain.error(best.model), loop.output)) > numbers.SHARED_REST
+    if not has_memory:
         return prepared, nominal
     for _ in range(_NOISE_ROUNDS):
-        left = prepared.coarse.measured - prepared.coarse.predict([nominal.model])[0]
-        models = {
-            signal: noise_model(prepared.coarse.parts(left, signal), _HIGHEST_ORDER)
-            for signal in prepared.coarse.signals
-        }
-        coarse, fine = (_innovations(one, models) for one in (prepared.coarse, prepared.fine))
-        found = fit(Problem(coarse, nominal.plan), (), nominal.plan, nominal.point, FINE)
-        nominal = found or nominal
-    return dataclasses.replace(prepared, coarse=coarse, fine=fine), nominal
+        left = plain.error(nominal.model)
+        models = {one: noise_model(plain.parts(left, one), _HIGHEST_ORDER) for one in plain.signals}
+        coarse, fine = (_innovations(one, models) for one in (plain, prepared.fine))
+        nominal = fit(Problem(coarse, nominal.plan), (), nominal.plan, nominal.point, FINE) or nominal
+    return dataclasses.replace(prepared, coarse=coarse, fine=fine, innovations=True), nominal
+
+
+def disturbances(prepared: Prepared, model: Model) -> dict[str, periods.Period]:
+    """Returns signal -> a disturbance with a period of its own in what free runs of the fit runs leave, in a loop.
+
+    Without one the commands' own periods would be taken for it.
+    """
+    if prepared.loop is None:
+        return {}
+    runs = [run for run in prepared.dataset.runs if run.outputs]
+    simulated = Replay(prepared.dataset).simulate([model], threads=prepared.jobs)[0]
+    made = {
+        signal: periods.own_period(
+            [(run.time, run.outputs[signal] - simulated[run.name][signal]) for run in runs if signal in run.outputs],
+            numbers.STRICT,
+        )
+        for signal in prepared.fine.signals
+        if all(signal in simulated[run.name] for run in runs)
+    }
+    return {signal: one for signal, one in made.items() if one is not None}
+
+
+def _memory(left: Sequence[Array]) -> float:
+    """Returns the share of what is left of a signal, by run, that the past of it tells, 0..1; 1 where nothing is."""
+    parts, model = [one - one.mean() for one in left], noise_model(left, _HIGHEST_ORDER)
+    new = sum(float(np.sum((whitening(model, len(one)) @ one) ** 2)) for one in parts)
+    return 1 - new / max(sum(float(one @ one) for one in parts), 1e-300)
 
 
 def _innovations(data: Residual, models: Mapping[str, Array]) -> Residual:

@@ -60,10 +60,10 @@ class Settled:
 def settle(prepared: Prepared, found: Explanation) -> Settled:
     """Returns an explanation fitted to the end at the measured samples, or to whole runs where these get better.
 
-    In a feedback loop whole runs would bias its values, so they are not fitted there.
+    Where a feedback loop biases free runs, whole ones are not fitted.
     """
     found = (refine(prepared.fine, [found], prepared.jobs) or [found])[0]
-    whole = None if prepared.is_biased else whole_runs(prepared)
+    whole = None if prepared.innovations else whole_runs(prepared)
     best, data, notes = found, prepared.fine, tuple[str, ...]()
     if whole is not None:
         try:

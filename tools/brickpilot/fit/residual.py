@@ -270,7 +270,7 @@ class Residual:
             signal: one.noise * float(np.median(np.concatenate(self.parts(gain, signal))))
             for signal, one in self.scales.items()
         }
-        rms = {signal: _rms(self.parts(measured, signal)) or 1.0 for signal in self.signals}
+        rms = {signal: rms_of(self.parts(measured, signal)) or 1.0 for signal in self.signals}
         found = dataclasses.replace(self, measured=measured, picked=picked, rms=rms, _memory=_Memory())
         return found.with_floors(noise)
 
@@ -289,7 +289,7 @@ class Residual:
         scaled = self.error(model) / size
         root = np.sqrt(1 + (scaled / robust.HUBER_THRESHOLD) ** 2)
         raised = self.by_signal(
-            {name: 1 / min(max(_rms(self.parts(scaled, name)), 1e-9), 1.0) for name in self.signals}
+            {name: 1 / min(max(rms_of(self.parts(scaled, name)), 1e-9), 1.0) for name in self.signals}
         )
         return raised * scaled / root / (size * tau), root**-3 / (size**2 * tau)
 
@@ -402,7 +402,7 @@ def _weighed(
     scales, rms, dataset = {}, {}, replay.dataset
     for signal in dict.fromkeys(block.signal for block in found):
         own = [block for block in found if block.signal == signal]
-        size = _rms([one.measured - one.measured[0] if signal in SUMMED else one.measured for one in own])
+        size = rms_of([one.measured - one.measured[0] if signal in SUMMED else one.measured for one in own])
         rms[signal] = size if size > _LEAST_RMS else 1.0
         described = dataset.signals.get(signal)
         stated = (described.noise_sd if described is not None else None) or 0.0
@@ -437,7 +437,8 @@ def _bin_noise(
     return sample, max(sample * share, LEAST_NOISE_SHARE * rms * per_bin**-0.5)
 
 
-def _rms(parts: Sequence[Array]) -> float:
+def rms_of(parts: Sequence[Array]) -> float:
+    """Returns the rms of all values of some arrays together."""
     return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
 
 
