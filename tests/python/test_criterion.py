@@ -240,11 +240,23 @@ def contains(larger: frozenset[str], smaller: frozenset[str]) -> bool:
 def reference_verdict(table: list[Evidence], temperature: float) -> tuple[str, set[frozenset[str]], set[str]]:
     """Returns kind, minimal sets among those that hold 95 %, and sure names."""
     nothing = table[0]
+    best = {one.explanation.key: one for one in table}
+    for large in sorted(table, key=lambda one: -len(one.explanation.key)):
+        for small in table:
+            before, left, then = (4.0**one.explanation.cost for one in (nothing, small, large))
+            beyond = max(left - then - max(before - left, 0.0) / 20, min(left - then, 0.0)) / 2
+            if contains(large.explanation.key, small.explanation.key) and beyond < temperature * CHANCE * (
+                before > left
+            ):
+                both = (best[small.explanation.key], best[large.explanation.key])
+                best[small.explanation.key] = max(
+                    both, key=lambda one: one.by_stretch.sum() / temperature + odds_of(one)
+                )
     table = [one for one in table if not any(dominates(other, one, nothing) for other in table)]
     sets = [one.explanation.key for one in table]
     gains = {key: one.by_stretch.sum() for key, one in zip(sets, table, strict=True)}
     weight = weights_of(
-        np.array([one.by_stretch for one in table]), np.array([odds_of(one) for one in table]), temperature
+        np.array([best[key].by_stretch for key in sets]), np.array([odds_of(best[key]) for key in sets]), temperature
     )
     held: list[frozenset[str]] = []
     total = 0.0

@@ -447,13 +447,9 @@ def _from_part(smaller: Explanation, larger: Explanation) -> Explanation:
     added = [part for part in larger.parts if part.name not in smaller.key]
     for index, free in enumerate(larger.plan.free):
         if any(part.owns(free) for part in added) and free.info.role == "size":
-            point[index] = _nearly_off(point[index], signed=free.signed)
+            # A tenth of a size: a fit goes on from nearly nothing, but feels its slope.
+            point[index] = 0.1 * point[index] if free.signed else point[index] - float(np.log(10.0))
     return Explanation(larger.parts, larger.plan, np.array(point))
-
-
-def _nearly_off(coordinate: float, *, signed: bool) -> float:
-    """Returns the coordinate of a tenth of a size: a fit goes on from nearly nothing, but feels its slope."""
-    return 0.1 * coordinate if signed else coordinate - float(np.log(10.0))
 
 
 def runs_of(data: Residual) -> list[str]:

@@ -119,8 +119,8 @@ def _among(found: Found, refuted: Collection[frozenset[str]]) -> Verdict | None:
     """Returns the verdict of the evidence without what is refuted, and what that contains; None: all but 5 % is."""
     temperature = found.temperature
     fails = {one for one in found.table if any(one <= key for key in refuted)}  # with fewer parts, still more is left
-    ranked = _needed(found.ranked(), found, fails)
-    weight = evidence.weigh(ranked, temperature)
+    needed = _needed(found.ranked(), found, fails)
+    ranked, weight = [*needed], evidence.weigh([*needed.values()], temperature)
     weight[[one.explanation.key in fails for one in ranked]] = 0.0
     if weight.sum() <= 1 - numbers.SURE:
         return None
@@ -186,30 +186,36 @@ def best_so_far(found: Found) -> Explanation:
     return best.explanation if gain > numbers.CHANCE_NATS * found.judge.correlation(best) else nothing.explanation
 
 
-def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozenset[str]]) -> list[Evidence]:
-    """Returns the explanations that are weighed. One is left out where a simpler one, not refuted, says as much.
+def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozenset[str]]) -> dict[Evidence, Evidence]:
+    """Returns the explanations that are weighed, each with the evidence that it is weighed by.
 
-    Those that contain a simpler one have to remove at least what they leave of what that one leaves, of the squared
-    error above noise and of how far values are from what was stated. What the shape of the simpler one's own laws may
-    have left of a signal does not count, and more than that has to go surely. No explanation has more parts than one
-    that is no worse in anything: there are the more sets of parts, the larger they are, and many outweigh a name.
+    One is left out where a simpler one, not refuted, says as much. An explanation that contains a simpler one has to
+    remove at least what it leaves of what that one leaves, of the squared error above noise and of how far values are
+    from what was stated. What the shape of the simpler one's own laws may have left of a signal does not count, and
+    more than that has to go surely: else it is no error of the simpler one, which is weighed by the likelier evidence
+    of both. No explanation has more parts than one that is no worse in anything: there are the more sets of parts, the
+    larger they are, and many outweigh a name.
     """
     temperature, start = found.temperature, found.judge.excess(found.nothing)
     prior = {one: one.log_prior(temperature) for one in ranked}
     excess = {one: found.judge.excess(one) for one in ranked}
     moved = {one: temperature * evidence.surprise(one.away) for one in ranked}
 
-    def says_as_much(one: Evidence, other: Evidence) -> bool:
-        first, second = one.explanation, other.explanation
-        if second.contains(first):
-            gone, own = excess[one] - excess[other], found.judge.shape * np.maximum(start - excess[one], 0.0)
-            gain = (gone - np.clip(gone, 0.0, own)).sum() / 2 + moved[one] - moved[other]
-            sure = temperature * numbers.CHANCE_NATS * bool(own.any())
-            if gain < max(excess[other].sum() / 2 + moved[other], sure):
-                return True
-        return len(first.parts) < len(second.parts) and prior[one] >= prior[other] and one.total >= other.total
-
     stands = [one for one in ranked if one.explanation.key not in refuted]
-    needed = [other for other in ranked if not any(says_as_much(one, other) for one in stands if one is not other)]
+    best, left_out = {one: one for one in ranked}, set[Evidence]()
+    for other in sorted(ranked, key=lambda one: -len(one.explanation.parts)):
+        for one in stands:
+            if other.explanation.contains(one.explanation):
+                gone, own = excess[one] - excess[other], found.judge.shape * np.maximum(start - excess[one], 0.0)
+                gain = (gone - np.clip(gone, 0.0, own)).sum() / 2 + moved[one] - moved[other]
+                sure = temperature * numbers.CHANCE_NATS * bool(own.any())
+                if gain < sure and own.any():
+                    best[one] = max(best[one], best[other], key=lambda each: prior[each] + each.total / temperature)
+                if gain < max(excess[other].sum() / 2 + moved[other], sure):
+                    left_out.add(other)
+            fewer = len(one.explanation.parts) < len(other.explanation.parts)
+            if fewer and prior[one] >= prior[other] and one.total >= other.total:
+                left_out.add(other)
+    needed = [one for one in ranked if one not in left_out]
     first = {one.explanation.laws: one for one in reversed(needed)}  # the same laws in other words are one explanation
-    return [one for one in needed if first[one.explanation.laws] is one]
+    return {one: best[one] for one in needed if first[one.explanation.laws] is one}
