@@ -192,15 +192,14 @@ def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozen
     One is left out where a simpler one, not refuted, says as much. An explanation that contains a simpler one has to
     remove at least what it leaves of what that one leaves, of the squared error above noise and of how far values are
     from what was stated. What the shape of the simpler one's own laws may have left of a signal does not count, and
-    more than that has to go surely: else it is no error of the simpler one, which is weighed by the likelier evidence
-    of both. No explanation has more parts than one that is no worse in anything: there are the more sets of parts, the
-    larger they are, and many outweigh a name.
+    more than that has to go surely. Where it does not, no part is missing, and the simpler one is weighed by the
+    likelier evidence of both. No explanation has more parts than one that is no worse in anything: there are the more
+    sets of parts, the larger they are, and many outweigh a name.
     """
     temperature, start = found.temperature, found.judge.excess(found.nothing)
     prior = {one: one.log_prior(temperature) for one in ranked}
     excess = {one: found.judge.excess(one) for one in ranked}
     moved = {one: temperature * evidence.surprise(one.away) for one in ranked}
-
     stands = [one for one in ranked if one.explanation.key not in refuted]
     best, left_out = {one: one for one in ranked}, set[Evidence]()
     for other in sorted(ranked, key=lambda one: -len(one.explanation.parts)):
