@@ -241,14 +241,14 @@ def reference_verdict(table: list[Evidence], temperature: float) -> tuple[str, s
     """Returns kind, minimal sets among those that hold 95 %, and sure names."""
     nothing = table[0]
     best = {one.explanation.key: one for one in table}
-    for large in sorted(table, key=lambda one: -len(one.explanation.key)):
+    for large in table:
         for small in table:
             before, left, then = (4.0**one.explanation.cost for one in (nothing, small, large))
             beyond = max(left - then - max(before - left, 0.0) / 20, min(left - then, 0.0)) / 2
             if contains(large.explanation.key, small.explanation.key) and beyond < temperature * CHANCE * (
                 before > left
             ):
-                both = (best[small.explanation.key], best[large.explanation.key])
+                both = (best[small.explanation.key], large)
                 best[small.explanation.key] = max(
                     both, key=lambda one: one.by_stretch.sum() / temperature + odds_of(one)
                 )

@@ -1,68 +1,84 @@
-"""What is asked of logs of flights: the firmware steers by its gyro, so its motors follow the gyro's noise."""
+"""What `why` says of flights of `run`: the firmware steers by its gyro, so its motors follow the gyro's noise."""
 
 from __future__ import annotations
 
 import dataclasses
+import json
+from pathlib import Path
 
 import brickpilot as bp
 import numpy as np
-import pandas as pd
 import pytest
-from brickpilot.vehicle import flight
-from brickpilot.vehicle.scenario import Scenario
+from brickpilot.cli.main import cli
+from brickpilot.data import reading
+from brickpilot.errors import InputError
+from brickpilot.importers.flight import import_flight
+from click.testing import CliRunner, Result
 
-TURN_COUNTS = 48
-ROUTES = {
-    "there_and_back": (0.2, ((2.0, 0.0), (0.0, 0.0))),
-    "square": (0.4, ((1.2, 0.0), (1.2, 0.5), (0.0, 0.5), (0.0, 0.0))),
-    "slalom": (0.6, ((0.6, 0.5), (1.2, -0.5), (1.8, 0.5), (1.8, -0.5), (0.0, 0.0))),
-}
+TURN = 2 * np.pi / 48  # of a count
 
 
-def logged(name: str, robot: bp.Model, seed: int) -> pd.DataFrame:
-    """Flies a route, and returns what a host logs of it: duty, battery and the sensors' readings, every 3 ms."""
-    cruise, waypoints = ROUTES[name]
-    scenario = Scenario(name, name, "mission", 40.0, waypoints=waypoints, cruise={"coupled": cruise})
-    log = flight.fly(flight.plan(scenario, robot, sensors="imu+encoders", seed=seed)).log
-    arrived = int(np.argmax(log["mode"] == 2))
-    assert arrived
-    turn = 2 * np.pi / TURN_COUNTS
-    columns = {
-        "time": log["time_s"],
-        "duty_left": log["left_duty"],
-        "duty_right": log["right_duty"],
-        "accel_surge": log["measured_accel_surge_m_s2"],
-        "accel_sway": log["measured_accel_sway_m_s2"],
-        "yaw_rate": log["measured_yaw_rate_rad_s"],
-        "battery_voltage": log["battery_v"],
-        "wheel_angle_left": turn * np.unwrap(log["measured_left_counts"], period=65536),
-        "wheel_angle_right": turn * np.unwrap(log["measured_right_counts"], period=65536),
-    }
-    return pd.DataFrame(columns)[: arrived + 300]
+def brickpilot(*words: object) -> Result:
+    return CliRunner().invoke(cli, [str(one) for one in words])
+
+
+def flown(folder: Path, name: str, hidden: dict[str, dict[str, float]], sensors: str = "imu+encoders") -> Path:
+    """Flies the paper's mission with effects that the firmware does not know, and returns the run folder."""
+    robot = folder / f"{name}.toml"
+    bp.save_model(dataclasses.replace(bp.rcx(), effects=hidden), robot)
+    done = brickpilot("run", "--sensors", sensors, "--seed", 1, "--model", robot, "--out", folder / name)
+    assert done.exit_code == 0, done.output
+    return folder / name
 
 
 @pytest.mark.parametrize("hidden", [{}, {"motor_asymmetry": {"difference": 0.1}}], ids=["none", "motor_asymmetry"])
-def test_flights_of_the_firmware_show_what_the_simulator_lacks(hidden: dict[str, dict[str, float]]) -> None:
-    """The IMU of the packaged robot has a bias, so that is always there. Behind a model of the noise nothing shows."""
-    robot = dataclasses.replace(bp.rcx(), effects=hidden)
-    runs = {name: logged(name, robot, seed) for seed, name in enumerate(ROUTES)}
-    resolved = {
-        name: {"column": name, "resolution": 2 * np.pi / TURN_COUNTS} for name in runs["square"] if "angle" in name
-    }
-    known = {"force_per_volt", "torque_per_volt", "stall_torque", "no_load_speed"}
-    data = bp.Dataset.from_frames(
-        runs,
-        vehicle="diff_drive",
-        frame="FRD",
-        signals={name: name for name in runs["square"] if name != "time"} | resolved,
-        nominal={name: value for name, value in robot.parameters.items() if name not in known},
-    )
-    found = bp.discover(data)
+def test_a_flight_shows_what_the_firmware_does_not_know(hidden: dict[str, dict[str, float]], tmp_path: Path) -> None:
+    """The packaged IMU has biases that the nominal model lacks. Behind a model of the nominal model's noise nothing
+    showed, and the answer was that something is missing."""
+    found = bp.why(flown(tmp_path, "flight", hidden)).finding
     assert found.closed_loop is not None
     assert found.closed_loop.gain > 0.2
     assert found.verdict == "named"
     assert {one.name for one in found.effects} - {"gyro_bias"} == {"accel_bias", *hidden}
-    for one in found.effects:
-        for name, true in hidden.get(one.name, {}).items():
-            low, high = one.parameters[name].ci95
-            assert low < true < high
+    size = {one.name: next(iter(one.parameters.values())).value for one in found.effects}
+    assert size["accel_bias"] == pytest.approx(0.03, abs=0.002)
+    if hidden:
+        assert size["motor_asymmetry"] == pytest.approx(0.1, abs=0.01)
+
+
+def test_the_data_set_of_a_flight_holds_what_its_host_sees(tmp_path: Path) -> None:
+    folder = flown(tmp_path, "flight", {})
+    data = reading.read(import_flight([folder], tmp_path / "data", nominal={"mass": 0.8}).folder)
+    (run,) = data.runs
+    assert run.name == "flight"
+    assert {*run.outputs} >= {"accel_surge", "accel_sway", "yaw_rate", "wheel_angle_left", "wheel_angle_right"}
+    ended = json.loads((folder / "summary.json").read_text())["ended_at_s"]
+    assert run.time[-1] == pytest.approx(ended + 1.0, abs=0.004)
+    assert data.nominal["mass"].value == 0.8
+    assert data.nominal["resistance"].value == bp.rcx().parameters["resistance"]
+    angle = run.outputs["wheel_angle_left"]
+    assert angle[-1] > 2 * np.pi  # it drove, and the counter's turns are undone
+    assert np.abs(np.diff(angle)).max() < 10 * TURN
+
+
+def test_flights_that_tell_nothing_are_refused(tmp_path: Path) -> None:
+    ideal = flown(tmp_path, "ideal", {}, sensors="ideal")
+    imu = flown(tmp_path, "imu", {}, sensors="imu")
+    both = flown(tmp_path, "both", {})
+    brickpilot("run", "forward_1m", "--sensors", "imu", "--out", tmp_path / "manoeuvre")
+    for folders, why in (
+        ([ideal], "ideal: was flown with ideal sensors, which no robot has"),
+        ([imu, both], r"both: was flown with imu\+encoders, and .*imu with imu"),
+        ([tmp_path / "manoeuvre"], "drives no motor by its duty: it is no flight of a mission"),
+        ([tmp_path], "summary.json: is not the summary of a flight"),
+    ):
+        with pytest.raises(InputError, match=why):
+            import_flight(folders, tmp_path / "out")
+        assert not (tmp_path / "out").exists()
+
+
+def test_flights_with_the_same_sensors_make_one_data_set(tmp_path: Path) -> None:
+    folders = [flown(tmp_path, name, {}, sensors="imu") for name in ("first", "second")]
+    made = brickpilot("import", *folders, "--out", tmp_path / "data")
+    assert made.exit_code == 0, made.output
+    assert [run.name for run in reading.read(tmp_path / "data").runs] == ["first", "second"]

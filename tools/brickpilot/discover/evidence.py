@@ -236,17 +236,20 @@ class Judge:
         return total / len(self.data.measured)
 
     def temperature(self, best: Evidence, nothing: Evidence) -> float:
-        """Returns the nats that count as one.
+        """Returns the nats that count as one: the residual's correlation time; or more, as no law is exact."""
+        return max(self.correlation(best), self.law_error(best, nothing))
 
-        The residual's correlation time; or more, as no law is exact. A share of what the best explanation gains is its
-        own laws' error. Of the squared error above noise that it leaves, another law might share a part, and would gain
-        so many nats by that. Differences below these decide nothing.
+    def law_error(self, best: Evidence, nothing: Evidence) -> float:
+        """Returns the nats that count as one, as no law is exact; at least 1.
+
+        A share of what the best explanation gains is its own laws' error. Of the squared error above noise that it
+        leaves, another law might share a part, and would gain so many nats by that. Less than these decides nothing.
         """
         own_error, shared = numbers.LAW_ERROR * (best.total - nothing.total), 0.0
         for signal in self.data.signals:
             above_noise = 1 - self.data.floor(signal) ** 2 / self.squares(best, signal)
             shared -= self.counts[signal] * float(np.log(1 - numbers.SHARED_REST * above_noise)) / 2
-        return max(self.correlation(best), own_error / numbers.CHANCE_NATS, shared / numbers.CHANCE_NATS)
+        return max(1.0, own_error / numbers.CHANCE_NATS, shared / numbers.CHANCE_NATS)
 
     def excess(self, evidence: Evidence, least: float = 1.0) -> Array:
         """Returns (signals,): the squared error above noise that is left, in squares of each signal's floor.

@@ -235,11 +235,13 @@ def in_closed_loop(prepared: Prepared, nominal: Explanation, best: Explanation |
         has_memory = _memory(plain.parts(plain.error(best.model), loop.output)) > numbers.SHARED_REST
     if not has_memory:
         return prepared, nominal
+    known = best or nominal
     for _ in range(_NOISE_ROUNDS):
-        left = plain.error(nominal.model)
+        left = plain.error(known.model)
         models = {one: noise_model(plain.parts(left, one), _HIGHEST_ORDER) for one in plain.signals}
         coarse, fine = (_innovations(one, models) for one in (plain, prepared.fine))
-        nominal = fit(Problem(coarse, nominal.plan), (), nominal.plan, nominal.point, FINE) or nominal
+        known = fit(Problem(coarse, known.plan), known.parts, known.plan, known.point, FINE) or known
+    nominal = fit(Problem(coarse, nominal.plan), (), nominal.plan, nominal.point, FINE) or nominal
     return dataclasses.replace(prepared, coarse=coarse, fine=fine, innovations=True), nominal
 
 

@@ -256,9 +256,9 @@ class Search:
         return most - fewer > found.temperature * numbers.CHANCE_NATS
 
     def _may_gain(self, found: Found) -> bool:
-        """Returns whether one part more could score better than the best so far, if it left noise alone."""
+        """Returns whether one part more could score better than the best so far, if it left white noise alone."""
         best = found.ranked()[0]
-        temperature = found.temperature
+        temperature = found.judge.law_error(max(found.table.values(), key=lambda one: one.total), found.nothing)
         surprise = best.explanation.log_odds - best.log_prior(temperature)
         possible = (found.judge.top - best.total) / temperature + surprise
         return bool(possible > -np.log(numbers.COMMON))

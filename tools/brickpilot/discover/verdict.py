@@ -202,14 +202,14 @@ def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozen
     moved = {one: temperature * evidence.surprise(one.away) for one in ranked}
     stands = [one for one in ranked if one.explanation.key not in refuted]
     best, left_out = {one: one for one in ranked}, set[Evidence]()
-    for other in sorted(ranked, key=lambda one: -len(one.explanation.parts)):
+    for other in ranked:
         for one in stands:
             if other.explanation.contains(one.explanation):
                 gone, own = excess[one] - excess[other], found.judge.shape * np.maximum(start - excess[one], 0.0)
                 gain = (gone - np.clip(gone, 0.0, own)).sum() / 2 + moved[one] - moved[other]
                 sure = temperature * numbers.CHANCE_NATS * bool(own.any())
                 if gain < sure and own.any():
-                    best[one] = max(best[one], best[other], key=lambda each: prior[each] + each.total / temperature)
+                    best[one] = max(best[one], other, key=lambda each: prior[each] + each.total / temperature)
                 if gain < max(excess[other].sum() / 2 + moved[other], sure):
                     left_out.add(other)
             fewer = len(one.explanation.parts) < len(other.explanation.parts)

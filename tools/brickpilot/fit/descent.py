@@ -66,7 +66,10 @@ def search(problem: Problem, random: np.random.Generator, count: Count) -> tuple
     between = random.uniform(size=(_SCREENED, len(spread)))
     candidates = starts[0] + between * (starts[1] - starts[0]) + random.normal(size=between.shape) * spread
     named = [("nominal values", starts[0]), ("natural sizes", starts[1])]
-    named += _best_of(problem, candidates) if spread.any() else []
+    if spread.any():
+        inside = np.clip(candidates, *_bounds(problem))
+        order = np.argsort([problem.cost(point) for point in inside], kind="stable")[:FOLLOWED]
+        named += [(f"random start {int(i) + 1} of {len(inside)}", inside[i]) for i in order]
     return _follow(problem, named, count)
 
 
@@ -100,12 +103,6 @@ def _visible_sizes(problem: Problem, base: Array, index: int) -> list[float]:
     changes = np.sqrt(np.mean(((moved - moved[0]) / problem.data.by_signal(problem.data.rms)) ** 2, axis=1))
     logs = np.where(np.isfinite(changes), np.log(np.maximum(changes, 1e-12)), np.inf)
     return [float(sizes[int(np.argmin(np.abs(logs - np.log(share))))]) for share in VISIBLE]
-
-
-def _best_of(problem: Problem, candidates: Array) -> list[tuple[str, Array]]:
-    inside = np.clip(candidates, *_bounds(problem))
-    order = np.argsort([problem.cost(point) for point in inside], kind="stable")[:FOLLOWED]
-    return [(f"random start {int(i) + 1} of {len(inside)}", inside[i]) for i in order]
 
 
 def _follow(problem: Problem, named: list[tuple[str, Array]], count: Count) -> tuple[Array, tuple[Start, ...]]:

@@ -159,8 +159,8 @@ class Plan:
         start = self.model.parameters
         for one in self.held:
             if (other := ADDS_TO.get(one.name)) in values:
-                share = start[one.name] / start[other]
-                values[one.name] = min(max(share * values[other], one.info.minimum), one.info.maximum)
+                share = start[one.name] * values[other] / start[other]
+                values[one.name] = min(max(share, one.info.minimum), one.info.maximum)
         return with_values(self.model, values)
 
     def start(self) -> Array:

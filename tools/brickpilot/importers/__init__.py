@@ -149,6 +149,13 @@ IMPORTERS = (
         options=(MAP, VEHICLE, FRAME, AS_WIRED, SPLIT),
     ),
     Importer(
+        kind="flight",
+        function="brickpilot.importers.flight:import_flight",
+        suffixes=("summary.json",),
+        help="Run folders of `brickpilot run` and `hil`: what a host sees of a flight, without the plant's own truth.",
+        example="flight runs/square runs/slalom --out flown",
+    ),
+    Importer(
         kind="rcx",
         function="brickpilot.importers.rcx:import_rcx",
         help="The recording that an RCX holds, through the tower at a serial port.",

@@ -1,0 +1,106 @@
+"""Flights of `brickpilot run` and `hil` turned into a data set: what a host sees, and not what only the plant knows.
+
+So a flight answers as the log of a real robot would: what does the robot have that its firmware does not know?
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brickpilot.constants import COUNTS_PER_TURN, RCX
+from brickpilot.data.rows import CsvFormat, read_columns
+from brickpilot.data.toml_file import TomlFile
+from brickpilot.errors import InputError
+from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out, run_names, write
+
+SUMMARY, LOG = "summary.json", "log.csv"
+
+_REST_S = 1.0  # that is kept behind the end of a mission: the robot rolls out
+_COUNTS = 65536  # at which the firmware's counters wrap
+_ALWAYS = {
+    "time": ("time_s", "s"),
+    "duty_left": ("left_duty", "1"),
+    "duty_right": ("right_duty", "1"),
+    "battery_voltage": ("battery_v", "V"),
+    "accel_surge": ("measured_accel_surge_m_s2", "m/s^2"),
+    "accel_sway": ("measured_accel_sway_m_s2", "m/s^2"),
+    "yaw_rate": ("measured_yaw_rate_rad_s", "rad/s"),
+}
+"""Signal -> its column of the log, and the unit."""
+_WHEELS = {
+    "wheel_angle_left": ("measured_left_counts", "rad"),
+    "wheel_angle_right": ("measured_right_counts", "rad"),
+}
+_SENSED = {"imu": _ALWAYS, "imu+encoders": _ALWAYS | _WHEELS}
+
+
+def import_flight(
+    folders: Sequence[Path], out: Path, *, nominal: Mapping[str, float] | None = None, name: str | None = None
+) -> Imported:
+    """Makes a data set of flights with the same sensors, a run each, until a second after each mission's end.
+
+    Args:
+        folders: run folders.
+        out: the new folder.
+        nominal: what is believed of the robot. Values that are not given are those of the packaged robot.
+        name: of the data set.
+
+    Raises:
+        InputError: a folder holds no flight of a mission, or its sensors give nothing to explain, or differ from those
+            before; or `out` is taken. Nothing is written then.
+    """
+    check_out(out)
+    summaries = [_summary(one) for one in folders]
+    names = run_names(folders)
+    sensors = summaries[0]["sensors"]
+    for folder, summary in zip(folders, summaries, strict=True):
+        if summary["sensors"] not in _SENSED:
+            message = f"was flown with {summary['sensors']} sensors, which no robot has: fly it with --sensors imu"
+            raise InputError(message, file=folder)
+        if summary["sensors"] != sensors:
+            raise InputError(f"was flown with {summary['sensors']}, and {folders[0]} with {sensors}", file=folder)
+    signals = _SENSED[sensors]
+    runs = [NewRun(*one) for one in zip(names, map(_columns, folders, summaries), strict=True)]
+    believed = {key: float(one["value"]) for key, one in TomlFile(RCX).data["parameters"].items()}
+    note = "the nominal values are those of the packaged robot, which its firmware believes in"
+    units = {signal: unit for signal, (_, unit) in signals.items()}
+    known = believed | dict(nominal or {})
+    return write(
+        NewDataset(name or out.resolve().name, "diff_drive", "FRD", units, runs, known, [note]), out, folders[0]
+    )
+
+
+def _summary(folder: Path) -> Mapping[str, Any]:
+    """Returns what is known of a flight: its sensors and its end.
+
+    Raises:
+        InputError: the folder holds no flight.
+    """
+    try:
+        found = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+        return {"sensors": str(found["sensors"]), "ended_at_s": float(found.get("ended_at_s") or math.inf)}
+    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
+        raise InputError("is not the summary of a flight of run or hil", file=folder / SUMMARY) from error
+
+
+def _columns(folder: Path, summary: Mapping[str, Any]) -> dict[str, NDArray[np.float64]]:
+    """Returns signal -> (rows,), SI.
+
+    Raises:
+        InputError: the log lacks a column, or is of a manoeuvre, which has no duty.
+    """
+    wanted = {signal: column for signal, (column, _) in _SENSED[summary["sensors"]].items()}
+    values = read_columns(folder / LOG, wanted, CsvFormat()).values
+    if not any(np.any(values[one]) for one in ("duty_left", "duty_right")):
+        raise InputError("drives no motor by its duty: it is no flight of a mission", file=folder / LOG)
+    turn = 2 * math.pi / COUNTS_PER_TURN
+    turns = {one: turn * np.unwrap(values[one], period=_COUNTS) for one in _WHEELS if one in values}
+    kept = values["time"] <= summary["ended_at_s"] + _REST_S
+    return {one: column[kept] for one, column in (values | turns).items()}
