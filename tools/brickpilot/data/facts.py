@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from brickpilot.data.audit.view import Channels, integral
 from brickpilot.data.audit.wiring_motion import Motion
 from brickpilot.data.dataset import Dataset, Run, motor_inputs
-from brickpilot.data.holdout import kind_of, manoeuvre
+from brickpilot.data.holdout import kind_of, manoeuvre, turning_share
 from brickpilot.data.motion import wheel_angles
 from brickpilot.data.noise import Noise, noise_of, step_of
 from brickpilot.data.signals import SIGNALS
@@ -23,6 +23,7 @@ _LATE = 0.99  # quantile of the steps between samples that is reported beside th
 _EQUAL = 0.02  # of the larger command: two commands that differ by less are the same
 _WINDOW_S, _LEAST_WINDOWS = 0.25, 4  # the window over which the sides are compared, and how many are needed
 _FAST = 0.5  # of the fastest window: a slower one is a start or a stop
+_CORRECTION = 0.05  # of the driven rows of a straight run may turn it
 _REST = 10  # samples without a command, at a run's start: their mean is the gyro's bias
 _BLOCKS = 20  # of consecutive windows, which give the error of a ratio
 
@@ -82,9 +83,12 @@ class WeakerSide:
 
 
 def drives_straight_alone(dataset: Dataset) -> bool:
-    """Returns whether all driven runs of a robot are driven straight."""
-    kinds = {kind_of(np.nan_to_num(motor_inputs(run, dataset))) for run in dataset.runs}
-    return dataset.vehicle != "motor" and kinds - {"rest"} == {"straight"}
+    """Returns whether all driven runs of a robot are driven straight, but for a short correction."""
+    if dataset.vehicle == "motor":
+        return False
+    driven = [np.nan_to_num(motor_inputs(run, dataset)) for run in dataset.runs]
+    is_straight = {kind_of(one) for one in driven} - {"rest"} == {"straight"}
+    return is_straight and all(turning_share(one) < _CORRECTION for one in driven)
 
 
 @dataclass(frozen=True)

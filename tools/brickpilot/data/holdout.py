@@ -161,6 +161,13 @@ def kind_of(driven: Array) -> str:
     return "straight" if common > difference else "spin"
 
 
+def turning_share(driven: Array) -> float:
+    """Returns the share of the driven rows of inputs (n, 2) that drive a spin or a curve, 0..1; 0 of a rest."""
+    moving = _moving(driven)
+    common, difference = np.abs(moving.sum(axis=1)), np.abs(moving[:, 0] - moving[:, 1])
+    return float(np.mean(difference > _PURE * common)) if len(moving) else 0.0
+
+
 def manoeuvre(driven: Array) -> str:
     """Returns the kind of a manoeuvre, its shape and its direction, from the inputs of a run as in `kind_of`."""
     moving, kind = _moving(driven), kind_of(driven)
