@@ -12,7 +12,7 @@ import pytest
 from brickpilot.cli.main import cli
 from brickpilot.data import reading
 from brickpilot.errors import InputError
-from brickpilot.importers.flight import import_flight
+from brickpilot.importers.flight_log import import_flight
 from click.testing import CliRunner, Result
 
 TURN = 2 * np.pi / 48  # of a count

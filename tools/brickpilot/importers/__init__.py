@@ -150,7 +150,7 @@ IMPORTERS = (
     ),
     Importer(
         kind="flight",
-        function="brickpilot.importers.flight:import_flight",
+        function="brickpilot.importers.flight_log:import_flight",
         suffixes=("summary.json",),
         help="Run folders of `brickpilot run` and `hil`: what a host sees of a flight, without the plant's own truth.",
         example="flight runs/square runs/slalom --out flown",
