@@ -193,8 +193,8 @@ def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozen
     remove at least what it leaves of what that one leaves, of the squared error above noise and of how far values are
     from what was stated. What the shape of the simpler one's own laws may have left of a signal does not count, and
     more than that has to go surely. Where it does not, no part is missing, and the simpler one is weighed by the
-    likelier evidence of both. No explanation has more parts than one that is no worse in anything: there are the more
-    sets of parts, the larger they are, and many outweigh a name.
+    likelier evidence of both, if it holds no values of runs: these have no shape. No explanation has more parts than
+    one that is no worse in anything: there are the more sets of parts, the larger they are, and many outweigh a name.
     """
     temperature, start = found.temperature, found.judge.excess(found.nothing)
     prior = {one: one.log_prior(temperature) for one in ranked}
@@ -208,7 +208,7 @@ def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozen
                 gone, own = excess[one] - excess[other], found.judge.shape * np.maximum(start - excess[one], 0.0)
                 gain = (gone - np.clip(gone, 0.0, own)).sum() / 2 + moved[one] - moved[other]
                 sure = temperature * numbers.CHANCE_NATS * bool(own.any())
-                if gain < sure and own.any():
+                if gain < sure and own.any() and one.explanation.effects == one.explanation.parts:
                     best[one] = max(best[one], other, key=lambda each: prior[each] + each.total / temperature)
                 if gain < max(excess[other].sum() / 2 + moved[other], sure):
                     left_out.add(other)
