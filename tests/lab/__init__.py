@@ -29,6 +29,7 @@
     scaling.py         how time grows with runs, samples, candidates and workers
     scaling_page.py    the program that measures it, and its page
 
-`discover` and `real` write a page, page.py. `parts.py` and `surer.py` are programs by themselves: whether parts of a
-log give one answer, and whether more runs give a surer one.
+`discover` and `real` write a page, page.py. `parts.py`, `surer.py` and `flights.py` are programs by themselves: whether
+parts of a log give one answer, whether more runs give a surer one, and whether a flight tells what its firmware does
+not know.
 """
