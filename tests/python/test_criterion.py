@@ -19,7 +19,7 @@ from brickpilot import catalogue
 from brickpilot.discover import evidence, numbers, verdict
 from brickpilot.discover.evidence import Evidence, Judge
 from brickpilot.discover.explanation import Explanation
-from brickpilot.discover.parts import Part
+from brickpilot.discover.parts import Part, RunPart
 from brickpilot.discover.search import Found
 from brickpilot.fit.residual import Residual, Scale
 from numpy.typing import NDArray
@@ -452,3 +452,23 @@ def test_the_correlation_time_of_a_residual_is_that_of_its_autocorrelation() -> 
             left[index] = x
     found = judge.correlation(dataclasses.replace(made("", np.zeros(40)), left_out=left))
     assert found == pytest.approx((2 * 9.0 + 3.0) / 3, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("first", "named"),
+    [
+        (Part("coulomb_friction", ("torque",), {}), "coulomb_friction"),
+        (RunPart("supply_gain", ("a", "b", "c"), {}), "wheel_slip"),
+    ],
+    ids=["law", "values of runs"],
+)
+def test_only_a_law_is_weighed_by_what_its_own_shape_may_have_left(first: Part, named: str) -> None:
+    """Beside the first part a gyro's bias removes less than a law's own error: it is not needed. The first part gets
+    the better evidence of both if it is a law, and wins. Values of runs have no shape, and lose to slip."""
+    gains = {"": 0.0, "coulomb_friction": 60.0, "coulomb_friction gyro_bias": 120.0, "wheel_slip": 80.0}
+    costs, table = (100.0, 92.0, 90.0, 91.0), []
+    for one, cost in zip(tables(0, gains), costs, strict=True):
+        parts = tuple(first if part.name == "coulomb_friction" else part for part in one.explanation.parts)
+        table.append(dataclasses.replace(one, explanation=Explanation(parts, one.explanation.plan, np.zeros(0), cost)))
+    found = judged(table, 2.0)
+    assert (found.kind, found.best.names) == ("named", (named,))

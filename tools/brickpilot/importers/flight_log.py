@@ -1,6 +1,8 @@
 """Flights of `brickpilot run` and `hil` turned into a data set: what a host sees, and not what only the plant knows.
 
-So a flight answers as the log of a real robot would: what does the robot have that its firmware does not know?
+So a flight answers as the log of a real robot would: what does the robot have that its firmware does not know? Counts a
+turn and nominal values are those of the packaged robot; a run folder does not say whether firmware of another robot
+flew. The battery's voltage is the plant's: a brick reads it in steps of 28 mV.
 """
 
 from __future__ import annotations
@@ -69,7 +71,7 @@ def import_flight(
     signals = _SENSED[sensors]
     runs = [NewRun(*one) for one in zip(names, map(_columns, folders, summaries), strict=True)]
     believed = {key: float(one["value"]) for key, one in TomlFile(RCX).data["parameters"].items()}
-    note = "the nominal values are those of the packaged robot, which its firmware believes in"
+    note = "counts a turn and nominal values are those of the packaged robot: its own firmware has to have flown it"
     units = {signal: unit for signal, (_, unit) in signals.items()}
     known = believed | dict(nominal or {})
     return write(
