@@ -16,26 +16,37 @@ from brickpilot.importers.flight_log import import_flight
 from click.testing import CliRunner, Result
 
 TURN = 2 * np.pi / 48  # of a count
+ROUTE = """name = "short"
+kind = "mission"
+duration_s = 40
+waypoints_m = [[0.8, 0], [0.8, 0.8], [0, 0.6], [0.5, 0.1], [0, 0]]
+cruise_m_s = { paper = 1.0, coupled = 0.4 }
+"""
+"""Flown in 17 s, half of the paper's mission."""
+WEAK = {"motor_asymmetry": {"difference": 0.1}}
 
 
 def brickpilot(*words: object) -> Result:
     return CliRunner().invoke(cli, [str(one) for one in words])
 
 
-def flown(folder: Path, name: str, hidden: dict[str, dict[str, float]], sensors: str = "imu+encoders") -> Path:
-    """Flies the paper's mission with effects that the firmware does not know, and returns the run folder."""
-    robot = folder / f"{name}.toml"
+def flown(
+    folder: Path, name: str, hidden: dict[str, dict[str, float]], sensors: str = "imu+encoders", seed: int = 1
+) -> Path:
+    """Flies a short mission with effects that the firmware does not know, and returns the run folder."""
+    robot, route = folder / f"{name}.toml", folder / "short.toml"
     bp.save_model(dataclasses.replace(bp.rcx(), effects=hidden), robot)
-    done = brickpilot("run", "--sensors", sensors, "--seed", 1, "--model", robot, "--out", folder / name)
+    route.write_text(ROUTE, encoding="utf-8")
+    done = brickpilot("run", route, "--sensors", sensors, "--seed", seed, "--model", robot, "--out", folder / name)
     assert done.exit_code == 0, done.output
     return folder / name
 
 
-@pytest.mark.parametrize("hidden", [{}, {"motor_asymmetry": {"difference": 0.1}}], ids=["none", "motor_asymmetry"])
+@pytest.mark.parametrize("hidden", [{}, WEAK], ids=["none", "motor_asymmetry"])
 def test_a_flight_shows_what_the_firmware_does_not_know(hidden: dict[str, dict[str, float]], tmp_path: Path) -> None:
     """The packaged IMU has biases that the nominal model lacks. Behind a model of the nominal model's noise nothing
-    showed, and the answer was that something is missing."""
-    answer = bp.why(flown(tmp_path, "flight", hidden))
+    showed: turns that a weak motor makes late come again and again, as a disturbance with a period does."""
+    answer = bp.why(flown(tmp_path, "flight", hidden, seed=2))
     assert answer.answer.ending == "cause"  # a mission turns at its waypoints: it is no straight run
     found = answer.finding
     assert found.closed_loop is not None
@@ -43,9 +54,23 @@ def test_a_flight_shows_what_the_firmware_does_not_know(hidden: dict[str, dict[s
     assert found.verdict == "named"
     assert {one.name for one in found.effects} - {"gyro_bias"} == {"accel_bias", *hidden}
     size = {one.name: next(iter(one.parameters.values())).value for one in found.effects}
-    assert size["accel_bias"] == pytest.approx(0.03, abs=0.002)
+    assert size["accel_bias"] == pytest.approx(0.03, abs=0.004)
     if hidden:
         assert size["motor_asymmetry"] == pytest.approx(0.1, abs=0.01)
+
+
+def test_what_changed_between_two_flights_is_told_through_the_loop(tmp_path: Path) -> None:
+    """What is new in one flight has a memory, as the noise of a loop has. It is no noise: the other flight has none."""
+    flights = [("first", {}), ("again", {}), ("weak", WEAK)]
+    logs = [flown(tmp_path, name, hidden, seed=seed) for seed, (name, hidden) in enumerate(flights, start=1)]
+    before, again, weak = (import_flight([log], tmp_path / f"{log.name}_data").folder for log in logs)
+    found = bp.changed(before, again, weak)
+    assert [*found.verdicts.values()] == ["nothing", "changed"]
+    (one,) = found.changes
+    assert one.what == "motor_asymmetry"
+    assert one.change.ci95[0] < 0.102
+    assert one.change.ci95[1] > 0.098
+    assert one.change.ci95[1] - one.change.ci95[0] < 0.02
 
 
 def test_the_data_set_of_a_flight_holds_what_its_host_sees(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from brickpilot.discover.evidence import Judge
 from brickpilot.discover.explanation import FINE, fit, joined, refine
 from brickpilot.discover.parts import RunPart, library_parts
 from brickpilot.discover.prepare import SD_SHARE, calibrate, prepare
-from brickpilot.discover.search import Library, Search, runs_of
+from brickpilot.discover.search import Library, Search
 from brickpilot.fit.problem import Problem
 from brickpilot.vehicle.composed_terms import basis
 from brickpilot.vehicle.model import Model
@@ -46,7 +46,7 @@ def test_a_model_whose_values_stand_in_for_an_effect_does_not_hide_it(tmp_path: 
     assert moved is not None
     assert moved.cost < nominal.cost
     assert moved.model.parameters["resistance"] < 0.01 * truth.parameters["resistance"]
-    library = Library(prepared.excitation, runs_of(prepared.coarse), 1)
+    library = Library(prepared.excitation, 1)
     search = Search(prepared.coarse, moved, library, prepared.excitation, 1, prepared.deadline, lambda _: None)
     best = search.run(Judge.of(prepared.coarse, 0)).ranked()[0].explanation
     assert best.names == ("actuator_lag",)
@@ -60,7 +60,7 @@ def test_two_parts_that_make_one_law_are_tried_as_that(tmp_path: Path) -> None:
     moves = {"ahead": (4.0, 4.0), "back": (-5.0, -5.0), "spin": (4.0, -4.0)}
     folder = write(tmp_path / "set", truth, NOISE, STATED, manoeuvres=moves, roles=["fit"] * 3)
     prepared, nominal = calibrate(prepare(reading.read(folder), None, seed=0, jobs=1)[0])
-    library = Library(prepared.excitation, runs_of(prepared.coarse), 2)
+    library = Library(prepared.excitation, 2)
     search = Search(prepared.coarse, nominal, library, prepared.excitation, 1, prepared.deadline, lambda _: None)
     parts = {one.name: one for one in library_parts(nominal.model) if one.free == ("torque",)}
     both = joined(nominal, parts["coulomb_friction"], {"torque": 0.004})

@@ -50,7 +50,7 @@ from brickpilot.discover.evidence import Judge, scale_of_rest
 from brickpilot.discover.explanation import Explanation, joined, refine
 from brickpilot.discover.finding import Step
 from brickpilot.discover.parts import Part, library_parts
-from brickpilot.discover.pipeline import explain
+from brickpilot.discover.pipeline import explain_in_loop
 from brickpilot.discover.prepare import Prepared, calibrate, in_closed_loop, prepare
 from brickpilot.discover.row_meaning import with_known_timing
 from brickpilot.discover.search import Found, Search
@@ -71,11 +71,11 @@ BEFORE = "before"
 _LEFT = "Whatever may differ leaves {:.2g} nats a value more of one recording than of the other: something is missing."
 _RUNS = "Runs of one recording differ among themselves by as much."
 _DRAWN = 2  # signals with a plot
-_MOST_NAMED = 1  # effects of BEFORE beside the dry friction of every machine
+_MOST_NAMED = 2  # effects of BEFORE beside the dry friction of every machine
 _LITTLE = 0.03  # of a usual size: from there the friction that every machine has is fitted
 
 
-Alone = Mapping[str, tuple[Residual, Explanation]]
+Alone = Mapping[str, tuple[Prepared, Explanation]]
 Rests = Mapping[str, Mapping[str, float]]
 
 
@@ -85,7 +85,7 @@ class Joint:
 
     Attributes:
         base: what explains both with no difference.
-        alone: recording -> its residual and what explains it alone, of the same parts.
+        alone: recording -> it alone, ready for fits, and what explains it, of the same parts.
         recording: the later one.
         old: the model of what was before.
     """
@@ -196,9 +196,9 @@ def _structure(dataset: Dataset, seed: int, jobs: int) -> Parts:
     known = with_known_timing(together({BEFORE: dataset}), None, seed=seed, jobs=jobs)
     prepared, _ = prepare(known, None, seed=seed, jobs=jobs)
     prepared, nominal = calibrate(prepared)
-    prepared, nominal = in_closed_loop(prepared, nominal, nominal)
+    prepared, nominal = in_closed_loop(prepared, nominal, None)
     base = (refine(prepared.coarse, [_shared(nominal, ())], jobs) or [nominal])[0]
-    verdict = explain(prepared, base, Stages(None), _MOST_NAMED).verdict
+    verdict = explain_in_loop(prepared, base, Stages(None), _MOST_NAMED).verdict
     more = verdict.best.effects[len(base.parts) :] if verdict.kind == "named" else ()
     return tuple((one, one.values_in(verdict.best.model)) for one in more if not one.is_periodic)
 
@@ -233,7 +233,8 @@ def _begun(joint: Joint, parts: Parts, seed: int, jobs: int, tell: Stages) -> tu
     name = joint.recording
 
     def at(moment: Onset) -> Joint:
-        return _joint(since(joint.dataset, BEFORE, name, moment.run, moment.at_s), name, None, parts, seed, jobs)
+        cut = since(joint.dataset, BEFORE, name, moment.run, moment.at_s)
+        return _joint(cut, name, None, parts, seed, jobs, innovations=joint.prepared.innovations)
 
     behind = at(first).models_alone[name]
     moment = onset(usual.data, joint.old, behind, name)
@@ -246,14 +247,22 @@ def _begun(joint: Joint, parts: Parts, seed: int, jobs: int, tell: Stages) -> tu
     return (moment, cut) if grown <= numbers.UNEXPLAINED_NATS else None
 
 
-def _joint(dataset: Dataset, recording: str, model: Model | None, parts: Parts, seed: int, jobs: int) -> Joint:
-    """Returns two recordings ready for fits, with the explanation that both share."""
+def _joint(
+    dataset: Dataset, recording: str, model: Model | None, parts: Parts, seed: int, jobs: int,
+    innovations: bool | None = None,
+) -> Joint:  # fmt: skip
+    """Returns two recordings ready for fits, with the explanation that both share.
+
+    Args:
+        innovations: whether a loop biases free runs. None: it does if the noise of each recording has a memory; what is
+            new in one of them has one, too.
+    """
     prepared, _ = prepare(dataset, model, seed=seed, jobs=jobs)
     # Each constant may differ by itself and fall as far as it reaches in the shared model, so none is held.
     plan = dataclasses.replace(prepared.plan, free=prepared.plan.uncertain, held=())
     prepared, nominal = calibrate(dataclasses.replace(prepared, plan=plan))
-    prepared, nominal = in_closed_loop(prepared, nominal, nominal)
     if model is not None:
+        prepared, _ = in_closed_loop(prepared, nominal, nominal)
         effects = {name: {size: 0.0} for name, size in always().items()} | {
             one: dict(of) for one, of in model.effects.items()
         }
@@ -261,6 +270,11 @@ def _joint(dataset: Dataset, recording: str, model: Model | None, parts: Parts, 
         return Joint(dataset, prepared, base, {}, recording, model)
     base = _shared(nominal, parts)
     alone = {name: _alone(only(dataset, name), base, seed, jobs) for name in (BEFORE, recording)}
+    noisy = alone if innovations is False else {name: in_closed_loop(*one, one[1]) for name, one in alone.items()}
+    if all(own.innovations for own, _ in noisy.values()):
+        alone = noisy
+        prepared, nominal = in_closed_loop(prepared, nominal, nominal)
+        base = _shared(nominal, parts)
     return Joint(dataset, prepared, base, alone, recording, alone[BEFORE][1].model)
 
 
@@ -278,12 +292,11 @@ def _shared(nominal: Explanation, parts: Parts) -> Explanation:
     return base
 
 
-def _alone(dataset: Dataset, base: Explanation, seed: int, jobs: int) -> tuple[Residual, Explanation]:
-    """Returns the residual of one recording alone, and what explains it, of the same parts."""
+def _alone(dataset: Dataset, base: Explanation, seed: int, jobs: int) -> tuple[Prepared, Explanation]:
+    """Returns one recording alone, ready for fits, and what explains its free runs, of the same parts."""
     prepared, _ = prepare(dataset, None, seed=seed, jobs=jobs)
-    prepared, nominal = calibrate(prepared)
-    prepared, _ = in_closed_loop(prepared, nominal, nominal)
-    return prepared.coarse, (refine(prepared.coarse, [base], jobs) or [base])[0]
+    prepared, _ = calibrate(prepared)
+    return prepared, (refine(prepared.coarse, [base], jobs) or [base])[0]
 
 
 def _verdict(joint: Joint, tell: Stages) -> tuple[Joint, Verdict]:
@@ -444,8 +457,8 @@ def _fit_percent(dataset: Dataset, model: Model) -> dict[str, float | None]:
 def _told_alone(joint: Joint) -> dict[str, dict[str, tuple[str, Sized]]]:
     """Returns recording -> combination of constants -> its unit, and what the recording alone tells of it."""
     found: dict[str, dict[str, tuple[str, Sized]]] = {}
-    for name, (data, explanation) in joint.alone.items():
-        spread = assess(data, explanation.model, explanation.plan.uncertain).spread
+    for name, (own, explanation) in joint.alone.items():
+        spread = assess(own.coarse, explanation.model, explanation.plan.uncertain).spread
         for formula in FORMULAS[joint.dataset.vehicle]:
             if formula.name in told_combinations():
                 one = sized(partial(in_model, formula), explanation.model, spread)

@@ -299,9 +299,12 @@ def _solved(matrix: Array, right: Array) -> Array:
 def surprise(away: Array) -> float:
     """Returns the nats that values cost which are so many sd, (parameters,), away from what was known of them.
 
-    What was stated of a value may be plainly wrong, as often as a machine has a common effect: it costs no more.
+    What was stated may be plainly wrong, as often as a machine has a common effect, and then by any factor alike: so
+    many times further away is so many times less likely (Jeffreys 1961, sec. 3.1).
     """
-    return float(np.sum(np.minimum(away**2 / 2, -np.log(numbers.COMMON))))
+    wrong = -np.log(numbers.COMMON)
+    further = np.log(np.maximum(np.abs(away) / np.sqrt(2 * wrong), 1.0))
+    return float(np.sum(np.minimum(away**2 / 2, wrong + further)))
 
 
 def weigh(table: Sequence[Evidence], temperature: float) -> Array:

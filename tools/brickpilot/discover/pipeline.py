@@ -48,7 +48,7 @@ from brickpilot.discover.finding import Budget, Finding, Step
 from brickpilot.discover.prepare import Prepared, calibrate, in_closed_loop, prepare, prepare_windows
 from brickpilot.discover.row_meaning import with_known_sampling, with_known_timing
 from brickpilot.discover.seal import Sealed, prove, unproved
-from brickpilot.discover.search import MOST_PARTS, PARTS_IN_WINDOWS, Found, Library, Search, runs_of
+from brickpilot.discover.search import MOST_PARTS, PARTS_IN_WINDOWS, Found, Library, Search
 from brickpilot.discover.settle import Settled, at_samples, best_predictor, better_predictor, settle
 from brickpilot.discover.verdict import Verdict, adequate, best_so_far, confirmed
 from brickpilot.discover.yardstick import Yardstick, as_predictor, measure
@@ -115,7 +115,7 @@ def _find(prepared: Prepared, nominal: Explanation, sealed: Sealed, tell: Stages
     """Runs the stages behind `calibrate`."""
     estimated: Span = estimate(prepared, nominal)
     tell.expect(estimated)
-    explained: Explained = _explain_in_loop(explain(prepared, nominal, tell), tell)
+    explained: Explained = explain_in_loop(prepared, nominal, tell)
     if explained.verdict.kind == "unknown":
         explained = _explain_in_windows(explained, tell)
     composed: Composed | None = None
@@ -132,10 +132,8 @@ def _find(prepared: Prepared, nominal: Explanation, sealed: Sealed, tell: Stages
 def explain(prepared: Prepared, nominal: Explanation, tell: Stages, most: int = MOST_PARTS) -> Explained:
     """Searches on the coarse grid for explanations beside the nominal model, weighs them, and looks at what is left."""
     judge = Judge.of(prepared.coarse, prepared.seed)
-    library = Library(prepared.excitation, runs_of(prepared.coarse), most)
-    search = Search(
-        prepared.coarse, nominal, library, prepared.excitation, prepared.jobs, prepared.deadline.until(SEARCHED), tell
-    )
+    library, until = Library(prepared.excitation, most), prepared.deadline.until(SEARCHED)
+    search = Search(prepared.coarse, nominal, library, prepared.excitation, prepared.jobs, until, tell)
     found: Found = search.run(judge)
 
     @cache
@@ -149,19 +147,20 @@ def explain(prepared: Prepared, nominal: Explanation, tell: Stages, most: int = 
     return Explained(prepared, found, verdict)
 
 
-def _explain_in_loop(free_runs: Explained, tell: Stages) -> Explained:
-    """Explains the runs again by innovations, where a feedback loop biases free runs; else returns `free_runs`.
+def explain_in_loop(prepared: Prepared, nominal: Explanation, tell: Stages, most: int = MOST_PARTS) -> Explained:
+    """Explains free runs; and again by innovations, where a feedback loop biases free runs.
 
     Only the likeliest explanation of free runs shows what the noise is: what others leave is also the law they lack.
     """
-    if free_runs.prepared.loop is None or free_runs.prepared.innovations:
+    free_runs = explain(prepared, nominal, tell, most)
+    if prepared.loop is None or prepared.innovations:
         return free_runs
     likeliest = max(free_runs.found.table.values(), key=lambda one: one.total).explanation
-    prepared, nominal = in_closed_loop(free_runs.prepared, free_runs.verdict.nominal, likeliest)
-    if not prepared.innovations:
+    again, nominal = in_closed_loop(prepared, nominal, likeliest)
+    if not again.innovations:
         return free_runs
     tell("searching again by innovations, as a feedback loop is around the data")
-    return explain(prepared, nominal, tell)
+    return explain(again, nominal, tell, most)
 
 
 def _explain_in_windows(whole: Explained, tell: Stages) -> Explained:

@@ -222,7 +222,7 @@ def in_closed_loop(prepared: Prepared, nominal: Explanation, best: Explanation |
 
     Args:
         best: what it leaves of the output that the commands follow is the noise. None: no explanation is known, and
-            only a disturbance with a period of its own is surely noise.
+            only a disturbance with a period of its own is surely noise, where it is enough of what is left.
     """
     fitted, plain = tuple(run for run in prepared.dataset.runs if run.outputs), prepared.coarse
     loop = prepared.loop or follows_outputs(dataclasses.replace(prepared.dataset, runs=fitted), numbers.STRICT)
@@ -230,10 +230,10 @@ def in_closed_loop(prepared: Prepared, nominal: Explanation, best: Explanation |
     if loop is None or loop.gain <= numbers.SHARED_REST:
         return prepared, nominal
     if best is None:
-        has_memory = loop.output in disturbances(prepared, nominal.model)
+        memory = own.share if (own := disturbances(prepared, nominal.model).get(loop.output)) else 0.0
     else:
-        has_memory = _memory(plain.parts(plain.error(best.model), loop.output)) > numbers.SHARED_REST
-    if not has_memory:
+        memory = _memory(plain.parts(plain.error(best.model), loop.output))
+    if memory <= numbers.SHARED_REST:
         return prepared, nominal
     known = best or nominal
     for _ in range(_NOISE_ROUNDS):
@@ -241,7 +241,7 @@ def in_closed_loop(prepared: Prepared, nominal: Explanation, best: Explanation |
         models = {one: noise_model(plain.parts(left, one), _HIGHEST_ORDER) for one in plain.signals}
         coarse, fine = (_innovations(one, models) for one in (plain, prepared.fine))
         known = fit(Problem(coarse, known.plan), known.parts, known.plan, known.point, FINE) or known
-    nominal = fit(Problem(coarse, nominal.plan), (), nominal.plan, nominal.point, FINE) or nominal
+    nominal = fit(Problem(coarse, nominal.plan), nominal.parts, nominal.plan, nominal.point, FINE) or nominal
     return dataclasses.replace(prepared, coarse=coarse, fine=fine, innovations=True), nominal
 
 

@@ -95,15 +95,13 @@ class Library:
 
     word, width = "effect", Width()
 
-    def __init__(
-        self, excitation: Excitation, runs: Sequence[str], most: int = MOST_PARTS, *, periodic: bool = True
-    ) -> None:
-        self._excitation, self._runs, self.most, self._periodic = excitation, runs, most, periodic
+    def __init__(self, excitation: Excitation, most: int = MOST_PARTS, *, periodic: bool = True) -> None:
+        self._excitation, self.most, self._periodic = excitation, most, periodic
 
     def screened(self, problem: Problem, point: Array, deadline: Deadline) -> list[Trial]:
         """Returns each set of parameters of each effect that the model lacks, from its best sizes."""
-        base = problem.plan.at(point)
-        own = [one for one in run_parts(self._runs) if one.effect not in base.by_run]
+        base, runs = problem.plan.at(point), dict.fromkeys(run_of(block.run) for block in problem.data.blocks)
+        own = [one for one in run_parts([*runs]) if one.effect not in base.by_run]
         chosen = [one for one in library_parts(base, problem.data.signals) if self._periodic or not one.is_periodic]
         chosen += own
         kept: dict[tuple[str, tuple[str, ...]], int] = {}
@@ -164,6 +162,11 @@ class Found:
     def is_sure(self, one: Explanation) -> bool:
         """Returns whether the data alone, without stated values and prior odds, surely tell that more is needed."""
         return self.table[one.key].total - self.nothing.total > self.temperature * numbers.CHANCE_NATS
+
+    def without_laws(self, one: Evidence) -> Evidence:
+        """Returns the evidence of an explanation's values of runs alone; of nothing, where these were not fitted."""
+        laws = {part.name for part in one.explanation.effects} - self.nothing.explanation.key
+        return self.table.get(one.explanation.key - laws, self.nothing)
 
     def ranked(self, parts: int | None = None, forbidden: Collection[str] = ()) -> list[Evidence]:
         """Returns what was found, the best score first: of so many parts, and without some of them."""
@@ -329,8 +332,7 @@ class Search:
 
     def _joined(self, first: Explanation, second: Explanation) -> Explanation:
         """Returns both explanations' parts, at the mean of the nominal values that each alone led to."""
-        count = len(self.base.point)
-        part = second.parts[-1]
+        count, part = len(self.base.point), second.parts[-1]
         both = joined(first, part, part.values_in(second.model))
         point = np.array(both.point)
         point[:count] = (first.point[:count] + second.point[:count]) / 2
@@ -450,8 +452,3 @@ def _from_part(smaller: Explanation, larger: Explanation) -> Explanation:
             # A tenth of a size: a fit goes on from nearly nothing, but feels its slope.
             point[index] = 0.1 * point[index] if free.signed else point[index] - float(np.log(10.0))
     return Explanation(larger.parts, larger.plan, np.array(point))
-
-
-def runs_of(data: Residual) -> list[str]:
-    """Returns the names of the fit runs, windows of one run as that run."""
-    return list(dict.fromkeys(run_of(block.run) for block in data.blocks))

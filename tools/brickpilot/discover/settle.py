@@ -23,7 +23,7 @@ from brickpilot.discover.deadline import COMPOSED
 from brickpilot.discover.evidence import Judge
 from brickpilot.discover.explanation import Explanation, refine, without
 from brickpilot.discover.prepare import Prepared
-from brickpilot.discover.search import Found, Library, Search, Tell, runs_of
+from brickpilot.discover.search import Found, Library, Search, Tell
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.fit.residual import Residual, of_bins
 from brickpilot.fit.uncertainty import Estimate, assess
@@ -174,7 +174,7 @@ def best_predictor(prepared: Prepared, start: Explanation, tell: Tell) -> Settle
         return _as_predictor(written(prepared, prepared.coarse, start))
     deadline, data, current = prepared.deadline.until(COMPOSED), whole, start
     periodic = any(name in run.outputs for run in prepared.measured.runs for name in MOTOR_RATE_OF)
-    library = Library(prepared.excitation, runs_of(whole), periodic=periodic)
+    library = Library(prepared.excitation, periodic=periodic)
     try:
         data, current = follow(whole, start, prepared.jobs)
         for _ in range(_MOST_JOINED):

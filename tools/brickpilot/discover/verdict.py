@@ -191,24 +191,25 @@ def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozen
 
     One is left out where a simpler one, not refuted, says as much. An explanation that contains a simpler one has to
     remove at least what it leaves of what that one leaves, of the squared error above noise and of how far values are
-    from what was stated. What the shape of the simpler one's own laws may have left of a signal does not count, and
-    more than that has to go surely. Where it does not, no part is missing, and the simpler one is weighed by the
-    likelier evidence of both, if it holds no values of runs: these have no shape. No explanation has more parts than
-    one that is no worse in anything: there are the more sets of parts, the larger they are, and many outweigh a name.
+    from what was stated. What the shape of the simpler one's laws may have left of a signal does not count, a share of
+    what they removed beside its values of runs; and more than that has to go surely. Where it does not, no part is
+    missing, and the simpler one is weighed by the likelier evidence of both. No explanation has more parts than one
+    that is no worse in anything: there are the more sets of parts, the larger they are, and many outweigh a name.
     """
-    temperature, start = found.temperature, found.judge.excess(found.nothing)
+    temperature = found.temperature
     prior = {one: one.log_prior(temperature) for one in ranked}
     excess = {one: found.judge.excess(one) for one in ranked}
+    shape = {one: found.judge.shape * np.maximum(excess[found.without_laws(one)] - excess[one], 0.0) for one in ranked}
     moved = {one: temperature * evidence.surprise(one.away) for one in ranked}
     stands = [one for one in ranked if one.explanation.key not in refuted]
     best, left_out = {one: one for one in ranked}, set[Evidence]()
     for other in ranked:
         for one in stands:
             if other.explanation.contains(one.explanation):
-                gone, own = excess[one] - excess[other], found.judge.shape * np.maximum(start - excess[one], 0.0)
+                gone, own = excess[one] - excess[other], shape[one]
                 gain = (gone - np.clip(gone, 0.0, own)).sum() / 2 + moved[one] - moved[other]
                 sure = temperature * numbers.CHANCE_NATS * bool(own.any())
-                if gain < sure and own.any() and one.explanation.effects == one.explanation.parts:
+                if own.any() and gain < sure:
                     best[one] = max(best[one], other, key=lambda each: prior[each] + each.total / temperature)
                 if gain < max(excess[other].sum() / 2 + moved[other], sure):
                     left_out.add(other)
