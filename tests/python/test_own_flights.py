@@ -67,7 +67,7 @@ def test_what_changed_between_two_flights_is_told_through_the_loop(tmp_path: Pat
     found = bp.changed(before, again, weak)
     assert [*found.verdicts.values()] == ["nothing", "changed"]
     (one,) = found.changes
-    assert one.what == "motor_asymmetry"
+    assert (one.what, one.since) == ("motor_asymmetry", None)  # before its start a flight rests, and tells nothing
     assert one.change.ci95[0] < 0.102
     assert one.change.ci95[1] > 0.098
     assert one.change.ci95[1] - one.change.ci95[0] < 0.02

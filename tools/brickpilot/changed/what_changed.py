@@ -217,9 +217,13 @@ def _compared(
     if begun is None:
         ready, verdict = _verdict(joint, tell)
         return Compared(ready, verdict, verdict.steps, None)
-    moment, cut = begun
+    first, cut = begun
     ready, verdict = _verdict(cut, tell)
-    why = f"The recording changes at {moment.at_s:g} s of {own_name(moment.run)}: what was before it counts as before."
+    # Where all that differs is known, a part at rest that the others' values fit worse is no longer before the change.
+    moment = onset(joint.weighed(joint.usual()).data, joint.old, verdict.best.model, name)
+    if moment is None:
+        return Compared(ready, verdict, verdict.steps, None)
+    why = f"The recording changes at {first.at_s:g} s of {own_name(first.run)}: what was before it counts as before."
     return Compared(ready, verdict, (Step("onset", verdict.kind, why), *verdict.steps), moment)
 
 
