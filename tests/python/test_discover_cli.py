@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 import shutil
@@ -76,6 +77,15 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     hidden = {"coulomb_friction": {"torque": TORQUE}}
     recipe = Recipe("dry-wheels", hidden, RCX, engine="planar", runs=tuple(runs), seed=4)
     return hidden_folder.write(recipe, tmp_path_factory.mktemp("made"))
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A motor with dry friction, for what does not depend on the vehicle: it takes a sixth of the robot's time."""
+    driven = {f"at_{volts:g}": (volts, 0.0) for volts in (2.5, 4.0, 7.0, -3.0, -5.0, -8.0)}
+    truth = dataclasses.replace(motor(), effects={"coulomb_friction": {"torque": TORQUE}})
+    folder = tmp_path_factory.mktemp("small") / "dry-motor"
+    return write(folder, truth, {"speed": 0.05}, "", manoeuvres=driven, roles=["fit"] * 5 + ["held_out"])
 
 
 @pytest.fixture(scope="module")
@@ -166,16 +176,15 @@ def test_compare_with_the_written_model_shows_the_smaller_gap(done: Done, tmp_pa
             assert augmented[name][wheel] < 0.5 * nominal[name][wheel]
 
 
-def test_a_second_run_from_the_written_model_finds_nothing_more(done: Done, tmp_path: Path) -> None:
-    ended = brickpilot(
-        "discover", str(done.data), "--model", str(done.out / "model.toml"), "--out", "again", "--json", cwd=tmp_path
-    )
-    assert ended.returncode == 0, ended.stderr
+def test_a_second_run_from_the_written_model_finds_nothing_more(small: Path, tmp_path: Path) -> None:
+    for words in ((), ("--model", "out/model.toml")):
+        ended = brickpilot("discover", str(small), *words, "--out", "again" if words else "out", "--json", cwd=tmp_path)
+        assert ended.returncode == 0, ended.stderr
     found = json.loads(ended.stdout)
     assert (found["verdict"], found["effects"]) == ("none", [])
     assert found["gap"]["held_out"]["after"] <= 1.1
-    kept = model.load(tmp_path / "again" / "model.toml").effects
-    assert kept.keys() == {"coulomb_friction"}
+    first, kept = (model.load(tmp_path / out / "model.toml").effects for out in ("out", "again"))
+    assert kept.keys() == first.keys() == {"coulomb_friction"}
     assert kept["coulomb_friction"]["torque"] == pytest.approx(TORQUE, rel=0.05)
 
 
@@ -197,9 +206,9 @@ def test_the_compensation_takes_away_most_of_what_the_friction_costs_a_flight(do
     assert compensated["cross_track_rms_m"] < without["cross_track_rms_m"]
 
 
-def test_progress_goes_to_stderr_and_the_verdict_to_stdout(data: Path, tmp_path: Path) -> None:
+def test_progress_goes_to_stderr_and_the_verdict_to_stdout(small: Path, tmp_path: Path) -> None:
     """One job, and without --out: the other half of the options."""
-    ended = brickpilot("discover", str(data), "--jobs", "1", cwd=tmp_path)
+    ended = brickpilot("discover", str(small), "--jobs", "1", cwd=tmp_path)
     assert ended.returncode == 0, ended.stderr
     stages = ended.stderr.splitlines()
     assert len(stages) >= 4
@@ -208,7 +217,7 @@ def test_progress_goes_to_stderr_and_the_verdict_to_stdout(data: Path, tmp_path:
     assert "coulomb_friction.torque" in ended.stdout
     assert "searching for" not in ended.stdout
     assert [path.name for path in tmp_path.iterdir()] == ["runs"]
-    assert f"report: {Path('runs') / 'discover-dry-wheels' / 'report.html'}" in ended.stdout.splitlines()
+    assert f"report: {Path('runs') / 'discover-synthetic' / 'report.html'}" in ended.stdout.splitlines()
 
 
 def refused(*arguments: str, cwd: Path) -> str:
@@ -270,9 +279,9 @@ def test_where_every_run_is_held_out_there_is_nothing_to_fit(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("stage", ["preparing the data", "searching for effect 1", "computing intervals"])
-def test_ctrl_c_leaves_nothing_behind(stage: str, data: Path, tmp_path: Path) -> None:
+def test_ctrl_c_leaves_nothing_behind(stage: str, small: Path, tmp_path: Path) -> None:
     work = subprocess.Popen(
-        [str(PROGRAM), "discover", str(data), "--out", "out"],
+        [str(PROGRAM), "discover", str(small), "--out", "out"],
         cwd=tmp_path, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell's background jobs ignore it
     )  # fmt: skip

@@ -231,7 +231,7 @@ def test_wrong_wiring_is_the_first_line_with_what_mends_it(robot: str, fault: st
     change, begins, options = REWIRED[fault]
     write_log(tmp_path / "log.csv", robot, MANY, {})
     rewire(tmp_path / "log.csv", change)
-    known = [*stated(robot), "--nominal", "battery_voltage=9", "--budget", "3"]
+    known = [*stated(robot), "--nominal", "battery_voltage=9", "--budget", "1"]
     said = brickpilot("why", "log.csv", *known, "--out", "found", cwd=tmp_path)
     assert said.returncode == 0, said.stderr
     first = plain(said.stdout).splitlines()[0]
