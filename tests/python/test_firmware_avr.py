@@ -68,6 +68,7 @@ def test_ones_own_image_flies_with_its_model_and_its_own_wiring(tmp_path: Path) 
     assert (flown.returncode, figures["waypoints_reached"], figures["link"]) == (0, 8, "avr:328p-rotation"), (
         flown.stderr
     )
+    assert figures["image"] == str(tmp_path / "made/brickpilot.elf")  # `import` knows by it that another robot flew
     assert figures["closest_approach_m"] == pytest.approx(
         json.loads((tmp_path / "made/firmware.json").read_text())["flight"]["closest_approach_m"], abs=0.02
     )

@@ -93,7 +93,10 @@ def test_flights_that_tell_nothing_are_refused(tmp_path: Path) -> None:
     imu = flown(tmp_path, "imu", {}, sensors="imu")
     both = flown(tmp_path, "both", {})
     brickpilot("run", "forward_1m", "--sensors", "imu", "--out", tmp_path / "manoeuvre")
+    other = flown(tmp_path, "other", {})
+    (other / "summary.json").write_text((other / "summary.json").read_text().replace("{", '{"image": "own.elf",', 1))
     for folders, why in (
+        ([other], "other: own.elf flew, whose counts a turn and beliefs are not those of the packaged robot"),
         ([ideal], "ideal: was flown with ideal sensors, which no robot has"),
         ([imu, both], r"both: was flown with imu\+encoders, and .*imu with imu"),
         ([tmp_path / "manoeuvre"], "drives no motor by its duty: it is no flight of a mission"),

@@ -1,8 +1,8 @@
 """Flights of `brickpilot run` and `hil` turned into a data set: what a host sees, and not what only the plant knows.
 
 So a flight answers as the log of a real robot would: what does the robot have that its firmware does not know? Counts a
-turn and nominal values are those of the packaged robot; a run folder does not say whether firmware of another robot
-flew. The battery's voltage is the plant's: a brick reads it in steps of 28 mV.
+turn and nominal values are those of the packaged robot, so a flight of an image that `firmware` made for another robot
+is refused. The battery's voltage is the plant's: a brick reads it in steps of 28 mV.
 """
 
 from __future__ import annotations
@@ -55,14 +55,17 @@ def import_flight(
         name: of the data set.
 
     Raises:
-        InputError: a folder holds no flight of a mission, or its sensors give nothing to explain, or differ from those
-            before; or `out` is taken. Nothing is written then.
+        InputError: a folder holds no flight of a mission, or one of another robot's image, or its sensors give nothing
+            to explain, or differ from those before; or `out` is taken. Nothing is written then.
     """
     check_out(out)
     summaries = [_summary(one) for one in folders]
     names = run_names(folders)
     sensors = summaries[0]["sensors"]
     for folder, summary in zip(folders, summaries, strict=True):
+        if summary["image"]:
+            message = f"{summary['image']} flew, whose counts a turn and beliefs are not those of the packaged robot"
+            raise InputError(message, file=folder)
         if summary["sensors"] not in _SENSED:
             message = f"was flown with {summary['sensors']} sensors, which no robot has: fly it with --sensors imu"
             raise InputError(message, file=folder)
@@ -71,7 +74,7 @@ def import_flight(
     signals = _SENSED[sensors]
     runs = [NewRun(*one) for one in zip(names, map(_columns, folders, summaries), strict=True)]
     believed = {key: float(one["value"]) for key, one in TomlFile(RCX).data["parameters"].items()}
-    note = "counts a turn and nominal values are those of the packaged robot: its own firmware has to have flown it"
+    note = "counts a turn and nominal values are those of the packaged robot"
     units = {signal: unit for signal, (_, unit) in signals.items()}
     known = believed | dict(nominal or {})
     return write(
@@ -80,14 +83,15 @@ def import_flight(
 
 
 def _summary(folder: Path) -> Mapping[str, Any]:
-    """Returns what is known of a flight: its sensors and its end.
+    """Returns what is known of a flight: its sensors, its end, and the image that flew, if it was no packaged one.
 
     Raises:
         InputError: the folder holds no flight.
     """
     try:
         found = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
-        return {"sensors": str(found["sensors"]), "ended_at_s": float(found.get("ended_at_s") or math.inf)}
+        ended_at_s = float(found.get("ended_at_s") or math.inf)
+        return {"sensors": str(found["sensors"]), "ended_at_s": ended_at_s, "image": found.get("image")}
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
         raise InputError("is not the summary of a flight of run or hil", file=folder / SUMMARY) from error
 

@@ -168,7 +168,8 @@ def fly_over(request: FlightRequest, session: Session, out: Path | None, progres
     except (InputError, SimulationError) as error:
         _write_junit(session, flight_text.junit_of_error(plan.scenario.name, str(error), command))
         raise
-    figures = flown.figures(session.spec, session.pace) | {"realtime_priority": priority}
+    image = None if session.image is None else str(session.image.path)
+    figures = flown.figures(session.spec, session.pace) | {"realtime_priority": priority, "image": image}
     failure = figures["failure"] = flight_figures.failure(figures)
     ticks = flown.ticks.columns()
     shown = run_page.link_figures(ticks, realtime=not session.lockstep, replies=not session.avr)
