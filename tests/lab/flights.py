@@ -1,6 +1,8 @@
 """Does a flight tell what the firmware does not know? Flies the paper's mission with one hidden effect, and asks why.
 
-    python tests/lab/flights.py DIR [--sensors imu+encoders] [--count 24] [--seed 1] [--jobs 1]
+    python tests/lab/flights.py DIR [--changed] [--sensors imu+encoders] [--count 24] [--seed 1] [--jobs 1]
+
+With --changed: what is different since a flight without an effect, of another seed?
 
 The effects are drawn from the library, at their preset sizes. The packaged IMU has biases that the nominal model lacks,
 so `accel_bias` and `gyro_bias` are right beside each effect. Each flight's data set and answer are kept in DIR, so an
@@ -66,10 +68,30 @@ def answer(effect: str, folder: Path, jobs: int) -> dict[str, Any]:
     return {"effect": effect, "said": said, "verdict": found.verdict, "effects": names, "seconds": seconds}
 
 
+def change(effect: str, folder: Path, before: Path, jobs: int) -> dict[str, Any]:
+    """Returns what is said to be different from the flight `before`: as `answer`, by the mechanism."""
+    began = time.perf_counter()
+    found = bp.changed(before, folder / "data", jobs=jobs)
+    (verdict,) = found.verdicts.values()
+    names, mechanisms = [one.what for one in found.changes], {one.mechanism for one in found.changes}
+    truth = {catalogue.effect(effect).mechanism} if effect else set()
+    sets = [names, *(rival for one in found.changes for rival in one.rivals)]
+    said = "wrong"
+    if verdict in ("nothing", "unknown"):
+        said = "silent" if effect else "right"
+    elif verdict == "changed" and mechanisms == truth:
+        said = "right"
+    elif verdict == "ambiguous" and any(effect in one for one in sets):
+        said = "among rivals"
+    seconds = round(time.perf_counter() - began, 1)
+    return {"effect": effect, "said": said, "verdict": verdict, "effects": names, "seconds": seconds}
+
+
 def main(words: list[str]) -> None:
     """Flies, asks, and prints a line for each effect and the counts."""
     parser = argparse.ArgumentParser(description=str(__doc__).partition("\n")[0])
     parser.add_argument("out", type=Path)
+    parser.add_argument("--changed", action="store_true")
     parser.add_argument("--sensors", default="imu+encoders")
     parser.add_argument("--count", type=int, default=24)
     parser.add_argument("--seed", type=int, default=1)
@@ -78,11 +100,15 @@ def main(words: list[str]) -> None:
     counts: dict[str, int] = {}
     for effect in drawn(asked.count, asked.seed):
         folder = asked.out / (effect or "nothing")
-        kept = folder / "answer.json"
+        kept = folder / ("change.json" if asked.changed else "answer.json")
         if not kept.is_file():
             try:
                 data_of(effect, folder, asked.sensors, asked.seed)
-                told = answer(effect, folder, asked.jobs)
+                if asked.changed:
+                    before = data_of("", asked.out / "before", asked.sensors, asked.seed + 1)
+                    told = change(effect, folder, before, asked.jobs)
+                else:
+                    told = answer(effect, folder, asked.jobs)
             except (bp.InputError, SimulationError) as error:
                 told = {"effect": effect, "said": "error", "verdict": str(error), "effects": [], "seconds": 0.0}
             kept.write_text(json.dumps(told) + "\n", encoding="utf-8")
