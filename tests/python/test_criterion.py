@@ -472,3 +472,27 @@ def test_only_a_law_is_weighed_by_what_its_own_shape_may_have_left(first: Part, 
         table.append(dataclasses.replace(one, explanation=Explanation(parts, one.explanation.plan, np.zeros(0), cost)))
     found = judged(table, 2.0)
     assert (found.kind, " ".join(found.best.names)) == ("named", named)
+
+
+@pytest.mark.parametrize(
+    ("alone", "named"), [(True, "supply_gain wheel_slip gyro_bias"), (False, "supply_gain wheel_slip")]
+)
+def test_what_values_of_runs_removed_is_no_shape_of_the_law_beside_them(alone: bool, named: str) -> None:
+    """Of 4096 squares they alone leave 64, slip beside them 32, and a gyro's bias beside both 8. 5 % of what slip
+    removed do not excuse 24. Where they were not fitted alone, slip may have removed all of 4064."""
+    runs = RunPart("supply_gain", ("a", "b", "c"), {})
+    gains = {"": 0.0, "coulomb_friction": 60.0, "coulomb_friction wheel_slip": 100.0}
+    made_of, costs, table = (
+        tables(0, gains | {"coulomb_friction wheel_slip gyro_bias": 130.0}),
+        (96, 93, 92.5, 91.5),
+        [],
+    )
+    for one, cost in zip(made_of, costs, strict=True):
+        parts = tuple(runs if part.name == "coulomb_friction" else part for part in one.explanation.parts)
+        found = Explanation(parts, one.explanation.plan, np.zeros(0), cost)
+        if alone or parts != (runs,):
+            table.append(dataclasses.replace(one, explanation=found))
+    judge: Any = Settled(2.0)
+    nothing = dataclasses.replace(table[0])  # at the measured samples it is weighed twice, and only one is in the table
+    verdict_of = verdict.weigh(Found(judge, nothing, {one.explanation.key: one for one in table}))
+    assert " ".join(verdict_of.best.names) == named

@@ -166,7 +166,7 @@ class Found:
     def without_laws(self, one: Evidence) -> Evidence:
         """Returns the evidence of an explanation's values of runs alone; of nothing, where these were not fitted."""
         laws = {part.name for part in one.explanation.effects} - self.nothing.explanation.key
-        return self.table.get(one.explanation.key - laws, self.nothing)
+        return self.table.get(one.explanation.key - laws) or self.table[self.nothing.explanation.key]
 
     def ranked(self, parts: int | None = None, forbidden: Collection[str] = ()) -> list[Evidence]:
         """Returns what was found, the best score first: of so many parts, and without some of them."""
