@@ -150,13 +150,13 @@ def explain(prepared: Prepared, nominal: Explanation, tell: Stages, most: int = 
 def explain_in_loop(prepared: Prepared, nominal: Explanation, tell: Stages, most: int = MOST_PARTS) -> Explained:
     """Explains free runs; and again by innovations, where a feedback loop biases free runs.
 
-    Only the likeliest explanation of free runs shows what the noise is: what others leave is also the law they lack.
+    Only the likeliest explanation of free runs shows what the noise is: what others leave is also the law they lack. It
+    is the one of the best score: which of many parts fits best would hang on where a fit ends.
     """
     free_runs = explain(prepared, nominal, tell, most)
     if prepared.loop is None or prepared.innovations:
         return free_runs
-    likeliest = max(free_runs.found.table.values(), key=lambda one: one.total).explanation
-    again, nominal = in_closed_loop(prepared, nominal, likeliest)
+    again, nominal = in_closed_loop(prepared, nominal, free_runs.found.ranked()[0].explanation)
     if not again.innovations:
         return free_runs
     tell("searching again by innovations, as a feedback loop is around the data")
