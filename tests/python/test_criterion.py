@@ -482,17 +482,14 @@ def test_what_values_of_runs_removed_is_no_shape_of_the_law_beside_them(alone: b
     removed do not excuse 24. Where they were not fitted alone, slip may have removed all of 4064."""
     runs = RunPart("supply_gain", ("a", "b", "c"), {})
     gains = {"": 0.0, "coulomb_friction": 60.0, "coulomb_friction wheel_slip": 100.0}
-    made_of, costs, table = (
-        tables(0, gains | {"coulomb_friction wheel_slip gyro_bias": 130.0}),
-        (96, 93, 92.5, 91.5),
-        [],
-    )
-    for one, cost in zip(made_of, costs, strict=True):
+    gains["coulomb_friction wheel_slip gyro_bias"] = 130.0
+    costs, table = (96, 93, 92.5, 91.5), []
+    for one, cost in zip(tables(0, gains), costs, strict=True):
         parts = tuple(runs if part.name == "coulomb_friction" else part for part in one.explanation.parts)
         found = Explanation(parts, one.explanation.plan, np.zeros(0), cost)
         if alone or parts != (runs,):
             table.append(dataclasses.replace(one, explanation=found))
     judge: Any = Settled(2.0)
     nothing = dataclasses.replace(table[0])  # at the measured samples it is weighed twice, and only one is in the table
-    verdict_of = verdict.weigh(Found(judge, nothing, {one.explanation.key: one for one in table}))
-    assert " ".join(verdict_of.best.names) == named
+    weighed = verdict.weigh(Found(judge, nothing, {one.explanation.key: one for one in table}))
+    assert " ".join(weighed.best.names) == named

@@ -81,7 +81,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A motor with dry friction, for what does not depend on the vehicle: it takes a sixth of the robot's time."""
+    """A motor with dry friction, for what does not depend on the vehicle: a search takes seconds."""
     driven = {f"at_{volts:g}": (volts, 0.0) for volts in (2.5, 4.0, 7.0, -3.0, -5.0, -8.0)}
     truth = dataclasses.replace(motor(), effects={"coulomb_friction": {"torque": TORQUE}})
     folder = tmp_path_factory.mktemp("small") / "dry-motor"

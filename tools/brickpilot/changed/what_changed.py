@@ -219,7 +219,7 @@ def _compared(
         return Compared(ready, verdict, verdict.steps, None)
     first, cut = begun
     ready, verdict = _verdict(cut, tell)
-    # Where all that differs is known, a part at rest that the others' values fit worse is no longer before the change.
+    # `_begun` fits what is behind the moment without what is new: other values stand in for it, and fit a rest worse.
     moment = onset(joint.weighed(joint.usual()).data, joint.old, verdict.best.model, name)
     if moment is None:
         return Compared(ready, verdict, verdict.steps, None)

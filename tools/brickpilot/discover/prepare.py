@@ -222,7 +222,7 @@ def in_closed_loop(prepared: Prepared, nominal: Explanation, best: Explanation |
 
     Args:
         best: what it leaves of the output that the commands follow is the noise. None: no explanation is known, and
-            only a disturbance with a period of its own is surely noise, where it is enough of what is left.
+            only a disturbance with a period of its own, a fifth of what is left or more, is surely noise.
     """
     fitted, plain = tuple(run for run in prepared.dataset.runs if run.outputs), prepared.coarse
     loop = prepared.loop or follows_outputs(dataclasses.replace(prepared.dataset, runs=fitted), numbers.STRICT)
