@@ -29,14 +29,16 @@ class Line(Problem):
         return np.asarray(self.slopes @ point)
 
 
-def test_a_prediction_without_a_stretch_is_that_of_a_fit_without_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    """On a linear problem with square loss one step is exact: no stretch is simulated."""
-    judge, places = given(stretches=10, each=8)
-    random, size = np.random.default_rng(3), len(judge.stretch)
-    slopes, truth = random.normal(size=(size, 3)), np.array([0.3, -0.2, 0.5])
-    measured = slopes @ truth + random.normal(size=size) * 0.3
-    data = dataclasses.replace(judge.data, measured=measured, threads=1)
-    free: list[Any] = [
+class Cliff(Line):
+    """The same, but a value is at most 1: where its slope is steep, what the slope promises is far too much."""
+
+    def simulated(self, point: Array) -> Array:
+        return np.clip(self.slopes @ point, -1.0, 1.0)
+
+
+def plan_of(count: int) -> Any:
+    """Returns a plan of so many parameters, each 0 +- 0.7 by what was known before; points are their own models."""
+    free = [
         SimpleNamespace(
             centred=False,
             name=f"x{k}",
@@ -47,9 +49,19 @@ def test_a_prediction_without_a_stretch_is_that_of_a_fit_without_it(monkeypatch:
             bounds=lambda: (-1e6, 1e6),
             away=lambda x: x / 0.7,
         )
-        for k in range(3)
+        for k in range(count)
     ]
-    plan: Any = SimpleNamespace(free=tuple(free), start=lambda: np.zeros(3), at=lambda point: point)
+    return SimpleNamespace(free=tuple(free), start=lambda: np.zeros(count), at=lambda point: point)
+
+
+def test_a_prediction_without_a_stretch_is_that_of_a_fit_without_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a linear problem with square loss one step is exact: no stretch is simulated."""
+    judge, places = given(stretches=10, each=8)
+    random, size = np.random.default_rng(3), len(judge.stretch)
+    slopes, truth = random.normal(size=(size, 3)), np.array([0.3, -0.2, 0.5])
+    measured = slopes @ truth + random.normal(size=size) * 0.3
+    data = dataclasses.replace(judge.data, measured=measured, threads=1)
+    plan = plan_of(3)
     monkeypatch.setattr(evidence, "Problem", Line)
     monkeypatch.setattr(Line, "slopes", slopes)
     loss = SimpleNamespace(pseudo_huber=lambda x: SimpleNamespace(value=x, slope=np.ones_like(x)))
@@ -72,6 +84,23 @@ def test_a_prediction_without_a_stretch_is_that_of_a_fit_without_it(monkeypatch:
     away = np.abs(everything / 0.7)
     expected = -sum(min(x**2 / 2, -math.log(ODDS["common"])) for x in away)
     assert found.log_prior(1.0) == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_stretch_whose_slopes_promise_more_than_it_holds_is_simulated(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A steep value alone holds the fit at 0. Without it the fit is at 0.2, where the value is 1, and not 200."""
+    judge, _ = given(stretches=10, each=8)
+    here, data = judge.stretch == 4, dataclasses.replace(judge.data, threads=1)
+    strength = data.weight() ** 2 / data.taus()
+    slopes = np.where(here, 1000.0, 1.0)[:, np.newaxis]
+    measured = np.where(here, -0.2 * strength[~here].sum() / (1000 * strength[here].sum()), 0.2)
+    data = dataclasses.replace(data, measured=measured)
+    monkeypatch.setattr(evidence, "Problem", Cliff)
+    monkeypatch.setattr(Cliff, "slopes", slopes)
+    monkeypatch.setattr(
+        type(data), "predict", lambda self, points: np.array([slopes @ one for one in points]).clip(-1, 1)
+    )
+    found = dataclasses.replace(judge, data=data).of_explanation(Explanation((), plan_of(1), np.zeros(1), 0.0))
+    assert found.left_out[here] == pytest.approx(measured[here] - 1.0)
 
 
 def of_one_value(away: float, information: float, cost: float) -> Evidence:

@@ -1,8 +1,8 @@
 """Evidence: what stretches of time that an explanation was not fitted to say about it. It alone ranks explanations.
 
 1. Each stretch is predicted without itself: one Gauss-Newton step from the fit to all runs, with the stretch's rows
-   deleted (the infinitesimal jackknife; Giordano and others 2019, AISTATS). Where the step is long, what stands at its
-   end is simulated; it is shortened until it fits the other stretches no worse.
+   deleted (the infinitesimal jackknife; Giordano and others 2019, AISTATS). Where the step is long, or changes the
+   stretch by more than its residual, its end is simulated; it is shortened until it fits the others no worse.
 2. Its density is hyperbolic, with a scale that the other stretches set, signal by signal, and never below what noise
    and the error of every simulator make. So each signal sets its own yardstick, machines included that no model
    explains to the noise.
@@ -30,6 +30,7 @@ from brickpilot.fit.robust import correlation_time, pseudo_huber_loss
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+_Moved = tuple[Indices, Array]  # the values of a stretch, and where the fit goes without it or what is left there
 
 _LOG_NORM = float(np.log(2 * numbers.KNEE * k1e(numbers.KNEE**2)))
 _DRAWS = 1000  # of the bootstrap
@@ -177,30 +178,28 @@ class Judge:
         reach = np.array([one.reach for one in found.plan.free])
         normal = slopes.T @ slopes + np.diag(1 / np.maximum(reach, 1e-12) ** 2)  # what no data tell stays where it is
         bounds = np.array([one.bounds() for one in found.plan.free]).reshape(-1, 2)
-        order = np.argsort(self.stretch, kind="stable")
-        ends = np.searchsorted(self.stretch[order], np.arange(self.count + 1))
-        far: list[tuple[Indices, Array]] = []
-        for number in range(self.count):
-            here = order[ends[number] : ends[number + 1]]
+        ends = np.cumsum(np.bincount(self.stretch, minlength=self.count))
+        far: list[_Moved] = []
+        for here in np.split(np.argsort(self.stretch, kind="stable"), ends[:-1]):
             own = slopes[:count][here]
             step, is_long = _step(normal - own.T @ own, own.T @ rows[:count][here], reach, bounds.T - found.point)
-            left_out[here] -= moved[here] @ step
-            if is_long:
+            change = moved[here] @ step
+            if is_long or change @ change > left_out[here] @ left_out[here]:  # it weighs more than all others (h > 1/2)
                 far.append((here, step))
+                change *= is_long  # of a short step: what jagged slopes promise is nothing
+            left_out[here] -= change
         for here, values in self._beyond(problem, found.point, far):
             left_out[here] = values
         away, away_slopes = problem.prior(found.point), np.array(problem.prior_slopes(found.point))
         information = slopes[:count].T @ slopes[:count]
         return Evidence(found, self.density(left_out), left_out, away, away_slopes, information)
 
-    def _beyond(
-        self, problem: Problem, point: Array, far: Sequence[tuple[Indices, Array]]
-    ) -> Iterator[tuple[Indices, Array]]:
-        """Yields stretches with the residuals that are simulated at the end of long steps.
+    def _beyond(self, problem: Problem, point: Array, far: Sequence[_Moved]) -> Iterator[_Moved]:
+        """Yields stretches with the residuals that are simulated at the end of steps.
 
         A step is halved as long as it fits the other stretches worse: it has left a curved valley that a fit without
         this stretch would follow. Where the shortest does, too, nothing is yielded: the linear model is better there
-        because it stays in the valley.
+        because it stays in the valley. After a short step, the fit stands: its slopes are jagged.
 
         Args:
             far: stretches, and the step (parameters,) to where each is not fitted.
