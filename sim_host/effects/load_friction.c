@@ -39,6 +39,7 @@ const effect_t effect_load_friction = {
              .parameter_count = 1,
              .parameters = PARAMETERS,
              .variant_of = "coulomb_friction",
-             .variation = "in proportion to the torque"},
+             .variation = "in proportion to the torque",
+             .motor_step = 0.003},
     .hook = {[SITE_WHEEL] = wheel},
 };

@@ -184,10 +184,11 @@ class Judge:
             own = slopes[:count][here]
             step, is_long = _step(normal - own.T @ own, own.T @ rows[:count][here], reach, bounds.T - found.point)
             change = moved[here] @ step
-            if is_long or change @ change > left_out[here] @ left_out[here]:  # it weighs more than all others (h > 1/2)
+            outweighs = change @ change > left_out[here] @ left_out[here]  # all others (leverage > 1/2)
+            if is_long or outweighs:
                 far.append((here, step))
-                change *= is_long  # of a short step: what jagged slopes promise is nothing
-            left_out[here] -= change
+            if not outweighs:
+                left_out[here] -= change
         for here, values in self._beyond(problem, found.point, far):
             left_out[here] = values
         away, away_slopes = problem.prior(found.point), np.array(problem.prior_slopes(found.point))
@@ -199,7 +200,7 @@ class Judge:
 
         A step is halved as long as it fits the other stretches worse: it has left a curved valley that a fit without
         this stretch would follow. Where the shortest does, too, nothing is yielded: the linear model is better there
-        because it stays in the valley. After a short step, the fit stands: its slopes are jagged.
+        because it stays in the valley; or the fit, where slopes promise more than the whole residual.
 
         Args:
             far: stretches, and the step (parameters,) to where each is not fitted.
