@@ -38,7 +38,7 @@ def flown(
     bp.save_model(dataclasses.replace(bp.rcx(), effects=hidden), robot)
     route.write_text(ROUTE, encoding="utf-8")
     done = brickpilot("run", route, "--sensors", sensors, "--seed", seed, "--model", robot, "--out", folder / name)
-    assert done.exit_code == 0, done.output
+    assert done.exit_code in (0, 1), done.output  # 1: the robot missed a waypoint
     return folder / name
 
 
@@ -60,17 +60,22 @@ def test_a_flight_shows_what_the_firmware_does_not_know(hidden: dict[str, dict[s
 
 
 def test_what_changed_between_two_flights_is_told_through_the_loop(tmp_path: Path) -> None:
-    """What is new in one flight has a memory, as the noise of a loop has. It is no noise: the other flight has none."""
-    flights = [("first", {}), ("again", {}), ("weak", WEAK)]
+    """What is new in one flight has a memory, as the noise of a loop has. It is no noise: the other flight has none.
+
+    A gyro that reads 10 % more looks like a narrower robot that turns more easily, in two constants of its own.
+    """
+    flights = [("first", {}), ("again", {}), ("weak", WEAK), ("turned", {"gyro_scale": {"error": 0.1}})]
     logs = [flown(tmp_path, name, hidden, seed=seed) for seed, (name, hidden) in enumerate(flights, start=1)]
-    before, again, weak = (import_flight([log], tmp_path / f"{log.name}_data").folder for log in logs)
-    found = bp.changed(before, again, weak)
-    assert [*found.verdicts.values()] == ["nothing", "changed"]
-    (one,) = found.changes
-    assert (one.what, one.since) == ("motor_asymmetry", None)  # before its start a flight rests, and tells nothing
-    assert one.change.ci95[0] < 0.102
-    assert one.change.ci95[1] > 0.098
-    assert one.change.ci95[1] - one.change.ci95[0] < 0.02
+    before, *later = (import_flight([log], tmp_path / f"{log.name}_data").folder for log in logs)
+    found = bp.changed(before, *later)
+    assert [*found.verdicts.values()] == ["nothing", "changed", "changed"]
+    assert {one.what for one in found.changes} == {"motor_asymmetry", "gyro_scale"}
+    assert len(found.changes) == 2
+    for one in found.changes:
+        assert one.since is None  # before its start a flight rests, and tells nothing
+        assert one.change.ci95[0] < 0.102
+        assert one.change.ci95[1] > 0.098
+        assert one.change.ci95[1] - one.change.ci95[0] < 0.02
 
 
 def test_the_data_set_of_a_flight_holds_what_its_host_sees(tmp_path: Path) -> None:

@@ -34,6 +34,7 @@ from brickpilot.vehicle.replay import ADDED, RUN_KINDS, in_recording
 Array = NDArray[np.float64]
 Infos = Mapping[str, ParameterInfo]
 
+MOST = 3  # differences of an explanation
 _NEW = 10  # effects of the library that are fitted beside the machine's own sizes
 _LEAST = 0.1  # of a usual size: a difference is tried at no less
 _MOST = 3.0  # usual changes: a larger one of what hardly changes is another machine
@@ -266,14 +267,16 @@ class Differences:
         nominal: the nominal parameters that the vehicle's equations use.
         recording: the later one, in which the machine's own sizes differ.
         new_in: the recordings that may have an effect which the other one lacks.
+        most: differences of an explanation.
     """
 
-    word, most, width = "difference", 3, Width(rough=40, fine=12, least=12, paired=12, swapped=0)
+    word, width = "difference", Width(rough=40, fine=12, least=12, paired=12, swapped=0)
 
     def __init__(
-        self, nominal: Collection[str], recording: str, excitation: Excitation, new_in: Sequence[str] = ()
+        self, nominal: Collection[str], recording: str, excitation: Excitation, new_in: Sequence[str], most: int
     ) -> None:
         self._nominal, self._recording, self._excitation, self._new_in = nominal, recording, excitation, new_in
+        self.most = most
 
     def screened(self, problem: Problem, point: Array, deadline: Deadline) -> list[Trial]:
         """Returns the machine's own sizes, and then what is new and explains most beside them."""
