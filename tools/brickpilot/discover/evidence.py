@@ -172,8 +172,7 @@ class Judge:
         """Returns the evidence of a fitted explanation."""
         problem = Problem(self.data, found.plan)
         rows, slopes = problem.residual(found.point), problem.jacobian(found.point)
-        count = len(self.data.measured)
-        moved = problem.sensitivity(found.point)
+        count, moved = len(self.data.measured), problem.sensitivity(found.point)
         left_out = self.data.measured - problem.simulated(found.point)
         reach = np.array([one.reach for one in found.plan.free])
         normal = slopes.T @ slopes + np.diag(1 / np.maximum(reach, 1e-12) ** 2)  # what no data tell stays where it is

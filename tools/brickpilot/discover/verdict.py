@@ -166,7 +166,8 @@ def confirmed(verdict: Verdict, samples: Found, enough: float) -> Verdict:
         if samples.judge.top - samples.nothing.total <= enough:
             return verdict.turned(Step("samples", "none", _UNSURE), best=verdict.nominal)
         return verdict.turned(Step("samples", "unknown", _UNSURE))
-    if said.kind == "named" and said.best.key == verdict.best.key:
+    best = said.best if said.kind == "named" else samples.ranked()[0].explanation
+    if best.key == verdict.best.key:  # several that lack a part each, and score less than all parts, are no answer
         return verdict
     weighed = {one.explanation.key for one in said.ranked}
     ranked = (*said.ranked, *(one for one in verdict.ranked if one.explanation.key not in weighed))
