@@ -352,19 +352,6 @@ def test_the_measured_samples_take_back_what_they_do_not_show(
     assert found.steps[-1].verdict == found.kind
 
 
-@pytest.mark.parametrize(("gain", "kind"), [(9.0, "named"), (5.9, "ambiguous")])
-def test_several_that_lack_a_part_each_do_not_replace_all_parts(gain: float, kind: str) -> None:
-    """At the samples the second part removes 40 % of what either leaves. Only less evidence takes it back."""
-    flat = np.full(15, -40.0)
-    both = made("start_delay cogging", flat + 9.0, cost=98 + math.log(0.01, 4))
-    coarse = judged([made("", flat), made("start_delay", flat + 6.0, cost=98), both], 2.0)
-    both = made("start_delay cogging", flat + gain, cost=98 + math.log(0.6, 4))
-    alone = [made("start_delay", flat + 6.0, cost=98), made("cogging", flat + 6.0, cost=98)]
-    found = verdict.confirmed(coarse, found_in([made("", flat), *alone, both], 2.0), 0.0)
-    assert coarse.kind == "named"
-    assert (found.kind, len(found.best.names)) == (kind, 2 if kind == "named" else 1)
-
-
 def test_what_only_stated_values_speak_for_is_no_name() -> None:
     """The data tell nothing; without the effect two stated values would be far off."""
     flat = np.full(15, -40.0)

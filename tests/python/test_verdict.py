@@ -21,7 +21,7 @@ from brickpilot.fit.problem import Problem
 from brickpilot.vehicle.composed_terms import basis
 from brickpilot.vehicle.model import Model
 from synthetic import robot, write
-from test_criterion import CHANCE, found_in, made
+from test_criterion import CHANCE, found_in, judged, made
 
 NOISE = {"yaw_rate": 0.014, "wheel_speed_left": 0.05, "wheel_speed_right": 0.05}
 STATED = "\n".join(f"{name} = {value}" for name, value in robot().parameters.items() if value and "per" not in name)
@@ -300,3 +300,16 @@ def test_what_is_refuted_on_the_coarse_grid_is_refuted_at_the_samples(gains: tup
     assert found.kind == "named"
     assert bool(found.refuted) == (kind == "named")
     assert verdict.confirmed(found, found_in(samples, 2.0), 0.0).kind == kind
+
+
+@pytest.mark.parametrize(("gain", "kind"), [(9.0, "named"), (5.9, "ambiguous")])
+def test_several_that_lack_a_part_each_do_not_replace_all_parts(gain: float, kind: str) -> None:
+    """At the samples the second part removes 40 % of what either leaves. Only less evidence takes it back."""
+    flat = np.full(15, -40.0)
+    both = made("start_delay cogging", flat + 9.0, cost=98 + math.log(0.01, 4))
+    coarse = judged([made("", flat), made("start_delay", flat + 6.0, cost=98), both], 2.0)
+    both = made("start_delay cogging", flat + gain, cost=98 + math.log(0.6, 4))
+    alone = [made("start_delay", flat + 6.0, cost=98), made("cogging", flat + 6.0, cost=98)]
+    found = verdict.confirmed(coarse, found_in([made("", flat), *alone, both], 2.0), 0.0)
+    assert coarse.kind == "named"
+    assert (found.kind, len(found.best.names)) == (kind, 2 if kind == "named" else 1)

@@ -34,7 +34,7 @@ from brickpilot.vehicle.replay import ADDED, RUN_KINDS, in_recording
 Array = NDArray[np.float64]
 Infos = Mapping[str, ParameterInfo]
 
-MOST = 3  # differences of an explanation
+MOST_DIFFERENCES = 3  # of an explanation
 _NEW = 10  # effects of the library that are fitted beside the machine's own sizes
 _LEAST = 0.1  # of a usual size: a difference is tried at no less
 _MOST = 3.0  # usual changes: a larger one of what hardly changes is another machine

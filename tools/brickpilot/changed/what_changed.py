@@ -39,7 +39,7 @@ from brickpilot.changed.change import (
     sized,
     told_combinations,
 )
-from brickpilot.changed.differences import MOST, Difference, Differences, always, no_further
+from brickpilot.changed.differences import MOST_DIFFERENCES, Difference, Differences, always, no_further
 from brickpilot.changed.onset import Onset, onset, suspected
 from brickpilot.changed.recordings import only, own_name, since, together
 from brickpilot.changed.run_spread import sd_between_recordings
@@ -341,7 +341,7 @@ def _largest(rests: Sequence[Mapping[str, float]]) -> dict[str, float]:
     return {name: max(one.get(name, 0.0) for one in rests) for name in dict.fromkeys(k for one in rests for k in one)}
 
 
-def _search(joint: Joint, new_in: Sequence[str], tell: Stages, most: int = MOST) -> Found:
+def _search(joint: Joint, new_in: Sequence[str], tell: Stages, most: int = MOST_DIFFERENCES) -> Found:
     prepared = joint.prepared
     nominal = [one.name for one in prepared.plan.uncertain if one.effect is None]
     source = Differences(nominal, joint.recording, prepared.excitation, new_in, most)

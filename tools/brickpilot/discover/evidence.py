@@ -183,7 +183,7 @@ class Judge:
             own = slopes[:count][here]
             step, is_long = _step(normal - own.T @ own, own.T @ rows[:count][here], reach, bounds.T - found.point)
             change = moved[here] @ step
-            outweighs = change @ change > left_out[here] @ left_out[here]  # all others (leverage > 1/2)
+            outweighs = change @ change > left_out[here] @ left_out[here]  # all other stretches: leverage > 1/2
             if is_long or outweighs:
                 far.append((here, step))
             if not outweighs:
