@@ -40,7 +40,7 @@ typedef enum {
 /* Index into an output row; the order of bp_output_name(). An output that this vehicle does not have is NaN. */
 typedef enum {
     OUTPUT_ACCEL_SURGE, /* specific force u' - v r at the middle of the axle, where the centre of mass nominally is; the
-                           mean over the last body step */
+                           mean over the time since the last reading. In sensor hooks: over the last body step */
     OUTPUT_ACCEL_SWAY,  /* v' + u r */
     OUTPUT_YAW_RATE,
     OUTPUT_YAW_ANGLE, /* unwrapped */
@@ -126,6 +126,7 @@ typedef struct {
     real_t sway_rate;
     real_t yaw_accel;
     real_t supply_current; /* A that the drive drew from the battery: mean over the last body step */
+    real_t felt[2];        /* readings of the accelerometers, surge and sway: means over the body steps of a sample */
 
     /* For body hooks: the state half a body step ahead, extrapolated. */
     struct {

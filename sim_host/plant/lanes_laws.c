@@ -146,8 +146,7 @@ static const effect_t *law(const char *name)
 static unsigned advance(void *memory, double step, int body_count, int motor_count)
 {
     stepped_t *plant = memory;
-    for (int i = 0; i < body_count; i++)
-        step_body(plant, plant->contact, plant->input, step, step / motor_count, motor_count);
+    step_sample(plant, plant->contact, plant->input, step, body_count, motor_count);
     const mask_t finite = step_finite(&plant->vehicle.state);
     unsigned bits = 0;
     for (int i = 0; i < LANES; i++)
@@ -162,6 +161,7 @@ static void outputs(void *memory)
         memcpy(plant->output, plant->vehicle.output, sizeof plant->output);
     else
         output_row(&plant->vehicle, plant->output);
+    output_felt(&plant->vehicle, plant->output);
 }
 
 #if LANES == 8

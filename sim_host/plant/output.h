@@ -42,6 +42,16 @@ static inline void output_of_motor(const vehicle_t *vehicle, real_t *out)
     out[OUTPUT_FORCE] = choose(moves, torque / lever, absent);
 }
 
+/* Puts in the accelerometers' readings: means over all body steps since the last reading, as a converter that
+ * integrates gives them. `out` holds those of the last step alone. */
+static inline void output_felt(const vehicle_t *vehicle, real_t *out)
+{
+    if (vehicle->vehicle == BP_MOTOR)
+        return;
+    out[OUTPUT_ACCEL_SURGE] = vehicle->felt[0];
+    out[OUTPUT_ACCEL_SWAY] = vehicle->felt[1];
+}
+
 /* Fills OUTPUT_COUNT values from the state, without sensor effects. Outputs that this vehicle does not have are NaN. */
 static inline void output_row(const vehicle_t *vehicle, real_t *out)
 {

@@ -176,6 +176,8 @@ int plant_start(plant_t *plant, const bp_model *model, const bp_state *initial, 
     if (!(plant->wheels.inertia.left > 0) || !(plant->wheels.inertia.right > 0))
         return BP_E_RANGE;
     sense(plant, 0);
+    for (int axis = 0; axis < 2; axis++)
+        vehicle->felt[axis] = step_felt(plant, axis);
     return 0;
 }
 
@@ -232,9 +234,7 @@ int plant_advance(plant_t *plant, const double input[2], double dt)
     if (status != 0)
         return status;
     const double step = dt / body_count;
-    const contact_t *contact = contact_of(&plant->vehicle);
-    for (int i = 0; i < body_count; i++)
-        step_body(plant, contact, input, step, step / motor_count, motor_count);
+    step_sample(plant, contact_of(&plant->vehicle), input, step, body_count, motor_count);
     return step_finite(&plant->vehicle.state) ? 0 : BP_E_DIVERGED;
 }
 
@@ -244,4 +244,5 @@ void plant_outputs(const plant_t *plant, double *out)
         memcpy(out, plant->vehicle.output, sizeof plant->vehicle.output);
     else
         output_row(&plant->vehicle, out);
+    output_felt(&plant->vehicle, out);
 }

@@ -53,7 +53,7 @@ int plant_divide(const plant_t *plant, double dt, int *body_count, int *motor_co
 void plant_nominal_motors(const vehicle_t *vehicle, motor_t motor[2]);
 
 /* Fills `out` with the OUTPUT_COUNT outputs of the present state, in the order of bp_output_name(): with the sensor
- * effects that are on, and without noise. */
+ * effects that are on, and without noise. Accelerations are means over the last plant_advance(). */
 void plant_outputs(const plant_t *plant, double *out);
 
 #endif

@@ -128,4 +128,27 @@ static inline void step_body(stepped_t *plant, const contact_t *contact, const r
     sense(plant, step);
 }
 
+/* What accelerometers show of the last body step. */
+static inline real_t step_felt(const stepped_t *plant, int axis)
+{
+    const vehicle_t *vehicle = &plant->vehicle;
+    if (has_hooks(plant, SITE_SENSOR))
+        return vehicle->output[axis == 0 ? OUTPUT_ACCEL_SURGE : OUTPUT_ACCEL_SWAY];
+    return axis == 0 ? vehicle->accel_surge : vehicle->accel_sway;
+}
+
+/* Advances by body_count body steps, from one reading of the sensors to the next. */
+static inline void step_sample(stepped_t *plant, const contact_t *contact, const real_t input[2], double step,
+                               int body_count, int motor_count)
+{
+    real_t *felt = plant->vehicle.felt;
+    for (int i = 0; i < body_count; i++) {
+        step_body(plant, contact, input, step, step / motor_count, motor_count);
+        for (int axis = 0; axis < 2; axis++)
+            felt[axis] = i == 0 ? step_felt(plant, axis) : felt[axis] + step_felt(plant, axis);
+    }
+    for (int axis = 0; axis < 2; axis++)
+        felt[axis] = felt[axis] / body_count;
+}
+
 #endif

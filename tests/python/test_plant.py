@@ -69,6 +69,25 @@ def test_accelerations_are_the_specific_force_over_the_body_step(profile: str) -
     np.testing.assert_allclose(got["accel_sway"][1:], sway, atol=2e-3 * np.max(np.abs(sway)))
 
 
+@pytest.mark.parametrize("effects", [{}, {"imu_lever_arm": {"x": 0.1, "y": 0.05}, "imu_lag": {"time_constant": 0.01}}])
+def test_a_reading_of_an_accelerometer_is_the_mean_since_the_reading_before(
+    effects: dict[str, dict[str, float]],
+) -> None:
+    """Five body steps lie between two samples of the second run, and one between those of the first."""
+    model = dataclasses.replace(another_robot("coupled"), effects=effects)
+    time, inputs = manoeuvre()
+    inputs = np.repeat(inputs[::5], 5, axis=0)[: len(time)]
+    each, fifth = (
+        one.outputs
+        for one in simulate([(model, OpenLoopRun(time, inputs)), (model, OpenLoopRun(time[::5], inputs[::5]))])
+    )
+    for name in ("accel_surge", "accel_sway"):
+        samples = np.asarray(fifth[name][1:])
+        means = each[name][1 : 5 * len(samples) + 1].reshape(-1, 5).mean(axis=1)
+        np.testing.assert_allclose(samples, means, rtol=1e-9, atol=1e-9 * np.ptp(means))
+    np.testing.assert_allclose(fifth["yaw_rate"], each["yaw_rate"][::5], rtol=1e-9, atol=1e-12)
+
+
 def errors_with_motor_step(model: Model, steps: list[float], body_step: float) -> np.ndarray:
     time, inputs = manoeuvre(0.009)
     truth = reference_ode.solve(ODES[model.profile](model.parameters), time, inputs)

@@ -13,7 +13,7 @@ from brickpilot.data.reading import read
 from brickpilot.discover.prepare import calibrate, prepare
 from brickpilot.discover.row_meaning import with_known_sampling
 from brickpilot.errors import InputError
-from brickpilot.fit.blocks import blocks
+from brickpilot.fit.blocks import blocks, on_coarse_grid
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.plant import OpenLoopRun
 
@@ -104,6 +104,22 @@ def test_what_is_stated_is_what_is_compared(kind: str, tmp_path: Path) -> None:
     other = "mean" if kind == "instant" else "instant"
     assert left[kind] < 1.6 * NOISE["accel_surge"]
     assert left[other] > 1.6 * left[kind]
+
+
+def test_bins_of_a_coarse_simulation_are_those_of_the_samples_also_where_a_command_steps(tmp_path: Path) -> None:
+    """A sample of an accelerometer lies in the bin that the time before it lies in: no bin begins with a past step."""
+    data = written(tmp_path / "s", "mean")
+    time = np.arange(0.0, 1.5, 0.003)
+    volts = np.where((time > 0.3 - 1e-9) & (time < 0.9), 7.0, -4.0)
+    outputs = plant.simulate([(TRUTH, OpenLoopRun(time=time, inputs=np.column_stack([volts, volts])))])[0].outputs
+    measured = {"accel_surge": np.array(outputs["accel_surge"])}
+    inputs = {"voltage_left": volts, "voltage_right": volts}
+    run = dataclasses.replace(data.runs[0], time=time, inputs=inputs, outputs=measured)
+    fast = dataclasses.replace(data, runs=(run,))
+    replay, bins = on_coarse_grid(fast, 0.03)
+    (block,), _ = blocks(fast, TRUTH, {run.name}, bins)
+    simulated = block.picked @ replay.simulate([TRUTH])[0][run.name]["accel_surge"]
+    assert np.max(np.abs(block.measured - simulated)) < 0.002 * np.max(np.abs(block.measured))
 
 
 def known_sampling(data: Dataset) -> Dataset | None:

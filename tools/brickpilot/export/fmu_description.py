@@ -22,8 +22,8 @@ INPUTS = frozenset({"VOLTAGE", "FLOATS"})
 _NATURE = frozenset({"force_per_volt", "torque_per_volt"})
 
 _MEANS = {
-    "accel_surge": "specific force ahead, at the middle of the axle; mean over the plant's last body step",
-    "accel_sway": "specific force to the right, at the middle of the axle; mean over the last body step",
+    "accel_surge": "specific force ahead, at the middle of the axle; mean over the last communication step",
+    "accel_sway": "specific force to the right, at the middle of the axle; mean over the last communication step",
     "yaw_rate": "as the gyro reads it, clockwise seen from above",
     "yaw_angle": "the gyro's rate, summed up",
     "wheel_speed": "speed of the wheel",

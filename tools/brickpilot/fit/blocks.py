@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from brickpilot.constants import STEP_S
 from brickpilot.data.dataset import Dataset, Run
 from brickpilot.data.input_timing import mean_over_steps
 from brickpilot.data.motion import MOTOR_RATE_OF, measured_rates
@@ -69,14 +68,12 @@ class Bins:
     Attributes:
         width: 0: samples are compared as they are.
         grids: run -> time of the simulated samples, s, where they are not the measured ones.
-        means: run -> s; a measured acceleration is the mean over this time before its sample.
         changes: signals that are compared by their change from bin to bin.
         as_measured: a motor's position or angle is compared as such, and not its derivative.
     """
 
     width: float
     grids: Mapping[str, Array] = field(default_factory=dict)
-    means: Mapping[str, float] = field(default_factory=dict)
     changes: frozenset[str] = SUMMED
     as_measured: bool = False
 
@@ -106,8 +103,10 @@ def blocks(dataset: Dataset, model: Model, fitted: set[str], bins: Bins = SAMPLE
                 notes.append(f"Run {run.name}: {signal} is frozen while its rate is not; left out of the fit.")
                 continue
             described = dataset.signals.get(signal)
-            reach = _reach(run, signal, rows, bins, instant=described is not None and described.sampling == "instant")
-            mean, middle, count = _means(run.time[rows], float(run.time[0]), bins, change=signal in bins.changes)
+            instant = described is not None and described.sampling == "instant"
+            covers = float(np.median(np.diff(run.time))) if signal.startswith("accel") and not instant else 0.0
+            reach = _reach(run, rows, bins, covers=covers, instant=instant)
+            mean, middle, count = _means(run, rows, bins, covers=covers, change=signal in bins.changes)
             values = np.asarray(mean @ measured[rows])
             if len(values) < 2:
                 continue
@@ -118,27 +117,30 @@ def blocks(dataset: Dataset, model: Model, fitted: set[str], bins: Bins = SAMPLE
     return found, notes
 
 
-def _reach(run: Run, signal: str, rows: NDArray[np.intp], bins: Bins, *, instant: bool) -> csr_array:
+def _reach(run: Run, rows: NDArray[np.intp], bins: Bins, *, covers: float, instant: bool) -> csr_array:
     """Returns (rows, simulated samples): what takes a simulated signal to the measured samples `rows`."""
     time, grid = run.time[rows], bins.grids.get(run.name)
     if instant:
         return _instants(time, run.time, _jumps(run)) if grid is None else _instants(time, grid)
     if grid is None:
         return _selection(rows, len(run.time))
-    if signal.startswith("accel"):
-        return _overlap(time, bins.means[run.name], grid)
-    return _interpolation(time, grid)
+    return _overlap(time, covers, grid) if covers else _interpolation(time, grid)
 
 
-def _means(time: Array, start: float, bins: Bins, *, change: bool) -> tuple[csr_array, Array, float]:
+def _means(
+    run: Run, samples: NDArray[np.intp], bins: Bins, *, covers: float, change: bool
+) -> tuple[csr_array, Array, float]:
     """Returns the matrix (values, samples) that averages over bins, the time of each value, and the samples in one.
 
-    `change`: a value is the change from bin to bin.
+    Args:
+        covers: s before a sample over which it is the mean; it lies in the bin that holds the middle of that time.
+        change: a value is the change from bin to bin.
     """
-    rows = np.arange(len(time))
+    time, rows = run.time[samples], np.arange(len(samples))
     if bins.width == 0:
         return _selection(rows, len(rows)), time, 1.0
-    number = np.floor((time - start) / bins.width + 1e-9).astype(np.intp)
+    lies = np.maximum(time - run.time[0] - covers / 2, 0.0)
+    number = np.floor(lies / bins.width + 1e-9).astype(np.intp)
     filled, place, counts = np.unique(number, return_inverse=True, return_counts=True)
     mean = csr_array((1 / counts[place], (place, rows)))
     middle = np.asarray(mean @ time)
@@ -178,17 +180,12 @@ def _jumps(run: Run) -> NDArray[np.bool_]:
 
 
 def _instants(time: Array, simulated: Array, jumps: NDArray[np.bool_] | None = None) -> csr_array:
-    """Returns (times, simulated): accelerations at `time`, from the plant's, which are means over its last step.
+    """Returns (times, simulated): accelerations at `time`, from the plant's, which are means since the sample before.
 
-    A mean stands for the middle of the step. Between two middles the acceleration is taken as linear, which is exact to
-    the second order of the step. A sample at which a command jumps was taken before the jump: the mean stands for it.
-
-    Args:
-        jumps: (simulated,) where a command jumps; None: nowhere.
+    A mean stands for the middle of that time, and between two middles the acceleration is taken as linear: exact to the
+    second order. A sample at which a command jumps, (simulated,) `jumps`, was taken before: the mean stands for it.
     """
-    apart = np.diff(simulated)
-    steps = apart / np.ceil(apart / STEP_S - 1e-6)  # the plant's: equal ones, none longer than STEP_S
-    middles = simulated - np.append(0.0, steps) / 2
+    middles = simulated - np.append(0.0, np.diff(simulated)) / 2
     if jumps is None:
         return _interpolation(time, middles)
     before = np.flatnonzero(jumps[np.searchsorted(simulated, time)])
@@ -234,16 +231,15 @@ def on_coarse_grid(dataset: Dataset, width_s: float) -> tuple[Replay, Bins]:
     """
     full = Replay(dataset)
     step = width_s / _STEPS_PER_BIN
-    runs, grids, means, inputs = [], {}, {}, {}
+    runs, grids, inputs = [], {}, {}
     for run in dataset.runs:
-        own = float(np.median(np.diff(run.time)))
-        if own > step / 1.5:
+        if np.median(np.diff(run.time)) > step / 1.5:
             runs.append(run)
             inputs[run.name] = full.inputs[run.name]
             continue
         grid = np.append(np.arange(run.time[0], run.time[-1] - step / 2, step), run.time[-1])
-        grids[run.name], means[run.name] = grid, min(own, STEP_S)
+        grids[run.name] = grid
         inputs[run.name] = mean_over_steps(run.time, full.inputs[run.name], grid)
         runs.append(dataclasses.replace(run, time=grid))
     coarse = Replay(dataclasses.replace(dataset, runs=tuple(runs)), inputs=inputs, motor_step=step, body_step=step)
-    return coarse, Bins(width_s, grids, means)
+    return coarse, Bins(width_s, grids)
