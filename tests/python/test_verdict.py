@@ -290,6 +290,18 @@ def test_what_a_refuted_explanation_contains_is_refuted() -> None:
     assert both.best.names == ("cogging", "start_delay")
 
 
+def test_what_is_left_out_speaks_for_no_other() -> None:
+    """Friction removes 40 % of the error, and cogging beside it as much of the rest: together more than they leave."""
+    flat = np.full(15, -40.0)
+    table = [
+        made("", flat, cost=99.0),
+        made("coulomb_friction", flat + 10.0, cost=99.0 + math.log(0.6, 4)),
+        made("coulomb_friction cogging", flat + 20.0, cost=99.0 + math.log(0.36, 4)),
+    ]
+    assert judged(table[:2], 2.0).kind == "none"
+    assert judged(table, 2.0).best.names == ("coulomb_friction", "cogging")
+
+
 @pytest.mark.parametrize(("gains", "kind"), [((-18.0, 6.0), "named"), ((6.0, 6.0), "unknown")])
 def test_what_is_refuted_on_the_coarse_grid_is_refuted_at_the_samples(gains: tuple[float, float], kind: str) -> None:
     """At the samples cogging removes 40 % alone: what the nominal model would speak for, unless it is refuted."""

@@ -190,21 +190,22 @@ def best_so_far(found: Found) -> Explanation:
 def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozenset[str]]) -> dict[Evidence, Evidence]:
     """Returns the explanations that are weighed, each with the evidence that it is weighed by.
 
-    One is left out where a simpler one, not refuted, says as much. An explanation that contains a simpler one has to
-    remove at least what it leaves of what that one leaves, of the squared error above noise and of how far values are
-    from what was stated. What the shape of the simpler one's laws may have left of a signal does not count, a share of
-    what they removed beside its values of runs; and more than that has to go surely. Where it does not, no part is
-    missing, and the simpler one is weighed by the likelier evidence of both. No explanation has more parts than one
-    that is no worse in anything: there are the more sets of parts, the larger they are, and many outweigh a name.
+    One is left out where a simpler one says as much that is neither refuted nor left out itself. An explanation that
+    contains a simpler one has to remove at least what it leaves of what that one leaves, of the squared error above
+    noise and of how far values are from what was stated. What the shape of the simpler one's laws may have left of a
+    signal does not count, a share of what they removed beside its values of runs; and more than that has to go surely.
+    Where it does not, no part is missing, and the simpler one is weighed by the likelier evidence of both. No
+    explanation has more parts than one that is no worse in anything: there are the more sets of parts, the larger they
+    are, and many outweigh a name.
     """
     temperature = found.temperature
     prior = {one: one.log_prior(temperature) for one in ranked}
     excess = {one: found.judge.excess(one) for one in ranked}
     shape = {one: found.judge.shape * np.maximum(excess[found.without_laws(one)] - excess[one], 0.0) for one in ranked}
     moved = {one: temperature * evidence.surprise(one.away) for one in ranked}
-    stands = [one for one in ranked if one.explanation.key not in refuted]
-    best, left_out = {one: one for one in ranked}, set[Evidence]()
-    for other in ranked:
+    best, stands, left_out = {one: one for one in ranked}, list[Evidence](), set[Evidence]()
+    contained = {one: sum(map(one.explanation.contains, (each.explanation for each in ranked))) for one in ranked}
+    for other in sorted(ranked, key=lambda one: (len(one.explanation.parts), contained[one])):  # what it contains first
         for one in stands:
             if other.explanation.contains(one.explanation):
                 gone, own = excess[one] - excess[other], shape[one]
@@ -217,6 +218,8 @@ def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozen
             fewer = len(one.explanation.parts) < len(other.explanation.parts)
             if fewer and prior[one] >= prior[other] and one.total >= other.total:
                 left_out.add(other)
+        if other not in left_out and other.explanation.key not in refuted:
+            stands.append(other)
     needed = [one for one in ranked if one not in left_out]
     first = {one.explanation.laws: one for one in reversed(needed)}  # the same laws in other words are one explanation
     return {one: best[one] for one in needed if first[one.explanation.laws] is one}
