@@ -176,8 +176,7 @@ int plant_start(plant_t *plant, const bp_model *model, const bp_state *initial, 
     if (!(plant->wheels.inertia.left > 0) || !(plant->wheels.inertia.right > 0))
         return BP_E_RANGE;
     sense(plant, 0);
-    for (int axis = 0; axis < 2; axis++)
-        vehicle->felt[axis] = step_felt(plant, axis);
+    step_feel(plant); /* `felt` was 0 */
     return 0;
 }
 
@@ -234,7 +233,11 @@ int plant_advance(plant_t *plant, const double input[2], double dt)
     if (status != 0)
         return status;
     const double step = dt / body_count;
-    step_sample(plant, contact_of(&plant->vehicle), input, step, body_count, motor_count);
+    const contact_t *contact = contact_of(&plant->vehicle);
+    step_begin(plant);
+    for (int i = 0; i < body_count; i++)
+        step_body(plant, contact, input, step, step / motor_count, motor_count);
+    step_end(plant, body_count);
     return step_finite(&plant->vehicle.state) ? 0 : BP_E_DIVERGED;
 }
 

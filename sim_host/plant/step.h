@@ -99,6 +99,15 @@ static inline void step_motors(stepped_t *plant, const contact_t *contact, const
     }
 }
 
+/* Adds to `felt` what accelerometers show of the last body step. */
+static inline void step_feel(stepped_t *plant)
+{
+    vehicle_t *vehicle = &plant->vehicle;
+    const bool sensed = has_hooks(plant, SITE_SENSOR);
+    vehicle->felt[0] += sensed ? vehicle->output[OUTPUT_ACCEL_SURGE] : vehicle->accel_surge;
+    vehicle->felt[1] += sensed ? vehicle->output[OUTPUT_ACCEL_SWAY] : vehicle->accel_sway;
+}
+
 /* Advances by one body step of `step` s, in `motor_count` motor steps of h s. */
 static inline void step_body(stepped_t *plant, const contact_t *contact, const real_t input[2], double step, double h,
                              int motor_count)
@@ -126,29 +135,19 @@ static inline void step_body(stepped_t *plant, const contact_t *contact, const r
     vehicle->state.charge += charge;
     vehicle->state.age += step;
     sense(plant, step);
+    step_feel(plant);
 }
 
-/* What accelerometers show of the last body step. */
-static inline real_t step_felt(const stepped_t *plant, int axis)
+/* Before the body steps from one reading of the sensors to the next, and after them. */
+static inline void step_begin(stepped_t *plant)
 {
-    const vehicle_t *vehicle = &plant->vehicle;
-    if (has_hooks(plant, SITE_SENSOR))
-        return vehicle->output[axis == 0 ? OUTPUT_ACCEL_SURGE : OUTPUT_ACCEL_SWAY];
-    return axis == 0 ? vehicle->accel_surge : vehicle->accel_sway;
+    plant->vehicle.felt[0] = plant->vehicle.felt[1] = real_of(-0.0); /* any number is added to -0 exactly, also -0 */
 }
 
-/* Advances by body_count body steps, from one reading of the sensors to the next. */
-static inline void step_sample(stepped_t *plant, const contact_t *contact, const real_t input[2], double step,
-                               int body_count, int motor_count)
+static inline void step_end(stepped_t *plant, int body_count)
 {
-    real_t *felt = plant->vehicle.felt;
-    for (int i = 0; i < body_count; i++) {
-        step_body(plant, contact, input, step, step / motor_count, motor_count);
-        for (int axis = 0; axis < 2; axis++)
-            felt[axis] = i == 0 ? step_felt(plant, axis) : felt[axis] + step_felt(plant, axis);
-    }
-    for (int axis = 0; axis < 2; axis++)
-        felt[axis] = felt[axis] / body_count;
+    plant->vehicle.felt[0] = plant->vehicle.felt[0] / body_count;
+    plant->vehicle.felt[1] = plant->vehicle.felt[1] / body_count;
 }
 
 #endif
