@@ -146,10 +146,10 @@ static const effect_t *law(const char *name)
 static unsigned advance(void *memory, double step, int body_count, int motor_count)
 {
     stepped_t *plant = memory;
-    step_begin(plant);
+    step_sample_begins(plant);
     for (int i = 0; i < body_count; i++)
         step_body(plant, plant->contact, plant->input, step, step / motor_count, motor_count);
-    step_end(plant, body_count);
+    step_sample_ends(plant, body_count);
     const mask_t finite = step_finite(&plant->vehicle.state);
     unsigned bits = 0;
     for (int i = 0; i < LANES; i++)

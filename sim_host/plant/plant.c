@@ -234,10 +234,10 @@ int plant_advance(plant_t *plant, const double input[2], double dt)
         return status;
     const double step = dt / body_count;
     const contact_t *contact = contact_of(&plant->vehicle);
-    step_begin(plant);
+    step_sample_begins(plant);
     for (int i = 0; i < body_count; i++)
         step_body(plant, contact, input, step, step / motor_count, motor_count);
-    step_end(plant, body_count);
+    step_sample_ends(plant, body_count);
     return step_finite(&plant->vehicle.state) ? 0 : BP_E_DIVERGED;
 }
 

@@ -139,12 +139,12 @@ static inline void step_body(stepped_t *plant, const contact_t *contact, const r
 }
 
 /* Before the body steps from one reading of the sensors to the next, and after them. */
-static inline void step_begin(stepped_t *plant)
+static inline void step_sample_begins(stepped_t *plant)
 {
     plant->vehicle.felt[0] = plant->vehicle.felt[1] = real_of(-0.0); /* any number is added to -0 exactly, also -0 */
 }
 
-static inline void step_end(stepped_t *plant, int body_count)
+static inline void step_sample_ends(stepped_t *plant, int body_count)
 {
     plant->vehicle.felt[0] = plant->vehicle.felt[0] / body_count;
     plant->vehicle.felt[1] = plant->vehicle.felt[1] / body_count;
