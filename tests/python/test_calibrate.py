@@ -11,7 +11,7 @@ import pytest
 from brickpilot.data import dataset, reading
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.fit.calibration import calibrate
-from brickpilot.fit.robust import correlation_time, noise_sd
+from brickpilot.fit.robust import correlation_time
 from brickpilot.report.fit_pages import calibrate_page
 from brickpilot.vehicle import model
 from brickpilot.vehicle.replay import Replay
@@ -235,12 +235,6 @@ def test_the_page_draws_stated_against_fitted_and_the_correlations(tmp_path):
     assert page.count('<td class="cell') == matrix.size
     drawn = [one for title, one in figures(page).items() if "before and after the fit" in title]
     assert len(drawn) == len(found.gaps)
-
-
-def test_noise_is_told_from_a_smooth_signal():
-    time = np.linspace(0, 10, 5000)
-    values = np.sin(time) + np.random.default_rng(1).normal(0, 0.01, 5000)
-    assert noise_sd(values) == pytest.approx(0.01, rel=0.1)
 
 
 def test_correlation_time_of_a_first_order_residual():

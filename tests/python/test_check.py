@@ -98,6 +98,7 @@ def test_the_command_prints_lines_or_one_object(vehicle: Vehicle, tmp_path: Path
     figures = json.loads(brickpilot("check", str(folder), "--json", cwd=tmp_path).stdout)
     assert figures["vehicle"] == vehicle
     assert set(figures["visible"]) & set(figures["invisible"]) == set()
+    assert all(one["size"] >= 0.003 for one in figures["visible"].values() if one["unit"] == "s")
     if vehicle == "motor":
         assert not {"yaw_scrub", "carpet_nap", "gyro_bias"} & {*figures["visible"], *figures["invisible"]}
 

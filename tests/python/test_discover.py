@@ -16,10 +16,10 @@ from brickpilot.discover import numbers, pipeline
 from brickpilot.discover.experiment import next_experiment
 from brickpilot.discover.parts import library_parts
 from brickpilot.discover.prepare import calibrate, prepare, with_default_sds
-from brickpilot.discover.settle import best_predictor, better_predictor, free_run_errors, whole_runs
+from brickpilot.discover.settle import best_predictor, better_predictor, error_changes, whole_runs
 from brickpilot.fit import parameters
 from brickpilot.fit.problem import Problem
-from brickpilot.fit.residual import of_bins
+from brickpilot.fit.residual import of_bins, of_samples
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.manoeuvres import manoeuvres
 from brickpilot.vehicle.replay import Replay
@@ -129,7 +129,7 @@ def test_whole_runs_of_a_motor_compare_the_position_that_was_measured():
     prepared = cogging("angle", 0.01)
     assert prepared.coarse.signals == ["speed"]
     assert whole_runs(prepared).signals == ["angle"]
-    assert free_run_errors(prepared, [motor()])[0].keys() == {"angle"}
+    assert error_changes(prepared, motor(), motor()) == {"angle": 1.0}
 
 
 @pytest.mark.parametrize(("signal", "noise", "is_known"), [("angle", 0.01, True), ("speed", 0.05, False)])
@@ -147,6 +147,14 @@ def test_the_residual_compares_the_mean_of_each_bin(tmp_path):
     assert block.measured[5] == pytest.approx(run.outputs["yaw_rate"][15:18].mean())
     simulated = Replay(full.replay.dataset).simulate([plan.model])[0][run.name]["yaw_rate"]
     assert (block.picked @ simulated)[5] == pytest.approx(simulated[15:18].mean())
+
+
+def test_samples_and_bins_have_the_same_noise_of_a_sample(tmp_path):
+    full, coarse, plan = errors_of(hidden(tmp_path / "set", {}))
+    samples = of_samples(Replay(full.replay.dataset), plan.model, sorted(full.runs))
+    assert samples.sample_noise == full.sample_noise == coarse.sample_noise
+    assert all(one.size >= one.noise == one.sample_noise for one in samples.scales.values())
+    assert full.sample_noise["yaw_rate"] == pytest.approx(SIGNALS["yaw_rate"], rel=0.1)
 
 
 def test_the_coarse_grid_simulates_what_the_measured_samples_do(tmp_path):

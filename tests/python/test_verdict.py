@@ -13,10 +13,11 @@ from brickpilot.data import reading
 from brickpilot.discover import adequacy, numbers, verdict
 from brickpilot.discover.adequacy import Adequacy
 from brickpilot.discover.evidence import Judge
-from brickpilot.discover.explanation import FINE, fit, joined, refine
-from brickpilot.discover.parts import RunPart, library_parts
+from brickpilot.discover.explanation import FINE, Explanation, fit, is_possible, joined, refine
+from brickpilot.discover.parts import Excitation, RunPart, library_parts
 from brickpilot.discover.prepare import SD_SHARE, calibrate, prepare
 from brickpilot.discover.search import Library, Search
+from brickpilot.fit.parameters import Plan
 from brickpilot.fit.problem import Problem
 from brickpilot.vehicle.composed_terms import basis
 from brickpilot.vehicle.model import Model
@@ -193,6 +194,14 @@ def test_a_value_that_leaves_what_was_stated_of_it_is_further_than_chance_among_
     assert numbers.leaves_prior(-2.0, 1)
     assert not numbers.leaves_prior(2.8, 11)
     assert numbers.leaves_prior(2.9, 11)
+
+
+@pytest.mark.parametrize(("seconds", "is_named"), [(0.0029, False), (0.0031, True)])
+def test_a_lag_shorter_than_a_step_of_the_simulation_explains_nothing(seconds: float, is_named: bool) -> None:
+    nominal = Explanation((), Plan(robot(), (), ()), np.empty(0))
+    for name, size in (("imu_lag", "time_constant"), ("input_delay", "delay")):
+        part = next(one for one in library_parts(nominal.model) if one.effect == name)
+        assert is_possible(joined(nominal, part, {size: seconds}), Excitation({})) == is_named
 
 
 def test_a_torque_that_goes_with_the_current_is_the_motor_s() -> None:

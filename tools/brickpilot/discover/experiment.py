@@ -24,7 +24,7 @@ from brickpilot.discover import numbers
 from brickpilot.discover.evidence import Judge
 from brickpilot.discover.explanation import Explanation
 from brickpilot.discover.finding import NOMINAL_VALUES, Experiment, Visible
-from brickpilot.discover.parts import Part, library_parts, limit_of, scale_of, scanned_parameter
+from brickpilot.discover.parts import Part, least_of, library_parts, limit_of, scale_of, scanned_parameter
 from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.screen import Probe, probes_of, signature_strengths
 from brickpilot.discover.verdict import Verdict
@@ -137,8 +137,9 @@ def smallest_sizes(prepared: Prepared, judge: Judge, nominal: Explanation, best:
     for part, values, strength in signature_strengths(here, best.point, chosen, excitation=prepared.excitation):
         size, strength = abs(values[part.free[0]]), np.maximum(strength, 1e-12)
         times = min(_times(strength, hidden, needed), float(np.min(predictable / strength)))
-        wanted = max(_size_named(part, size, float(strength.sum()), temperature), size * math.sqrt(times))
-        if wanted <= _size_of(part).maximum:
+        surely, info = _size_named(part, size, float(strength.sum()), temperature), _size_of(part)
+        wanted = max(surely, size * math.sqrt(times), least_of(info))
+        if wanted <= info.maximum:
             tried.append((part, size, wanted))
     nearest = sorted(_nearest(tried), key=lambda one: one[0].effect)
     return {part.effect: Visible(_size_of(part).name, size, _size_of(part).unit) for part, size in nearest}

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from brickpilot import catalogue
 from brickpilot.discover.deadline import NO_LIMIT, Deadline
-from brickpilot.discover.parts import Excitation, Part, read_limits
+from brickpilot.discover.parts import Excitation, Part, least_of, read_limits
 from brickpilot.errors import SimulationError
 from brickpilot.fit.descent import descend
 from brickpilot.fit.parameters import Free, Plan
@@ -179,14 +179,14 @@ def is_possible(found: Explanation, excitation: Excitation) -> bool:
 
     No fitted parameter stands at the end of its range: there the data ask for another law. A periodic effect has at
     least about one period. A sensor never reads beyond its limit. A parameter that adds to another, as a breakaway
-    torque adds to dry friction, does not replace it.
+    torque adds to dry friction, does not replace it. None is below `least_of`.
     """
     tables = found.model.effects
     for one in found.effects:
         for info in catalogue.effect(one.effect).parameters:
             value = tables[one.effect].get(info.name, info.preset)
             away = min((abs(value - end) for end in (info.minimum, info.maximum) if end not in _WHOLE), default=np.inf)
-            if info.name in one.free and away < _AT_BOUND * abs(value):
+            if info.name in one.free and (away < _AT_BOUND * abs(value) or abs(value) < least_of(info)):
                 return False
     periodic = all(tables[one.effect]["order"] >= excitation.least_order for one in found.effects if one.is_periodic)
     limits = [(tables[one.effect][name], signal) for one in found.effects for name, signal in read_limits(one)]

@@ -18,6 +18,7 @@ from brickpilot.catalogue import ParameterInfo
 from brickpilot.data.dataset import Nominal
 from brickpilot.discover import numbers
 from brickpilot.fit.parameters import DECADE, Free, Plan
+from brickpilot.fit.residual import MOTOR_STEP_S
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.model import Model, rcx
 from brickpilot.vehicle.plant import OpenLoopRun, State
@@ -215,6 +216,14 @@ def _sets_of_parameters(usable: list[ParameterInfo]) -> list[tuple[str, ...]]:
 def is_signed(one: ParameterInfo) -> bool:
     """Returns whether a parameter is a size that may be negative."""
     return one.minimum < 0 and one.role != "shape"
+
+
+def least_of(info: ParameterInfo) -> float:
+    """Returns the least size that is named, SI: of a delay or a lag a step of the simulation; of all others 0.
+
+    What is faster, as a tyre that gives, no model here has, and a delay of nearly nothing would stand in for it.
+    """
+    return MOTOR_STEP_S if info.unit == "s" and info.role == "size" and info.minimum == 0 else 0.0
 
 
 def read_limits(part: Part) -> list[tuple[str, str]]:

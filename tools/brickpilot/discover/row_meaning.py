@@ -32,7 +32,7 @@ from brickpilot.discover.explanation import Explanation, fit
 from brickpilot.discover.prepare import Prepared, calibrate, prepare
 from brickpilot.fit.blocks import on_coarse_grid
 from brickpilot.fit.problem import Problem
-from brickpilot.fit.residual import of_samples
+from brickpilot.fit.residual import MOTOR_STEP_S, of_samples
 from brickpilot.fit.uncertainty import CORRELATED_S
 from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.replay import Replay
@@ -42,7 +42,6 @@ TIMINGS: tuple[Timing, ...] = ("held", "linear")
 
 _FOLLOWABLE_ROW_S = 0.008  # in a log with shorter rows bins hide what inputs do between them
 _TOLERANCE = 1e-5  # relative change of cost at which a fit ends
-_MOTOR_STEP_S = 0.003  # as the residual at the measured samples has
 _ROWS: dict[Kind, tuple[float, ...]] = {"lag": (0.5, 1.0, 2.0, 4.0), "delay": (0.5, 1.0, 2.0)}  # tried first
 _LEAST, _MOST = 0.5, {"lag": 2.0, "delay": 1.5}  # of the best of these: where it is then looked for
 _TRIALS = 6  # there
@@ -82,7 +81,7 @@ def _found(prepared: Prepared, logged: Dataset, row_s: float) -> tuple[Timing, s
         compared = _with_inputs(prepared, logged, timing, behind)
         coarse = Problem(prepared.coarse.with_inputs(on_coarse_grid(compared, numbers.BIN_S)[0]), nominal.plan)
         own = fit(coarse, (), nominal.plan, nominal.point, _TOLERANCE) or nominal
-        loss = prepared.fine.with_inputs(Replay(compared, motor_step=_MOTOR_STEP_S)).losses(own.model)
+        loss = prepared.fine.with_inputs(Replay(compared, motor_step=MOTOR_STEP_S)).losses(own.model)
         return np.bincount(stretch, loss).astype(np.float64)
 
     held, linear = (_tried(functools.partial(losses, timing), row_s) for timing in TIMINGS)

@@ -37,7 +37,6 @@ from brickpilot.discover.screen import Trial, screen
 from brickpilot.fit.descent import descend, natural_start
 from brickpilot.fit.problem import Problem
 from brickpilot.fit.residual import Residual
-from brickpilot.fit.robust import pseudo_huber_loss
 from brickpilot.side_by_side import side_by_side
 
 Array = NDArray[np.float64]
@@ -299,12 +298,11 @@ class Search:
         rough = self._possible(before(self.deadline, start, trials, self.jobs))
         near = self.source.nearby(here, current, rough)
         rough += self._possible(before(self.deadline, start, near, self.jobs))
-        rough.sort(key=_information)
-        if rough and rough[0].is_periodic and (other := self._with_better_order(rough[0])) is not None:
-            rough.insert(0, other)
         if not rough:
             return []
-        rough = sorted({one.key: one for one in reversed(rough)}.values(), key=_information)  # the best of each start
+        rough += self._at_better_order(min(rough, key=_information))
+        rough.sort(key=_information, reverse=True)
+        rough = sorted({one.key: one for one in rough}.values(), key=_information)  # the best of each start
         least = min(rough[0].cost, best.explanation.cost)
         worth = sum(one.cost < least + _NEAR * best.nat(temperature) for one in rough)
         count = min(max(worth, self.source.width.least), self.source.width.fine)
@@ -406,24 +404,19 @@ class Search:
         again = [one for one in self._rough(starts) if one.cost < reached[one.key] - _WORSE]
         found.add(self._refined(again), self.jobs)
 
-    def _with_better_order(self, found: Explanation) -> Explanation | None:
-        """Returns `found`, with a periodic effect, fitted from the best order near its own; None if that is best.
+    def _at_better_order(self, found: Explanation) -> list[Explanation]:
+        """Returns `found`, with a periodic effect, fitted from the best order near its own; nothing if that is best.
 
         Near the right order lie others that differ by one turn over the travel. Each has a valley that a descent stays
         in.
         """
-        last = next((part for part in reversed(found.parts) if part.is_periodic), found.parts[-1])
-        names = [one.name for one in found.plan.free]
-        if f"{last.effect}.order" not in names:
-            return None
-        direction = np.eye(len(found.point))[names.index(f"{last.effect}.order")]
-        starts = [found.point + offset * direction for offset in _ORDER_OFFSETS]
-        models = [found.plan.at(start) for start in starts]
-        costs = [float(np.nan_to_num(pseudo_huber_loss(one), nan=np.inf).sum()) for one in self.data.scaled_by(models)]
-        best = int(np.argmin(costs))
-        if costs[best] > _LOWER * float(self.data.losses(found.model).sum()):
-            return None
-        return fit(Problem(self.data, found.plan), found.parts, found.plan, starts[best], ROUGH)
+        orders = [k for k, one in enumerate(found.plan.free) if one.info.name == "order"]
+        axes = np.eye(len(found.point))[orders]
+        points = [found.point + offset * axis for axis in axes for offset in _ORDER_OFFSETS]
+        costs = Problem(self.data, found.plan).costs(points)
+        if min(costs, default=np.inf) > _LOWER * found.cost:
+            return []
+        return self._rough([dataclasses.replace(found, point=points[int(np.argmin(costs))])])
 
 
 def _different(ranked: Sequence[Evidence]) -> list[Evidence]:

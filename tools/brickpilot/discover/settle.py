@@ -11,6 +11,7 @@ better that are left out, claimed or not. It is for those who want to predict an
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -28,7 +29,7 @@ from brickpilot.errors import InputError, SimulationError
 from brickpilot.fit.residual import Residual, of_bins
 from brickpilot.fit.uncertainty import Estimate, assess
 from brickpilot.vehicle.model import Model, read_back
-from brickpilot.vehicle.replay import Outputs, Replay
+from brickpilot.vehicle.replay import Replay
 from brickpilot.vehicle.spread import Spread
 
 Array = NDArray[np.float64]
@@ -68,12 +69,11 @@ def settle(prepared: Prepared, found: Explanation) -> Settled:
     if whole is not None:
         try:
             followed = follow(whole, found, prepared.jobs)
-            before, after = free_run_errors(prepared, [found.model, followed[1].model])
+            if _is_better(prepared, followed[1].model, found.model):
+                data, best = followed
+                notes = (_WHOLE,)
         except SimulationError:
-            before, after = {}, {}
-        if before and _change(before, after) < 1:
-            data, best = followed
-            notes = (_WHOLE,)
+            pass
     return written(prepared, data, best, notes)
 
 
@@ -135,31 +135,23 @@ def follow(whole: Residual, found: Explanation, jobs: int) -> tuple[Residual, Ex
     return whole, found
 
 
-def free_run_errors(prepared: Prepared, models: list[Model]) -> list[dict[str, float]]:
-    """Returns for each model signal -> rms of measured less simulated over the spread of the signal, on the fit runs.
+def error_changes(prepared: Prepared, before: Model, after: Model) -> dict[str, float]:
+    """Returns signal -> how many times as large its squared error in free runs becomes, on the fit runs.
 
-    The spread is the rms about each run's mean. A signal that does not vary is left out.
+    Raises:
+        SimulationError: a model diverges.
     """
-    return [_errors(prepared, outputs) for outputs in Replay(prepared.dataset).simulate(models, threads=prepared.jobs)]
-
-
-def _errors(prepared: Prepared, outputs: Mapping[str, Outputs]) -> dict[str, float]:
-    sums: dict[str, Array] = {}
+    outputs, sums = Replay(prepared.dataset).simulate([before, after], threads=prepared.jobs), dict[str, Array]()
     for run in prepared.measured.runs:
-        for signal in sorted(run.outputs.keys() & outputs[run.name].keys() - {"battery_voltage"}):
-            measured = run.outputs[signal]
-            known = np.isfinite(measured)
-            if np.count_nonzero(known) > 1:
-                left = measured[known] - outputs[run.name][signal][known]
-                both = np.array([np.sum(left**2), np.sum((measured[known] - measured[known].mean()) ** 2)])
-                sums[signal] = sums.get(signal, np.zeros(2)) + both
-    return {signal: float(np.sqrt(left / all_)) for signal, (left, all_) in sums.items() if all_ > 0}
+        for signal in sorted(run.outputs.keys() & outputs[0][run.name].keys() - {"battery_voltage"}):
+            errors = [run.outputs[signal] - one[run.name][signal] for one in outputs]
+            sums[signal] = sums.get(signal, np.zeros(2)) + np.nansum(np.square(errors), axis=1)
+    return {signal: float(then / first) for signal, (first, then) in sums.items() if first > 0 and then > 0}
 
 
-def _change(before: Mapping[str, float], after: Mapping[str, float]) -> float:
-    """Returns how many times as large the error becomes, as the geometric mean over the signals."""
-    ratios = [after[signal] / before[signal] for signal in before if before[signal] > 0 and after.get(signal, 0) > 0]
-    return float(np.exp(np.mean(np.log(ratios)))) if ratios else 1.0
+def _is_better(prepared: Prepared, model: Model, than: Model) -> bool:
+    """Returns whether a model simulates the fit runs with less error than another: the mean over signals, in logs."""
+    return sum(map(math.log, error_changes(prepared, than, model).values())) < 0
 
 
 def best_predictor(prepared: Prepared, start: Explanation, tell: Tell) -> Settled:
@@ -201,8 +193,7 @@ def better_predictor(prepared: Prepared, grown: Settled, explained: Settled) -> 
 
     Parts are joined and fitted to whole runs, where a descent may end in a worse place than the explanation's own.
     """
-    errors, own = free_run_errors(prepared, [grown.model, explained.model])
-    return grown if _change(own, errors) < 1 else _as_predictor(explained)
+    return grown if _is_better(prepared, grown.model, explained.model) else _as_predictor(explained)
 
 
 def _as_predictor(made: Settled) -> Settled:

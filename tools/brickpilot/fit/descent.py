@@ -68,7 +68,7 @@ def search(problem: Problem, random: np.random.Generator, count: Count) -> tuple
     named = [("nominal values", starts[0]), ("natural sizes", starts[1])]
     if spread.any():
         inside = np.clip(candidates, *_bounds(problem))
-        order = np.argsort([problem.cost(point) for point in inside], kind="stable")[:FOLLOWED]
+        order = np.argsort(problem.costs(inside), kind="stable")[:FOLLOWED]
         named += [(f"random start {int(i) + 1} of {len(inside)}", inside[i]) for i in order]
     return _follow(problem, named, count)
 

@@ -73,8 +73,15 @@ class Problem:
 
     def cost(self, point: Array) -> float:
         """Returns half the sum of squares; infinite where the plant diverges."""
-        cost = float(np.sum(self.residual(point) ** 2) / 2)
-        return cost if np.isfinite(cost) else float("inf")
+        return self.costs([point])[0]
+
+    def costs(self, points: Sequence[Array]) -> list[float]:
+        """Returns the cost at each of some points, which are simulated together."""
+        sums, taus = [], self.data.taus()
+        for scaled, point in zip(self.data.scaled_by([self.plan.at(one) for one in points]), points, strict=True):
+            data, prior = robust.pseudo_huber(scaled).value ** 2 / taus, self.prior(point) ** 2
+            sums.append(float(np.sum(data) + np.sum(prior)) / 2)
+        return [one if np.isfinite(one) else float("inf") for one in sums]
 
     def simulated(self, point: Array) -> Array:
         """Returns (values,) what the model at `point` gives."""

@@ -41,10 +41,12 @@ Indices = NDArray[np.int64]
 MODEL_ERROR_SHARE = 0.004
 """Share of a signal's rms that belongs to the scale of its bins: no simulator matches a real machine better."""
 
+MOTOR_STEP_S = 0.003
+"""The longest motor step of a simulation that is compared with bins, s."""
+
 LEAST_NOISE_SHARE = 1e-3
 """The least noise of a sample, as a share of the signal's rms: a smoother signal was filtered, its noise with it."""
 
-_MOTOR_STEP_S = 0.003  # the longest motor step of bins at the measured samples
 _LEAST_KEPT, _KEPT_VALUES = 32, 2_000_000  # models whose simulated values are remembered, and numbers in all
 _CHUNK = 24  # models that are simulated at once: their outputs take memory
 _FIRST_SCALE = 0.2  # of the signal's rms: the scale of samples before any residual is known
@@ -387,7 +389,7 @@ def of_bins(
     Raises:
         InputError: the runs hold nothing that the model gives.
     """
-    replay, bins = on_coarse_grid(dataset, width_s) if coarse else (Replay(dataset, _MOTOR_STEP_S), Bins(width_s))
+    replay, bins = on_coarse_grid(dataset, width_s) if coarse else (Replay(dataset, MOTOR_STEP_S), Bins(width_s))
     changes = frozenset[str]() if as_measured else _compared_by_change(dataset)
     bins = dataclasses.replace(bins, changes=changes, as_measured=as_measured)
     found, notes = blocks(samples or dataset, model, set(runs), bins)
@@ -404,17 +406,8 @@ def _weighed(
         own = [block for block in found if block.signal == signal]
         size = rms_of([one.measured - one.measured[0] if signal in SUMMED else one.measured for one in own])
         rms[signal] = size if size > _LEAST_RMS else 1.0
-        described = dataset.signals.get(signal)
-        stated = (described.noise_sd if described is not None else None) or 0.0
-        resolution = (described.resolution if described is not None else None) or 0.0
-        if bins is SAMPLES:
-            sample = max(
-                stated or max(robust.noise_sd(one.measured) for one in own), 1e-6 * rms[signal], resolution / 12**0.5
-            )
-            noise = sample
-        else:
-            sample, noise = _bin_noise(dataset, own, stated, resolution, rms[signal])
-            noise *= 2**0.5 if signal in bins.changes else 1.0
+        sample, noise = _noise(dataset, own, rms[signal])
+        noise *= 2**0.5 if signal in bins.changes else 1.0
         scales[signal] = Scale(noise, 1.0, noise, sample)
     picked = stack(found, *replay.layout(list(scales)))
     measured = np.concatenate([block.measured for block in found])
@@ -424,13 +417,14 @@ def _weighed(
     )
 
 
-def _bin_noise(
-    dataset: Dataset, own: Sequence[Block], stated: float, resolution: float, rms: float
-) -> tuple[float, float]:
-    """Returns the sd of a sample's noise and of the mean's over a bin, by the noise's colour, SI."""
+def _noise(dataset: Dataset, own: Sequence[Block], rms: float) -> tuple[float, float]:
+    """Returns the sd of a sample's noise and of a compared value's, by the noise's colour, SI."""
     fitted, signal = {block.run for block in own}, own[0].signal
+    described = dataset.signals.get(signal)
+    stated = (described.noise_sd if described is not None else None) or 0.0
+    resolution = (described.resolution if described is not None else None) or 0.0
     parts = [run.outputs[signal] for run in dataset.runs if run.name in fitted and signal in run.outputs]
-    noise: Noise = noise_of(parts, resolution)
+    noise: Noise = noise_of(parts or [block.measured for block in own], resolution)
     sample = max(float(np.hypot(stated, resolution / 12**0.5)), noise.sd, LEAST_NOISE_SHARE * rms)
     per_bin = float(np.median([block.count for block in own]))
     share = noise.mean_sd(per_bin) / noise.sd if noise.sd > 0 else per_bin**-0.5

@@ -1,4 +1,4 @@
-"""Statistics of a residual: the pseudo-Huber loss, a size without outliers, noise, correlation in time, and its model.
+"""Statistics of a residual: the pseudo-Huber loss, a size without outliers, correlation in time, and a noise model.
 
 Source of the model of the noise: Ljung (1999), System Identification, 2nd ed., ch. 13.
 """
@@ -55,13 +55,6 @@ def robust_size(error: Array) -> float:
         limited = np.minimum(error**2, (_SIZE_THRESHOLD * size) ** 2)
         size = float(np.sqrt(np.mean(limited) / _SIZE_EFFICIENCY))
     return size
-
-
-def noise_sd(values: Array) -> float:
-    """Returns the sd of white noise on a smooth signal (n,), from its third differences: robust sd over sqrt(20)."""
-    if len(values) < 8:
-        return 0.0
-    return float(1.4826 * np.median(np.abs(np.diff(values, 3))) / 20**0.5)
 
 
 def correlation_time(parts: Sequence[Array], *, about_mean: bool = True) -> float:
