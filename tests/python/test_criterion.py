@@ -155,8 +155,8 @@ def made(names: str, table: Array, surprise: float = 0.0, cost: float | None = N
     """Returns the evidence of an explanation of effects of the library, whose values surprise by so many nats."""
     parts = tuple(Part(name, (catalogue.effect(name).parameters[0].name,), {}) for name in names.split())
     unknown: Any = None
-    found = Explanation(parts, unknown, np.zeros(0), 100.0 - len(parts) if cost is None else cost)
     away = np.array([50.0] * round(surprise / CHANCE))  # so far away, each costs as much as a common effect
+    found = Explanation(parts, unknown, np.zeros(len(away)), 100.0 - len(parts) if cost is None else cost)
     return Evidence(found, table, np.zeros(0), away, np.zeros((len(away), 0)), np.zeros((0, 0)))
 
 
@@ -359,9 +359,14 @@ def test_what_only_stated_values_speak_for_is_no_name() -> None:
     found = judged([nothing, effect], 2.0)
     assert (found.kind, found.best.names) == ("ambiguous", ("encoder_scale",))
     assert [one.names for one in found.rivals] == [()]
-    told = judged([nothing, made("encoder_scale", flat + 1.0)], 2.0)
-    assert (told.kind, told.rivals) == ("named", ())
+    assert judged([nothing, made("encoder_scale", flat + 1.0)], 2.0).kind == "named"
     assert judged([made("", flat), effect], 2.0).kind == "none"
+    either = judged([made("", flat, surprise=CHANCE), effect], 2.0)  # one value that is far off is as likely
+    assert (either.kind, [one.names for one in (either.best, *either.rivals)]) == (
+        "ambiguous",
+        [("encoder_scale",), ()],
+    )
+    assert judged([made("", flat, CHANCE), made("encoder_scale", flat, CHANCE)], 2.0).kind == "none"  # it stays far off
 
 
 @pytest.mark.parametrize(("gain", "names"), [(5.9, ()), (6.1, ("wheel_slip",))])

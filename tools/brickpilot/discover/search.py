@@ -162,6 +162,13 @@ class Found:
         """Returns whether the data alone, without stated values and prior odds, surely tell that more is needed."""
         return self.table[one.key].total - self.nothing.total > self.temperature * numbers.CHANCE_NATS
 
+    def keeps_stated(self, one: Explanation) -> bool:
+        """Returns whether nominal values are as stated with an explanation, and surely not with the nominal model."""
+        count = len(self.nothing.explanation.point)
+        aways = [each.away[:count].tolist() for each in (self.nothing, self.table[one.key])]
+        moves, still = (any(numbers.leaves_prior(away, count) for away in each) for each in aways)
+        return moves and not still
+
     def without_laws(self, one: Evidence) -> Evidence:
         """Returns the evidence of an explanation's values of runs alone; of nothing, where these were not fitted."""
         laws = {part.name for part in one.explanation.effects} - self.nothing.explanation.key

@@ -83,6 +83,12 @@ def _said(one: Explanation, held: Sequence[Weighed]) -> float:
     return sum(other.weight for other in held if other.explanation.key == one.key or other.explanation.contains(one))
 
 
+def _least(some: Sequence[Weighed], held: Sequence[Weighed]) -> list[Explanation]:
+    """Returns those of `some` that contain no other of them, what says most of the weight of `held` first."""
+    least = [one.explanation for one in some if not any(one.explanation.contains(other.explanation) for other in some)]
+    return sorted(least, key=lambda one: -_said(one, held))
+
+
 def weigh(found: Found) -> Verdict:
     """Returns the verdict of the evidence alone, before what is left is looked at."""
     verdict = _among(found, ())
@@ -130,15 +136,15 @@ def _among(found: Found, refuted: Collection[frozenset[str]]) -> Verdict | None:
     held = [Weighed(ranked[index].explanation, float(weight[index])) for index in order[: last + 1].tolist()]
     held_by = evidence.held_by(ranked, weight)
     sure = frozenset(name for name, share in held_by.items() if share >= numbers.SURE)
-    least = [one.explanation for one in held if not any(one.explanation.contains(other.explanation) for other in held)]
-    least.sort(key=lambda one: -_said(one, held))
+    least, nothing = _least(held, held), found.nothing.explanation
     best = next((one for one in least if one.effects), least[0])  # runs that differ are no missing law
-    nothing = found.nothing.explanation
     # Held-out runs can prove what the data tell, and not what stated values alone speak for.
     data_tell, called = found.is_sure(best), " + ".join(best.names)
     if any(one.key == nothing.key for one in least):
-        best, least = nothing, [nothing]
-        said = Step("weigh", "none", _NOTHING)
+        # A value that it had to move was stated wrongly, or something is missing: no data tell which.
+        least = [*_least([one for one in held if found.keeps_stated(one.explanation)], held), nothing]
+        best = least[0]
+        said = Step("weigh", "ambiguous", _STATED) if len(least) > 1 else Step("weigh", "none", _NOTHING)
     elif len(least) == 1 and best.key - nothing.key <= sure:
         least = least if data_tell else [best, nothing]
         said = Step("weigh", "named", _ONE.format(called)) if data_tell else Step("weigh", "ambiguous", _STATED)
