@@ -105,6 +105,8 @@ def states(readings: Sequence[Reading], *, restart: bool = False) -> list[State]
     given = _sensor_outputs(readings, values, unsolved, built)
     for _ in range(_SECANT_STEPS):
         unsolved = [k for k in unsolved if np.any(np.abs(wanted[k] - given[k]) > 1e-12)]
+        if not unsolved:
+            break
         moved = {k: (wanted[k] - given[k]) / slopes[k] for k in unsolved}
         for k in unsolved:
             values[k] = values[k] + moved[k]
