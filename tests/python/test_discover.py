@@ -299,6 +299,23 @@ def test_an_effect_on_a_sensor_that_was_not_measured_is_no_part(measured, absent
     }
 
 
+@pytest.mark.parametrize(
+    ("measured", "parts"),
+    [
+        ({"wheel_speed_left", "wheel_speed_right"}, {"sensor_delay"}),
+        ({"yaw_rate"}, {"sensor_delay"}),
+        ({"yaw_rate", "wheel_speed_left"}, {"sensor_delay", "speed_delay", "gyro_delay"}),
+        ({"yaw_rate", "accel_surge"}, {"sensor_delay", "gyro_delay"}),
+    ],
+)
+def test_effects_that_change_the_measured_signals_alike_are_one_part(measured, parts):
+    """A wheel's delay and that of all sensors are one law where wheels alone are measured; also beside that law."""
+    delays = {"sensor_delay", "speed_delay", "gyro_delay"}
+    assert {one.effect for one in library_parts(robot(), measured)} & delays == parts
+    late = dataclasses.replace(robot(), effects={"sensor_delay": {"delay": 0.03}})
+    assert {one.effect for one in library_parts(late, measured)} & delays == parts - {"sensor_delay"}
+
+
 def test_a_position_is_delayed_by_its_sensor():
     axis = motor(mass=95.0, viscous_friction=200.0, force_per_volt=35.0)
     for measured in ({"position"}, {"velocity"}, {"angle"}):

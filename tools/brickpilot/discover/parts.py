@@ -153,16 +153,19 @@ def library_parts(base: Model, measured: Collection[str] | None = None) -> list[
     """Returns every effect that `base` lacks, once for each set of parameters worth freeing.
 
     Args:
-        measured: the signals that are compared; an effect on sensors that gave none of them is no part. None: all.
+        measured: the signals that are compared. An effect on sensors that gave none of them is no part; several that
+            change them alike are one law, and the part is the one with the widest reach. None: all are parts.
     """
-    found = []
-    has_current_loop = any(base.parameters.get(name, 0.0) != 0.0 for name in ("force_per_volt", "torque_per_volt"))
-    for info in catalogue.effects():
-        if info.name in base.effects or not info.is_searched:
-            continue
-        if info.acts_on == "supply" and has_current_loop:  # it makes up for the supply
-            continue
-        if info.acts_on == "sensor" and measured is not None and not readings_of(info.name, base.vehicle) & {*measured}:
+    found, read = [], set[frozenset[tuple[str, bytes]]]()
+    makes_up_for_supply = any(base.parameters.get(name, 0.0) != 0.0 for name in ("force_per_volt", "torque_per_volt"))
+    sensors = {one.name: readings_of(one.name, base.vehicle) for one in catalogue.effects() if one.acts_on == "sensor"}
+    for info in sorted(catalogue.effects(), key=lambda one: -len(sensors.get(one.name, ()))):
+        if info.name in sensors and info.is_searched and measured is not None:
+            readings = frozenset(one for one in sensors[info.name].items() if one[0] in measured)
+            if not readings or readings in read:
+                continue
+            read.add(readings)
+        if info.name in base.effects or not info.is_searched or (info.acts_on == "supply" and makes_up_for_supply):
             continue
         usable = [one for one in info.parameters if _adds_something(one, base)]
         for free in _sets_of_parameters(usable):
@@ -183,8 +186,8 @@ def _adds_something(one: ParameterInfo, base: Model) -> bool:
 
 
 @cache
-def readings_of(effect: str, vehicle: str) -> frozenset[str]:
-    """Returns the signals that an effect on sensors changes, from a lively run of the compiled plant with it."""
+def readings_of(effect: str, vehicle: str) -> Mapping[str, bytes]:
+    """Returns what the signals that an effect on sensors changes read in a lively run of the compiled plant with it."""
     time = np.arange(0.0, 1.0, 0.01)
     wave = 9.0 * np.sign(np.sin(9.0 * time))
     inputs = np.column_stack([wave, -0.3 * wave])[:, : 1 if vehicle == "motor" else 2]
@@ -195,7 +198,7 @@ def readings_of(effect: str, vehicle: str) -> frozenset[str]:
     run = OpenLoopRun(time=time, inputs=inputs, initial=fast)
     models = (base, dataclasses.replace(base, effects={effect: table}))
     plain, changed = (one.outputs for one in plant.simulate([(model, run) for model in models]))
-    return frozenset(name for name in plain.keys() & changed.keys() if np.any(plain[name] != changed[name]))
+    return {name: changed[name].tobytes() for name in plain if np.any(plain[name] != changed.get(name, plain[name]))}
 
 
 def _sets_of_parameters(usable: list[ParameterInfo]) -> list[tuple[str, ...]]:

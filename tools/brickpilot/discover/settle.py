@@ -13,6 +13,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -67,13 +68,10 @@ def settle(prepared: Prepared, found: Explanation) -> Settled:
     whole = None if prepared.innovations else whole_runs(prepared)
     best, data, notes = found, prepared.fine, tuple[str, ...]()
     if whole is not None:
-        try:
+        with suppress(SimulationError):
             followed = follow(whole, found, prepared.jobs)
             if _is_better(prepared, followed[1].model, found.model):
-                data, best = followed
-                notes = (_WHOLE,)
-        except SimulationError:
-            pass
+                data, best, notes = *followed, (_WHOLE,)
     return written(prepared, data, best, notes)
 
 
