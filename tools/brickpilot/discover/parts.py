@@ -157,7 +157,7 @@ def library_parts(base: Model, measured: Collection[str] | None = None) -> list[
             change them alike are one law, and the part is the one with the widest reach. None: all are parts.
     """
     found, read = [], set[frozenset[tuple[str, bytes]]]()
-    makes_up_for_supply = any(base.parameters.get(name, 0.0) != 0.0 for name in ("force_per_volt", "torque_per_volt"))
+    has_current_loop = any(base.parameters.get(name, 0.0) != 0.0 for name in ("force_per_volt", "torque_per_volt"))
     sensors = {one.name: readings_of(one.name, base.vehicle) for one in catalogue.effects() if one.acts_on == "sensor"}
     for info in sorted(catalogue.effects(), key=lambda one: -len(sensors.get(one.name, ()))):
         if info.name in sensors and info.is_searched and measured is not None:
@@ -165,8 +165,8 @@ def library_parts(base: Model, measured: Collection[str] | None = None) -> list[
             if not readings or readings in read:
                 continue
             read.add(readings)
-        if info.name in base.effects or not info.is_searched or (info.acts_on == "supply" and makes_up_for_supply):
-            continue
+        if info.name in base.effects or not info.is_searched or (info.acts_on == "supply" and has_current_loop):
+            continue  # a current loop makes up for the supply
         usable = [one for one in info.parameters if _adds_something(one, base)]
         for free in _sets_of_parameters(usable):
             off = {one.name: one.preset if one.role == "shape" else 0.0 for one in usable if one.name not in free}
@@ -187,7 +187,7 @@ def _adds_something(one: ParameterInfo, base: Model) -> bool:
 
 @cache
 def readings_of(effect: str, vehicle: str) -> Mapping[str, bytes]:
-    """Returns what the signals that an effect on sensors changes read in a lively run of the compiled plant with it."""
+    """Returns signal -> its samples in a lively run of the compiled plant, for what an effect on sensors changes."""
     time = np.arange(0.0, 1.0, 0.01)
     wave = 9.0 * np.sign(np.sin(9.0 * time))
     inputs = np.column_stack([wave, -0.3 * wave])[:, : 1 if vehicle == "motor" else 2]

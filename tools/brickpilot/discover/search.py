@@ -163,7 +163,7 @@ class Found:
         return self.table[one.key].total - self.nothing.total > self.temperature * numbers.CHANCE_NATS
 
     def keeps_stated(self, one: Explanation) -> bool:
-        """Returns whether nominal values are as stated with an explanation, and surely not with the nominal model."""
+        """Returns whether an explanation leaves the nominal values as stated, where the nominal model moves one."""
         count = len(self.nothing.explanation.point)
         aways = [each.away[:count].tolist() for each in (self.nothing, self.table[one.key])]
         moves, still = (any(numbers.leaves_prior(away, count) for away in each) for each in aways)
