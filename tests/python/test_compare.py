@@ -336,9 +336,9 @@ def test_the_age_of_a_run_counts_the_runs_and_gaps_before_it(tmp_path, monkeypat
     runs = tuple(dataclasses.replace(run, gap_s=gap) for run, gap in zip(data.runs, gaps, strict=True))
     ages, simulate = [], plant.simulate_into
 
-    def recorded(values, starts, jobs, *options):
-        ages.extend(run.initial.age for _, run in jobs)
-        return simulate(values, starts, jobs, *options)
+    def recorded(values, starts, models, requests, *options):
+        ages.extend(requests["initial"]["age"][:, 0])
+        return simulate(values, starts, models, requests, *options)
 
     monkeypatch.setattr(plant, "simulate_into", recorded)
     Replay(dataclasses.replace(data, runs=runs)).simulate([robot()])

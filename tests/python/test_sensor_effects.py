@@ -110,6 +110,19 @@ def test_a_run_starts_from_what_the_sensors_meant(tmp_path, effects, signals):
             np.testing.assert_allclose(simulated[run.name][signal], values, atol=1e-6, err_msg=f"{run.name} {signal}")
 
 
+def test_a_late_run_starts_from_what_a_drifting_gyro_meant(tmp_path):
+    """By then the gyro reads 1 rad/s too much, which is no motion."""
+    truth = with_effects(gyro_drift={"rate": 0.01})
+    start = State(yaw_rate=0.5, age=100.0)
+    folder = write(tmp_path / "set", truth, {"yaw_rate": 0.0}, STATED, start=start, manoeuvres={"spin": (4.5, -4.5)})
+    measured = reading.read(folder)
+    (run,) = measured.runs
+    assert run.raw_outputs["yaw_rate"][0] == pytest.approx(1.5)
+    late = dataclasses.replace(measured, runs=(dataclasses.replace(run, gap_s=100.0),))
+    (simulated,) = Replay(late).simulate([truth])
+    np.testing.assert_allclose(simulated["spin"]["yaw_rate"], run.raw_outputs["yaw_rate"], atol=1e-6)
+
+
 def test_a_stated_start_is_true_whatever_the_sensors_say(tmp_path):
     truth = with_effects(gyro_bias={"bias": 0.3})
     measured = reading.read(write(tmp_path / "set", truth, {"yaw_rate": 0.0}, STATED, initial="yaw_rate = 0.0"))

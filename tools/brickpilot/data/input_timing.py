@@ -7,7 +7,7 @@ measured signals stay blank there.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
@@ -88,13 +88,21 @@ def mean_over_steps(time: Vector, driven: Vector, grid: Vector) -> Vector:
         driven: (n, columns) V; NaN: the motor floats.
         grid: (m,) s. Its last row is the last input.
     """
+    return means_over_grids(time, driven, [grid])[0]
+
+
+def means_over_grids(time: Vector, driven: Vector, grids: Sequence[Vector]) -> list[Vector]:
+    """Returns what `mean_over_steps` gives for each of some grids, with one sum of the inputs for all of them."""
+    grid, ends = np.concatenate(grids), np.cumsum([len(one) for one in grids])
     held = np.where(np.isnan(driven), 0.0, driven)
     summed = np.vstack([np.zeros(driven.shape[1]), np.cumsum(held[:-1] * np.diff(time)[:, np.newaxis], axis=0)])
     at_grid = np.column_stack([np.interp(grid, time, column) for column in summed.T])
-    means = np.vstack([np.diff(at_grid, axis=0) / np.diff(grid)[:, np.newaxis], held[-1]])
+    with np.errstate(divide="ignore", invalid="ignore"):  # from one grid to the next, which is replaced below
+        means = np.vstack([np.diff(at_grid, axis=0) / np.diff(grid)[:, np.newaxis], held[-1]])
+    means[ends - 1] = held[-1]
     floats = np.isnan(driven[np.maximum(np.searchsorted(time, grid, side="right") - 1, 0)])
     means[floats] = np.nan
-    return means
+    return np.split(means, ends[:-1])
 
 
 def later(time: Vector, driven: Vector, delay_s: float) -> Vector:

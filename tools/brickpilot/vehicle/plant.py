@@ -9,7 +9,7 @@ from operator import attrgetter
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from brickpilot import catalogue
 from brickpilot.catalogue import output_table
@@ -104,12 +104,12 @@ class OpenLoopRun:
         inputs = np.ascontiguousarray(self.inputs, dtype=np.float64)
         if time.ndim != 1:
             raise ValueError(f"time {time.shape} is not (n,)")
-        restarts = np.array([(sample, _initial(state)) for sample, state in self.restarts], dtype=_layout("bp_restart"))
+        restarts = np.array([(sample, _initial(state)) for sample, state in self.restarts], dtype=layout("bp_restart"))
         there = restarts.ctypes.data if len(restarts) else 0
         row = np.array(
             (0, len(time), _address(time), _address(inputs), _initial(self.initial), self.motor_step, self.body_step,
              0, 0, 0, _NOTHING, 0, len(restarts), there),
-            dtype=_layout("bp_run"),
+            dtype=layout("bp_run"),
         )  # fmt: skip
         return time, inputs, restarts, row.tobytes()
 
@@ -247,10 +247,10 @@ def _columns_of(names: tuple[str, ...]) -> Array32:
 
 
 @cache
-def _layout(name: str) -> np.dtype[np.void]:
+def layout(name: str) -> np.dtype[np.void]:
     """Returns the layout of a structure of the C interface."""
-    layout: np.dtype[np.void] = np.dtype(_layout_of(interface()[0].typeof(name)))
-    return layout
+    found: np.dtype[np.void] = np.dtype(_layout_of(interface()[0].typeof(name)))
+    return found
 
 
 def _layout_of(kind: Any) -> Any:
@@ -282,7 +282,6 @@ def simulate(
     *,
     signals: Collection[str] | None = None,
     lanes: int = MOST_LANES,
-    built: Mapping[int, Any] | None = None,
 ) -> list[Simulated]:
     """Simulates each run under its model, on up to `threads` threads; their number does not change the results.
 
@@ -292,7 +291,6 @@ def simulate(
         signals: the outputs to keep, of those that the vehicle has; None: all. To copy the other outputs costs more
             time than to simulate them.
         lanes: at most so many runs side by side; the processor may have room for fewer. Results do not depend on it.
-        built: what `build_all` made of the models; None: they are built here.
 
     Raises:
         SimulationError: of the first run that failed, e.g. because its state diverged.
@@ -303,16 +301,19 @@ def simulate(
         return []
     names = wanted_names(None if signals is None else frozenset(signals))
     ends = np.cumsum([len(run.time) * len(names) for _, run in jobs]).tolist()
-    values = np.empty(ends[-1])
-    last = simulate_into(values, [0, *ends[:-1]], jobs, names, threads, lanes, built)
+    values, models = np.empty(ends[-1]), [model for model, _ in jobs]
+    rows = [run.as_c(1 if model.vehicle == "motor" else 2) for model, run in jobs]
+    requests = np.frombuffer(bytearray().join(rows), dtype=layout("bp_run"))
+    last = simulate_into(values, [0, *ends[:-1]], models, requests, names, threads, lanes)
     kept = (one.reshape(len(names), -1) for one in np.split(values, ends[:-1]))
     return [Simulated(names, one, end) for one, end in zip(kept, last, strict=True)]
 
 
 def simulate_into(
     values: Array,
-    starts: Sequence[int],
-    jobs: Sequence[tuple[Model, OpenLoopRun]],
+    starts: ArrayLike,
+    models: Sequence[Model],
+    requests: NDArray[np.void],
     names: tuple[str, ...],
     threads: int = 1,
     lanes: int = MOST_LANES,
@@ -321,27 +322,29 @@ def simulate_into(
     """Simulates as `simulate` does, but writes into the caller's `values` (n,).
 
     Args:
-        starts: where the outputs of each job begin in `values`: those of the first name at all samples, and so on.
+        starts: (runs, models) where the outputs of each run begin in `values`: those of the first name at all samples,
+            and so on. Or (models,), as `requests`.
+        requests: the runs as `OpenLoopRun.as_c` gives them, (runs, models): each under every model; or (models,): each
+            under its own. They are written to, and the arrays that they point to have to outlive the call.
         names: the outputs to keep, as `wanted_names` gives them.
+        built: what `build_all` made of the models; None: they are built here.
 
-    Returns the last states, as the compiled plant holds them.
+    Returns the last states, in the shape of `requests`, as the compiled plant holds them.
     """
     ffi, library = interface()
     if built is None:
-        built = build_all(model for model, _ in jobs)
-    models = {key: int(ffi.cast("uintptr_t", one)) for key, one in built.items()}
-    rows = [run.as_c(1 if model.vehicle == "motor" else 2) for model, run in jobs]
-    requests = np.frombuffer(bytearray().join(rows), dtype=_layout("bp_run"))
+        built = build_all(models)
+    at = {key: int(ffi.cast("uintptr_t", one)) for key, one in built.items()}
     wanted = _columns_of(names)
-    requests["model"] = [models[id(model)] for model, _ in jobs]
+    requests["model"] = [at[id(model)] for model in models]
     requests["output"] = _address(values) + 8 * np.asarray(starts)
     requests["columns"], requests["column_count"] = _address(wanted), len(names)
-    library.bp_simulate_lanes(ffi.cast("bp_run *", requests.ctypes.data), len(jobs), threads, lanes)
+    library.bp_simulate_lanes(ffi.cast("bp_run *", requests.ctypes.data), requests.size, threads, lanes)
     failed = np.flatnonzero(requests["status"])
     if len(failed):
         index = int(failed[0])
-        status = int(requests["status"][index])
-        raise SimulationError(f"{jobs[index][0].name}, run {index}: {TROUBLE.get(status, status)}", index, status)
+        name, status = models[index % len(models)].name, int(requests["status"].flat[index])
+        raise SimulationError(f"{name}, run {index}: {TROUBLE.get(status, status)}", index, status)
     return np.asarray(requests["final"])
 
 

@@ -16,17 +16,18 @@ from numpy.typing import NDArray
 
 from brickpilot import catalogue
 from brickpilot.data.dataset import Dataset, Run, motor_inputs
-from brickpilot.data.input_timing import held_back, later, mean_over_steps, scaled
+from brickpilot.data.input_timing import held_back, later, means_over_grids, scaled
 from brickpilot.data.motion import run_of
 from brickpilot.vehicle import plant, start_state
 from brickpilot.vehicle.model import Model
-from brickpilot.vehicle.plant import OpenLoopRun, State
-from brickpilot.vehicle.start_state import GEOMETRY, Reading
+from brickpilot.vehicle.plant import OpenLoopRun
+from brickpilot.vehicle.start_state import GEOMETRY, Readings
 
 Array = NDArray[np.float64]
 Outputs = Mapping[str, Array]
+_Own = tuple[tuple[str, float], ...]  # (kind, value) of each value that a run has of its own
 
-_MOST_BEGUN = 1024  # start states of runs that are kept
+_MOST_BEGUN = 64  # sets of runs, as they start under a model, that are kept
 _SLIDING_S = 0.003  # the longest motor step that resolves how contacts of a skid steer begin to slide
 
 
@@ -36,6 +37,19 @@ class Mark:
 
     sample: int
     measured: Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class _Begun:
+    """Runs as they start under a model.
+
+    Attributes:
+        requests: (runs,) as the compiled plant reads them.
+        runs: holds the arrays that `requests` points to.
+    """
+
+    requests: NDArray[np.void]
+    runs: tuple[OpenLoopRun, ...]
 
 
 @dataclass(eq=False)
@@ -60,7 +74,7 @@ class Replay:
     def __post_init__(self) -> None:
         self.inputs = self.inputs or {run.name: motor_inputs(run, self.dataset) for run in self.dataset.runs}
         self.whole = self.whole or {run.name: (run.time, self.inputs[run.name]) for run in self.dataset.runs}
-        self._begun: dict[tuple[object, ...], OpenLoopRun] = {}
+        self._begun: dict[tuple[object, ...], _Begun] = {}
 
     def simulate(
         self,
@@ -125,44 +139,48 @@ class Replay:
         """
         places, length = self._places(names)
         rows = np.empty((len(models), length))
-        restarts = self._restarts(models, marks)
+        restarts_of = self._restarts(models, marks)
         carrying = [index for index, model in enumerate(models) if _needs(tuple(model.effects), model.vehicle)[0]]
         others = [index for index in range(len(models)) if index not in carrying]
         wanted = [one for one in self.aged if only is None or one[0].name in only]
         until = self.aged.index(wanted[-1]) + 1 if wanted else 0
-        carried = {index: State() for index in carrying}
+        carried = np.zeros(len(carrying), dtype=plant.layout("bp_state"))
         for chosen, batch in [*((carrying, [one]) for one in self.aged[:until]), (others, wanted)]:
-            pairs = [(run, age, index) for run, age in batch for index in chosen]
-            if not pairs:
+            if not chosen or not batch:
                 continue
-            begun = self._starting([(run, age, models[index]) for run, age, index in pairs])
-            for k, (run, _, index) in enumerate(pairs):
-                if chosen is carrying:
-                    left = carried[index]
-                    start = dataclasses.replace(begun[k].initial, charge=left.charge, heat=left.heat)  # type: ignore[type-var]
-                    begun[k] = dataclasses.replace(begun[k], initial=start)
-                if (index, run.name) in restarts:
-                    begun[k] = dataclasses.replace(begun[k], restarts=restarts[index, run.name])
-            jobs = [(models[index], one) for (_, _, index), one in zip(pairs, begun, strict=True)]
-            starts = [index * length + places[run.name] for run, _, index in pairs]
-            last = plant.simulate_into(rows.reshape(-1), starts, jobs, names, threads)
+            own = [models[index] for index in chosen]
+            requests, begun = self._starting(batch, own)
             if chosen is carrying:
-                carried = {index: plant.state_of(end) for index, end in zip(chosen, last, strict=True)}
+                for name in ("charge", "heat"):
+                    requests["initial"][name] = carried[name]
+            runs = [run.name for run, _ in batch]
+            for (index, run), restarts in restarts_of.items():
+                if index in chosen and run in runs:
+                    at = runs.index(run), chosen.index(index)
+                    requests["restart"][at] = restarts.ctypes.data
+                    requests["restart_count"][at] = len(restarts)
+            starts = np.add.outer([places[run] for run in runs], np.array(chosen) * length)
+            last = plant.simulate_into(rows.reshape(-1), starts, own, requests, names, threads)
+            del begun  # until here, the requests pointed to its arrays
+            if chosen is carrying:
+                carried = last[0]
         return rows
 
     def _restarts(
         self, models: Sequence[Model], marks: Mapping[str, Sequence[Mark]]
-    ) -> dict[tuple[int, str], list[tuple[int, State]]]:
-        """Returns (number of the model, run) -> (sample, state to go on from)."""
-        places, readings = [], []
+    ) -> dict[tuple[int, str], NDArray[np.void]]:
+        """Returns (number of the model, run) -> (marks,) the samples and states to go on from, as C has them."""
+        found = {}
         for run, age in self.aged:
-            for mark in marks.get(run.name, ()):
-                now = age + float(run.time[mark.sample] - run.time[0])
-                places += [((index, run.name), mark.sample) for index in range(len(models))]
-                readings += [Reading(mark.measured, {}, model, now) for model in models]
-        found: dict[tuple[int, str], list[tuple[int, State]]] = {}
-        for (key, sample), state in zip(places, start_state.states(readings, restart=True), strict=True):
-            found.setdefault(key, []).append((sample, state))
+            if not (of_run := marks.get(run.name)):
+                continue
+            samples = np.array([mark.sample for mark in of_run])
+            known = _columns([mark.measured for mark in of_run])
+            ages = age + run.time[samples] - run.time[0]
+            states = start_state.states(_readings(known, {}, models, ages), restart=True)
+            for index, own in enumerate(states.reshape(len(models), -1)):
+                found[index, run.name] = np.zeros(len(own), dtype=plant.layout("bp_restart"))
+                found[index, run.name]["sample"], found[index, run.name]["state"] = samples, own
         return found
 
     @cached_property
@@ -178,6 +196,11 @@ class Replay:
         """Run -> all that is known at its first sample, except stated values."""
         return {run.name: start_state.first_sample(run) for run in self.dataset.runs}
 
+    @cached_property
+    def _plain(self) -> dict[str, OpenLoopRun]:
+        """Run -> its own inputs."""
+        return {run.name: OpenLoopRun(run.time, self.inputs[run.name]) for run in self.dataset.runs}
+
     def nudged(self, signal: str, by: float) -> Replay:
         """Returns the same data with `by` added to `signal` in the first sample of each run."""
         runs = []
@@ -189,37 +212,72 @@ class Replay:
             runs.append(run)
         return dataclasses.replace(self, dataset=dataclasses.replace(self.dataset, runs=tuple(runs)))
 
-    def _starting(self, wanted: Sequence[tuple[Run, float, Model]]) -> list[OpenLoopRun]:
-        """Returns each run under a model, started from its first sample. Models that give the same state share it."""
+    def _starting(
+        self, batch: Sequence[tuple[Run, float]], models: Sequence[Model]
+    ) -> tuple[NDArray[np.void], list[_Begun]]:
+        """Returns (runs, models): runs of these ages under each model, started from their first samples.
+
+        Behind it comes what holds the arrays that they point to. Models that give the same states share them.
+        """
         if len(self._begun) > _MOST_BEGUN:
             self._begun = {}  # another thread may still read the old one
-        parts = {id(model): _start_key(model) for _, _, model in wanted}
-        keys = [(run.name, *_own_values(run, model), *parts[id(model)]) for run, _, model in wanted]
-        begun = self._begun
-        new = {key: one for key, one in zip(keys, wanted, strict=True) if key not in begun}
-        readings = [Reading(self._first_samples[run.name], run.initial or {}, model) for run, _, model in new.values()]
-        made = {}
-        for (key, (run, age, model)), state in zip(new.items(), start_state.states(readings), strict=True):
-            made[key] = OpenLoopRun(
-                time=run.time,
-                inputs=self._driven(run, model),
-                initial=dataclasses.replace(state, age=age, rest=run.gap_s),
-                motor_step=min([self.motor_step, *_needs(tuple(model.effects), model.vehicle)[1]]),
-                body_step=self.body_step,
-            )
+        names, begun = tuple(run.name for run, _ in batch), self._begun
+        keys: list[tuple[object, ...]] = [
+            (names, _start_key(model), tuple(_own_values(run, model) for run, _ in batch) if model.by_run else ())
+            for model in models
+        ]
+        new = {key: model for key, model in zip(keys, models, strict=True) if key not in begun}
+        made = dict(zip(new, self._begin(batch, [*new.values()]), strict=True)) if new else {}
         found = [made[key] if key in made else begun[key] for key in keys]
         begun |= made
-        return found
+        requests = np.empty((len(batch), len(models)), dtype=plant.layout("bp_run"))
+        for column, one in enumerate(found):
+            requests[:, column] = one.requests
+        return requests, found
 
-    def _driven(self, run: Run, model: Model) -> Array:
-        """Returns (n, columns) V: the inputs of a run, changed by its own values."""
-        own = _own_values(run, model)
-        if not own:
-            return self.inputs[run.name]
-        time, driven = self.whole[run.name]
-        for kind, value in own:
-            driven = RUN_KINDS[kind].change(time, driven, value)
-        return mean_over_steps(time, driven, run.time)
+    def _begin(self, batch: Sequence[tuple[Run, float]], models: Sequence[Model]) -> Iterator[_Begun]:
+        """Yields the runs as they start under each model."""
+        known = _columns([self._first_samples[run.name] for run, _ in batch])
+        stated = _columns([run.initial or {} for run, _ in batch])
+        ages = np.array([age for _, age in batch])
+        states = start_state.states(_readings(known, stated, models, ages))
+        for model, own in zip(models, states.reshape(len(models), -1), strict=True):
+            runs = [self._plain[run.name] for run, _ in batch] if not model.by_run else self._driven(batch, model)
+            columns = 1 if model.vehicle == "motor" else 2
+            requests = np.frombuffer(bytearray().join(one.as_c(columns) for one in runs), plant.layout("bp_run"))
+            requests["initial"] = own
+            requests["initial"]["age"], requests["initial"]["rest"] = ages, [run.gap_s for run, _ in batch]
+            requests["motor_step"] = min([self.motor_step, *_needs(tuple(model.effects), model.vehicle)[1]])
+            requests["body_step"] = self.body_step
+            yield _Begun(requests, tuple(runs))
+
+    def _driven(self, batch: Sequence[tuple[Run, float]], model: Model) -> list[OpenLoopRun]:
+        """Returns runs with their inputs, changed by their own values."""
+        together: dict[tuple[str, _Own], list[Run]] = {}  # what is cut out of one run has the same values
+        for run, _ in batch:
+            together.setdefault((run_of(run.name), _own_values(run, model)), []).append(run)
+        found = dict(self._plain)
+        for (_, own), runs in together.items():
+            time, driven = self.whole[runs[0].name]
+            for kind, value in own:
+                driven = RUN_KINDS[kind].change(time, driven, value)
+            made = means_over_grids(time, driven, [run.time for run in runs]) if own else ()
+            found |= {run.name: OpenLoopRun(run.time, one) for run, one in zip(runs, made, strict=False)}
+        return [found[run.name] for run, _ in batch]
+
+
+def _columns(rows: Sequence[Mapping[str, float]]) -> dict[str, Array]:
+    """Returns signal -> (rows,), NaN where a row does not have it."""
+    names = dict.fromkeys(name for row in rows for name in row)
+    return {name: np.array([row.get(name, np.nan) for row in rows], dtype=np.float64) for name in names}
+
+
+def _readings(
+    measured: Mapping[str, Array], stated: Mapping[str, Array], models: Sequence[Model], age: Array
+) -> Readings:
+    """Returns the readings of samples under each model, model by model."""
+    known, given = ({name: np.tile(one, len(models)) for name, one in of.items()} for of in (measured, stated))
+    return Readings(known, given, models, np.repeat(np.arange(len(models)), len(age)), np.tile(age, len(models)))
 
 
 @cache
@@ -230,7 +288,7 @@ def _needs(effects: tuple[str, ...], vehicle: str) -> tuple[bool, tuple[float, .
     return any(one.carries_over for one in infos), (*steps, _SLIDING_S) if vehicle == "skid_steer" else steps
 
 
-def _own_values(run: Run, model: Model) -> tuple[tuple[str, float], ...]:
+def _own_values(run: Run, model: Model) -> _Own:
     """Returns (kind, value) of each value that a run has of its own."""
     name = run_of(run.name)
     return tuple((kind, one[name]) for kind, one in model.by_run.items() if one.get(name))

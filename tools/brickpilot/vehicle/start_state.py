@@ -7,7 +7,6 @@ lies between state and reading. So the result is the state at which the model's 
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -28,52 +27,103 @@ Array = NDArray[np.float64]
 # A run whose first samples all move in one direction starts in motion.
 _START_SAMPLES = 9
 _SECANT_STEPS = 4
+_SIDES = ("left", "right")
 
 # Measured signals that make up a state and that a sensor effect may change.
 _SENSOR_SIGNALS = SUMMED | {"yaw_rate", *RATE_OF.values()}
 
 GEOMETRY = ("wheel_radius", "half_track", "force_per_volt")
-"""The nominal parameters that a state made of measured values depends on: see `Reading.state`. Besides them it depends
-only on `sensor_effects`."""
+"""The nominal parameters that a state made of measured values depends on: see `Readings.states`. Besides them it
+depends on `sensor_effects`, and on the age where one of these does."""
 
 
 @dataclass(frozen=True)
-class Reading:
-    """The known values at one sample, from which a state is made.
+class Readings:
+    """The known values at some samples, from each of which a state is made. The models are of one vehicle.
 
     Attributes:
-        measured: signal -> reading, SI; NaN where blank.
-        stated: signal -> true value.
-        age: s since power-on.
+        measured: signal -> (samples,) reading, SI; NaN where blank.
+        stated: signal -> (samples,) true value; NaN where none is stated.
+        models: those that readings are of.
+        of: (samples,) the number of each sample's model.
+        age: (samples,) s since power-on.
     """
 
-    measured: Mapping[str, float]
-    stated: Mapping[str, float]
-    model: Model
-    age: float = 0.0
+    measured: Mapping[str, Array]
+    stated: Mapping[str, Array]
+    models: Sequence[Model]
+    of: NDArray[np.intp]
+    age: Array
 
     @cached_property
-    def known(self) -> dict[str, float]:
-        """Signal -> value, of all that is known."""
-        return {name: value for name, value in self.measured.items() if math.isfinite(value)} | dict(self.stated)
+    def known(self) -> dict[str, Array]:
+        """Signal -> (samples,) of all that is known; NaN where nothing is."""
+        found = {name: np.where(np.isfinite(values), values, np.nan) for name, values in self.measured.items()}
+        for name, values in self.stated.items():
+            found[name] = np.where(np.isnan(values), found.get(name, np.nan), values)
+        return found
 
     @cached_property
-    def read(self) -> tuple[str, ...]:
-        """The known signals that a sensor effect of the model may have changed; empty: it has no such effect."""
-        if not sensor_effects(self.model):
-            return ()
-        return tuple(name for name in self.known if name in _SENSOR_SIGNALS and name not in self.stated)
+    def read(self) -> dict[str, NDArray[np.bool_]]:
+        """Signal -> (samples,): where it is known and a sensor effect of the model may have changed it."""
+        changed = np.array([bool(sensor_effects(model)) for model in self.models])[self.of]
+        found = {}
+        for name in sorted(self.known.keys() & _SENSOR_SIGNALS):
+            here = changed & ~np.isnan(self.known[name])
+            if name in self.stated:
+                here &= np.isnan(self.stated[name])
+            if here.any():
+                found[name] = here
+        return found
 
-    def state(self, values: Array, *, restart: bool = False) -> State:
-        """Returns the state in which the signals `read` have these true values.
+    def geometry(self, name: str) -> Array:
+        """Returns (samples,) of a parameter in `GEOMETRY`; NaN where the model does not have it."""
+        return np.array([model.parameters.get(name, np.nan) for model in self.models], dtype=np.float64)[self.of]
+
+    def states(self, values: Mapping[str, Array], *, restart: bool = False) -> NDArray[np.void]:
+        """Returns (samples,) the states, as C has them, in which the signals `read` have these true values, (samples,).
 
         `restart`: unmeasured values are NaN, and so stay as simulated; else they are 0.
         """
-        truth = self.known | dict(zip(self.read, values.tolist(), strict=True))
-        unknown = float("nan") if restart else 0.0
-        made = _motor_state if self.model.vehicle == "motor" else _vehicle_state
-        return State(x=unknown, y=unknown, age=unknown if restart else self.age, charge=unknown,
-            heat=(unknown, unknown), rest=unknown, **made(truth, self.model, unknown))  # fmt: skip
+        truth = self.known | {name: np.where(here, values[name], self.known[name]) for name, here in self.read.items()}
+        unknown = np.nan if restart else 0.0
+        layout = plant.layout("bp_state")
+        made = np.full((len(self.age), layout.itemsize // 8), unknown, dtype=np.float64).view(layout)[:, 0]
+        fields = _motor_state if self.models[0].vehicle == "motor" else _vehicle_state
+        for name, own in fields(_Known(truth, unknown), self).items():
+            if isinstance(own, tuple):
+                made[name][:, 0], made[name][:, 1] = own
+            else:
+                made[name] = own
+        if not restart:
+            made["age"] = self.age
+        return made
+
+
+_Value = Array | float  # (samples,), or the same for all
+_Fields = Mapping[str, _Value | tuple[_Value, _Value]]
+
+
+@dataclass(frozen=True)
+class _Known:
+    """Signal -> (samples,) true value, NaN where it is not known; and what stands for an unknown one in a state."""
+
+    values: Mapping[str, Array]
+    unknown: float
+
+    def get(self, name: str) -> _Value:
+        """Returns a signal; NaN where it is not known."""
+        return self.values.get(name, np.nan)
+
+    def known(self, name: str) -> Array:
+        """Returns a signal where it is known, else what stands for it."""
+        value = self.get(name)
+        return np.where(np.isnan(value), self.unknown, value)
+
+    def first(self, name: str, other: str, scale: Array, unknown: float) -> Array:
+        """Returns a signal where it is known, else `scale` times that of another one, else `unknown`."""
+        value, instead = self.get(name), self.get(other) * scale
+        return np.where(np.isnan(value), np.where(np.isnan(instead), unknown, instead), value)
 
 
 def first_sample(run: Run) -> dict[str, float]:
@@ -90,49 +140,56 @@ def sensor_effects(model: Model) -> tuple[str, ...]:
     return tuple(name for name in model.effects if _changes_readings(name, model.vehicle))
 
 
-def states(readings: Sequence[Reading], *, restart: bool = False) -> list[State]:
-    """Returns the states in which the models' sensors give the readings; see `Reading.state`.
+def states(readings: Readings, *, restart: bool = False) -> NDArray[np.void]:
+    """Returns (samples,) the states in which the models' sensors give the readings; see `Readings.states`.
 
     Each signal is solved by its own secant steps, which are exact after three if a sensor adds or scales. A signal
     that does not follow the state keeps its error: a clipped one, or a yaw rate beside two wheel speeds.
     """
-    if not readings:
-        return []
-    wanted = [np.array([one.known[name] for name in one.read]) for one in readings]
-    values, slopes = list(wanted), [np.ones_like(one) for one in wanted]
-    unsolved = [k for k, one in enumerate(readings) if one.read]
-    built = plant.build_all(readings[k].model for k in unsolved)
-    given = _sensor_outputs(readings, values, unsolved, built)
+    read = readings.read
+    if not read:
+        return readings.states({}, restart=restart)
+    here = np.column_stack([*read.values()])
+    wanted = np.where(here, np.column_stack([readings.known[name] for name in read]), 0.0)
+    values, slopes, given = wanted.copy(), np.ones_like(wanted), wanted.copy()
+    built = plant.build_all(readings.models)
+
+    def outputs(which: NDArray[np.intp]) -> Array:
+        """Returns (which, read): the sensors' readings of these values, at zero input; 0 where none is wanted."""
+        start = readings.states(dict(zip(read, values.T, strict=True)))[which]
+        models = [readings.models[k] for k in readings.of[which].tolist()]
+        made = _sensor_outputs(models, start, tuple(read), built)
+        return np.where(here[which] & ~np.isnan(made), made, wanted[which])
+
+    unsolved = np.flatnonzero(here.any(axis=1))
+    given[unsolved] = outputs(unsolved)
     for _ in range(_SECANT_STEPS):
-        unsolved = [k for k in unsolved if np.any(np.abs(wanted[k] - given[k]) > 1e-12)]
-        if not unsolved:
+        unsolved = unsolved[np.any(np.abs(wanted[unsolved] - given[unsolved]) > 1e-12, axis=1)]
+        if not unsolved.size:
             break
-        moved = {k: (wanted[k] - given[k]) / slopes[k] for k in unsolved}
-        for k in unsolved:
-            values[k] = values[k] + moved[k]
-        outputs = _sensor_outputs(readings, values, unsolved, built)
-        changes = {k: outputs[k] - given[k] for k in unsolved}
-        given |= outputs
-        for k in unsolved:
-            follows = (np.abs(moved[k]) > 1e-9) & (np.abs(changes[k]) > 0.1 * np.abs(moved[k]))
-            slopes[k] = np.where(follows, changes[k] / np.where(follows, moved[k], 1.0), slopes[k])
-        unsolved = [k for k in unsolved if changes[k].any()]
-    return [one.state(at, restart=restart) for one, at in zip(readings, values, strict=True)]
+        moved = (wanted[unsolved] - given[unsolved]) / slopes[unsolved]
+        values[unsolved] += moved
+        now = outputs(unsolved)
+        changes = now - given[unsolved]
+        given[unsolved] = now
+        follows = (np.abs(moved) > 1e-9) & (np.abs(changes) > 0.1 * np.abs(moved))
+        slopes[unsolved] = np.where(follows, changes / np.where(follows, moved, 1.0), slopes[unsolved])
+        unsolved = unsolved[np.any(changes != 0.0, axis=1)]
+    return readings.states(dict(zip(read, values.T, strict=True)), restart=restart)
 
 
 def _sensor_outputs(
-    readings: Sequence[Reading], values: Sequence[Array], which: Sequence[int], built: Mapping[int, Any]
-) -> dict[int, Array]:
-    """Returns the model's sensor readings of these values, for the readings numbered `which`, at zero input."""
-    jobs = []
-    for k in which:
-        rest = np.zeros((1, 1 if readings[k].model.vehicle == "motor" else 2))
-        jobs.append((readings[k].model, OpenLoopRun(np.zeros(1), rest, readings[k].state(values[k]))))
-    simulated = plant.simulate(jobs, signals=_SENSOR_SIGNALS, built=built)
-    outputs = zip(which, (one.outputs for one in simulated), strict=True)
-    return {
-        k: np.array([one[n][0] if n in one else readings[k].known[n] for n in readings[k].read]) for k, one in outputs
-    }
+    models: Sequence[Model], start: NDArray[np.void], names: Sequence[str], built: Mapping[int, Any]
+) -> Array:
+    """Returns (models, names): what the sensors read in the states `start`, (models,), at zero input."""
+    columns = 1 if models[0].vehicle == "motor" else 2
+    standing, ordered = OpenLoopRun(np.zeros(1), np.zeros((1, columns))), plant.wanted_names(frozenset(names))
+    requests = np.frombuffer(bytearray(standing.as_c(columns) * len(models)), dtype=plant.layout("bp_run"))
+    requests["initial"] = start
+    values = np.empty((len(models), len(ordered)))
+    starts = np.arange(len(models)) * len(ordered)
+    plant.simulate_into(values.reshape(-1), starts, models, requests, ordered, built=built)
+    return values[:, [ordered.index(name) for name in names]]
 
 
 @cache
@@ -157,44 +214,38 @@ def _starting_rate(time: Array, values: Array) -> float:
     return float(np.polyfit(time[:_START_SAMPLES] - time[0], first, 1)[0])
 
 
-def _motor_state(known: Mapping[str, float], model: Model, unknown: float) -> dict[str, Any]:
-    if model.parameters.get("force_per_volt", 0.0) > 0:  # the plant's speed and angle are in m/s and m
-        speed, angle = known.get("velocity", unknown), known.get("position", unknown)
-    else:
-        per = 1 / (model.parameters.get("wheel_radius") or np.inf)
-        speed = _first(known, "speed", "velocity", per, unknown)
-        angle = _first(known, "angle", "position", per, unknown)
-    return {"wheel_speed": (speed, 0.0), "wheel_angle": (angle, 0.0), "current": (known.get("current", unknown), 0.0)}
+def _motor_state(known: _Known, readings: Readings) -> _Fields:
+    radius, direct = readings.geometry("wheel_radius"), readings.geometry("force_per_volt") > 0
+    per = 1 / np.where(np.isnan(radius) | (radius == 0), np.inf, radius)
+    speed, angle = (
+        # Of a linear motor the plant's speed and angle are in m/s and m.
+        np.where(direct, known.known(linear), known.first(turning, linear, per, known.unknown))
+        for turning, linear in (("speed", "velocity"), ("angle", "position"))
+    )
+    return {"wheel_speed": (speed, 0.0), "wheel_angle": (angle, 0.0), "current": (known.known("current"), 0.0)}
 
 
-def _vehicle_state(known: Mapping[str, float], model: Model, unknown: float) -> dict[str, Any]:
-    radius, half_track = model.parameters["wheel_radius"], model.parameters["half_track"]
-    left = _first(known, "wheel_speed_left", "wheel_velocity_left", 1 / radius, np.nan)
-    right = _first(known, "wheel_speed_right", "wheel_velocity_right", 1 / radius, np.nan)
-    left_angle = _first(known, "wheel_angle_left", "wheel_travel_left", 1 / radius, unknown)
-    right_angle = _first(known, "wheel_angle_right", "wheel_travel_right", 1 / radius, unknown)
-    surge, yaw_rate = known.get("surge", unknown), known.get("yaw_rate", unknown)
-    if not math.isnan(left + right):
-        surge = known.get("surge", radius * (left + right) / 2)
-        yaw_rate = known.get("yaw_rate", radius * (left - right) / (2 * half_track))
-    elif math.isnan(unknown):
-        left = right = unknown
-    else:
-        left, right = (surge + half_track * yaw_rate) / radius, (surge - half_track * yaw_rate) / radius
+def _vehicle_state(known: _Known, readings: Readings) -> _Fields:
+    radius, half_track = readings.geometry("wheel_radius"), readings.geometry("half_track")
+    left = known.first("wheel_speed_left", "wheel_velocity_left", 1 / radius, np.nan)
+    right = known.first("wheel_speed_right", "wheel_velocity_right", 1 / radius, np.nan)
+    left_angle = known.first("wheel_angle_left", "wheel_travel_left", 1 / radius, known.unknown)
+    right_angle = known.first("wheel_angle_right", "wheel_travel_right", 1 / radius, known.unknown)
+    both = ~np.isnan(left + right)
+    surge = np.where(both & np.isnan(known.get("surge")), radius * (left + right) / 2, known.known("surge"))
+    yaw_of_wheels = radius * (left - right) / (2 * half_track)
+    yaw_rate = np.where(both & np.isnan(known.get("yaw_rate")), yaw_of_wheels, known.known("yaw_rate"))
+    # Wheels that are not measured roll as the vehicle moves; in a run that goes on, they go on as simulated.
+    rolling = 0.0 if known.unknown == 0.0 else np.nan
     return {
-        "heading": known.get("yaw_angle", unknown),
+        "heading": known.known("yaw_angle"),
         "surge": surge,
-        "sway": known.get("sway", unknown),
+        "sway": known.known("sway"),
         "yaw_rate": yaw_rate,
-        "wheel_speed": (left, right),
+        "wheel_speed": (
+            np.where(both, left, (surge + half_track * yaw_rate) / radius + rolling),
+            np.where(both, right, (surge - half_track * yaw_rate) / radius + rolling),
+        ),
         "wheel_angle": (left_angle, right_angle),
-        "current": (known.get("current_left", unknown), known.get("current_right", unknown)),
+        "current": (known.known("current_left"), known.known("current_right")),
     }
-
-
-def _first(known: Mapping[str, float], name: str, other: str, scale: float, unknown: float) -> float:
-    """Returns the value of a signal where it is known, else `scale` times that of another one, else `unknown`."""
-    value = known.get(name)
-    if value is None:
-        value = known[other] * scale if other in known else unknown
-    return value
