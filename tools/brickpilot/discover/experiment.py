@@ -1,16 +1,10 @@
-"""What to drive next: the manoeuvre that separates the rivals, or those that tell more than the runs do.
-
-`plan_experiment` is a stage of discovery, `advise` a part of `check`. Each manoeuvre is simulated with the calibrated
-nominal model, with every parameter a little off and with every effect. What it tells is added to what the runs tell, as
-information adds up (Atkinson, Donev & Tobias 2007, Optimum experimental designs, ch. 9).
-"""
+"""What to drive next, the manoeuvre that separates the rivals; and how small an effect the runs would show."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -18,19 +12,16 @@ from numpy.typing import NDArray
 
 from brickpilot import catalogue
 from brickpilot.catalogue import ParameterInfo
-from brickpilot.data.dataset import Run
-from brickpilot.data.motion import cut_into_windows
 from brickpilot.discover import numbers
 from brickpilot.discover.evidence import Judge
 from brickpilot.discover.explanation import Explanation
 from brickpilot.discover.finding import NOMINAL_VALUES, Experiment, Visible
-from brickpilot.discover.parts import Part, least_of, library_parts, limit_of, scale_of, scanned_parameter
+from brickpilot.discover.parts import Part, least_of, library_parts
 from brickpilot.discover.prepare import Prepared
-from brickpilot.discover.screen import Probe, probes_of, signature_strengths
+from brickpilot.discover.screen import signature_strengths
 from brickpilot.discover.verdict import Verdict
-from brickpilot.fit.parameters import Plan
 from brickpilot.fit.problem import Problem
-from brickpilot.fit.residual import of_bins, rms_of
+from brickpilot.fit.residual import rms_of
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.manoeuvres import Manoeuvre, commands, manoeuvres
 from brickpilot.vehicle.model import Model
@@ -69,7 +60,7 @@ def next_experiment(rivals: Mapping[str, Model], noise_sd: Mapping[str, float], 
     measured: list[tuple[float, str, Manoeuvre]] = []
     unmeasured = [(0.0, "")]
     for one in manoeuvres(vehicle, volts):
-        run = _as_run(one, vehicle)
+        run = as_run(one, vehicle)
         simulated = plant.simulate([(model, run) for model in rivals.values()], threads=2)
         outputs = [each.outputs for each in simulated]
         measured.append((*_separation(outputs, noise_sd), one))
@@ -98,7 +89,8 @@ def next_experiment(rivals: Mapping[str, Model], noise_sd: Mapping[str, float], 
     return Experiment(advice, names, separation, None, None)
 
 
-def _as_run(manoeuvre: Manoeuvre, vehicle: str) -> OpenLoopRun:
+def as_run(manoeuvre: Manoeuvre, vehicle: str) -> OpenLoopRun:
+    """Returns a manoeuvre as a vehicle drives it: from rest, with a sample every 10 ms."""
     time = np.arange(0.0, manoeuvre.duration_s, _STEP_S)
     return OpenLoopRun(time=time, inputs=commands(manoeuvre, time)[:, : 1 if vehicle == "motor" else 2])
 
@@ -137,12 +129,12 @@ def smallest_sizes(prepared: Prepared, judge: Judge, nominal: Explanation, best:
     for part, values, strength in signature_strengths(here, best.point, chosen, excitation=prepared.excitation):
         size, strength = abs(values[part.free[0]]), np.maximum(strength, 1e-12)
         times = min(_times(strength, hidden, needed), float(np.min(predictable / strength)))
-        surely, info = _size_named(part, size, float(strength.sum()), temperature), _size_of(part)
+        surely, info = size_named(part, size, float(strength.sum()), temperature), size_of(part)
         wanted = max(surely, size * math.sqrt(times), least_of(info))
         if wanted <= info.maximum:
             tried.append((part, size, wanted))
-    nearest = sorted(_nearest(tried), key=lambda one: one[0].effect)
-    return {part.effect: Visible(_size_of(part).name, size, _size_of(part).unit) for part, size in nearest}
+    nearest = sorted(nearest_sizes(tried), key=lambda one: one[0].effect)
+    return {part.effect: Visible(size_of(part).name, size, size_of(part).unit) for part, size in nearest}
 
 
 def _times(strength: Array, hidden: Array, needed: float) -> float:
@@ -151,17 +143,17 @@ def _times(strength: Array, hidden: Array, needed: float) -> float:
     return float(np.min((needed + np.cumsum(hidden[order])) / np.cumsum(strength[order])))
 
 
-def _size_named(part: Part, size: float, strength: float, temperature: float) -> float:
+def size_named(part: Part, size: float, strength: float, temperature: float) -> float:
     """Returns the size at which a part surely predicts better: from `size`, which shows with so many nats."""
     return size * math.sqrt(temperature * (numbers.CHANCE_NATS - part.log_odds) / max(strength, 1e-12))
 
 
-def _size_of(part: Part) -> ParameterInfo:
+def size_of(part: Part) -> ParameterInfo:
     """Returns the first free parameter of a part."""
     return next(one for one in catalogue.effect(part.effect).parameters if one.name == part.free[0])
 
 
-def _nearest(tried: Iterable[tuple[Part, float, float]]) -> list[tuple[Part, float]]:
+def nearest_sizes(tried: Iterable[tuple[Part, float, float]]) -> list[tuple[Part, float]]:
     """Returns for each effect a part and the size that it needs: of (part, size tried, size needed) the nearest two."""
     found: dict[str, tuple[float, Part, float]] = {}
     for part, size, needed in tried:
@@ -169,145 +161,3 @@ def _nearest(tried: Iterable[tuple[Part, float, float]]) -> list[tuple[Part, flo
         if math.isfinite(away) and (part.effect not in found or away < found[part.effect][0]):
             found[part.effect] = (away, part, needed)
     return [(part, needed) for _, part, needed in found.values()]
-
-
-_WINDOW_S = 1.0  # of a motor, as `prepare` cuts its runs
-_MANOEUVRES = 3  # advised, at most
-_SHARPER = 0.5  # a manoeuvre tells of a parameter if the interval becomes narrower by this factor
-_UNKNOWN = 0.1  # and was wider than this, sd, in the logarithm or as a share of what is stated
-
-
-@dataclass(frozen=True)
-class Advice:
-    """One manoeuvre that would tell more.
-
-    Attributes:
-        effects: those that it would show at a usual size, which neither the runs nor the manoeuvres before it do.
-        parameters: those whose intervals it would make less than half as wide.
-    """
-
-    manoeuvre: Manoeuvre
-    effects: tuple[str, ...]
-    parameters: tuple[str, ...]
-
-
-def advise(
-    prepared: Prepared, nominal: Explanation, visible: Mapping[str, Visible], temperature: float
-) -> tuple[tuple[Advice, ...], tuple[str, ...]]:
-    """Returns the manoeuvres that would tell most beside the runs, and the effects that no size of shows in the runs.
-
-    An effect that neither the runs nor any manoeuvre changes the measured signals by is left out: it is of another
-    vehicle or of another sensor.
-
-    Args:
-        nominal: fitted to the fit runs.
-        visible: effect -> the smallest size that the runs show.
-        temperature: the nats that count as one.
-    """
-    problem = Problem(prepared.coarse, nominal.plan)
-    asked = _Asked.of(prepared, nominal, problem.prior_slopes(nominal.point), temperature)
-    now = asked.information(problem, nominal.point)
-    offered = manoeuvres(nominal.model.vehicle, prepared.excitation.largest["voltage"])
-    driven = ((one, _driven(prepared, nominal, one)) for one in offered)
-    more = [(one, asked.information(told, nominal.point)) for one, told in driven if told is not None]
-    largest = np.max([np.diag(known)[len(nominal.point) :] for known in (now, *(known for _, known in more))], axis=0)
-    possible = {probe.part.effect for probe, one in zip(asked.probes, largest, strict=True) if one > 0}
-    shown = {name for name, one in visible.items() if one.size <= asked.usual.get((name, one.parameter), 0.0)}
-    shown |= asked.shown(now)
-    found: list[Advice] = []
-    while more and len(found) < _MANOEUVRES:
-        offers = [
-            Advice(one, tuple(sorted(asked.shown(now + known) - shown)), asked.sharper(now, now + known))
-            for one, known in more
-        ]
-        best = max(range(len(more)), key=lambda k: len(offers[k].effects) + len(offers[k].parameters))
-        if not (offers[best].effects or offers[best].parameters):
-            break
-        found.append(offers[best])
-        now, shown = now + more.pop(best)[1], shown | set(offers[best].effects)
-    return tuple(found), tuple(sorted(possible - visible.keys()))
-
-
-@dataclass(frozen=True)
-class _Asked:
-    """What is asked of runs: how well they tell the nominal parameters, and which effects they show at a usual size.
-
-    What runs tell is their information, (parameters + probes, parameters + probes): the products of how the residual
-    changes with each parameter and with each probe. It adds up over runs.
-
-    Attributes:
-        probes: of every effect of one size that can be extrapolated.
-        usual: effect, parameter -> a usual size on this vehicle: that of the catalogue, scaled to it.
-        prior: (parameters, parameters) information of what is stated of the parameters.
-        temperature: the nats that count as one.
-    """
-
-    plan: Plan
-    probes: Sequence[Probe]
-    usual: Mapping[tuple[str, str], float]
-    prior: Array
-    temperature: float
-
-    @classmethod
-    def of(cls, prepared: Prepared, nominal: Explanation, prior_slopes: Array, temperature: float) -> _Asked:
-        base = nominal.model
-        few = [
-            one
-            for one in library_parts(base, prepared.coarse.signals)
-            if len(one.free) == 1 and scanned_parameter(one) is None and limit_of(one) is None
-        ]
-        probes = [probe for one in few for probe in probes_of(one, base, prepared.excitation)]
-        infos = {(one.effect, one.free[0]): _size_of(one) for one in few}
-        usual = {key: (info.preset or info.trial) * scale_of(info.unit, base) for key, info in infos.items()}
-        plan = dataclasses.replace(nominal.plan, model=base)
-        return cls(plan, probes, usual, prior_slopes.T @ prior_slopes, temperature)
-
-    def information(self, problem: Problem, point: Array) -> Array:
-        """Returns what the runs of `problem` tell, at the coordinates `point` of the nominal parameters."""
-        data = problem.data
-        plain = data.predict([self.plan.model])[0]
-        models = [probe.part.starting(self.plan, probe.values[0]).model for probe in self.probes]
-        changes = data.predict(models) - plain if models else np.empty((0, len(plain)))
-        changes = np.where(np.isfinite(changes).all(axis=1, keepdims=True), changes, 0.0)
-        weight = data.weight()[:, np.newaxis]
-        moved = np.hstack([problem.sensitivity(point) * weight, changes.T * weight])
-        return np.asarray(moved.T @ moved)
-
-    def shown(self, known: Array) -> set[str]:
-        """Returns the effects of which what the parameters cannot take up is large enough at a usual size."""
-        count = len(self.prior)
-        cross = known[:count, count:]
-        taken = np.linalg.solve(known[:count, :count] + self.prior, cross)
-        strength = (np.diag(known)[count:] - np.sum(cross * taken, axis=0)) / 2
-        sizes = [abs(probe.values[0][probe.part.free[0]]) for probe in self.probes]
-        tried = [
-            (probe.part, size, _size_named(probe.part, size, one, self.temperature))
-            for probe, size, one in zip(self.probes, sizes, strength.tolist(), strict=True)
-        ]
-        return {part.effect for part, size in _nearest(tried) if size <= self.usual[part.effect, part.free[0]]}
-
-    def sharper(self, before: Array, after: Array) -> tuple[str, ...]:
-        """Returns the parameters that are badly known by some information, and much better by more of it."""
-        count = len(self.prior)
-        wide, narrow = (np.sqrt(np.diag(np.linalg.inv(one[:count, :count] + self.prior))) for one in (before, after))
-        better = (narrow < _SHARPER * wide) & (wide > _UNKNOWN)
-        return tuple(free.name for free, is_so in zip(self.plan.free, better, strict=True) if is_so)
-
-
-def _driven(prepared: Prepared, nominal: Explanation, manoeuvre: Manoeuvre) -> Problem | None:
-    """Returns the nominal parameters beside a manoeuvre that is driven; None where no signal tells of them."""
-    dataset = prepared.dataset
-    driven = _as_run(manoeuvre, dataset.vehicle)
-    sides = ("voltage",) if dataset.vehicle == "motor" else ("voltage_left", "voltage_right")
-    outputs = plant.simulate([(nominal.model, driven)])[0].outputs
-    measured = [name for name in dict.fromkeys(name for run in dataset.runs for name in run.outputs) if name in outputs]
-    inputs, wanted = dict(zip(sides, driven.inputs.T, strict=True)), {name: outputs[name] for name in measured}
-    run = Run(manoeuvre.name, dataset.path, "fit", driven.time, inputs, wanted, {}, 0.0, None, {})
-    alone = dataclasses.replace(dataset, runs=(run,), faults=(), notes=())
-    if dataset.vehicle == "motor":
-        alone = cut_into_windows(alone, {run.name: driven.inputs}, _WINDOW_S) or alone
-    if not alone.runs:
-        return None
-    names = [one.name for one in alone.runs]
-    data = of_bins(alone, nominal.plan.model, names, width_s=numbers.BIN_S, coarse=True, threads=prepared.jobs)
-    return Problem(data.weighed_like(prepared.coarse), nominal.plan)

@@ -19,11 +19,12 @@ from brickpilot.data.holdout import enough_to_fit
 from brickpilot.data.shown import Result, valid
 from brickpilot.discover.deadline import estimate
 from brickpilot.discover.evidence import Judge
-from brickpilot.discover.experiment import Advice, advise, smallest_sizes
+from brickpilot.discover.experiment import smallest_sizes
 from brickpilot.discover.finding import Visible
 from brickpilot.discover.prepare import calibrate, in_closed_loop, prepare
 from brickpilot.discover.row_meaning import with_known_timing
 from brickpilot.fit.uncertainty import Combination, Estimate, assess, estimates_frame
+from brickpilot.readiness.advice import Advice, advise
 from brickpilot.vehicle.compared_runs import comparable
 from brickpilot.vehicle.headline import Headline, headline
 
