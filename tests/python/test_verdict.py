@@ -80,12 +80,13 @@ def test_two_parts_that_make_one_law_are_tried_as_that(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("left", "is_adequate", "said"),
     [
-        (Adequacy({"speed": 0.1, "yaw_rate": 0.2}, 0.1, 0.9), True, ""),
-        (Adequacy({"speed": 0.1, "yaw_rate": 0.21}, 0.1, 0.9), False, "21 % of the error of yaw_rate"),
-        (Adequacy({"speed": 0.1}, 5.0, 0.51), True, ""),
-        (Adequacy({"speed": 0.1}, 0.31, 0.49), False, "0.31 nats a value. The best explanation removes 49 %"),
-        (Adequacy({"speed": 0.1}, 0.29, 0.0), True, ""),
-        (Adequacy({}, 0.0, 0.0), True, ""),
+        (Adequacy({"speed": 0.1, "yaw_rate": 0.2}, {"speed": 0.1}, {"speed": 0.9}), True, ""),
+        (Adequacy({"speed": 0.1, "yaw_rate": 0.21}, {}, {}), False, "21 % of the error of yaw_rate"),
+        (Adequacy({}, {"speed": 5.0}, {"speed": 0.51}), True, ""),
+        (Adequacy({}, {"speed": 0.31}, {"speed": 0.49}), False, "0.31 nats a value. The best explanation removes 49 %"),
+        (Adequacy({}, {"speed": 0.29}, {"speed": 0.0}), True, ""),
+        (Adequacy({}, {"speed": 0.0, "yaw_rate": 0.31}, {"speed": 1.0, "yaw_rate": 0.49}), False, "error of yaw_rate"),
+        (Adequacy({}, {}, {}), True, ""),
     ],
 )
 def test_what_is_left_is_too_much_if_it_is_predictable_or_most_of_it(
@@ -112,13 +113,13 @@ def test_dry_friction_is_predictable_until_it_is_explained(tmp_path: Path) -> No
     lacking = left_by(tmp_path / "lacking", FRICTION, None)
     assert not lacking.is_adequate
     assert lacking.most_predictable > 0.5
-    assert lacking.explained == 0
-    assert lacking.nats_left > numbers.UNEXPLAINED_NATS
+    assert {*lacking.explained.values()} == {0.0}
+    assert lacking.leaves_more_than_noise
     right = left_by(tmp_path / "right", FRICTION, "coulomb_friction")
     assert right.is_adequate
     assert right.most_predictable < 0.1
-    assert right.explained == pytest.approx(1.0, abs=0.05)
-    assert right.nats_left < 0.1
+    assert min(right.explained.values()) > 0.95
+    assert max(right.left.values()) < 0.1
 
 
 @pytest.mark.parametrize(("share", "is_adequate"), [(1.0, True), (1.05, True), (1.4, False)])
@@ -147,13 +148,16 @@ def test_an_error_that_nobody_can_predict_is_too_much_where_nothing_is_explained
     random = np.random.default_rng(4)
 
     def wander(_: str, table: dict[str, np.ndarray]) -> None:
-        table["yaw_rate"] = table["yaw_rate"] + np.cumsum(random.normal(0, 0.03, len(table["t"])))
+        table["yaw_rate"] = table["yaw_rate"] + np.cumsum(random.normal(0, 0.06, len(table["t"])))
 
-    left = left_by(tmp_path / "walk", {}, None, spoil=wander)
-    assert left.most_predictable < numbers.SHARED_REST
-    assert left.nats_left > numbers.UNEXPLAINED_NATS
-    assert not left.is_adequate
-    assert "Neither" in left.sentence
+    for effects, name in (({}, None), (FRICTION, "coulomb_friction")):  # nor where another signal is explained
+        left = left_by(tmp_path / f"walk{name}", effects, name, spoil=wander)
+        assert left.most_predictable < numbers.SHARED_REST
+        assert left.left["wheel_speed_left"] < 0.1
+        assert left.unexplained == "yaw_rate"
+        assert left.leaves_more_than_noise
+        assert not left.is_adequate
+        assert "Neither" in left.sentence
 
 
 def test_folds_are_whole_runs_and_of_one_run_blocks_of_time() -> None:
@@ -214,7 +218,7 @@ def test_a_torque_that_goes_with_the_current_is_the_motor_s() -> None:
     assert {one.mechanism for one in basis() if one.place == "drive"} == {"drive"}
 
 
-LITTLE, MUCH = Adequacy({"speed": 0.1}, 0.1, 0.9), Adequacy({"speed": 0.3}, 1.0, 0.4)
+LITTLE, MUCH = (Adequacy({"speed": one}, {}, {}) for one in (0.1, 0.3))
 
 
 @pytest.mark.parametrize(

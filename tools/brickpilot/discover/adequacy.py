@@ -17,6 +17,7 @@ from scipy.signal import lfilter
 from brickpilot.data.motion import run_of
 from brickpilot.discover import numbers
 from brickpilot.discover.evidence import Evidence, Judge
+from brickpilot.fit.residual import Residual
 from brickpilot.fit.robust import robust_size
 from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.replay import Outputs, Replay
@@ -31,6 +32,7 @@ _ALPHAS = (1.0, 10.0, 100.0)  # penalties that are tried on standardised columns
 _TAUGHT_ROWS = 3000  # at most so many rows teach: the rest of a long log says the same again
 _BEYOND = 0.1  # a column may leave the range that was taught by this share of it
 _FAR = 5.0  # scales: a residual beyond counts as so far
+_NEXT_TO_NOTHING = 1e-300  # what is not there is gone, and what comes is left
 _FILTERS_S = (0.1, 0.5, 2.0)  # time constants: a motor, a body, what is slow
 _STANDSTILL_SHARE = 0.03  # of the largest speed: below, a direction fades out
 _SETTLING_S = 0.3
@@ -42,23 +44,33 @@ class Adequacy:
 
     Attributes:
         predictable: signal -> the share of its squared residual that a black box predicts on runs that it has not seen.
-        nats_left: what is left above noise, nats a value.
-        explained: the share of the nominal model's squared error above noise that the explanation removes, 0..1.
+        left: signal -> what is left above noise, nats a value.
+        explained: signal -> the share of the nominal model's squared error above noise that is gone, 0..1.
     """
 
     predictable: Mapping[str, float]
-    nats_left: float
-    explained: float
+    left: Mapping[str, float]
+    explained: Mapping[str, float]
 
     @property
     def most_predictable(self) -> float:
         return max(self.predictable.values(), default=0.0)
 
     @property
+    def leaves_more_than_noise(self) -> bool:
+        """Whether some signal has more error left than noise makes."""
+        return max(self.left.values(), default=0.0) > numbers.UNEXPLAINED_NATS
+
+    @property
+    def unexplained(self) -> str | None:
+        """The signal of which most is left, of those with more than noise and more than is gone; None: none is."""
+        some = [one for one, left in self.left.items() if left > numbers.UNEXPLAINED_NATS and self.explained[one] < 0.5]
+        return max(some, key=lambda one: self.left[one], default=None)
+
+    @property
     def is_adequate(self) -> bool:
         """Whether nothing more that could be named is left."""
-        too_much = self.nats_left > numbers.UNEXPLAINED_NATS and self.explained < 0.5  # more left than gone
-        return self.most_predictable <= numbers.SHARED_REST and not too_much
+        return self.most_predictable <= numbers.SHARED_REST and self.unexplained is None
 
     @property
     def sentence(self) -> str:
@@ -69,22 +81,24 @@ class Adequacy:
                 f"A black box still predicts {100 * self.predictable[signal]:.0f} % of the error of {signal} on runs "
                 "that it has not seen: something more is missing."
             )
-        if not self.is_adequate:
-            return (
-                f"Much more error is left than noise makes: {self.nats_left:.2g} nats a value. The best explanation "
-                f"removes {100 * self.explained:.0f} % of its squares. Neither a law of the library nor a black box "
-                "predicts it."
-            )
-        return ""
+        if self.unexplained is None:
+            return ""
+        left, gone = self.left[self.unexplained], self.explained[self.unexplained]
+        return (
+            f"Much more error of {self.unexplained} is left than noise makes: {left:.2g} nats a value. The best "
+            f"explanation removes {100 * gone:.0f} % of its squares. Neither a law of the library nor a black box "
+            "predicts it."
+        )
 
 
 def adequacy(judge: Judge, best: Evidence, nothing: Evidence, seed: int) -> Adequacy:
     """Returns what an explanation leaves of the fit runs."""
-    data, model = judge.data, best.explanation.model
-    found = predictable(judge, model, nothing.explanation.model, seed)
-    after, before = float(judge.excess(best).sum()), float(judge.excess(nothing).sum())
-    left = max(judge.top - best.total, 0.0) / len(data.measured)
-    return Adequacy(found, left, float(np.clip(1 - after / before, 0.0, 1.0)) if before > 0 else 1.0)
+    signals = judge.data.signals
+    found = predictable(judge, best.explanation.model, nothing.explanation.model, seed)
+    left = {one: float(np.log(judge.squares(best, one))) / 2 - float(np.log(judge.data.floor(one))) for one in signals}
+    before, after = judge.excess(nothing), judge.excess(best)
+    gone = np.clip(1 - after / np.maximum(before, _NEXT_TO_NOTHING), 0.0, 1.0)
+    return Adequacy(found, left, dict(zip(signals, gone.tolist(), strict=True)))
 
 
 def predictable(judge: Judge, model: Model, nominal: Model, seed: int) -> dict[str, float]:
@@ -99,13 +113,9 @@ def predictable(judge: Judge, model: Model, nominal: Model, seed: int) -> dict[s
     outputs = data.replay.simulate([model], threads=data.threads)[0]
     found = {}
     for signal in data.signals:
-        blocks = [one for one in data.blocks if one.signal == signal]
-        columns = np.vstack([columns_of(data.replay, outputs, one.run, one.middle) for one in blocks])
-        target = np.concatenate([error[one.place] for one in blocks])
+        columns, target, folds = rows_of(data, outputs, error, signal)
         size = robust_size(target) or 1.0
         target = np.clip(target, -_FAR * size, _FAR * size)
-        runs = [run_of(one.run) for one in blocks for _ in one.middle]
-        folds = folds_of(runs, np.concatenate([one.middle for one in blocks]))
         predicted = out_of_fold(columns, target, folds, seed).value
         total = float(target @ target)
         noise = len(target) * data.floor(signal) ** 2
@@ -114,6 +124,20 @@ def predictable(judge: Judge, model: Model, nominal: Model, seed: int) -> dict[s
         gone = total - float(np.sum((target - predicted) ** 2)) - own_error
         found[signal] = max(0.0, min(gone, total - noise)) / max(total, noise)
     return found
+
+
+def rows_of(data: Residual, outputs: Mapping[str, Outputs], error: Array, signal: str) -> tuple[Array, Array, Indices]:
+    """Returns what a black box learns of a signal: columns (rows, columns), the error of it (rows,), and (rows,) folds.
+
+    Args:
+        outputs: run -> what is simulated.
+        error: (values,).
+    """
+    blocks = [one for one in data.blocks if one.signal == signal]
+    columns = np.vstack([columns_of(data.replay, outputs, one.run, one.middle) for one in blocks])
+    runs = [run_of(one.run) for one in blocks for _ in one.middle]
+    folds = folds_of(runs, np.concatenate([one.middle for one in blocks]))
+    return columns, np.concatenate(data.parts(error, signal)), folds
 
 
 @dataclass(frozen=True)

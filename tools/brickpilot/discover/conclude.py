@@ -96,7 +96,7 @@ def conclude(prepared: Prepared, found: Conclusion) -> Finding:
     mechanism = None if found.kind == "none" or found.composed is None else found.composed.mechanism
     if effects and (found.claims or found.composed is None):
         mechanism = effects[0].mechanism
-    left = adequacy is not None and adequacy.nats_left > numbers.UNEXPLAINED_NATS
+    left = adequacy is not None and adequacy.leaves_more_than_noise
     beside = verdict.best if found.claims else verdict.nominal
     may_ask = prepared.deadline.allows("the smallest size of each effect that would show")
     power = smallest_sizes(prepared, found.judge, verdict.nominal, beside) if may_ask else {}

@@ -332,8 +332,8 @@ class Finding(Result):
         effects: the named effects; for `ambiguous` the best explanation, with its rivals in `equivalents`; for
             `unknown` the best names, which are not claimed, or those beside a term, which are.
         mechanism: the kind of cause that explains most; None if nothing is missing or nothing points at one.
-        law_differs: what the claimed effects leave is more than noise: their laws are not quite right, or something
-            smaller is missing too. None: no effect is claimed, or a term stands beside those that are.
+        law_differs: what the claimed effects leave of some signal is more than noise: their laws are not quite right,
+            or something smaller is missing too. None: no effect is claimed, or a term stands beside those that are.
         evidence: None if no effect and no term was added.
         gap: "fit", "held_out" -> gap. `by_signal` is over all runs.
         nominal_model: the calibrated nominal model.

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from brickpilot.data.agreement import Agreement, together
 from brickpilot.data.signals import SIGNALS
 from brickpilot.discover import numbers
-from brickpilot.discover.adequacy import columns_of, folds_of, out_of_fold, taught_by
+from brickpilot.discover.adequacy import out_of_fold, rows_of, taught_by
 from brickpilot.discover.finding import Predictor
 from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.seal import Proof
@@ -212,14 +212,10 @@ def _unseen_shares(prepared: Prepared, proof: Proof, nominal: Model) -> dict[tup
         return {}
     found = {}
     for signal in data.signals:
-        blocks = [one for one in data.blocks if one.signal == signal]
-        columns = np.vstack([columns_of(data.replay, outputs, one.run, one.middle) for one in blocks])
-        target = np.concatenate([error[one.place] for one in blocks])
-        fitted = np.concatenate([_is_fit(prepared, one.run, one.middle) for one in blocks])
+        columns, target, folds = rows_of(data, outputs, error, signal)
+        fitted = np.concatenate([_is_fit(prepared, one.run, one.middle) for one in data.blocks if one.signal == signal])
         if not np.isfinite(target).all() or fitted.sum() < 2:
             continue
-        runs = [one.run for one in blocks for _ in one.middle]
-        folds = folds_of(runs, np.concatenate([one.middle for one in blocks]))
         inside = out_of_fold(columns[fitted], target[fitted], folds[fitted], prepared.seed)
         found[signal, "fit"] = _share(target[fitted], inside.value)
         if not fitted.all():
