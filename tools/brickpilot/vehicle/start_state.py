@@ -27,7 +27,6 @@ Array = NDArray[np.float64]
 # A run whose first samples all move in one direction starts in motion.
 _START_SAMPLES = 9
 _SECANT_STEPS = 4
-_SIDES = ("left", "right")
 
 # Measured signals that make up a state and that a sensor effect may change.
 _SENSOR_SIGNALS = SUMMED | {"yaw_rate", *RATE_OF.values()}
