@@ -63,6 +63,7 @@ const effect_t effect_cogging = {
              .parameters = PARAMETERS,
              .motor_step = 0.003,
              .variant_of = "torque_ripple",
-             .variation = "without current too"},
+             .variation = "without current too",
+             .contains = "gravity_load"},
     .hook = {[SITE_WHEEL] = wheel},
 };

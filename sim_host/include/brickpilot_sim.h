@@ -77,10 +77,11 @@ typedef struct {
  * variant itself, and `variation` says what differs, to be read after "but": "battery_discharge, but by time". A verdict
  * may then be right in the mechanism and wrong in the law, and say so.
  *
- * A law contains another where it is that one with some of its parameters at 0 or equal to each other, while the others
- * have the other law's values: stiction_stribeck without a breakaway is coulomb_friction. Parameters that cannot be 0
- * keep their presets, and the vehicle's own mass and inertia may give way: a load without weight, far out, moves the
- * centre of mass alone. The composed effect contains no law, for it is none until its terms are chosen.
+ * A law contains another where it is that one with some of its parameters at 0, at one period a turn or equal to each
+ * other, while the others have the other law's values: stiction_stribeck without a breakaway is coulomb_friction, and
+ * cogging of one period a turn is gravity_load. Parameters that cannot be 0 keep their presets, and the vehicle's own mass
+ * and inertia may give way: a load without weight, far out, moves the centre of mass alone. The composed effect contains
+ * no law, for it is none until its terms are chosen.
  *
  * A law is made of others where these together are it, at sizes of their own: friction in one direction alone is
  * coulomb_friction and a constant_offset. */

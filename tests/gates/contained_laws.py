@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 
@@ -81,22 +82,26 @@ def _visible(one: ParameterInfo) -> float:
 
 
 def _special_cases(law: EffectInfo, other: EffectInfo, given: Mapping[str, float]) -> Iterator[dict[str, float]]:
-    """Yields values of `law`, each 0 or a value of `other` with its unit; a parameter that can be neither is preset."""
+    """Yields values of `law`, each 0 or a value of `other` with its unit; a parameter that can be neither is preset.
+
+    An order may be one period a turn. An angle may count from where a sine is 0, or from where a cosine is.
+    """
     choices = []
     for one in law.parameters:
-        able = [0.0, *(given[two.name] for two in other.parameters if two.unit == one.unit)]
-        choices.append([value for value in able if one.minimum <= value <= one.maximum] or [one.preset])
-    wanted = {value for value in given.values() if value != 0}
-    for values in itertools.product(*(dict.fromkeys(able) for able in choices)):
-        if wanted <= set(values):
-            yield dict(zip((one.name for one in law.parameters), values, strict=True))
+        own = [(given[two.name], two.name) for two in other.parameters if two.unit == one.unit]
+        able = [(0.0, ""), *own, *((math.pi / 2 - value, name) for value, name in own if one.unit == "rad")]
+        able += [(1.0, "")] if one.name == "order" else []
+        choices.append([each for each in able if one.minimum <= each[0] <= one.maximum] or [(one.preset, "")])
+    wanted = {name for name, value in given.items() if value != 0}
+    for chosen in itertools.product(*(dict.fromkeys(able) for able in choices)):
+        if wanted <= {name for _, name in chosen}:
+            yield {one.name: value for one, (value, _) in zip(law.parameters, chosen, strict=True)}
 
 
 def _same(other: str, given: Mapping[str, float], law: str, values: Mapping[str, float]) -> bool:
-    return all(
-        _alike(_flown(machine, (other, tuple(given.items()))), _flown(machine, (law, tuple(values.items()))))
-        for machine in machines()
-    )
+    effects = ((other, tuple(given.items())), (law, tuple(values.items())))
+    flown = ((_flown(machine), *(_flown(machine, one) for one in effects)) for machine in machines())
+    return all(_alike(one, two) for plain, one, two in flown if not _alike(plain, one))
 
 
 def _is_off(name: str, given: Mapping[str, float]) -> bool:
