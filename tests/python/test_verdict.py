@@ -55,6 +55,18 @@ def test_a_model_whose_values_stand_in_for_an_effect_does_not_hide_it(tmp_path: 
     assert best.model.effects["actuator_lag"]["time_constant"] == pytest.approx(0.05, rel=0.05)
 
 
+def test_an_effect_that_hides_in_a_stated_value_is_searched_even_where_little_is_left(tmp_path: Path) -> None:
+    """Rotation sensors that count 15 % too much make wheels small. That is odd even where less than noise is left."""
+    truth = dataclasses.replace(robot(), effects={"encoder_scale": {"error": 0.15}})
+    folder = write(tmp_path / "set", truth, NOISE, STATED, manoeuvres=MOVES, roles=["fit"] * len(MOVES))
+    prepared, nominal = calibrate(prepare(reading.read(folder), None, seed=0, jobs=1)[0])
+    judge = Judge.of(prepared.coarse, 0)
+    judge = dataclasses.replace(judge, top=judge.of_explanation(nominal).total - 100)
+    library = Library(prepared.excitation, 1)
+    search = Search(prepared.coarse, nominal, library, prepared.excitation, 1, prepared.deadline, lambda _: None)
+    assert frozenset({"encoder_scale"}) in search.run(judge).table
+
+
 def test_two_parts_that_make_one_law_are_tried_as_that(tmp_path: Path) -> None:
     """Friction in one direction alone is dry friction and a constant offset."""
     truth = dataclasses.replace(robot(), effects={"direction_asymmetry": {"torque": -0.01}})

@@ -269,7 +269,7 @@ class Search:
         best = found.ranked()[0]
         temperature = found.judge.law_error(max(found.table.values(), key=lambda one: one.total), found.nothing)
         surprise = best.explanation.log_odds - best.log_prior(temperature)
-        possible = (found.judge.top - best.total) / temperature + surprise
+        possible = max(found.judge.top - best.total, 0.0) / temperature + surprise  # noise may leave less than `top`
         return bool(possible > -np.log(numbers.COMMON))
 
     def beside(
