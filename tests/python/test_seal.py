@@ -80,7 +80,7 @@ def arrays(given: object, where: str = "prepared", seen: set[int] | None = None)
         return
     seen.add(id(given))
     if isinstance(given, np.ndarray):
-        yield where, given
+        yield from numbers_in(given, where)
     elif issparse(given):
         yield f"{where}.data", given.data
     elif isinstance(given, Mapping):
@@ -97,6 +97,14 @@ def arrays(given: object, where: str = "prepared", seen: set[int] | None = None)
         held = {one: getattr(given, one, None) for one in slots} | getattr(given, "__dict__", {})
         for name, value in held.items():
             yield from arrays(value, f"{where}.{name}", seen)
+
+
+def numbers_in(array: np.ndarray, where: str) -> Iterator[tuple[str, np.ndarray]]:
+    """Yields an array, or of structures each field that is no address: these differ from one making to the next."""
+    for name in array.dtype.names or ():
+        yield from numbers_in(array[name], f"{where}.{name}")
+    if array.dtype.names is None and array.dtype.kind != "u":
+        yield where, array
 
 
 def held_out_values(data: Dataset, prepared: Prepared) -> set[float]:
