@@ -82,7 +82,8 @@ class EffectInfo:
         composed: a sum of terms that discovery composes, never a candidate of its own.
         variant_of: the better known effect of which this one is a variant; empty: none.
         variation: what differs from that one, to be read after "but"; empty: none.
-        contains: the effects whose laws are this one's with some of its parameters at 0, at one period a turn or equal.
+        contains: the effects whose laws are this one's with some parameters at 0, at one period a turn or equal to each
+            other.
         made_of: the effects that together are this law, at sizes of their own.
         stated_by: how a data set states it: of an effect on sensors by this key of a rotation sensor's channel, of one
             on drives by inputs whose names begin so; empty: not so.
