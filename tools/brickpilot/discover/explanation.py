@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
@@ -55,12 +56,12 @@ class Explanation:
     def model(self) -> Model:
         return self.plan.at(self.point)
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """The names of its parts, in the order in which they joined."""
         return tuple(one.name for one in self.parts)
 
-    @property
+    @cached_property
     def key(self) -> frozenset[str]:
         return frozenset(self.names)
 
@@ -86,8 +87,7 @@ class Explanation:
 
     def says(self, part: Part) -> bool:
         """Returns whether it holds a part, a law that contains it, or the laws that it is made of."""
-        held = self.key.union(*(one.contains for one in self.parts))
-        return part.name in held or (bool(part.made_of) and held.issuperset(part.made_of))
+        return part.name in self._said or (bool(part.made_of) and self._said.issuperset(part.made_of))
 
     def contains(self, other: Explanation) -> bool:
         """Returns whether it says all that `other` says, and more or in more words."""
@@ -95,10 +95,14 @@ class Explanation:
             return False
         if len(self.parts) > len(other.parts):
             return all(self.says(part) for part in other.parts)
-        held = self.key.union(*(one.contains for one in self.parts))
-        return held >= other.key
+        return self._said >= other.key
 
-    @property
+    @cached_property
+    def _said(self) -> frozenset[str]:
+        """The names of its laws, and of those that they contain."""
+        return self.key.union(*(one.contains for one in self.parts))
+
+    @cached_property
     def laws(self) -> frozenset[str]:
         """The names of its laws; one that is made of others is these where one of them is held beside it.
 
@@ -108,9 +112,11 @@ class Explanation:
         return self.key.difference(one.name for one in split).union(*(one.made_of for one in split))
 
 
-def fit(base: Problem, parts: Sequence[Part], plan: Plan, point: Array, tolerance: float) -> Explanation | None:
-    """Returns the end of a descent from `point`; None where the plant diverges there."""
-    problem = base.of(plan)
+def fit(
+    base: Problem, parts: Sequence[Part], plan: Plan, point: Array, tolerance: float, threads: int = 1
+) -> Explanation | None:
+    """Returns the end of a descent from `point`, simulated on so many threads; None where the plant diverges there."""
+    problem = base.of(plan, threads)
     try:
         end = descend(problem, point, tolerance)
     except SimulationError:
@@ -125,11 +131,13 @@ def refine(data: Residual, fits: Sequence[Explanation], jobs: int, deadline: Dea
     one gains nothing.
     """
 
+    threads = jobs if len(fits) == 1 else 1  # one fit alone shares out its models, several the fits
+
     def one(found: Explanation) -> Explanation | None:
         for _ in range(_DESCENTS):
-            own = Problem(data.on_threads(1), found.plan)
+            own = Problem(data.on_threads(threads), found.plan)
             own = own.keeping(found.point, len(found.point) - found.parameter_count)
-            better = fit(own, found.parts, found.plan, found.point, FINE)
+            better = fit(own, found.parts, found.plan, found.point, FINE, threads)
             if better is None:
                 return None
             gain, found = found.cost - better.cost, better

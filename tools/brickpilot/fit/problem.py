@@ -53,9 +53,9 @@ class Problem:
         kept = dict(zip(which, self.columns(point, which).T, strict=True))
         return Problem(self.data, self.plan, holds_priors=self._holds_priors, kept=kept)
 
-    def of(self, plan: Plan) -> Problem:
-        """Returns the problem of a longer plan on one thread, with the kept sensitivities."""
-        return Problem(self.data.on_threads(1), plan, holds_priors=self._holds_priors, kept=self._kept)
+    def of(self, plan: Plan, threads: int = 1) -> Problem:
+        """Returns the problem of a longer plan on so many threads, with the kept sensitivities."""
+        return Problem(self.data.on_threads(threads), plan, holds_priors=self._holds_priors, kept=self._kept)
 
     def residual(self, point: Array) -> Array:
         """Returns (values + parameters,): the robust residual and the prior's."""
