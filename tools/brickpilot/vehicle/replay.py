@@ -75,6 +75,7 @@ class Replay:
         self.inputs = self.inputs or {run.name: motor_inputs(run, self.dataset) for run in self.dataset.runs}
         self.whole = self.whole or {run.name: (run.time, self.inputs[run.name]) for run in self.dataset.runs}
         self._begun: dict[tuple[object, ...], _Begun] = {}
+        self._acting: dict[tuple[_Own, tuple[str, ...]], list[OpenLoopRun]] = {}
 
     def simulate(
         self,
@@ -220,7 +221,7 @@ class Replay:
         Behind it comes what holds the arrays that they point to. Models that give the same states share them.
         """
         if len(self._begun) > _MOST_BEGUN:
-            self._begun = {}  # another thread may still read the old one
+            self._begun, self._acting = {}, {}  # another thread may still read the old ones
         names, begun = tuple(run.name for run, _ in batch), self._begun
         keys: list[tuple[object, ...]] = [
             (names, _start_key(model), tuple(_own_values(run, model) for run, _ in batch) if model.by_run else ())
@@ -255,14 +256,18 @@ class Replay:
         """Returns runs with their inputs, changed by their own values."""
         together: dict[tuple[str, _Own], list[Run]] = {}  # what is cut out of one run has the same values
         for run, _ in batch:
-            together.setdefault((run_of(run.name), _own_values(run, model)), []).append(run)
-        found = dict(self._plain)
+            if own := _own_values(run, model):
+                together.setdefault((run_of(run.name), own), []).append(run)
+        found, acting = dict(self._plain), self._acting
         for (_, own), runs in together.items():
-            time, driven = self.whole[runs[0].name]
-            for kind, value in own:
-                driven = RUN_KINDS[kind].change(time, driven, value)
-            made = means_over_grids(time, driven, [run.time for run in runs]) if own else ()
-            found |= {run.name: OpenLoopRun(run.time, one) for run, one in zip(runs, made, strict=False)}
+            key = own, tuple(run.name for run in runs)
+            if key not in acting:  # all models of one derivative but few have the same values of runs
+                time, driven = self.whole[runs[0].name]
+                for kind, value in own:
+                    driven = RUN_KINDS[kind].change(time, driven, value)
+                made = means_over_grids(time, driven, [run.time for run in runs])
+                acting[key] = [OpenLoopRun(run.time, one) for run, one in zip(runs, made, strict=True)]
+            found |= dict(zip(key[1], acting[key], strict=True))
         return [found[run.name] for run, _ in batch]
 
 
