@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 import tomlkit
-from brickpilot import catalogue
+from brickpilot import catalogue, side_by_side
 from brickpilot.data import reading
 from brickpilot.data.signals import TURNS_WITH_FRAME
 from brickpilot.discover import pipeline
@@ -97,7 +97,10 @@ def found_in(log: Log, folder: Path, *, seed: int = 0, jobs: int = 2) -> Finding
 
 @pytest.fixture(scope="module")
 def found(log: Log, tmp_path_factory: pytest.TempPathFactory) -> Finding:
-    return found_in(log, tmp_path_factory.mktemp("as_written") / "data")
+    """Two jobs, also where a worker of xdist has one processor."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(side_by_side, "_processors", lambda: 2)
+        return found_in(log, tmp_path_factory.mktemp("as_written") / "data")
 
 
 def values_of(finding: Finding) -> dict[str, float]:

@@ -16,6 +16,12 @@ from brickpilot.side_by_side import side_by_side
 on_linux = pytest.mark.skipif(sys.platform != "linux", reason="copies of a process are made on Linux alone")
 
 
+@pytest.fixture(autouse=True)
+def many_processors(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A worker of xdist has but one."""
+    monkeypatch.setattr(module, "_processors", lambda: 64)
+
+
 def test_results_come_in_the_order_of_the_items() -> None:
     def late(item: int) -> int:
         time.sleep(0.01 * (item % 3))
@@ -88,12 +94,13 @@ def test_ctrl_c_ends_the_copies_too(tmp_path: Path) -> None:
     program.write_text(
         "import os, signal, time\n"
         "from pathlib import Path\n"
-        "from brickpilot.side_by_side import side_by_side\n"
+        "from brickpilot import side_by_side as module\n"
         "signal.signal(signal.SIGINT, signal.default_int_handler)  # a run in the background ignores it\n"
         "def work(item):\n"
         f"    Path({str(tmp_path)!r}, f'{{item}}.pid').write_text(str(os.getpid()))\n"
         "    time.sleep(60)\n"
-        "side_by_side(work, [1, 2], 2)\n"
+        "module._processors = lambda: 2\n"
+        "module.side_by_side(work, [1, 2], 2)\n"
     )
     quiet = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     with subprocess.Popen([sys.executable, str(program)], start_new_session=True, **quiet) as run:  # type: ignore[call-overload]
@@ -114,3 +121,8 @@ def test_threads_take_the_place_of_copies_elsewhere(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(sys, "platform", "darwin")
     found = side_by_side(lambda item: (os.getpid(), item), range(6), 2)
     assert found == [(os.getpid(), item) for item in range(6)]
+
+
+def test_no_more_jobs_than_processors_are_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "_processors", lambda: 1)
+    assert set(side_by_side(lambda _: os.getpid(), range(6), 4)) == {os.getpid()}

@@ -40,11 +40,12 @@ def side_by_side(work: Callable[[_Item], _Result], items: Sequence[_Item], jobs:
 
     Args:
         work: its results are picklable. What it changes may be lost with the copy that it ran in.
+        jobs: no more than this process has processors are used.
 
     Raises:
         Exception: what `work` raised, of the first item for which it did.
     """
-    jobs = min(jobs, len(items))
+    jobs = min(jobs, len(items), _processors())
     if jobs < 2:
         return [work(item) for item in items]
     if sys.platform == "linux":
@@ -52,6 +53,11 @@ def side_by_side(work: Callable[[_Item], _Result], items: Sequence[_Item], jobs:
         return _in_copies(work, first, jobs) + side_by_side(work, rest, jobs)
     with ThreadPoolExecutor(jobs) as pool:
         return list(pool.map(work, items))
+
+
+def _processors() -> int:
+    """Returns how many processors this process may use."""
+    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
 
 
 def _in_copies(work: Callable[[_Item], _Result], items: Sequence[_Item], jobs: int) -> list[_Result]:
