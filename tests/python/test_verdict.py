@@ -67,6 +67,20 @@ def test_an_effect_that_hides_in_a_stated_value_is_searched_even_where_little_is
     assert frozenset({"encoder_scale"}) in search.run(judge).table
 
 
+def test_where_no_part_alone_surely_predicts_better_no_two_are_tried(tmp_path: Path) -> None:
+    """Two that only together predict better made three names of a sensor that no law of the library says."""
+    folder = write(tmp_path / "set", robot(), NOISE, STATED, manoeuvres=MOVES, roles=["fit"] * len(MOVES))
+    prepared, nominal = calibrate(prepare(reading.read(folder), None, seed=0, jobs=1)[0])
+    judge = Judge.of(prepared.coarse, 0)
+    judge = dataclasses.replace(judge, top=judge.of_explanation(nominal).total + 200)
+    library, said = Library(prepared.excitation, 2), list[str]()
+    search = Search(prepared.coarse, nominal, library, prepared.excitation, 1, prepared.deadline, said.append)
+    found = search.run(judge)
+    assert "searching for effect 1" in said
+    assert "searching for effect 2" not in said
+    assert max(map(len, found.table)) == 1
+
+
 def test_two_parts_that_make_one_law_are_tried_as_that(tmp_path: Path) -> None:
     """Friction in one direction alone is dry friction and a constant offset."""
     truth = dataclasses.replace(robot(), effects={"direction_asymmetry": {"torque": -0.01}})

@@ -1,9 +1,10 @@
 """Searches for explanations. The search proposes and decides nothing: `verdict` weighs all that it fitted.
 
-Singles, pairs of the best, then one part more beside the best two and beside what fits best, as long as that surely
-predicts better. Each part of what fits best gives way once to other laws of its mechanism. Rivals are searched as hard
-as the winner: each part of the best explanation is forbidden once, and what is best without it is found from there. An
-explanation that comes out worse than one that it contains is a failed fit and is fitted again from there.
+Singles, pairs of the best, then one part more beside the best two and beside what fits best, each as long as the last
+ones surely predict better. Each part of what fits best gives way once to other laws of its mechanism. Rivals are
+searched as hard as the winner: each part of the best explanation is forbidden once, and what is best without it is
+found from there. An explanation that comes out worse than one that it contains is a failed fit and is fitted again from
+there.
 """
 
 from __future__ import annotations
@@ -217,7 +218,7 @@ class Search:
                 found.add(self._pairs([one.explanation for one in singles]), self.jobs)
             self._prune(found)
             self._repair(found)
-            if count > 1 and not self._gained(found, base + count):
+            if not self._gained(found, base + count):
                 break
         if len(found.table) > 1 and self.deadline.allows("the search for rivals"):
             self.tell("searching for rivals")
