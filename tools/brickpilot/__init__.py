@@ -37,7 +37,7 @@ True
 >>> finding.verdict, finding.to_frame().empty
 ('none', True)
 
-What was never measured is simulated, and the robot flies its mission:
+The model simulates runs that were never measured, and the robot flies its mission:
 
 >>> run = bp.OpenLoopRun(time, np.full((200, 1), 4.5))
 >>> (simulated,) = bp.simulate([(fitted.model, run)])
@@ -47,7 +47,7 @@ What was never measured is simulated, and the robot flies its mission:
 >>> flown.figures["waypoints_reached"], flown.failure
 (8, None)
 
-What else the commands do is here too, with the same files: `bp.import_log`, `bp.why`, `bp.changed`, `bp.campaign`,
+The other commands are functions too, with the same files: `bp.import_log`, `bp.why`, `bp.changed`, `bp.campaign`,
 `bp.tune`, `bp.export`, `bp.firmware` and `bp.hil`; `help` of each has its arguments.
 
 The names below are the public face. Each is loaded when it is first used, so that `import brickpilot` takes no time.
@@ -126,7 +126,7 @@ _CALLS = {
     "hil": "brickpilot.public.flights:hil",
     "tune": "brickpilot.public.making:tune",
 }
-"""Functions that have the names of packages, which can be called in their place."""
+"""Functions whose names are also those of packages: calling the package calls the function."""
 
 __all__ = [
     "Calibration",
@@ -168,7 +168,7 @@ __all__ = [
 
 
 def _loaded(place: str) -> Any:
-    """Returns what stands at "module:name"."""
+    """Returns the object that "module:name" names."""
     module, _, name = place.partition(":")
     return getattr(importlib.import_module(module), name)
 

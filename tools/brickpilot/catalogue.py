@@ -1,6 +1,6 @@
 """The tables of the compiled plant: nominal parameters, effects and output signals, each with unit and range.
 
-Each is written once, in C: `sim_host/plant/model.c`, `sim_host/effects` and `sim_host/plant/output.c`.
+Each table is written once, in C: `sim_host/plant/model.c`, `sim_host/effects` and `sim_host/plant/output.c`.
 """
 
 from __future__ import annotations
@@ -29,15 +29,16 @@ class ParameterInfo:
 
     Attributes:
         linear_unit: the unit where the input of a motor commands a force.
-        odd: its sign turns over when left and right are swapped.
+        odd: its sign changes when left and right are swapped.
         scan: sizes that a search tries one by one; empty: none.
-        limits, arm_of, only_with: a signal, and two parameters of the same effect; empty: none.
-        in_volts: of a torque, the name of the voltage torque R / K_t; empty: it has none.
-        variation: how the effect's law differs where this is not 0, to be read after "but"; empty: it does not.
-        mechanism: of the law that this parameter alone stands for; empty: the effect's.
+        limits: the signal that does not go beyond this value; empty: none.
+        arm_of, only_with: the parameter of the same effect whose lever arm this is, or that it adds to; empty: none.
+        in_volts: the name of the voltage R / K_t times this torque; empty: there is none.
+        variation: how the effect's law differs if this is not 0, worded to follow "but"; empty: it does not.
+        mechanism: that of the law with this parameter alone; empty: the effect's mechanism.
         same_as: the nominal parameter that this one adds to; empty: none.
         says, says_below: what a value above and below 0 means, as a clause with {} for its size; empty: none.
-        over_mean: left less right over their mean.
+        over_mean: the value is left less right, over their mean.
     """
 
     name: str
@@ -76,17 +77,17 @@ class EffectInfo:
         mechanism: supply, drive, timing, motor, gear, bearing, tyre, body, floor or sensor.
         prior: how often the simulator of a wheeled robot or a motor lacks it, before any data.
         prior_reason: one sentence that says why.
-        advice: one sentence on what to do, where the first odd size is above 0; below it left and right change places.
-        motor_step: s, the longest motor step that still resolves it; 0: as long as without it.
+        advice: one sentence on what to do if the first odd size is above 0; if it is below 0, left and right swap.
+        motor_step: s, the longest motor step that still resolves the effect; 0: it sets no limit.
         carries_over: charge or heat that one run leaves changes the next.
         composed: a sum of terms that discovery composes, never a candidate of its own.
         variant_of: the better known effect of which this one is a variant; empty: none.
-        variation: what differs from that one, to be read after "but"; empty: none.
-        contains: the effects whose laws are this one's with some parameters at 0, at one period a turn or equal to each
-            other.
-        made_of: the effects that together are this law, at sizes of their own.
-        stated_by: how a data set states it: of an effect on sensors by this key of a rotation sensor's channel, of one
-            on drives by inputs whose names begin so; empty: not so.
+        variation: how its law differs from that of `variant_of`, worded to follow "but"; empty: none.
+        contains: the effects whose laws this law becomes if some of its parameters are 0, one period a turn or equal to
+            each other.
+        made_of: the effects that together give this law, each with its own size.
+        stated_by: how a data set states it: for an effect on sensors, a key of a rotation sensor's channel; for an
+            effect on drives, how the names of the inputs begin; empty: in neither way.
     """
 
     name: str
@@ -111,7 +112,7 @@ class EffectInfo:
 
     @property
     def is_searched(self) -> bool:
-        """Whether discovery looks for it: what the kind of the inputs says is no finding."""
+        """Whether discovery searches for it: not if it is composed, or if the kind of the inputs states it."""
         return not self.composed and (not self.stated_by or self.acts_on == "sensor")
 
 
@@ -137,7 +138,7 @@ def _priors() -> dict[int, Prior]:
 
 
 def _same_named(row: Any, record: type) -> dict[str, Any]:
-    """Returns the texts, numbers and flags of a row in C that `record` has by the same names."""
+    """Returns those texts, numbers and flags of a row in C whose names are fields of `record`."""
     convert: dict[Any, Callable[[Any], Any]] = {"str": _text, "float": float, "bool": bool}
     return {one.name: convert[one.type](getattr(row, one.name)) for one in fields(record) if one.type in convert}
 
@@ -198,7 +199,7 @@ def effect(name: str) -> EffectInfo:
 def family(name: str) -> str:
     """Returns the effect of which `name` is a variant, or `name` itself: the laws of a family differ in one respect.
 
-    What is no effect, as a value that runs have of their own, is a family alone.
+    A name that is no effect, such as a kind of value that differs from run to run, is its own family.
     """
     return next((one.variant_of for one in effects_of((name,))), "") or name
 
@@ -235,7 +236,7 @@ def advice(name: str, values: Mapping[str, float]) -> str:
 
 
 def mechanism(name: str, values: Mapping[str, float]) -> str:
-    """Returns the mechanism of effect `name` with these parameters: that of its only size, where this has its own."""
+    """Returns the mechanism of effect `name` with these parameters: that of its only nonzero size if that has one."""
     info = effect(name)
     acting = [one for one in info.parameters if one.role == "size" and values.get(one.name, 0.0) != 0]
     return next((one.mechanism for one in acting if len(acting) == 1 and one.mechanism), info.mechanism)
@@ -243,7 +244,7 @@ def mechanism(name: str, values: Mapping[str, float]) -> str:
 
 @cache
 def loads() -> frozenset[str]:
-    """Returns, as "effect.parameter", the parameters that another one is the lever arm of."""
+    """Returns the parameters, as "effect.parameter", whose lever arm is another parameter."""
     return frozenset(f"{one.name}.{info.arm_of}" for one in effects() for info in one.parameters if info.arm_of)
 
 
@@ -257,12 +258,12 @@ def output_table() -> tuple[tuple[str, str], ...]:
 
 
 def outputs() -> dict[str, str]:
-    """Returns name -> unit of every output signal of both vehicles."""
+    """Returns name -> unit of every output signal of all vehicles."""
     return dict(output_table())
 
 
 def presets(vehicle: str) -> dict[str, float]:
-    """Returns every nominal parameter that a vehicle has, as they are until stated; a motor has no mass or wheel."""
+    """Returns the preset of every nominal parameter that a vehicle has; a motor has no mass or wheel."""
     return dict(_presets(vehicle))
 
 

@@ -11,7 +11,7 @@ from cffi import FFI
 
 from brickpilot.errors import InputError
 
-_ENDINGS = {"win32": ".dll", "darwin": ".dylib"}  # of a shared library, else ".so"
+_ENDINGS = {"win32": ".dll", "darwin": ".dylib"}  # endings of a shared library; elsewhere ".so"
 
 
 @cache

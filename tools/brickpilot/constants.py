@@ -11,7 +11,7 @@ from typing import Any, Literal, get_args
 
 Vehicle = Literal["diff_drive", "motor", "skid_steer"]
 VEHICLES: tuple[Vehicle, ...] = get_args(Vehicle)
-"""In the order of the numbers that they have in C."""
+"""The kinds of vehicle, in the order of their numbers in C."""
 
 RCX = Path(__file__).parent / "models" / "rcx.toml"
 """The packaged robot's file."""
@@ -42,7 +42,7 @@ SILENT_S = _value("controller", "coupled", "silent_time")
 
 ACCEL_RANGE = _value("sensors", "imu", "accel_range")
 GYRO_RANGE = _value("sensors", "imu", "gyro_range")
-"""m/s^2 and rad/s: what the IMU measures at most, in both directions."""
+"""m/s^2 and rad/s: the largest values that the IMU measures, in both directions."""
 
 COUNTS_PER_TURN = round(_value("sensors", "encoder", "counts_per_turn"))
 """Counts of a rotation sensor per turn of its wheel."""

@@ -1,4 +1,4 @@
-"""The errors of this package: the input is bad, a simulation failed, or what was asked for was done and failed."""
+"""The errors of this package: bad input, a failed simulation, and work that was done and failed."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class SimulationError(Exception):
 
 
 class WorkFailedError(Exception):
-    """The work was done and failed, as a mission that was not flown. The CLI prints one line; exit status 1."""
+    """The work was done and failed, such as a mission that was not flown. The CLI prints one line; exit status 1."""
 
 
 class DiskFullError(WorkFailedError):
@@ -34,7 +34,7 @@ class DiskFullError(WorkFailedError):
 
     Args:
         path: what is being written, as the user named it.
-        reason: as the system words it.
+        reason: the words of the operating system.
     """
 
     def __init__(self, path: Path | str, reason: str) -> None:
@@ -65,17 +65,17 @@ class InputError(Exception):
 
 @contextmanager
 def disk_named(path: Path | str) -> Iterator[None]:
-    """Turns the error of a full disk, which names no file, into one line that does.
+    """Turns the error of a full disk, which names no file, into one line that names it.
 
     Args:
         path: what is being written, as the user named it.
 
     Raises:
-        DiskFullError: the disk, the quota or a limit of sizes is full.
+        DiskFullError: the disk or the quota is full, or a limit of file sizes is reached.
     """
     try:
         yield
-    except DiskFullError as error:  # of a part, that no user has named
+    except DiskFullError as error:  # it names a part of `path`, which the user did not name
         raise DiskFullError(path, error.reason) from error
     except OSError as error:
         if error.errno not in _FULL:

@@ -1,9 +1,9 @@
 """Calls a function on several items at the same time.
 
-Threads of Python take turns, so that two of them gained a fifth in a search. So this process is copied (fork): a copy
-has all that the function needs, and sends back what it returns. This process works, too: a copy costs 6 ms, and
-forgets what it has simulated. Where processes cannot be copied safely, which is everywhere but on Linux, threads take
-the copies' place. Results do not depend on either, nor on the number of jobs.
+Threads of Python take turns, so two threads made a search only a fifth faster. So this process is copied (fork): a copy
+has all that the function needs, and sends back the results. This process works too, because a copy costs 6 ms and its
+stored simulations are lost. Only Linux copies processes safely; other systems use threads instead. The results depend
+neither on this choice nor on the number of jobs.
 """
 
 from __future__ import annotations
@@ -25,25 +25,25 @@ _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
 
 _TURN = struct.Struct("=I")
-_MOST_AT_ONCE = 4096  # items whose turns a pipe holds on every Linux
+_MOST_AT_ONCE = 4096  # number of items whose turns a pipe holds on every Linux
 
 
 @dataclass(frozen=True)
 class _Raised:
-    """What a copy sends in the place of a result."""
+    """The error that a copy sends instead of a result."""
 
     error: Exception
 
 
 def side_by_side(work: Callable[[_Item], _Result], items: Sequence[_Item], jobs: int) -> list[_Result]:
-    """Returns the results of `work` in the order of `items`, of which `jobs` are worked on at a time.
+    """Returns the results of `work` in the order of `items`; works on up to `jobs` items at a time.
 
     Args:
-        work: its results are picklable. What it changes may be lost with the copy that it ran in.
-        jobs: no more than this process has processors are used.
+        work: returns picklable results. Objects that it changes may be lost with the copy in which it runs.
+        jobs: limited to the number of processors that this process may use.
 
     Raises:
-        Exception: what `work` raised, of the first item for which it did.
+        Exception: what `work` raised for the first item that failed.
     """
     jobs = min(jobs, len(items), _processors())
     if jobs < 2:
@@ -61,7 +61,7 @@ def _processors() -> int:
 
 
 def _in_copies(work: Callable[[_Item], _Result], items: Sequence[_Item], jobs: int) -> list[_Result]:
-    """Does as `side_by_side`, here and in copies of this process. What a copy that died did not send is done here."""
+    """Works in this process and in copies of it. This process repeats the items of a copy that died."""
     with _turns(len(items)) as turns:
         copies: dict[int, BinaryIO] = {}
         try:
@@ -80,7 +80,7 @@ def _in_copies(work: Callable[[_Item], _Result], items: Sequence[_Item], jobs: i
         finally:
             for child, results in copies.items():
                 results.close()
-                with contextlib.suppress(ChildProcessError):  # a program that ignores SIGCHLD has no ends to wait for
+                with contextlib.suppress(ChildProcessError):  # with SIGCHLD ignored, no child is left to wait for
                     os.waitpid(child, 0)
     made = []
     for index, item in enumerate(items):
@@ -93,7 +93,7 @@ def _in_copies(work: Callable[[_Item], _Result], items: Sequence[_Item], jobs: i
 
 @contextlib.contextmanager
 def _turns(count: int) -> Iterator[int]:
-    """Gives a pipe from which each reader takes the number of the next item, until none is left."""
+    """Yields a pipe from which each reader takes the number of the next item, until none is left."""
     reading, writing = os.pipe()
     os.write(writing, b"".join(map(_TURN.pack, range(count))))
     os.close(writing)
@@ -107,14 +107,14 @@ def _copy(work: Callable[[_Item], Any], items: Sequence[_Item], turns: int) -> t
     """Returns the process number of a copy that takes turns, and the pipe that it writes its results to."""
     reading, writing = os.pipe()
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # Python 3.12 warns of other threads: `work` needs none
+        warnings.simplefilter("ignore", DeprecationWarning)  # Python 3.12 warns of other threads; `work` needs none
         child = os.fork()
     if child:
         os.close(writing)
         return child, os.fdopen(reading, "rb")
     status = 1
     try:
-        gc.disable()  # what this process holds is not the copy's to end
+        gc.disable()  # the copy must not destroy objects of this process
         os.close(reading)
         found = _taken(work, items, turns)
         with os.fdopen(writing, "wb") as results:

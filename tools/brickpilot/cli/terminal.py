@@ -155,7 +155,7 @@ _FLIGHT_OPTIONS = (
     click.option(
         "--profile",
         type=click.Choice(["coupled", "paper"]),
-        help="The constants of plant and controller; default coupled.",
+        help="The constants of plant and controller; default: the scenario's, else the model's.",
     ),
     click.option(
         "--sensors", type=click.Choice(["ideal", "imu", "imu+encoders"]), help="The robot's sensors; default ideal."

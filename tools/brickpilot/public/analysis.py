@@ -28,7 +28,7 @@ def check(dataset: Data, *, seed: int = 0, jobs: int = 2) -> Check:
         jobs: simulations at the same time, 1..256.
 
     Raises:
-        InputError: an argument is wrong, no measured signal is one that the model gives, every run is held out, or the
+        InputError: an argument is wrong, the model gives none of the measured signals, every run is held out, or the
             plant diverges with the nominal values.
 
     `brickpilot.readiness.data_check.check` has an example.
@@ -86,15 +86,15 @@ def discover(
 
     Args:
         dataset: a data set, or its folder.
-        model: the search starts from this model, or its file, and its effects; None: from the nominal values.
+        model: the model, or its file, from which the search starts, with its effects; None: the nominal values.
         seed: of the random starts, which are used where nominal values are not given; 0 or more.
         jobs: fits at the same time, 1..256.
-        budget_s: the answer is the best one so far after so many s, above 0; None: no limit.
+        budget_s: s, above 0, after which the best answer so far is returned; None: no limit.
         predictor: also find the best predictor, `Finding.predictor`. It is no explanation: its parts are no claim.
         progress: called with (done, total, text).
 
     Raises:
-        InputError: an argument is wrong, no measured signal is one that the model gives, or every run is held out.
+        InputError: an argument is wrong, the model gives none of the measured signals, or every run is held out.
         SimulationError: the plant diverges with the nominal values.
 
     A motor with dry friction as large as 0.6 V, of which the nominal values say nothing:

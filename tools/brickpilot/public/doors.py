@@ -75,7 +75,7 @@ def whole(field: str, given: int, low: int, high: int = 2**63 - 1) -> int:
     """Returns a whole number from `low` to `high`.
 
     Raises:
-        InputError: it is none.
+        InputError: `given` is no such number.
     """
     if isinstance(given, bool) or not isinstance(given, int) or not low <= given <= high:
         upper = "" if high == 2**63 - 1 else f" to {high}"
@@ -89,7 +89,7 @@ def jobs_of(given: int) -> int:
 
 
 def seed_of(given: int) -> int:
-    """Returns a seed, 0 or more; InputError if it is none."""
+    """Returns a seed, 0 or more; InputError if `given` is no seed."""
     return whole("seed", given, 0)
 
 
@@ -97,7 +97,7 @@ def names_of(field: str, given: str | Iterable[str]) -> tuple[str, ...]:
     """Returns names; one text is one name.
 
     Raises:
-        InputError: something in it is no text.
+        InputError: one of the names is no text.
     """
     names = (given,) if isinstance(given, str) else tuple(given)
     if not all(isinstance(one, str) for one in names):
@@ -161,7 +161,7 @@ _FLAGS = {"mapping": "map", "settings": "set"}
 
 
 def command_line(command: str, *arguments: str, **options: Any) -> str:
-    """Returns the command line of `brickpilot`, for pages that say how they are made again.
+    """Returns the command line of `brickpilot`, for pages that say how to make them again.
 
     Args:
         command: its name.

@@ -1,4 +1,4 @@
-"""A flight over a link, with the plant at one end and the controller at the other: `hil`, and what it is asked."""
+"""A flight over a link, with the plant at one end and the controller at the other: `hil` and its arguments."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from brickpilot.vehicle.settings import named
 
 @dataclasses.dataclass(frozen=True)
 class Session:
-    """The other arguments of `hil`, besides the flight; `settings` are raw values to write before it."""
+    """The arguments of `hil` besides those of the flight; `settings` are raw values to write before the flight."""
 
     spec: str
     lockstep: bool
@@ -59,7 +59,7 @@ class Session:
 
 
 def link_of(spec: str | None, target: str, lockstep: bool) -> str:
-    """Returns what `--link` and `--target` together name for `hil.ends`; InputError if they contradict each other."""
+    """Returns the link of `--link` and `--target` by its name in `hil.ends`; InputError if these options contradict."""
     if target == "host":
         if spec is None:
             raise InputError("is missing: name the link to the brick", field="--link")
@@ -94,7 +94,7 @@ def image_of(image: Path, request: FlightRequest, target: str) -> OwnImage:
 
 
 def _plan(request: FlightRequest, session: Session) -> Plan:
-    """Returns the plan of the flight, after a check that the brick can have its sensors."""
+    """Returns the plan of the flight, after a check that the brick can have the plan's sensors."""
     if session.image is None:
         plan = request.plan()
         (check_avr_sensors if session.avr else check_sensors)(session.spec, plan.sensors)
@@ -120,13 +120,13 @@ def hil(
         link: "serial:pty", "tcp", "can:virtual", ... start a brick on this machine; "serial:PORT" and others connect to
             one that runs already; see `brickpilot hil --help`. None: `target` names a simulated processor.
         target: "host", "h8sim", "avr:328p-imu", ...: what the brick end is.
-        lockstep: one step is simulated for each reply; else real time follows the clock.
+        lockstep: one step is simulated for each reply; else the simulation follows the clock.
         profile, sensors, model, compensation, gains: as in `brickpilot run`; the last three are files.
         seed: of the sensors' noise, 0 or more.
         settings: setting -> raw value that is written before the flight.
         image: an Arduino's ELF file or an RCX's brickpilot.h8sim, made by `firmware` for the robot of `model`.
         trace, record, junit: files to write: signals at the pins (VCD), traffic of the link, checks (JUnit XML).
-        telemetry_every: steps from one telemetry to the next, 1..255; None: 1 in lockstep, else 10.
+        telemetry_every: steps from one telemetry to the next, 1..255; None: 1; 10 in real time or with an AVR.
         out: the run folder; None: runs/hil-SCENARIO-PROFILE-SENSORS.
         progress: called with (steps done, all steps, text).
 

@@ -94,7 +94,7 @@ def why(
         as_wired: channels that look swapped, reversed or scaled wrongly are not mended.
         out: the folder to write with the page why.html; None: nothing is written.
         budget_s, seed, jobs, progress: as in `discover`.
-        command: the command line on the page that repeats it.
+        command: the command line that the page shows, to repeat the call.
 
     Raises:
         InputError: a log cannot be read, or an argument is wrong.
@@ -150,7 +150,7 @@ def changed(
         vehicle, frame, mapping, nominal, as_wired: of logs, as in `why`.
         out: the folder to write with the page changed.html; None: nothing is written.
         seed, jobs, progress: as in `discover`.
-        command: the command line on the page that repeats it.
+        command: the command line that the page shows, to repeat the call.
 
     Raises:
         InputError: a recording cannot be read, is of another vehicle, or an argument is wrong.
@@ -230,7 +230,7 @@ def _names(given: Sequence[Recording | Model]) -> list[str]:
 
 @contextmanager
 def _folder(out: str | Path | None, files: Collection[str]) -> Iterator[Path]:
-    """Yields the folder in which the work is done: it becomes `out`, or is deleted."""
+    """Yields the folder in which the work is done: it becomes `out`, or is deleted if `out` is None."""
     if out is not None:
         with fresh_folder(Path(out), files) as beside:
             yield beside
@@ -257,7 +257,7 @@ def _read(
     logs: Logs, into: Path, vehicle: str | None, frame: str | None, mapping: Sequence[str],
     nominal: Mapping[str, float] | None, as_wired: bool,
 ) -> tuple[Dataset, tuple[str, ...], str]:  # fmt: skip
-    """Returns a data set, imported `into` a folder if it is given as logs, its notes and the options that mend it."""
+    """Returns a data set, its notes and the options that mend it. Logs are first imported `into` a folder."""
     if isinstance(logs, Dataset):
         return logs, (), ""
     paths = [Path(one) for one in ([logs] if isinstance(logs, str | Path) else logs)]

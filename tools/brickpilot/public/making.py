@@ -53,10 +53,10 @@ def campaign(
     Args:
         file: the campaign's file.
         out: the folder; None: runs/campaign-NAME.
-        runs: how many, instead of the file's; above 0.
-        seed: of all draws, instead of the file's; 0 or more.
+        runs: number of runs, instead of the file's; above 0.
+        seed: of all random draws, instead of the file's; 0 or more.
         jobs: processes of this machine, 1..256.
-        scheduler: tcp://HOST:PORT of a Dask cluster, in their place.
+        scheduler: tcp://HOST:PORT of a Dask cluster, instead of these processes.
         progress: called with (parts done, all parts, text).
 
     Raises:
@@ -80,14 +80,14 @@ def tune(
     """Tunes gains for a robot whose values are not known exactly, and writes gains.toml, mission.toml and report.html.
 
     Args:
-        model: the robot's model.toml; calibration.json or verdict.json beside it says how far its values are known.
-        dataset: instead of it, a data set's folder, which is calibrated first.
+        model: the robot's model.toml; calibrate.json or verdict.json beside it says how far its values are known.
+        dataset: instead of a model, a data set's folder, which is calibrated first.
         out: the folder; None: runs/tune-NAME.
         board: "rcx", "avr", "avr:2560", or "packaged": the project's firmware with the model's compensation.
         sensors: "imu" or "imu+encoders".
         scenario: the mission; None: the paper's eight waypoints, scaled to the robot.
-        robots: that fly each gain set, 4..1000.
-        judges: fresh robots that fly before and after, 20..100000.
+        robots: number of robots that fly each gain set, 4..1000.
+        judges: number of new robots that fly before and after tuning, 20..100000.
         budget: gain sets to try, or seconds as "90s".
         seed, jobs, scheduler, progress: as in `campaign`.
 
@@ -243,7 +243,7 @@ class Exported:
     """Files for another program.
 
     Attributes:
-        files: that were written.
+        files: the files that were written.
         left_out: a sentence for each part of the model that they do not hold.
     """
 
@@ -260,7 +260,7 @@ def export(
     Args:
         what: for "fmu", "mjcf" and "urdf" a model or its file, None: the packaged robot; for "mcap" and "parquet" a
             run folder, for "mcap" also a recording of a link's traffic.
-        kind: one of these five.
+        kind: one of the five names above.
         out: the file; None: beside the run, or NAME with the ending of its kind.
         fmi: of an FMU: "3.0", "2.0" or "both".
         binary: an FMU holds a binary for this machine, which needs a C compiler.

@@ -35,12 +35,12 @@ WORDS = {
 }
 """Figure -> its name on the page."""
 
-_MOST_ROWS = 20  # inputs of a figure in one chart of indices
+_MOST_ROWS = 20  # the most inputs in a chart of sensitivity indices
 
 
 @dataclass(frozen=True)
 class Histogram:
-    """The number of runs whose figure lies between `edges` (bars + 1,), for successes and for failures (bars,)."""
+    """The numbers of succeeded and failed runs (bars,) whose figure lies between neighbouring `edges` (bars + 1,)."""
 
     figure: str
     unit: str
@@ -111,7 +111,7 @@ def verdict(summary: Mapping[str, Any]) -> str:
 
 
 def _rates_chart(summary: Mapping[str, Any]) -> Markup:
-    """Draws a row for all runs, and one for each value of an input that has few."""
+    """Draws a row for all runs, and one for each value of an input that has few values."""
     rows = [("all runs", summary["success"])]
     for name, values in summary["by_choice"].items():
         rows += [(f"{name} = {value}", rate) for value, rate in values.items()]
@@ -132,7 +132,7 @@ def _causes(summary: Mapping[str, Any]) -> list[tuple[str, int, str]]:
 
 
 def _histogram(one: Histogram) -> Markup:
-    """Draws all runs as bars, and those that failed as bars before them."""
+    """Draws all runs as bars, and the failed runs as bars in front of them."""
     factor, unit = scaled(float(np.abs(one.edges).max()), one.unit) if one.unit else (1.0, "")
     middles = (one.edges[:-1] + one.edges[1:]) / 2 / factor
     curves = [Curve("all runs", one.succeeded + one.failed, "blue", shape="bars")]
@@ -164,7 +164,7 @@ def _worst(one: Mapping[str, Any], command: str) -> dict[str, Any]:
 
 
 def _indices(sensitivity: Mapping[str, Any] | None) -> list[tuple[str, Markup]]:
-    """Draws the inputs of each figure, the strongest uppermost."""
+    """Draws the sensitivity indices of each figure, with the strongest input uppermost."""
     if sensitivity is None:
         return []
     return [

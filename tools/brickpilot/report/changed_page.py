@@ -93,7 +93,7 @@ def _capital(text: str) -> str:
 
 
 def fit_rows(found: Changed, name: str) -> list[tuple[str, str, str, str]]:
-    """Returns for each signal what the old model explains before and after, and what is explained now."""
+    """Returns for each signal the fit of the old model before and after, and the fit with the change."""
     return [(say(signal), *_cells(one)) for signal, one in found.fits[name].items()]
 
 
@@ -118,7 +118,7 @@ def page(found: Changed, command: str) -> str:
     """Returns the page as one self-contained HTML text.
 
     Args:
-        command: the command line that repeats it.
+        command: the command line that repeats the comparison.
     """
     names = list(dict.fromkeys(one.what for one in found.constants))
     alone = {(one.recording, one.what): one for one in found.constants}

@@ -26,7 +26,7 @@ from brickpilot.vehicle.composed_terms import (
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 _WORD = re.compile(r"(?<![>.\w])[A-Za-z_]\w*")
 
-# Symbol of an expression -> C that computes it in each hook, in an order in which it can be declared.
+# For each hook: symbol of an expression -> C that computes it, in an order in which C can declare them.
 _STEPS, _AGE = "kept->time + 0.5 * vehicle->step", "vehicle->state.age - kept->start_age"
 _NOW = " + clock * kept->start_age"
 _VOLTS = "isnan(vehicle->voltage[k]) ? 0 : vehicle->voltage[k]"
@@ -85,7 +85,7 @@ class _Hook:
 
     Attributes:
         locals: symbol -> C.
-        sums: "surge_loss", for example -> the sum of its terms in C.
+        sums: place and kind, such as "surge_loss" -> the sum of their terms in C.
         keeps: whether it uses the memory.
     """
 
@@ -95,7 +95,7 @@ class _Hook:
 
     @property
     def common(self) -> dict[str, str]:
-        """The locals that are not those of one wheel, numbered k."""
+        """The locals that do not belong to one wheel, number k."""
         return {symbol: code for symbol, code in self.locals.items() if "[k]" not in code}
 
     @property
@@ -179,7 +179,7 @@ def _hook(site: str, terms: Sequence[Term], settings: Mapping[str, float], *, mo
 
 
 def _sum(terms: Sequence[Term], kind: str) -> str:
-    """Returns the sum of the terms of one kind; those that differ between left and right in a bracket of their own."""
+    """Returns the sum of the terms of one kind; terms that differ between left and right have their own bracket."""
     chosen = [term.basis for term in terms if f"{term.basis.place}_{term.basis.kind}" == kind]
     place = kind.split("_")[0]
 
@@ -206,7 +206,7 @@ _WHEEL_KEEPS = frozenset({"time", "dry_surge", "dry_yaw"})
 
 
 def _memory(hooks: Mapping[str, _Hook], used: set[str]) -> dict[str, str]:
-    """Returns the fields of the memory that are needed -> their comments."""
+    """Returns field -> comment for each field of the memory that is needed."""
     body = hooks["body"].sums
     fields: dict[str, tuple[bool, str]] = {
         "start_age": ("t" in used, "s"),
@@ -257,7 +257,7 @@ def as_html(term: finding.Term) -> str:
 
 
 def mathml(terms: Sequence[Term], settings: Mapping[str, float]) -> str:
-    """Returns what the terms add where they act as presentation MathML, escaped."""
+    """Returns the sums that the terms add at their places, as presentation MathML, escaped."""
     out = _Math()
     return "".join(
         f'<math display="block"><mi>Δ</mi>{out.symbol(target)}<mo>=</mo>{added}</math>'

@@ -16,7 +16,7 @@ from brickpilot.report.quantities import DASH, fit_number, fit_text, percent, qu
 
 _HEADLINE = "free_run"
 _MINUS = "\N{MINUS SIGN}"
-_SAME = 0.05  # percentage points: fits that differ by less read the same
+_SAME = 0.05  # percentage points: fits that differ by less are called equal
 
 
 @dataclass(frozen=True)
@@ -158,7 +158,7 @@ def _cell(fit: Fit, own: OwnUnit) -> dict[str, str] | None:
 
 
 def _repeats(finding: Finding) -> str:
-    """Returns a sentence on how far repeats of the same inputs allow a fit; empty where nothing was repeated."""
+    """Returns a sentence on the fit that repeats of the same inputs allow; empty if no run is repeated."""
     fits: Mapping[str, Mapping[str, SignalFit]] = finding.yardstick.signals
     known = [(_say(name), one[_HEADLINE].repeatability) for name, one in fits.items() if _HEADLINE in one]
     listed = [f"{name} {fit_text(value)}" for name, value in known if value is not None]

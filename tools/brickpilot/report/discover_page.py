@@ -47,7 +47,7 @@ def page(finding: Finding, command: str) -> str:
 
     Args:
         finding: the result of discovery.
-        command: the command line that reproduces it.
+        command: the command line that reproduces the result.
     """
     compared = compared_signals(finding)
     shown, folded = figures(finding, compared)
@@ -151,7 +151,7 @@ def _warnings(finding: Finding) -> list[str]:
 
 
 def _whiteness(finding: Finding) -> list[dict[str, Any]]:
-    """Returns the autocorrelation of each signal's residual as a chart with its caption; the words follow its size."""
+    """Returns the autocorrelation of each signal's residual as a chart; the caption depends on the residual's size."""
     found = []
     for signal, one in finding.whiteness.items():
         outside = sum(abs(value) > one.bound for value in one.correlation)
@@ -166,7 +166,7 @@ def _whiteness(finding: Finding) -> list[dict[str, Any]]:
 
 
 def _remaining(finding: Finding) -> list[str]:
-    """Returns sentences on the residual of the augmented model. They say noise only if its size fits."""
+    """Returns sentences on the residual of the augmented model. They call it noise only if its size fits."""
     sizes = {name: gap.after for name, gap in finding.by_signal.items() if gap.after is not None}
     over = {name: size for name, size in sizes.items() if size > OVER_NOISE}
     coloured = [name for name, one in finding.whiteness.items() if not one.white]
@@ -342,7 +342,7 @@ def rank_row(one: Rank, model: Model) -> dict[str, Any]:
 
 
 def _of_runs(one: Rank) -> list[tuple[str, Shown]]:
-    """Returns the least and the largest value of each kind that runs have of their own."""
+    """Returns the smallest and the largest value of each kind of value that differs from run to run."""
     found = []
     for kind, info in RUN_KINDS.items():
         values = [value for key, value in one.parameters.items() if key.startswith(f"{kind}@")]
@@ -369,7 +369,7 @@ def fault_row(one: Fault, finding: Finding) -> dict[str, str]:
 
 
 def _labelled(names: Sequence[str], shown: Sequence[Shown]) -> list[tuple[str, Shown]]:
-    """Labels values of "effect.parameter" or "parameter"; names each of several effects once, a single one never."""
+    """Labels values of "effect.parameter" or "parameter". Several effects are each named once, a single one is not."""
     effects = [name.rpartition(".")[0] for name in names]
     several = len(set(effects)) > 1
     labels = [

@@ -29,7 +29,7 @@ class Compared:
     """One signal of one run with its simulations and residuals, each of shape (n,); NaN is a dropout.
 
     Attributes:
-        unit: of all values: that of the data set, with its sign.
+        unit: of all values, which have the unit and the sign of the data set.
         measured, nominal, augmented: the values that are drawn; a position counts from its first sample.
         before, after: the residuals of the calibrated and of the augmented model.
     """
@@ -109,7 +109,7 @@ def telling_figures(finding: Finding, count: int) -> list[dict[str, Any]]:
 
 
 def _chosen(finding: Finding, compared: Mapping[Key, Compared], count: int) -> list[Key]:
-    """Returns the runs and signals with the most gap removed and the most left, and one of a held-out run."""
+    """Returns the runs and signals with the most gap removed, or with the largest gap, and one of a held-out run."""
 
     def removed(key: Key) -> tuple[float, float]:
         before, after = compared[key].gaps
@@ -124,7 +124,7 @@ def _chosen(finding: Finding, compared: Mapping[Key, Compared], count: int) -> l
 
 
 def _places(finding: Finding) -> dict[Key, Place]:
-    """Returns the largest place of each signal of each run, the largest first."""
+    """Returns (run, signal) -> the place with the largest part of its gap."""
     found: dict[Key, Place] = {}
     for one in finding.where:
         found.setdefault((one.run, one.signal), one)

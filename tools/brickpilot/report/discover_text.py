@@ -44,7 +44,7 @@ def words(effect: str) -> str:
 def explanation(names: str | Sequence[str]) -> str:
     """Returns effects in words, each with its name behind it in parentheses.
 
-    `names` is a sequence, or one text joined by " + "; without a name it is that of the calibrated model.
+    `names` is a sequence, or one text joined by " + "; an empty sequence stands for the calibrated model.
     """
     chosen = names.split(" + ") if isinstance(names, str) else names
     if not chosen:
@@ -58,7 +58,7 @@ def listed(items: Sequence[str], last: str = "and") -> str:
 
 
 def either(rivals: Sequence[str]) -> str:
-    """Returns explanations of which one holds, each joined by " + ", in words; what all of them share is said once."""
+    """Returns rival explanations, each joined by " + ", in words; effects that all of them share are named once."""
     names = [one.split(" + ") for one in rivals]
     shared = [name for name in names[0] if all(name in other for other in names)]
     if not shared:
@@ -108,7 +108,7 @@ def found_names(finding: Finding) -> list[str]:
 
 
 def one_mechanism(finding: Finding) -> str | None:
-    """Returns the mechanism that all equivalent explanations have alone; None if they have several."""
+    """Returns the only mechanism of all equivalent explanations; None if they have several."""
     known = {frozenset(one.effects): one.mechanisms for one in finding.explanations}
     kinds = {
         kind for one in alternatives(finding) for kind in known.get(frozenset(one.split(" + "))) or _mechanisms(one)
@@ -117,7 +117,7 @@ def one_mechanism(finding: Finding) -> str | None:
 
 
 def _mechanisms(names: str) -> list[str]:
-    """Returns the mechanisms of names joined by " + "; of nominal values it is no mechanism of the table."""
+    """Returns the mechanisms of names joined by " + "; a name without a mechanism stands for itself."""
     named = names.split(" + ")
     known = {one.name: one.mechanism for one in catalogue.effects()} | {
         kind: one.mechanism for kind, one in RUN_KINDS.items()
@@ -126,7 +126,7 @@ def _mechanisms(names: str) -> list[str]:
 
 
 def explanation_lines(finding: Finding) -> list[str]:
-    """Returns the explanations that hold 95 % of the weight, for a terminal; none where one says it all."""
+    """Returns the explanations that hold 95 % of the weight, for a terminal; none if there is only one."""
     if len(finding.explanations) < 2:
         return []
     head = f"{'weight':>8}  explanations that hold 95 % of the weight"
@@ -142,7 +142,7 @@ def _named(one: Share) -> str:
 
 
 def left_predictable(finding: Finding) -> str:
-    """Returns how much of what is left a black box still predicts; empty: it was not asked."""
+    """Returns how much of the remaining error a black box still predicts; empty: this is not known."""
     shares = finding.predictable_left
     if not shares:
         return ""
@@ -163,14 +163,15 @@ def verdict(finding: Finding) -> str:
 
 
 def contradiction(dataset: Dataset) -> str | None:
-    """Returns how far the yaw turns over what the wheels say, where they contradict each other; None: they do not.
+    """Returns how far the measured yaw and the yaw of the wheels contradict each other; None: they do not.
 
-    A fit hides it in lengths that move within a ruler's error. A larger error that is stated of them excuses more.
+    A fit hides a contradiction by moving the lengths within a ruler's error. A larger stated sd of the lengths allows a
+    larger difference.
     """
     ratio = yaw_over_wheels(dataset)
     lengths = [dataset.nominal[name] for name in ("wheel_radius", "half_track") if name in dataset.nominal]
     shares = [(one.sd or 0.0) / one.value for one in lengths]
-    # A length that is stated without an sd has that of a ruler.
+    # A length that is stated without an sd gets the sd of a ruler.
     limit = max(numbers.RULER, 2 * math.hypot(*(one for one in shares if one > 1.01 * numbers.RULER)))
     if ratio is None or (ratio.low <= 1 + limit and ratio.high >= 1 - limit):
         return None
@@ -191,7 +192,7 @@ def leaves_more_than_noise(finding: Finding) -> bool:
 
 
 def _rest(finding: Finding) -> str:
-    """Returns a sentence on what claimed effects leave; empty: noise alone, or none is claimed."""
+    """Returns a sentence on the residual of claimed effects; empty: it is noise, or no effect is claimed."""
     if not finding.law_differs:
         return ""
     which = "a law is" if len(finding.effects) > 1 else "the law is"
@@ -199,7 +200,7 @@ def _rest(finding: Finding) -> str:
 
 
 def _moved_values(finding: Finding) -> str:
-    """Returns a sentence on nominal values that left what is stated of them; empty: none did."""
+    """Returns a sentence on nominal values that do not fit what is stated of them; empty: all do."""
     moved = [
         f"{say(one.parameter)} ({quantity(one.fitted, one.unit)} instead of {quantity(one.stated, one.unit)}, "
         f"{one.sd_away:.0f} standard deviations away)"
@@ -279,7 +280,7 @@ def _unknown(finding: Finding) -> str:
 
 
 def _suspected(finding: Finding, unclaimed: Sequence[Effect]) -> str:
-    """Returns what explains the fit runs best, and why it is not claimed."""
+    """Returns the effects that explain the fit runs best, and why they are not claimed."""
     names = listed([explanation(one.name) for one in unclaimed])
     return (
         f"Something is missing, most likely in the {finding.mechanism}. On the fit runs, {names} "

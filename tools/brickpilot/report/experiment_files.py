@@ -22,7 +22,7 @@ FILES = {
 """Each file that `files_of` may write, and its purpose."""
 
 _RAMP_STEP_S = 0.05  # a ramp becomes steps of this length
-_HIGHEST_V = 20.0  # that a scenario takes
+_HIGHEST_V = 20.0  # the highest voltage that a scenario takes
 
 Step = tuple[float, float, float]
 
@@ -36,7 +36,7 @@ def of_finding(finding: Finding) -> dict[str, str]:
 
 
 def files_of(manoeuvre: Manoeuvre, vehicle: str) -> dict[str, str]:
-    """Returns file -> text. A scenario drives a `diff_drive` alone, up to 20 V."""
+    """Returns file -> text. There is a scenario only up to 20 V, and none for a motor."""
     found = steps(manoeuvre)
     sides = ("voltage",) if vehicle == "motor" else ("voltage_left", "voltage_right")
     texts = {TABLE: _table(found, sides), ARRAY: _array(manoeuvre, found, sides)}
@@ -47,7 +47,7 @@ def files_of(manoeuvre: Manoeuvre, vehicle: str) -> dict[str, str]:
 
 
 def steps(manoeuvre: Manoeuvre) -> list[Step]:
-    """Returns (s, V left, V right): the start of each voltage; a ramp becomes steps through its middle."""
+    """Returns (s, V left, V right): the start of each voltage; a ramp becomes steps of its mean voltages."""
     points = {round(at, 6) for side in (manoeuvre.voltage_left, manoeuvre.voltage_right) for at, _ in side}
     grid = np.arange(0.0, manoeuvre.duration_s, _RAMP_STEP_S).round(6)
     starts = np.array(sorted({0.0, *points, *grid.tolist()} - {round(manoeuvre.duration_s, 6)}))

@@ -98,7 +98,7 @@ def _scales(calibration: Calibration) -> list[dict[str, str]]:
 
 
 def _comparisons(calibration: Calibration) -> list[tuple[str, str, list[Markup]]]:
-    """Returns (run, role, figures) of the runs that are drawn: all, or of many those with the largest error."""
+    """Returns (run, role, figures) of the drawn runs: all, or if there are many, those with the largest error."""
     worst: dict[str, float] = {}
     for gap in calibration.gaps:
         worst[gap.run] = max(worst.get(gap.run, 0.0), gap.after or 0.0)
@@ -161,7 +161,7 @@ def _stated(calibration: Calibration) -> Markup | None:
 
 
 def _correlation(calibration: Calibration) -> list[tuple[str, list[dict[str, str | bool]]]]:
-    """Returns a row for each fitted parameter: its correlation with each. `shade` is 1 at +1 and at -1."""
+    """Returns a row for each fitted parameter: its correlation with each one. `shade` is its absolute value."""
     rows = []
     for name, row in zip(calibration.parameters, calibration.correlation, strict=False):
         cells: list[dict[str, str | bool]] = [
@@ -215,7 +215,7 @@ def compare_page(comparison: Comparison) -> str:
 
 
 def drawn_runs(runs: Sequence[RunComparison]) -> set[str]:
-    """Returns the names of the runs with plots: all, or of many those with the largest error of any signal."""
+    """Returns the names of the runs with plots: all, or if many, those with the largest error of a signal."""
     worst = sorted(runs, key=lambda run: -max((one.share or 0.0 for one in run.signals.values()), default=0.0))
     return {run.name for run in worst[:_DRAWN]}
 

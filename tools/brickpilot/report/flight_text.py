@@ -1,7 +1,6 @@
 """A flight as text: the lines that `run` and `hil` print of a mission, and its checks as a JUnit file.
 
-There is a line for each waypoint, and figures that explain their own words. The benches of Jenkins and GitLab read the
-JUnit file.
+There is a line for each waypoint, and one for each figure with its meaning. Jenkins and GitLab read the JUnit file.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ def waypoint_lines(figures: Mapping[str, Any]) -> Iterator[str]:
 
 
 def figure_lines(figures: Mapping[str, Any]) -> Iterator[str]:
-    """Yields the figures of the whole mission, each with what it means."""
+    """Yields the figures of the whole mission, each with its meaning."""
     off, lost = _metres(figures["cross_track_rms_m"]), _metres(figures["position_estimate_error_m"])
     yield f"cross-track error   {off} rms: how far beside the straight line between two waypoints it drove"
     yield f"position error      {lost} rms: from where the controller takes the robot to be, to where it is"
@@ -43,7 +42,7 @@ def figure_lines(figures: Mapping[str, Any]) -> Iterator[str]:
 
 
 def link_lines(figures: Mapping[str, Any]) -> Iterator[str]:
-    """Yields what a flight over a link counts beside that."""
+    """Yields the further figures of a flight over a link."""
     yield f"link                {figures['link']} in {figures['pace']}"
     yield f"late ticks          {figures['late_ticks']} of {figures['steps']}: steps that began more than a step late"
     yield f"lost frames         {figures['lost_frames']}: messages that were damaged, or had no reply"

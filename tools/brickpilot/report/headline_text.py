@@ -11,10 +11,10 @@ from brickpilot.report.quantities import DASH, fit_number, fit_text, quantity
 from brickpilot.vehicle.headline import FREE_RUN, ROLES, Headline
 
 RUNS = {"held_out": "the held-out runs", "fit": "the fit runs"}
-"""A role as sentences have it."""
+"""Role -> its name in sentences."""
 
 HORIZONS = {FREE_RUN: "free run", "1_s": "1 s", "0.2_s": "0.2 s"}
-"""A horizon as tables have it."""
+"""Horizon -> its name in tables."""
 
 DEFINITION = (
     "The share of the measured signal that the model explains: 100 (1 \N{MINUS SIGN} norm of measured less simulated / "
@@ -31,7 +31,7 @@ def horizon_text(name: str) -> str:
 
 
 def sentence(numbers: Headline) -> str:
-    """Returns the headline of the runs that judge in a sentence; empty where there is none."""
+    """Returns a sentence with the headline of the runs with `numbers.role`; empty if there is no headline."""
     role = numbers.role
     whole, ahead = numbers.mean(role), numbers.mean(role, "1_s")
     if whole is None:

@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 Result = Dataset | Comparison | Calibration | Check | Finding | Flown | Why | Changed
 
 _ROWS = 20
-"""Of a table; a notebook is no page."""
+"""The most rows of a table: a notebook has less room than a page."""
 
 _LINES, _WIDE = 10, 110
-"""Of the text for a terminal; the longest of its lines."""
+"""The most lines of the text for a terminal, and the most characters in a line."""
 
 
 def to_html(result: Result) -> str:
@@ -94,7 +94,7 @@ def _error(comparison: Comparison, signal: str) -> str:
 
 
 def _figures(flown: Flown) -> pandas.DataFrame:
-    """Returns the figures of a flight that are one value."""
+    """Returns those figures of a flight that are single values."""
     import pandas
 
     single = {k: v for k, v in flown.figures.items() if isinstance(v, str | numbers.Real) and not k.endswith("sha256")}

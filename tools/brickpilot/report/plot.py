@@ -27,10 +27,10 @@ Array = NDArray[np.float64]
 Colour = Literal["blue", "orange", "green", "purple", "grey"]
 Shape = Literal["line", "step", "marks", "bars"]
 
-MOST_POINTS, _LEAST_POINTS = 2000, 300  # that are drawn of a run in one figure
+MOST_POINTS, _LEAST_POINTS = 2000, 300  # most and least points that one figure draws
 _ROW = 26  # height of a row, pixels
-_PAGE_POINTS = 40_000  # of all figures of a page: about 1.5 MB
-ACROSS, UP = 1e6, 2e4  # steps in which a time and a value of a figure are written
+_PAGE_POINTS = 40_000  # points in all figures of a page: about 1.5 MB
+ACROSS, UP = 1e6, 2e4  # times and values are rounded to their span over this number
 
 
 @dataclass(frozen=True)
@@ -54,8 +54,8 @@ class Panel:
         height: pixels.
         band: (low, high) that is shaded, such as that of the noise; None: none.
         rows: names of the values 0, 1, ... where they are no numbers.
-        spans: (row, low, high) of lines across, such as intervals.
-        asked: (row, low, high) of what is shaded in a row, such as the range that is asked for.
+        spans: (row, low, high) of horizontal lines, such as intervals.
+        asked: (row, low, high) of the shaded part of a row, such as the requested range.
         log: the axis is logarithmic, for counts.
     """
 
@@ -77,10 +77,10 @@ class Figure:
     Attributes:
         title: accessible name.
         x_label, x_unit: of the axis.
-        link: figures of the same link, such as a run, share cursor and zoom; empty: of its own.
-        stretch: (from, to) of the place that is shaded.
-        lines: places of lines through all panels.
-        reach: places that the axis shows too.
+        link: name of a group of figures, such as a run, that share cursor and zoom; empty: no group.
+        stretch: (from, to) of the shaded part of `x`.
+        lines: values of `x` with a line through all panels.
+        reach: further values of `x` that the axis shows.
         log: `x` is logarithmic.
     """
 
@@ -97,20 +97,20 @@ class Figure:
 
 
 def points_for(figures: int) -> int:
-    """Returns how many points each of so many figures of a page may draw, so that the page stays at a few MB."""
+    """Returns how many points each of `figures` figures may draw, so that the page has only a few MB."""
     return min(MOST_POINTS, max(_LEAST_POINTS, _PAGE_POINTS // max(figures, 1)))
 
 
 def thin(columns: Array, points: int) -> NDArray[np.intp]:
     """Returns the indices of about `points` samples: the smallest and the largest of each column in each stretch.
 
-    `columns` has the shape (columns, n). So all peaks stay, and so do the first and the last sample.
+    `columns` has the shape (columns, n). All peaks stay, and so do the first and the last sample.
     """
     count, samples = columns.shape
     if samples <= points:
         return np.arange(samples)
     kept = _extremes(columns, max(points // (2 * count), 1))
-    more = points // (2 * count) * points // len(kept)  # many extremes are those of several columns
+    more = points // (2 * count) * points // len(kept)  # one sample is often the extreme of several columns
     return kept if len(kept) > 0.8 * points or more < 1 else _extremes(columns, min(more, points // 2))
 
 
@@ -128,7 +128,7 @@ def _extremes(columns: Array, stretches: int) -> NDArray[np.intp]:
 
 
 def to_html(figure: Figure, points: int = MOST_POINTS) -> Markup:
-    """Returns the figure as an element of a page. About `points` samples of it are drawn, and it says so."""
+    """Returns the figure as an element of a page. About `points` samples are drawn; the page says how many."""
     kept = thin(np.array([one.values for panel in figure.panels for one in panel.curves]), points)
     origin, x_label = _clock(figure)
     spec = {
@@ -158,11 +158,11 @@ def row_chart(
     """Draws a row for each label, the first one uppermost.
 
     Args:
-        curves: name -> (colour, the place of its mark in each row; None: it has none).
+        curves: name -> (colour, the value of its mark in each row; None: no mark).
         spans: of each row, (low, high) of the line under its marks; None: none.
         label, unit: of the axis along the rows.
         lines, stretch, log: as in `Figure`.
-        asked: of each row, (low, high) of what is shaded in it; None: nothing.
+        asked: of each row, (low, high) of its shaded part; None: none.
     """
     last = len(labels) - 1
     marks = sorted(
@@ -231,7 +231,7 @@ def _curve(one: Curve, x: Array, kept: NDArray[np.intp], factor: float) -> dict[
 
 
 def _longest_step(one: Curve, x: Array, kept: NDArray[np.intp]) -> float:
-    """Returns from which distance on two known samples are not joined: a sensor may be slower than the log."""
+    """Returns the distance in `x` above which no line joins two samples: a sensor may be slower than the log."""
     known = x[np.isfinite(one.values)]
     if len(known) < 2:
         return 0.0
@@ -251,12 +251,12 @@ def _clock(figure: Figure) -> tuple[float, str]:
 
 
 def _by_own_size(values: Array) -> list[float]:
-    """Returns the values as the JSON of a logarithmic axis has them, which cannot show a 0."""
+    """Returns the values for a logarithmic axis, with five digits each: it cannot show a value rounded to 0."""
     return [float(f"{one:.5g}") for one in values.tolist()]
 
 
 def compact(values: Array, steps: float) -> list[float | None]:
-    """Returns the values as JSON has them, rounded to their span over `steps`; a dropout is None."""
+    """Returns the values for JSON, rounded to about their span over `steps`; a dropout is None."""
     known = values[np.isfinite(values)]
     size = float(np.abs(known).max(initial=0.0)) if len(known) < 2 or np.ptp(known) == 0 else float(np.ptp(known))
     decimals = math.ceil(math.log10(steps / size)) if size > 0 else 0
@@ -267,7 +267,7 @@ def compact(values: Array, steps: float) -> list[float | None]:
 
 _ERROR_SD = 2.0  # half the width of the noise band, in standard deviations
 _ERRORS, _SMALL = 100, 110  # heights of panels, pixels
-_LEAST_GAP, _LEAST_FIT = 0.01, -20.0  # what lies below is drawn there
+_LEAST_GAP, _LEAST_FIT = 0.01, -20.0  # a smaller gap or fit is drawn at this value
 _WHISKER = 120.0  # width of an interval in a table
 
 
@@ -287,8 +287,8 @@ def superimposed(
         signal, unit: of the values.
         above: the measured and simulated values.
         below: the residuals, each in the colour of its simulation.
-        noise_sd: standard deviation of a sample, in `unit`; the band of the lower panel is two of it on each side.
-        stretch: (from, to) in s of the place that is shaded.
+        noise_sd: standard deviation of a sample, in `unit`; the band of the lower panel is two sd on each side.
+        stretch: (from, to) in s of the shaded time.
         run: the figures of one run are linked.
         title: accessible name of the chart.
         points: about how many points are drawn.

@@ -6,10 +6,10 @@ import math
 from dataclasses import dataclass
 
 DASH = "\N{EN DASH}"
-"""Stands where there is no value."""
+"""The text where there is no value."""
 
 ROLES = {"fit": "fit run", "held_out": "held-out run"}
-"""A run's role as pages show it."""
+"""Role of a run -> its name on pages."""
 
 _SPACE = "\N{NO-BREAK SPACE}"
 
@@ -80,7 +80,7 @@ def quantity(value: float, unit: str, ci95: tuple[float, float] | None = None) -
 
 
 def _decimals(half: float) -> int:
-    """Returns the decimals that half the width of an interval supports: two of its digits below 2, else one."""
+    """Returns the decimals that half an interval's width supports: two of its digits if the first is 1, else one."""
     size = math.floor(math.log10(half) + 1e-9)
     return (1 if half / 10**size < 2 - 1e-9 else 0) - size
 

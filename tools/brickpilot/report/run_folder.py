@@ -23,8 +23,8 @@ Array = NDArray[np.float64]
 def fresh_folder(out: Path, files: Collection[str]) -> Iterator[Path]:
     """Yields an empty folder beside `out` and renames it to `out` at the end; an error leaves nothing behind.
 
-    An older `out` is replaced only if it holds no other files than `files`, those that the command writes. What a
-    killed run of the same `out` has left beside it is removed.
+    An older `out` is replaced only if it holds no other files than `files`, those that the command writes. The folder
+    that a killed run of the same `out` left beside it is removed.
 
     Raises:
         InputError: `out` is no folder, holds other files, or cannot be written.

@@ -36,7 +36,7 @@ LINK = "run"
 """The link of all figures of a flight."""
 
 _DEGREES = 180.0 / np.pi
-_AT_REST_S = 1.0  # of rest at the end that a figure shows
+_AT_REST_S = 1.0  # how much of the rest at the end a figure shows
 _MOVES = 1e-3  # a smaller change of place, m, or of heading, rad, is rest
 Array = NDArray[np.float64]
 Line = tuple[str, str, Colour]
@@ -236,7 +236,7 @@ def _way(one: Curve, kept: NDArray[np.intp], samples: int) -> dict[str, Any]:
 
 _BARS = 60
 _HEIGHT = 140
-_WIDEST = 99.5  # percentile of the jitter up to which bars stand; what lies beyond is in the outermost ones
+_WIDEST = 99.5  # percentile of the jitter that the bars cover; the outermost bars hold larger values
 _KINDS: dict[str, tuple[str, Colour]] = {
     "late_ticks": ("late tick", "orange"),
     "lost_frames": ("lost frame", "blue"),

@@ -17,7 +17,7 @@ _SCRIPTS = ("templates/figures.js", "templates/track.js", "templates/start.js")
 def render(name: str, folder: Path = _HERE / "templates", **content: object) -> str:
     """Returns the page `name`, a template of `folder`, as one self-contained HTML text.
 
-    Text is escaped, `Markup` is not. A template elsewhere may extend those of this package.
+    Text is escaped, `Markup` is not. A template in another folder may extend those of this package.
     """
     environment = Environment(
         loader=ChoiceLoader([FileSystemLoader(folder), PackageLoader("brickpilot.report")]),
@@ -29,7 +29,7 @@ def render(name: str, folder: Path = _HERE / "templates", **content: object) -> 
 
 @cache
 def _inlined() -> dict[str, Markup]:
-    """Returns what every page holds, so that it needs no other file: the plot library, its licence and the scripts."""
+    """Returns what every page holds, so that it needs no other file: the plot library, its licence and scripts."""
     library = _HERE / "uplot"
     texts = {
         "library": library / "uPlot.iife.min.js",
@@ -42,7 +42,7 @@ def _inlined() -> dict[str, Markup]:
 
 
 def render_plain(template: str, **content: object) -> str:
-    """Returns the file `template` of another program, such as a C header; nothing is escaped."""
+    """Returns the text of a file for another program, such as a C header; nothing in `template` is escaped."""
     environment = Environment(
         loader=PackageLoader("brickpilot.report"),
         autoescape=False,  # it writes no HTML

@@ -19,7 +19,7 @@ from brickpilot.report.quantities import in_words
 Told = TypeVar("Told")
 
 _NOT_WORDS = frozenset({"run", "runs"})
-"""Keys of names that the user gave."""
+"""Keys whose values are names that the user gave."""
 
 _OF_A_MOTOR = (
     (r"\bboth wheels or of a motor\b", "the motor"),
@@ -39,9 +39,9 @@ _OF_A_MOTOR = (
 
 
 def told(dataset: Dataset, value: Told) -> Told:
-    """Returns text, or what holds text, as it is said of the data set's vehicle: of a motor without wheels.
+    """Returns text, or a container of texts, in the words of the data set's vehicle: a motor has no wheels.
 
-    Names that the user gave and HTML that is made already stay as they are.
+    Names that the user gave and finished HTML stay as they are.
     """
     return value if dataset.vehicle != "motor" else _of_a_motor(value, _shaft(dataset))
 
@@ -65,7 +65,7 @@ def _of_a_motor(value: Any, shaft: str) -> Any:
 
 
 def frames(dataset: Dataset) -> str:
-    """Returns in which frame and units the values stand that a page shows; empty for a motor, which has no frame."""
+    """Returns a sentence on the frame and units of a page's values; empty for a motor, which has no frame."""
     if dataset.vehicle == "motor":
         return ""
     own = f"Signals, and the values of effects, have the frame and sign of the data set, {frame_text(dataset)}."
@@ -91,7 +91,7 @@ def shown_finding(finding: Finding) -> Finding:
 
 
 def own_parameter(dataset: Dataset, effect: str, parameter: str, unit: str) -> OwnUnit:
-    """Returns how a data set would state a parameter of an effect, which has this unit in SI."""
+    """Returns the unit and sign in which a data set would state an effect's parameter. `unit`: its SI unit."""
     sign = -1.0 if dataset.frame == "FLU" and turns_with_frame(effect, parameter) else 1.0
     gyro = own_unit(dataset, "yaw_rate") if dataset.vehicle != "motor" else OwnUnit("rad/s")
     if unit == "rad/s" and gyro.unit != "rad/s" and turns_with_frame(effect, parameter):
@@ -137,7 +137,7 @@ def shown_size(dataset: Dataset, effect: str, one: Visible) -> Visible:
 
 
 def _parts(name: str, key: str) -> tuple[str, str]:
-    """Returns effect and parameter; the key names the effect too where there are several."""
+    """Returns effect and parameter; the key also names the effect if there are several."""
     effect, _, parameter = key.rpartition(".")
     return effect or name, parameter
 

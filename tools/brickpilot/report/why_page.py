@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 CONTROLLER, HEADER, MOTOR_HEADER = "diff_drive_controller.yaml", "robot_constants.h", "motor_constants.h"
 
-_FIGURES = 2  # that show what is wrong; report.html has all
+_FIGURES = 2  # number of figures that show what is wrong; report.html has all
 
 FILES = {
     "report.html": "all that was found, with plots",
@@ -40,7 +40,7 @@ FILES = {
 
 @dataclass(frozen=True)
 class Constants:
-    """What other programs ask for; see `vehicle.drive_constants`. `odometry` is None for a motor."""
+    """The constants that other programs ask for; see `vehicle.drive_constants`. `odometry` is None for a motor."""
 
     feed_forward: FeedForward
     odometry: Odometry | None
@@ -60,13 +60,13 @@ class Constants:
 
 
 def constants_of(finding: Finding) -> Constants:
-    """Returns the constants of the robot as found, against the radius and half track that are stated."""
+    """Returns the constants of the robot as found, relative to the stated radius and half track."""
     return Constants(feed_forward(finding.augmented), odometry(finding.augmented, as_stated(finding).parameters))
 
 
 def files_of(name: str, constants: Constants) -> dict[str, str]:
     """Returns file -> text for other programs. `name`: of the robot, in comments."""
-    plain = re.sub(r"[^\w .+-]", " ", name)  # a comment of C or YAML ends at none of these
+    plain = re.sub(r"[^\w .+-]", " ", name)  # none of the characters left ends a comment of C or YAML
     speed = "MPS" if constants.feed_forward.unit == "m" else "RADPS"
     given: Mapping[str, object] = {
         "name": plain, "feed_forward": constants.feed_forward, "odometry": constants.odometry, "speed": speed,
@@ -108,8 +108,8 @@ def page(why: Why, *, source: str, files: Sequence[str], command: str) -> str:
 
     Args:
         source: what was read, in words.
-        files: the names of those that lie beside the page.
-        command: the command line that reproduces it.
+        files: the names of the files beside the page.
+        command: the command line that reproduces the result.
     """
     finding, answer, constants = why.finding, why.answer, why.constants
     return render(

@@ -37,15 +37,15 @@ from brickpilot.vehicle.model import Model
 
 Ending = Literal["nothing", "cause", "missing", "contradiction"]
 
-_ALL = 99.0  # % of the signals: what is left is no complaint
-_OF_WHEELS = 0.5  # of a bend: a smaller part that the wheels' angles show is not its cause
-_WORSE = 0.05  # percentage points of the fit: an explanation that costs more explains no whole run
-_VEERS = math.radians(1.0)  # rad/m: less is hardly seen
-_DIFFERS = 0.03  # of a speed or a way: less is hardly seen
+_ALL = 99.0  # % of the signals: a simulation that explains more leaves nothing to ask
+_OF_WHEELS = 0.5  # share of a bend that unequal wheel angles explain: below it, they are not its cause
+_WORSE = 0.05  # percentage points: an explanation that lowers the fit by more explains no whole run
+_VEERS = math.radians(1.0)  # rad/m: a smaller curvature is hardly visible
+_DIFFERS = 0.03  # share of a speed or a distance: a smaller difference is hardly visible
 
 
-_GRID_S = 0.05  # on which a manoeuvre is looked at
-_TOLD = 4  # effects of which the smallest visible size is told
+_GRID_S = 0.05  # time step at which a manoeuvre is examined
+_TOLD = 4  # number of effects whose smallest visible size is told
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Answer:
             next; or the data hold a "contradiction".
         what, sure: sentences.
         todo: what to do, the first thing first.
-        symptoms: how the robot drives against how the simulation without the finding does, one sentence each.
+        symptoms: how the robot drives differently from the simulation without the finding, one sentence each.
         next: the manoeuvre to drive next; None: none is asked for.
     """
 
@@ -75,9 +75,9 @@ def answer(
     """Returns the answer that a finding gives: a wrong wiring first, as all else rests on it.
 
     Args:
-        undone: the compensation that was made of it; None: the firmware can undo nothing.
+        undone: the compensation that was made of the finding; None: the firmware can undo nothing.
         mend: the options of `import` that mend a wrong wiring.
-        advised: returns the manoeuvres that would tell most, where the finding asks for none; it is called only then.
+        advised: returns the most informative manoeuvres; it is called only if the finding asks for none.
     """
     ending, what = _what(finding)
     apart = contradiction(finding.dataset) if ending == "nothing" else None
@@ -140,7 +140,7 @@ class _Sided:
 
 
 def _sided(finding: Finding) -> _Sided | None:
-    """Returns what runs under equal commands say of two sides, without a model; None: the sides are alike."""
+    """Returns how the two sides differ in runs under equal commands, without a model; None: they are alike."""
     weaker, bent, known = weaker_side(finding.dataset), None, finding.augmented.parameters
     track = 2 * known["half_track"]
     if weaker is not None and weaker.share < _VEERS * track:
@@ -178,7 +178,7 @@ def _is_of_sides(finding: Finding) -> bool:
 
 
 def _either(finding: Finding) -> str:
-    """Returns the explanations that the data allow, by the meaning of their values where the table has one."""
+    """Returns the explanations that the data allow, each by the meaning of its values if the table has one."""
     rivals = {one.name: one.parameters for effect in finding.effects for one in effect.equivalents}
     if len(finding.effects) == 1:
         rivals[finding.effects[0].name] = finding.effects[0].parameters
@@ -222,7 +222,7 @@ def _what(finding: Finding) -> tuple[Ending, str]:
 
 
 def _cause(finding: Finding) -> str:
-    """Returns what was named, by its meaning where the table has one for its values, else by its words and sizes."""
+    """Returns the named effects: by the meaning of their values if the table has one, else by words and sizes."""
     own = {one.name: one for one in shown_finding(finding).effects}
     said, named = [], []
     for one in finding.effects:
@@ -238,7 +238,7 @@ def _cause(finding: Finding) -> str:
 
 
 def _visible(finding: Finding) -> str:
-    """Returns how small a fault these data would have shown: of a common effect of each mechanism, the first ones."""
+    """Returns the smallest sizes that these data would have shown, of a common effect of each of `_TOLD` mechanisms."""
     common = {one.mechanism: one for one in catalogue.effects_of(finding.power) if one.prior == "common"}
     parts = []
     for effect in list(common.values())[:_TOLD]:
@@ -248,7 +248,7 @@ def _visible(finding: Finding) -> str:
 
 
 def _is_all(finding: Finding) -> bool:
-    """Whether the simulation explains the signals so far that nobody would ask why."""
+    """Whether the simulation explains so much of the signals that nobody would ask why."""
     fit = discover_fit.headline(finding)
     return fit is not None and min(fit.before, fit.after) >= _ALL
 
@@ -269,7 +269,7 @@ def _sure(finding: Finding, ending: Ending) -> str:
 
 
 def _base(finding: Finding) -> str:
-    """Returns the sentence on a base that was guessed; empty: all that the sizes rest on was stated."""
+    """Returns the sentence on guessed values on which the sizes depend; empty: all of these are stated."""
     guesses = finding.dataset.guesses
     return f" Not confirmed: nobody stated {listed(guesses)}." if guesses else ""
 
@@ -335,7 +335,7 @@ def _lengths(finding: Finding) -> list[str]:
 
 
 def _symptoms(finding: Finding) -> list[str]:
-    """Returns how the augmented model drives straight at full power, where it does not without what was found."""
+    """Returns how straight drives at full power differ between the augmented model and the one without the finding."""
     robot, simulation = drives(finding.augmented), drives(as_stated(finding))
     unit = "m" if finding.dataset.vehicle != "motor" or finding.augmented.parameters.get("wheel_radius") else "rad"
     return [*_veering(robot, simulation), *_weakness(robot, simulation, unit), *_stopping(robot, simulation, unit)]
@@ -380,7 +380,7 @@ def lines(found: Answer, notes: Sequence[str], guesses: Sequence[str], *, verbos
     Args:
         notes: on how the log was read, one sentence each.
         guesses: of `Dataset.guesses`.
-        verbose: all that is to do, all symptoms and all notes; else four lines at most.
+        verbose: give all actions, all symptoms and all notes; else four lines at most.
     """
     short = [f"what is wrong: {found.what}", f"how sure:      {found.sure}", f"what to do:    {found.todo[0]}"]
     if verbose:

@@ -35,7 +35,7 @@ YAW_RATE_LIMIT = 480.0
 LOAD_LIMIT = 20.0  # rad/s per step
 INT32 = 2**31 - 1
 
-_SETTLED = 1e-6  # s: much less than a control step of 3 ms or more
+_SETTLED = 1e-6  # s: electrical time constant in place of 0; far below a control step of 3 ms
 
 Values = Mapping[str, float]
 
@@ -50,9 +50,9 @@ class MotorStep:
 
 
 def motor_step(values: Values, inertia: float, step: float) -> MotorStep:
-    """Returns eq. 12 and 14 over `step` s with constant voltage and torque, by the matrix exponential.
+    """Returns the solution of eq. 12 and 14 over `step` s at constant voltage and torque, by the matrix exponential.
 
-    Without inductance, as in a model whose data do not show it, the current settles in `_SETTLED` and not at once.
+    If the inductance is 0, as in a model whose data do not show it, the electrical time constant is `_SETTLED`.
     """
     resistance = values["resistance"]
     inductance = values["inductance"] or _SETTLED * resistance
@@ -69,17 +69,17 @@ def wheel_speed_per_volt(values: Values) -> float:
 
 
 def mean_inertia(values: Values) -> float:
-    """Returns the inertia per wheel for the mean of both coupled wheels, kg m^2."""
+    """Returns the inertia per wheel for the mean speed of both coupled wheels, kg m^2."""
     return values["wheel_inertia"] + values["mass"] * values["wheel_radius"] ** 2 / 2
 
 
 def difference_inertia(values: Values) -> float:
-    """Returns the inertia per wheel for half the difference of both coupled wheels, kg m^2."""
+    """Returns the inertia per wheel for half the speed difference of both coupled wheels, kg m^2."""
     return values["wheel_inertia"] + values["yaw_inertia"] * (values["wheel_radius"] / values["half_track"]) ** 2 / 2
 
 
 def _motor(exact: MotorStep, share: float, name: str) -> dict[str, dict[str, Scale]]:
-    """Returns a motor's coefficients. `share`: of the input voltage; one half if it is the sum or difference of two."""
+    """Returns a motor's coefficients. `share`: factor of the voltage; 0.5 if it is the sum or difference of two."""
     transition, voltage = exact.transition, exact.voltage * share
     return {
         "current": {
@@ -114,7 +114,7 @@ def pose(step: float) -> dict[str, Scale]:
     """Returns the coefficients that `body_step()` needs in addition to those of `body_predict()`.
 
     Raises:
-        QuantisationError: 6 ms or more, for which the formats have no room.
+        QuantisationError: `step` is 6 ms or more, for which the formats have no room.
     """
     return {
         "travel_from_speed": scale(step * TRAVEL / SPEED, "travel_from_speed"),

@@ -1,8 +1,8 @@
-"""Combinations of parameters that steady speed and its onset identify, even where they do not identify single ones.
+"""Combinations of parameters that the step response of the speed identifies, even if it identifies no single parameter.
 
-A fit along what they leave open ends anywhere, and what is fitted beside it later depends on where. So of each sum one
-parameter is fitted and the others are held (structural identifiability: Bellman & Astrom 1970, Math. Biosciences 7,
-here from the rank of the sensitivities).
+A fit in a direction that the data do not determine can end at any value, and later fits depend on that value. So one
+parameter of each sum is fitted and the others are held (structural identifiability: Bellman & Astrom 1970, Math.
+Biosciences 7, here from the rank of the sensitivities).
 
 Once the current has settled, eqs. 12 to 14 describe a wheel by D = K_t K_e + R (b_s + sigma m g r^2).
 """
@@ -63,7 +63,7 @@ def _turn(p: Values) -> float:
 
 
 def _inertia(p: Values, wheels: int) -> float:
-    """Returns the inertia that each of so many wheels accelerates when the vehicle drives straight."""
+    """Returns the inertia that each of `wheels` wheels accelerates when the vehicle drives straight."""
     return p["wheel_inertia"] + p["mass"] * p["wheel_radius"] ** 2 / wheels
 
 
@@ -81,7 +81,7 @@ def _time(wheels: int) -> _Rule:
 
 
 def _volts_per_acceleration(wheels: int) -> _Rule:
-    """Returns the rule of kA of the same, for a vehicle that drives straight."""
+    """Returns the rule of kA of `_volts_per_speed`, for a vehicle that drives straight."""
     return lambda p: p["resistance"] * _inertia(p, wheels) / p["torque_constant"]
 
 
@@ -118,7 +118,7 @@ FORMULAS: dict[str, tuple[Formula, ...]] = {
 
 
 FORMULAS["skid_steer"] = tuple(one for one in FORMULAS["diff_drive"] if not one.name.startswith("spin"))
-"""The contacts of a skid steer hold a spin more than its motors do."""
+"""A skid steer has no formula of a spin, because its contacts brake a spin more than its motors do."""
 
 
 def _over(name: str) -> _Rule:
@@ -146,7 +146,7 @@ _MOMENT = ("r R / (2 half_track K_t)", _volts_per_moment)
 _BY_INERTIA, _BY_MASS = ("1 / J", _over("wheel_inertia")), ("1 / m", _over("mass"))
 _BY_YAW_INERTIA, _SLIP = ("1 / J_z", _over("yaw_inertia")), ("K_t / (R r)", _slip_per_volt)
 
-# (what the effect acts on, unit of the parameter) -> (what it becomes, unit, formula beside the parameter and factor).
+# (what the effect acts on, unit of the parameter) -> forms: (name, unit, (formula of the factor, the factor)).
 # The first form that the data determine is taken. A drive that commands a force has parameters in N and N s/m.
 _FORMS: Mapping[tuple[str, str], tuple[tuple[str, str, tuple[str, _Rule]], ...]] = {
     ("wheel", "N m"): (("voltage", "V", _TORQUE), ("angular acceleration", "rad/s^2", _BY_INERTIA)),
@@ -166,7 +166,7 @@ _FORMS: Mapping[tuple[str, str], tuple[tuple[str, str, tuple[str, _Rule]], ...]]
 
 
 def forms(name: str) -> Iterator[Formula]:
-    """Yields the forms in which the size `name`, "effect.parameter", may be identifiable, the plainest first."""
+    """Yields the forms in which the size `name`, "effect.parameter", may be identifiable, the simplest first."""
     head, _, tail = name.partition(".")
     effect = catalogue.effect(head)
     unit = next(one.unit for one in effect.parameters if one.name == tail)
@@ -179,25 +179,25 @@ def _scaled(name: str, factor: _Rule) -> _Rule:
 
 
 ADDS_TO = {"wheel_inertia": "mass", "viscous_friction": "emf_constant", "rolling_friction": "emf_constant"}
-"""Data tell a sum of these, as mass + 2 wheel_inertia / wheel_radius^2: what is held keeps its ratio to the other."""
+"""Data identify only the sum of a pair, as mass + 2 wheel_inertia / wheel_radius^2. The held one keeps its ratio."""
 
 _FITTED_FIRST = ("emf_constant", "mass", "yaw_inertia", "half_track", "wheel_radius", "wheel_inertia")
-"""Each of these gives its sum any value."""
+"""The parameters of a sum that are fitted first: each alone can give its sum any value."""
 
-_CURVES_V = (3.0, 1.0), (6.0, 5.0)  # left and right: two voltages, as one does not tell friction from a gain
+_CURVES_V = (3.0, 1.0), (6.0, 5.0)  # left and right, per curve: one voltage cannot separate friction from a gain
 _CURVE_S, _SAMPLES = 20.0, 60
-_TOLD_APART = 1e-2  # of a signature: less of it beside those of others is the error of finite differences
+_TOLD_APART = 1e-2  # share of a signature outside the span of the others; less is an error of finite differences
 
 
 def signatures_of(model: Model, measured: Collection[str], stated: Collection[str]) -> dict[str, Array]:
-    """Returns nominal parameter -> (values,): its effect on the measured signals of two curves, in shares of their rms.
+    """Returns nominal parameter -> (values,): the change of the measured signals of two curves, over their rms.
 
-    Each curve is seen at times from a sample to longer than a vehicle of any size takes to reach its speed. A signature
-    is all zero where the parameter does not enter.
+    Each curve is sampled from one step to longer than a vehicle of any size takes to reach its speed. A parameter
+    without influence has a signature of zeros.
 
     Args:
         measured: names of signals.
-        stated: parameters that count although nobody fits their like.
+        stated: parameters that are included although they have the role "fixed".
     """
     after = np.geomspace(STEP_S, _CURVE_S, _SAMPLES)
     time = np.concatenate([[0.0], after, _CURVE_S + after])
@@ -220,13 +220,13 @@ def signatures_of(model: Model, measured: Collection[str], stated: Collection[st
 
 
 def _beside(value: float, info: ParameterInfo) -> float:
-    """Returns another physical value, a thousandth away, or a tenth of the preset where it is 0."""
+    """Returns another physical value, a thousandth away; if `value` is 0, a tenth of the preset."""
     larger = 1.001 * value or 0.1 * info.preset
     return larger if larger <= info.maximum else 0.999 * value
 
 
 def not_told_apart(signatures: Mapping[str, Array]) -> set[str]:
-    """Returns the parameters whose signatures, (values,) each and not all zero, are sums of those of the others."""
+    """Returns the parameters whose signatures, (values,) and not all zero, are linear combinations of the others."""
     basis, held = list[Array](), set()
     order = [name for name in _FITTED_FIRST if name in signatures]
     for name in dict.fromkeys((*order, *signatures)):

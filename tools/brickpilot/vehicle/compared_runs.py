@@ -97,7 +97,7 @@ def compared_signals(dataset: Dataset, model: Model) -> ComparedSignals:
     """Finds the measured signals that the model gives.
 
     Raises:
-        InputError: there is none, or all its samples are blank, or one is too large to be a measurement.
+        InputError: no such signal has a value, or a sample is too large to be a measurement.
     """
     given = output_names(model)
     measured = dict.fromkeys(name for run in dataset.runs for name in run.outputs)

@@ -56,7 +56,7 @@ class Compensation:
     Attributes:
         name: of the model from which they were made.
         raw: parameter -> integer as the firmware holds it; all of `FORMATS`.
-        sources: parameter -> the effects that need it, each even by itself, or `NOMINAL`; one of 0 may be missing.
+        sources: parameter -> the effects that need it, each on its own, or `NOMINAL`; a parameter of 0 may be missing.
         left_out: effects of the model, or `effect.parameter`, that the firmware cannot undo.
         limited: parameters that exceed the range of the firmware's format, or half of the battery's voltage.
         remarks: a line for each difference that the firmware cannot undo: which value, and how far off.
@@ -85,7 +85,7 @@ class Compensation:
 
 
 def _quantised(model: Model, believed: Model) -> tuple[dict[str, float], dict[str, int], tuple[str, ...]]:
-    """Returns the parameters in SI as the robot needs them, the firmware's integers, and the names of those cut."""
+    """Returns the parameters in SI as the robot needs them, the firmware's integers, and the limited ones' names."""
     wanted = si_values(model, believed)
     exact = {name: wanted[name] * how.format.per_unit for name, how in FORMATS.items()}
     most = {name: how.high for name, how in FORMATS.items()}
@@ -103,7 +103,7 @@ def from_model(
         model: the robot as the data show it, with the effects found. Effects that the brick cannot undo are listed in
             `left_out`.
         believed: the robot from which the firmware's constants were made; default the packaged robot.
-        controller: the constants of its controllers, SI; default the packaged robot's.
+        controller: the constants of the firmware's controllers, SI; default the packaged robot's.
 
     Returns:
         None: nothing can be undone, or the model is a motor, has the profile `paper`, or motors without torque. If only
@@ -128,7 +128,7 @@ def from_model(
 
 
 def _sources(model: Model, believed: Model, raw: Mapping[str, int]) -> dict[str, tuple[str, ...]]:
-    """Returns parameter -> the effects that need it, each even by itself, or `NOMINAL`."""
+    """Returns parameter -> the effects that need it, each on its own, or `NOMINAL`."""
     alone = {
         name: dataclasses.replace(model, parameters=believed.parameters, effects={name: on})
         for name, on in model.effects.items()
@@ -239,7 +239,7 @@ def push(values: Mapping[str, float]) -> float:
 
 
 def hold(values: Mapping[str, float], losses: float) -> float:
-    """Returns the voltage per speed that holds this speed on level ground, V s/m."""
+    """Returns the voltage per steady speed on level ground, V s/m."""
     lost = losses * values["resistance"] / values["torque_constant"]
     return (values["emf_constant"] + lost) / values["wheel_radius"]
 
@@ -259,7 +259,7 @@ def _own(robot: Mapping[str, float], found: Undoable, side: int) -> dict[str, fl
 def _side(robot: Mapping[str, float], found: Undoable, believed: Mapping[str, float], side: int) -> dict[str, float]:
     own = _own(robot, found, side)
     share = straight_inertia(robot) / straight_inertia(believed) * push(believed) / push(own)
-    volts = own["resistance"] / own["torque_constant"] / share  # per N m at the wheel
+    volts = own["resistance"] / own["torque_constant"] / share  # V per N m at the wheel
     # T sqrt(w) is close to a line from 0 to the wheel speed W of `_top_speed`: T sqrt(W) (4 / 15 + 4 / 5 w / W).
     root, fastest = found.root_torque[side], _top_speed() / own["wheel_radius"]
     losses = loss(own) + 0.8 * root / math.sqrt(fastest)
@@ -290,9 +290,9 @@ def si_values(model: Model, believes: Model) -> dict[str, float]:
 
         V = (1 + gain) (u + emf v + offset + friction sign(v)) + deadband sign(V)        v: the side's speed over ground
 
-    so that the real robot drives straight like the believed one. The push per volt is K_t / (R r), the voltage that
-    holds a speed is K_e / r + b R / (K_t r), the inertia per wheel is M = J / r^2 + m / 2, and g is the gain of the
-    drive. With 0 for the believed robot,
+    so that the real robot drives straight like the believed one. The force per volt is push = K_t / (R r), the voltage
+    per steady speed is hold = K_e / r + b R / (K_t r), the mass per wheel is M = J / r^2 + m / 2, and g is the gain of
+    the drive. The index 0 marks the believed robot:
 
         a = (M / M_0) (push_0 / push)      gain = a / g - 1      emf = hold / a - hold_0      friction = T R / (K_t a)
 
@@ -326,7 +326,7 @@ def si_values(model: Model, believes: Model) -> dict[str, float]:
 
 @cache
 def undone(effect: str) -> tuple[str, ...]:
-    """Returns the parameters of an effect that `values` undoes: those that change the effect's `Undoable`."""
+    """Returns the parameters of an effect that `si_values` undoes: those that change the effect's `Undoable`."""
     infos = catalogue.effect(effect).parameters
     presets = {info.name: info.preset for info in infos}
 
@@ -339,7 +339,7 @@ def undone(effect: str) -> tuple[str, ...]:
 
 
 def never_undone(model: Model) -> tuple[str, ...]:
-    """Returns the effects of `model`, and the parameters of effects, that `values` does not undo."""
+    """Returns the effects of `model`, and the parameters of effects, that `si_values` does not undo."""
     found = []
     for name, on in model.effects.items():
         used = undone(name)
@@ -350,10 +350,10 @@ def never_undone(model: Model) -> tuple[str, ...]:
 
 LEAST_DAMPING = 0.46
 """Damping ratio of the heading controller, below which turns overshoot and the mission loses waypoints. Measured on the
-packaged robot, 6 seeds each: at 0.49 (yaw inertia 3 times as large) it reaches 8 of 8, at 0.455 (3.5 times) 7."""
+packaged robot, 6 seeds each: at 0.49 (3 times the yaw inertia) it reaches 8 of 8 waypoints, at 0.455 (3.5 times) 7."""
 
 HIGHEST_BATTERY, HIGHEST_OWN = 20.0, 32.0
-"""V: the most that packaged images measure, and the most that any mixer allows, VOLTAGE_MAX_MV of firmware/mixer."""
+"""V: the highest battery voltage that packaged images measure, and that any mixer allows (VOLTAGE_MAX_MV)."""
 
 Values = Mapping[str, float]
 
@@ -368,8 +368,8 @@ def _controller() -> Values:
 def heading_damping(robot: Values, believed: Values, controller: Values | None = None) -> float:
     """Returns the damping ratio of the heading controller on a robot whose straight drive is compensated.
 
-    To a difference of the voltages such a robot reacts as if its motors had the believed push and hold, and a side the
-    inertia M' = M_0 M_yaw / M. With PD control of the heading the loop is of second order.
+    Such a robot reacts to a difference of the voltages as if its motors had the believed push and hold, and each side
+    the inertia M' = M_0 M_yaw / M. With PD control of the heading the loop is of second order.
 
     Args:
         robot, believed: nominal parameters.

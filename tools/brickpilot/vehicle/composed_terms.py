@@ -71,7 +71,7 @@ class Basis:
 
     @cached_property
     def tuned(self) -> tuple[str, ...]:
-        """The names of the other parameters of the effect that shape it."""
+        """The names of the other parameters of the effect that shape this term."""
         symbols = _symbols_in(self.expression)
         named = [one.name for one in parameters() if one.name in symbols]
         shaping = [name for symbol, names in _SHAPED_BY.items() if symbol in symbols for name in names]
@@ -89,7 +89,7 @@ class Basis:
 
     @property
     def mechanism(self) -> str:
-        """The kind of cause, which its place gives; but a torque that depends on the current is the motor's."""
+        """The mechanism of its place; but a wheel torque that depends on the current belongs to the motor."""
         if self.place == "wheel" and "i" in self.symbols:
             return "motor"
         return _MECHANISMS.get(self.place, "sensor")
@@ -194,13 +194,13 @@ class Equation:
 
 
 def equation(terms: Sequence[Term], settings: Mapping[str, float]) -> Equation:
-    """Returns what the terms add where they act, with four digits of each number."""
+    """Returns the sums that the terms add at their places, each number with four digits."""
     texts = [f"Δ{symbol(target)} = {added}" for target, added in sums(terms, settings, Writer())]
     return Equation("; ".join(texts), _legend(terms, settings))
 
 
 def sums(terms: Sequence[Term], settings: Mapping[str, float], out: Writer) -> list[tuple[str, str]]:
-    """Returns the plant's symbol of the place where the terms act, and the sum that they add, as `out` writes it."""
+    """Returns, for each place, the plant's symbol and the sum that the terms add to it, as `out` writes it."""
     written: dict[str, str] = {}
     for term in terms:
         negative, factors = _factors(term.basis.product)
@@ -299,7 +299,7 @@ def _write(node: ast.expr, settings: Mapping[str, float], out: Writer) -> str:
     if isinstance(node, ast.Name):
         return out.number(settings[node.id]) if node.id in settings else out.symbol(node.id)
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
-        if node.func.id == "copysign":  # size and sign of the same thing
+        if node.func.id == "copysign":  # copysign(size, of) is size sign(of)
             size, of = node.args
             return out.product([_write(size, settings, out), out.call("sign", _write(of, settings, out))])
         return out.call(node.func.id, _write(node.args[0], settings, out))

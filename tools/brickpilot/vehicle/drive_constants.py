@@ -1,7 +1,7 @@
 """The constants of a drive for other programs, from simulated drives of a model with its effects.
 
 Feed-forward in volts, V = kS sgn(v) + kV v + kA a, as WPILib has it (docs.wpilib.org, "Feedforward control"). Odometry
-as in diff_drive_controller of ros2_control: a radius for each wheel, and the separation that turns show.
+as in diff_drive_controller of ros2_control: a radius for each wheel, and the effective separation in turns.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ from brickpilot.vehicle.plant import OpenLoopRun
 Array = NDArray[np.float64]
 
 _STEP_S = 0.005
-_LEVELS = (0.3, 0.45, 0.6, 0.75, 0.9)  # of the battery's voltage, each held forward and backward
+_LEVELS = (0.3, 0.45, 0.6, 0.75, 0.9)  # shares of the battery's voltage, each held forward and backward
 _HELD_S = 2.0
-_NOTHING = 1e-6  # of the battery's voltage: rounding alone leaves less if nothing resists at rest
-_MOVING = 0.1  # of the top speed: slower samples say little about a drive in motion
-_SETTLED = 0.5  # of a drive: the rest counts as steady
+_NOTHING = 1e-6  # share of the battery's voltage: a smaller kS is a rounding error, and becomes 0
+_MOVING = 0.1  # share of the top speed: slower samples say little about motion, and are left out
+_SETTLED = 0.5  # share of a drive's time: after it, the drive counts as steady
 _DRIVE_S = 3.0
-_LEVEL, _CURVE = 0.6, 0.4  # of the battery's voltage: a straight drive, and the inner wheel of a curve
+_LEVEL, _CURVE = 0.6, 0.4  # shares of the battery's voltage: in a straight drive, and at a curve's inner wheel
 _TURNS = "as the skid steer turns in a curve, which is as if its track were wider"
 _ROUNDS = 3  # rounds in which the radii and the separation are fitted in turn
 
 
 @dataclass(frozen=True)
 class FeedForward:
-    """V = ks sgn(v) + kv v + ka dv/dt for each motor, driven alike; `unit` is "m" or "rad" of v.
+    """V = ks sgn(v) + kv v + ka dv/dt for each motor, all driven alike; v is in `unit`/s, "m" or "rad".
 
     Attributes:
         ks, kv, ka: V, V s/unit, V s^2/unit.
@@ -69,7 +69,7 @@ class Drives:
 
     Attributes:
         top_speed: at the battery's full voltage, m/s, or rad/s of a bare motor.
-        stop: m, or rad, from the last command to rest, from that speed.
+        stop: m, or rad, travelled from the top speed to rest after the last command.
         veer: rad/m clockwise while both motors get the same voltage; None for a motor.
     """
 
@@ -122,9 +122,9 @@ def odometry(model: Model, stated: Mapping[str, float]) -> Odometry | None:
 
 
 def two_wheeled(model: Model) -> Model:
-    """Returns the diff_drive that turns as a skid_steer does: with the track that a curve shows, and without contacts.
+    """Returns the diff_drive that turns as a skid_steer does: with its effective track, and without contacts.
 
-    It is what the firmware believes in, which knows no slip. Another vehicle is returned as it is.
+    The firmware assumes this vehicle, because it knows no slip. Any other vehicle is returned unchanged.
     """
     if model.vehicle != "skid_steer":
         return model
@@ -175,7 +175,7 @@ def _wheels(outputs: Mapping[str, Array]) -> Array:
 
 
 def _heading(outputs: Mapping[str, Array]) -> Array:
-    """Returns (n,): the heading of a drive forward, rad clockwise, from its track: no sensor's error is in it."""
+    """Returns (n,): the heading of a forward drive, rad clockwise, from its track, so without sensor errors."""
     ahead, aside = np.gradient(outputs["x"]), np.gradient(outputs["y"])
     moving = np.hypot(ahead, aside) > 1e-6
     heading = np.unwrap(np.where(moving, np.arctan2(aside, ahead), 0.0))

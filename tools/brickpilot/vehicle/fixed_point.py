@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 MANTISSA_BITS = 15
 MAX_SHIFT = 31
 NEGLIGIBLE = 2.0**-32
-"""Multiplied by the largest 32-bit number, it is less than half a count."""
+"""A smaller factor gives less than half a count, even with the largest 32-bit number."""
 
 
 class QuantisationError(ValueError):
@@ -45,7 +45,7 @@ class Scale:
 def scale(value: float, name: str) -> Scale:
     """Returns the nearest `scale_t` for `scale_apply`: abs(value) below 1.
 
-    It is within 3.1e-5 of the value; a value below `NEGLIGIBLE` becomes 0.
+    Its relative error is at most 3.1e-5; a value below `NEGLIGIBLE` becomes 0.
 
     Raises:
         QuantisationError: the value is too large.

@@ -84,10 +84,10 @@ def plan(
     compensation: Compensation | None = None,
     gains: Gains | None = None,
 ) -> Plan:
-    """Chooses profile, sensors and seed: from the argument, else from the scenario, else coupled, ideal, 0.
+    """Chooses profile, sensors and seed: from the argument, else from the scenario, else the model's profile, ideal, 0.
 
     Raises:
-        InputError: the model is of a motor, or the compensation cannot be used here.
+        InputError: the model is of a motor, or the compensation or the gains cannot be used here.
     """
     if model.vehicle == "motor":
         raise InputError("a motor model cannot fly a mission; a diff_drive or skid_steer is needed", field=model.name)
@@ -211,7 +211,7 @@ def fly(plan: Plan, columns: Sequence[str] | None = None) -> Flight:
     """Flies the plan and keeps the signals of every step.
 
     Args:
-        columns: of the log, those to keep; None: all. To keep the other columns costs a fifth of the time of a flight.
+        columns: the columns of the log to keep; None: all. The others cost a fifth of the time of a flight.
 
     Raises:
         SimulationError: the plant diverges.
@@ -223,14 +223,14 @@ def fly(plan: Plan, columns: Sequence[str] | None = None) -> Flight:
 
 
 def fly_many(plans: Sequence[Plan], columns: Sequence[str] | None = None) -> list[Flight | SimulationError]:
-    """Flies plans side by side, with the same bytes as alone, and returns each flight or the error that stopped it.
+    """Flies plans side by side, and returns each flight, with the same bytes as if alone, or the error that stopped it.
 
-    Neighbours with flights of equal length share the vector registers of one core; eight at a time gain most. All logs
-    are in memory at once.
+    Neighbouring plans of equal length share the vector registers of one core; eight at a time save the most time. All
+    logs are in memory at once.
 
     Args:
-        plans: of one firmware.
-        columns: as of `fly`.
+        plans: all of one firmware.
+        columns: as in `fly`.
 
     Raises:
         ValueError: the plans are of several firmwares.

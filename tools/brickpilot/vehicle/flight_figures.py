@@ -1,6 +1,6 @@
 """The figures of a flight: waypoints reached, distances from the route, and errors against the controller's demands.
 
-The checks say whether a mission was flown: the link, the controller, the waypoints. Each check has a cause.
+The checks of the link, the controller and the waypoints say whether a mission was flown, and why not.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Reached:
 
     Attributes:
         at: s for each waypoint; None: not reached.
-        closest: m for each waypoint: the least distance between reaching the waypoint before and leaving this one.
+        closest: m for each waypoint: the least distance from reaching the waypoint before it to leaving this one.
     """
 
     at: list[float | None]
@@ -213,7 +213,7 @@ def checks(figures: Mapping[str, Any]) -> list[Check]:
 
 
 def failure(figures: Mapping[str, Any]) -> str | None:
-    """Returns why the mission was not flown, in one line, or None if it was; a manoeuvre cannot fail so."""
+    """Returns why the mission was not flown, in one line, or None if it was; a manoeuvre has no such failure."""
     failed = [check.failure for check in checks(figures) if check.failure is not None]
     if not failed:
         return None

@@ -33,10 +33,10 @@ FREE_RUN = "free_run"
 """The horizon from the first sample of a run to its last."""
 
 AHEAD: Mapping[str, float] = {"1_s": 1.0}
-"""The horizons of every number besides the free run, name -> s."""
+"""The horizons of every headline number besides the free run: name -> s."""
 
-_LEAST_SAMPLES = 4  # in a window: with fewer, a horizon says nothing
-_SMOOTHED_S = 0.04  # a rate at the start of a window comes from so many seconds of samples around it
+_LEAST_SAMPLES = 4  # least number of samples in a window; with fewer, a horizon says nothing
+_SMOOTHED_S = 0.04  # s of samples around the start of a window from which a rate is estimated
 _SIDES = ("left", "right")
 
 
@@ -45,8 +45,8 @@ class Stretch:
     """One run at one horizon.
 
     Attributes:
-        start: (n,) the sample at which the window of each sample starts; a mark between two windows belongs to the
-            earlier.
+        start: (n,) the sample at which the window of each sample starts; a sample at the edge of two windows belongs to
+            the earlier one.
         within: (n,) whether the sample lies within the horizon of its start.
     """
 
@@ -135,7 +135,7 @@ def deviation(track: Track, stretch: Stretch, signal: str, simulated: Array) -> 
 
 
 def _starts(time: Array, measured: Mapping[str, Array]) -> dict[str, Array]:
-    """Returns what is known of the state at each sample. Rates are smoothed, or derived from their sums."""
+    """Returns the measured signals of the state, each (n,). Rates are smoothed, or derived from angles and travel."""
     found = {n: values if n in SUMMED else _smoothed(time, values) for n, values in measured.items() if n in _STATES}
     for summed, rate in {**RATE_OF, "yaw_angle": "yaw_rate"}.items():
         if summed in measured and rate not in found:
@@ -149,7 +149,7 @@ _STATES = (
 
 
 def _smoothed(time: Array, values: Array) -> Array:
-    """Returns `values` with little noise and no delay: a parabola is fitted to the samples around each."""
+    """Returns `values` with little noise and no delay: a parabola is fitted to the samples around each one."""
     from scipy.signal import savgol_filter
 
     known = np.isfinite(values)
@@ -216,7 +216,7 @@ class Headline:
 
     @property
     def role(self) -> str:
-        """The role of the runs that judge: "held_out", or "fit" where nothing is held out."""
+        """The role of the runs by which a model is judged: "held_out", or "fit" if nothing is held out."""
         return next((one for one in ROLES if self.mean(one) is not None), "fit")
 
     def of(self, signal: str, role: str, horizon: str = FREE_RUN) -> Agreement:
@@ -263,12 +263,12 @@ def headline(ready: Comparable, model: Model, *, threads: int = 2) -> Headline:
 def simulated_at(
     compared: Track, models: Sequence[Model], *, threads: int = 2, may_diverge: bool = False
 ) -> list[dict[str, Mapping[str, Outputs]]]:
-    """Returns, for each model, horizon -> run -> the outputs that were measured.
+    """Returns, for each model, horizon -> run -> the simulated outputs of the measured signals.
 
-    A short horizon at which a model diverges is absent, and so is the free run if that `may_diverge`.
+    A short horizon at which a model diverges is absent; with `may_diverge` this also holds for the free run.
 
     Raises:
-        SimulationError: a model diverges in a free run.
+        SimulationError: a model diverges in a free run, without `may_diverge`.
     """
     replay, found = Replay(compared.dataset), [dict[str, Mapping[str, Outputs]]() for _ in models]
     names = {*compared.signals, *(name for run in compared.dataset.runs for name in run.outputs)}
@@ -285,7 +285,7 @@ def simulated_at(
 
 
 def headline_of(compared: Track, simulated: Mapping[str, Mapping[str, Outputs]], roles: Roles) -> Headline:
-    """Returns the headline of what was simulated: horizon -> run -> outputs."""
+    """Returns the headline of simulated outputs. `simulated`: horizon -> run -> outputs."""
     noise = {
         signal: noise_sd(compared.dataset, signal, [one[signal] for one in compared.measured.values() if signal in one])
         for signal in compared.signals
@@ -306,7 +306,7 @@ def headline_of(compared: Track, simulated: Mapping[str, Mapping[str, Outputs]],
 
 
 def noise_sd(dataset: Dataset, signal: str, parts: Sequence[Array]) -> float:
-    """Returns the sd of a signal's noise, SI: the larger of the stated and the estimated one. `parts`: of all runs."""
+    """Returns the sd of a signal's noise, SI: the larger of stated and estimated. `parts`: the signal in each run."""
     described = dataset.signals.get(signal)
     stated = (described.noise_sd if described is not None else None) or 0.0
     step = (described.resolution if described is not None else None) or 0.0
@@ -322,10 +322,10 @@ def _held_out(run: Run, roles: Roles) -> NDArray[np.bool_]:
 
 
 def repeatability(compared: Track, simulated: Mapping[str, Mapping[str, Array]]) -> dict[str, float]:
-    """Returns signal -> the fit in percent of a perfect model, as far as repeats of the same inputs tell.
+    """Returns signal -> the fit in percent that a perfect model would reach, estimated from repeats of the same inputs.
 
-    Two repeats differ by twice the variance of one. The nominal model's errors are compared and not the signals, so
-    that what little the inputs and the start states differ is allowed for.
+    The difference of two repeats has twice the variance of one. The nominal model's errors are compared, not the
+    signals, so that small differences of inputs and start states cancel.
     """
     pairs = repeats(compared.dataset)
     clocks = {run.name: run.time - run.time[0] for run in compared.dataset.runs}

@@ -1,4 +1,4 @@
-"""Manoeuvres that each excite one thing, for the next experiment: schedules of motor commands."""
+"""Manoeuvres that each excite one kind of motion, for the next experiment: schedules of motor commands."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ Array = NDArray[np.float64]
 Points = tuple[tuple[float, float, float], ...]
 """Break points: s, and the commands of the left and the right motor as shares of a voltage."""
 
-_REST_S, _END_S = 0.5, 1.0  # before and after a manoeuvre
-_REVERSALS = (1.6, 1.6, 0.8, 0.8, 0.4, 0.4, 0.2, 0.2, 0.2, 0.2)  # s between them
+_REST_S, _END_S = 0.5, 1.0  # rest before and after a manoeuvre
+_REVERSALS = (1.6, 1.6, 0.8, 0.8, 0.4, 0.4, 0.2, 0.2, 0.2, 0.2)  # s from one reversal to the next
 
 
 @dataclass(frozen=True)
 class Manoeuvre:
-    """An experiment to run: break points (s, V) of each motor's command, linear between. A step repeats its time."""
+    """An experiment to run: break points (s, V) of each motor's command, linear between. A step has two at one time."""
 
     name: str
     duration_s: float
@@ -27,7 +27,7 @@ class Manoeuvre:
 
 
 def manoeuvres(vehicle: str, volts: float) -> tuple[Manoeuvre, ...]:
-    """Returns manoeuvres up to `volts` that each excite one thing. A `motor` uses the left voltage alone."""
+    """Returns manoeuvres up to `volts` that each excite one kind of motion. A `motor` uses the left voltage alone."""
     chosen = _STRAIGHT if vehicle == "motor" else {**_STRAIGHT, **_TURNING}
     sides = {
         name: [[(at, share[k] * volts) for at, *share in points] for k in (0, 1)] for name, points in chosen.items()
@@ -36,7 +36,7 @@ def manoeuvres(vehicle: str, volts: float) -> tuple[Manoeuvre, ...]:
 
 
 def commands(manoeuvre: Manoeuvre, time: Array) -> Array:
-    """Returns (n, 2) V: the commands of the left and the right motor at `time` (n,), s; at a step the new one."""
+    """Returns (n, 2) V: the commands of the left and the right motor at `time` (n,), s; at a step the later value."""
     sides = (np.array(side).T for side in (manoeuvre.voltage_left, manoeuvre.voltage_right))
     return np.column_stack([np.interp(time, at, volts) for at, volts in sides])
 

@@ -40,7 +40,7 @@ _TOP_KEYS = (
 )  # fmt: skip
 _ENTRY_KEYS = ("value", "unit", "basis")
 
-# If an effect has more parameters, a file holds only those that differ from their presets.
+# If an effect has more parameters than this, a file holds only those that differ from their presets.
 _SPELT_OUT = 8
 
 
@@ -55,7 +55,7 @@ class Model:
         parameters: nominal parameter -> value, SI; absent ones keep the plant's presets.
         effects: effect -> its parameters, SI; absent ones keep the effect's presets.
         basis: parameter, or ``effect.parameter``, -> source of its value.
-        by_run: kind of value that a run has of its own -> run -> value; see `vehicle.replay`. They belong to
+        by_run: kind of value that differs from run to run -> run -> value; see `vehicle.replay`. These values belong to
             recordings, so no model file has them.
     """
 
@@ -119,7 +119,7 @@ def with_values(model: Model, values: Mapping[str, float]) -> Model:
 def output_names(model: Model) -> frozenset[str]:
     """Returns the signals that the plant gives for this vehicle.
 
-    With a current loop there is no current, and with a force no angle.
+    A vehicle with a current loop gives no current; a motor whose input commands a force gives no angle.
 
     Raises:
         SimulationError: the vehicle has neither inertia nor mass.
@@ -261,10 +261,10 @@ def save(model: Model, path: Path | str) -> None:
 
 
 def read_back(model: Model) -> Model:
-    """Returns the model as it is read back from its file: what is shown is simulated from what is written.
+    """Returns the model as its file states it, so that the shown results are simulated from the written values.
 
     Raises:
-        InputError: as of `save`.
+        InputError: as `save`.
     """
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "model.toml"

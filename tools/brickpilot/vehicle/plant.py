@@ -23,9 +23,9 @@ Array = NDArray[np.float64]
 Array32 = NDArray[np.int32]
 
 MOST_LANES = 8
-"""Runs that the compiled plant simulates side by side at most."""
+"""The largest number of runs that the compiled plant simulates side by side."""
 
-TROUBLE = {  # status of the C interface -> what it means
+TROUBLE = {  # status of the C interface -> its meaning
     -2: "an initial value or a step is not finite, or the motor has neither inertia nor mass",
     -3: "out of memory",
     -4: "the time of the samples does not increase",
@@ -68,11 +68,11 @@ class OpenLoopRun:
     Attributes:
         time: (n,) s, strictly increasing.
         inputs: (n, 2) V left and right, or (n, 1) V of a motor; NaN: the motor floats.
-        initial: state at time[0]; a mapping names some fields of `State`.
+        initial: state at time[0]; a mapping gives some fields of `State`; the others are 0.
         motor_step, body_step: upper limits, s; 0: `constants.MOTOR_STEP_S` and `constants.STEP_S`.
-        restarts: (sample, state), samples 1 or more and increasing: from this sample on the run continues from another
-            state. Values that are NaN in it stay as simulated, and so do the effects' memories. The outputs of the
-            sample itself are still those before the restart.
+        restarts: (sample, state), with increasing samples of 1 or more: from this sample on the run continues from this
+            state. Values that are NaN in the state stay as simulated, and so do the effects' memories. The outputs of
+            the sample itself are still those before the restart.
     """
 
     time: Array
@@ -83,10 +83,10 @@ class OpenLoopRun:
     restarts: Sequence[tuple[int, State]] = ()
 
     def as_c(self, columns: int) -> bytes:
-        """Returns the run as C reads it, without model and outputs; the arrays have to outlive it, as `self` does.
+        """Returns the run as C reads it, without model and outputs. It points to arrays that `self` must keep.
 
         Raises:
-            ValueError: the shapes do not fit a vehicle with so many inputs.
+            ValueError: the shapes do not fit a vehicle with `columns` inputs.
         """
         time, inputs, _, row = self._as_c
         if inputs.shape != (len(time), columns):
@@ -94,7 +94,7 @@ class OpenLoopRun:
         return row
 
     def __getstate__(self) -> dict[str, Any]:
-        """Returns what a copy or a pickle holds: not the addresses of this one's arrays."""
+        """Returns the fields for a copy or a pickle, without the addresses of this object's arrays."""
         return {name: value for name, value in vars(self).items() if name != "_as_c"}
 
     @cached_property
@@ -215,7 +215,7 @@ def undoable(model: Model) -> Undoable:
     """Returns the sum of the parts of the model's effects that the firmware can undo.
 
     Raises:
-        InputError: as of `build`.
+        InputError: as `build`.
     """
     ffi, library = interface()
     found = ffi.new("bp_undoable *")
@@ -235,7 +235,7 @@ def _effect_presets() -> dict[str, dict[str, float]]:
 
 @cache
 def wanted_names(signals: frozenset[str] | None) -> tuple[str, ...]:
-    """Returns the outputs of the table that are in `signals`, in its order; None: all."""
+    """Returns the outputs of the table that are in `signals`, in the table's order; None: all."""
     return tuple(name for name, _ in output_table() if signals is None or name in signals)
 
 
@@ -290,10 +290,10 @@ def simulate(
     Args:
         signals: the outputs to keep, of those that the vehicle has; None: all. To copy the other outputs costs more
             time than to simulate them.
-        lanes: at most so many runs side by side; the processor may have room for fewer. Results do not depend on it.
+        lanes: the most runs side by side; the processor may have room for fewer. It does not change the results.
 
     Raises:
-        SimulationError: of the first run that failed, e.g. because its state diverged.
+        SimulationError: the first run that failed, e.g. because its state diverged.
         InputError: a model the plant refuses.
         ValueError: arrays whose shapes do not fit.
     """
@@ -322,12 +322,12 @@ def simulate_into(
     """Simulates as `simulate` does, but writes into the caller's `values` (n,).
 
     Args:
-        starts: (runs, models) where the outputs of each run begin in `values`: those of the first name at all samples,
-            and so on. Or (models,), as `requests`.
+        starts: (runs, models) index in `values` at which the outputs of each run begin: all samples of the first name,
+            then of the next. Or (models,), as `requests`.
         requests: the runs as `OpenLoopRun.as_c` gives them, (runs, models): each under every model; or (models,): each
-            under its own. They are written to, and the arrays that they point to have to outlive the call.
+            under its own model. The call writes to them. The arrays that they point to have to outlive the call.
         names: the outputs to keep, as `wanted_names` gives them.
-        built: what `build_all` made of the models; None: they are built here.
+        built: the result of `build_all` for the models; None: they are built here.
 
     Returns the last states, in the shape of `requests`, as the compiled plant holds them.
     """

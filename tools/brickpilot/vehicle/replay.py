@@ -25,9 +25,9 @@ from brickpilot.vehicle.start_state import GEOMETRY, Readings
 
 Array = NDArray[np.float64]
 Outputs = Mapping[str, Array]
-_Own = tuple[tuple[str, float], ...]  # (kind, value) of each value that a run has of its own
+_Own = tuple[tuple[str, float], ...]  # (kind, value) of each value that differs for one run
 
-_MOST_BEGUN = 64  # sets of runs, as they start under a model, that are kept
+_MOST_BEGUN = 64  # number of `_Begun` that are kept
 _SLIDING_S = 0.003  # the longest motor step that resolves how contacts of a skid steer begin to slide
 
 
@@ -41,7 +41,7 @@ class Mark:
 
 @dataclass(frozen=True, eq=False)
 class _Begun:
-    """Runs as they start under a model.
+    """Runs with their states at the start under a model.
 
     Attributes:
         requests: (runs,) as the compiled plant reads them.
@@ -61,8 +61,8 @@ class Replay:
         motor_step, body_step: upper limits of the plant's steps, s; 0: the plant's own. Models with a fast effect get a
             shorter motor step.
         inputs: run -> (n, 1) or (n, 2) V; empty: the inputs of the data set.
-        whole: run -> time and inputs of the whole run that it was cut from, for values of runs; empty: those of the run
-            itself.
+        whole: run -> time and inputs of the whole run that it was cut from, which values of runs change; empty: those
+            of the run itself.
     """
 
     dataset: Dataset
@@ -89,10 +89,9 @@ class Replay:
         """Simulates the runs under each model, and returns for each model run name -> outputs.
 
         Args:
-            only: the runs that are wanted; None: all. Where charge or heat carries over, the runs before are simulated
-                too.
+            only: the runs that are wanted; None: all. If charge or heat carries over, earlier runs are simulated too.
             signals: the outputs to keep; None: all that the vehicle has.
-            marks: run name -> the samples at which the run continues from measured values, as a row of open-loop
+            marks: run name -> the samples at which the run continues from measured values, so that it is a row of
                 windows. Unmeasured values stay as simulated, and so do delayed commands, heat and charge.
         """
         names = plant.wanted_names(None if signals is None else frozenset(signals))
@@ -108,13 +107,13 @@ class Replay:
     def stacked(
         self, models: Sequence[Model], *, only: Collection[str], signals: Collection[str], threads: int = 2
     ) -> Array:
-        """Simulates as `simulate` does, and returns (models, length), in the order of `layout`."""
+        """Simulates as `simulate` does, and returns the outputs, (models, length), in the order of `layout`."""
         return self._simulated(models, only, plant.wanted_names(frozenset(signals)), threads, {})
 
     def layout(self, signals: Collection[str]) -> tuple[dict[tuple[str, str], int], int]:
-        """Returns (run, signal) -> the place of its first sample in a row of `stacked`; and the length of a row.
+        """Returns (run, signal) -> index of its first sample in a row of `stacked`; and the length of a row.
 
-        A row has room for all runs, but holds nothing of those that are not wanted.
+        A row has room for all runs; the values of runs that are not simulated are undefined.
         """
         names = plant.wanted_names(frozenset(signals))
         places, length = self._places(names)
@@ -122,7 +121,7 @@ class Replay:
         return {(r.name, name): places[r.name] + k * len(r.time) for r in runs for k, name in enumerate(names)}, length
 
     def _places(self, names: Sequence[str]) -> tuple[dict[str, int], int]:
-        """Returns run -> where its outputs begin in a row of `names`; and the length of a row."""
+        """Returns run -> index at which its outputs begin in a row of `names`; and the length of a row."""
         ends = np.cumsum([0, *(len(names) * len(run.time) for run in self.dataset.runs)]).tolist()
         return {run.name: end for run, end in zip(self.dataset.runs, ends, strict=False)}, ends[-1]
 
@@ -170,7 +169,7 @@ class Replay:
     def _restarts(
         self, models: Sequence[Model], marks: Mapping[str, Sequence[Mark]]
     ) -> dict[tuple[int, str], NDArray[np.void]]:
-        """Returns (number of the model, run) -> (marks,) the samples and states to go on from, as C has them."""
+        """Returns (number of the model, run) -> (marks,) the samples and states to continue from, as C holds them."""
         found = {}
         for run, age in self.aged:
             if not (of_run := marks.get(run.name)):
@@ -186,7 +185,7 @@ class Replay:
 
     @cached_property
     def aged(self) -> list[tuple[Run, float]]:
-        """The runs, each with the s from power-on to its start."""
+        """The runs, each with its age at the start: s since power-on."""
         runs = self.dataset.runs
         lasted = [0.0, *(float(run.time[-1] - run.time[0]) for run in runs)]
         ages = np.cumsum([run.gap_s + before for run, before in zip(runs, lasted, strict=False)])
@@ -194,12 +193,12 @@ class Replay:
 
     @cached_property
     def _first_samples(self) -> dict[str, dict[str, float]]:
-        """Run -> all that is known at its first sample, except stated values."""
+        """Run -> signal -> its measured value at the first sample."""
         return {run.name: start_state.first_sample(run) for run in self.dataset.runs}
 
     @cached_property
     def _plain(self) -> dict[str, OpenLoopRun]:
-        """Run -> its own inputs."""
+        """Run -> the run with its inputs, without values of runs."""
         return {run.name: OpenLoopRun(run.time, self.inputs[run.name]) for run in self.dataset.runs}
 
     def nudged(self, signal: str, by: float) -> Replay:
@@ -218,7 +217,7 @@ class Replay:
     ) -> tuple[NDArray[np.void], list[_Begun]]:
         """Returns (runs, models): runs of these ages under each model, started from their first samples.
 
-        Behind it comes what holds the arrays that they point to. Models that give the same states share them.
+        It also returns the `_Begun` that hold the arrays of these requests. Models with the same states share one.
         """
         if len(self._begun) > _MOST_BEGUN:
             self._begun, self._acting = {}, {}  # another thread may still read the old ones
@@ -237,7 +236,7 @@ class Replay:
         return requests, found
 
     def _begin(self, batch: Sequence[tuple[Run, float]], models: Sequence[Model]) -> Iterator[_Begun]:
-        """Yields the runs as they start under each model."""
+        """Yields, for each model, the runs with their states at the start."""
         known = _columns([self._first_samples[run.name] for run, _ in batch])
         stated = _columns([run.initial or {} for run, _ in batch])
         ages = np.array([age for _, age in batch])
@@ -253,15 +252,15 @@ class Replay:
             yield _Begun(requests, tuple(runs))
 
     def _driven(self, batch: Sequence[tuple[Run, float]], model: Model) -> list[OpenLoopRun]:
-        """Returns runs with their inputs, changed by their own values."""
-        together: dict[tuple[str, _Own], list[Run]] = {}  # what is cut out of one run has the same values
+        """Returns the runs with their inputs, changed by the model's values of these runs."""
+        together: dict[tuple[str, _Own], list[Run]] = {}  # windows of one run share its values
         for run, _ in batch:
             if own := _own_values(run, model):
                 together.setdefault((run_of(run.name), own), []).append(run)
         found, acting = dict(self._plain), self._acting
         for (_, own), runs in together.items():
             key = own, tuple(run.name for run in runs)
-            if key not in acting:  # all models of one derivative but few have the same values of runs
+            if key not in acting:  # most models of one Jacobian share the values of runs, so they share these inputs
                 time, driven = self.whole[runs[0].name]
                 for kind, value in own:
                     driven = RUN_KINDS[kind].change(time, driven, value)
@@ -294,7 +293,7 @@ def _needs(effects: tuple[str, ...], vehicle: str) -> tuple[bool, tuple[float, .
 
 
 def _own_values(run: Run, model: Model) -> _Own:
-    """Returns (kind, value) of each value that a run has of its own."""
+    """Returns (kind, value) of each nonzero value that the model has for this run."""
     name = run_of(run.name)
     return tuple((kind, one[name]) for kind, one in model.by_run.items() if one.get(name))
 
@@ -308,14 +307,14 @@ def _start_key(model: Model) -> tuple[object, ...]:
 
 @dataclass(frozen=True)
 class RunKind:
-    """One kind of value that a run may have of its own: how much of its inputs reaches the motors, and when.
+    """One kind of value that may differ from run to run: the gain or the timing of the inputs at the motors.
 
     Attributes:
         words: the quantity that differs, as the subject of a sentence.
         unit: SI; 1 is a share.
-        mechanism: as of an effect.
+        mechanism: as that of an effect.
         change: (time (n,), inputs (n, columns), value) -> inputs.
-        sd: the usual difference between runs of one machine: the prior of a value. A held-out run has 0.
+        sd: the prior sd of a value: the usual difference between runs of one machine. A held-out run has the value 0.
         low, high: the range of values.
         tried: values from which a fit may start, because a small one has no influence.
     """
@@ -339,11 +338,11 @@ RUN_KINDS: Mapping[str, RunKind] = {
     "delay": RunKind("The time from a command to its effect", "s", "timing", later, 0.1, -0.5, 0.5, _TRIED_DELAYS),
     "start": RunKind(_START, "s", "timing", held_back, 0.1, 0.0, 0.5, _TRIED_STARTS),
 }
-"""A battery's charge changes the gain of a run, and a link its delay; a log may start before its command."""
+"""A battery's charge changes a run's gain, and the link its delay; a log may start before its commands act."""
 
 
 ADDED = frozenset({"viscous_friction"})
-"""Nominal parameters that may be nothing in one recording: what differs is added to them."""
+"""Nominal parameters that may be 0 in a recording, so that their difference is a sum and not a share."""
 
 
 def by_recording(
@@ -351,8 +350,8 @@ def by_recording(
 ) -> Iterator[tuple[list[Model], frozenset[str]]]:
     """Yields the models as they are in each recording of a data set, with those of `runs` that belong to it.
 
-    A model says in `by_run`, under a recording's name, what is different there: of a value of runs the value, of a
-    nominal parameter by which share it differs, of friction and of an "effect.parameter" what is added to it, SI.
+    `by_run` of a model holds, under a recording's name, what differs in it: for a value of runs the value, for a
+    nominal parameter the relative change, for a parameter in `ADDED` and an "effect.parameter" the added amount, SI.
     """
     told = {name for model in models for table in model.by_run.values() for name in table}
     of = {run.name: run.recording if run.recording in told else "" for run in dataset.runs if run.name in runs}

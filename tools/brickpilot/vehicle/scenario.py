@@ -69,8 +69,8 @@ class Scenario:
         start_at: s at rest before a mission begins; None: 1 s if the firmware has to learn a gyro bias, else 0.
         cruise: profile -> m/s.
         stop_at: m of path after which a manoeuvre shorts both motors.
-        parameters, effects: of the plant, if it differs from the controller's model.
-        faults: between plant and controller, if they have a link between them.
+        parameters, effects: values in which the plant differs from the controller's model.
+        faults: of the link between plant and controller, if there is one.
         packaged: whether the scenario comes with the package.
     """
 
@@ -242,7 +242,7 @@ def _effects(toml: TomlFile, value: object) -> dict[str, dict[str, float]]:
 
 
 def render_mission(mission: Scenario) -> str:
-    """Returns the file's text of a mission, which `load` reads back: all but `packaged` and the faults of a link."""
+    """Returns the text of a mission's file, which `load` reads back, without `packaged` and the faults of a link."""
     document = tomlkit.document()
     document.update({"name": mission.name, "title": mission.title, "kind": "mission", "duration_s": mission.duration})
     x, y, heading = mission.start
@@ -279,11 +279,11 @@ class Fault:
     """One fault, from ``from_s`` until ``to_s``.
 
     Attributes:
-        kind: of FAULT_KINDS.
+        kind: one of FAULT_KINDS.
         from_s, to_s: s of the flight; the restarts happen at ``from_s``.
-        rate: share of the messages or bytes that are disturbed, or of the most possible pulses of noise, 0..1.
-        direction: which messages, of FAULT_DIRECTIONS.
-        sensor: of FAULT_SENSORS, for SENSOR_KINDS.
+        rate: share of the messages or bytes that are disturbed, or of the highest possible rate of noise pulses, 0..1.
+        direction: of the disturbed messages, one of FAULT_DIRECTIONS.
+        sensor: for SENSOR_KINDS, one of FAULT_SENSORS.
     """
 
     kind: str
@@ -298,11 +298,11 @@ class Fault:
         return self.from_s - STEP_S / 2 <= step * STEP_S < self.to_s - STEP_S / 2
 
     def begins(self, step: int) -> bool:
-        """Whether `step` is the fault's first."""
+        """Whether `step` is the fault's first step."""
         return self.acts(step) and not self.acts(step - 1)
 
     def ends(self, step: int) -> bool:
-        """Whether `step` is the first after the fault."""
+        """Whether `step` is the first step after the fault."""
         return self.acts(step - 1) and not self.acts(step)
 
 

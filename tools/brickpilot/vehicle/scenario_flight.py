@@ -83,7 +83,7 @@ def fly(
     Args:
         scenario: the name of a packaged one, or a file.
         model: of the robot; None: the packaged one.
-        profile: "coupled" or "paper"; None: the scenario's, else coupled.
+        profile: "coupled" or "paper"; None: the scenario's, else the model's.
         sensors: "ideal", "imu" or "imu+encoders"; None: the scenario's, else ideal.
         seed: of the sensors' noise; None: the scenario's, else 0.
         compensation: what the firmware knows of this robot.

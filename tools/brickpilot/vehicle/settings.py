@@ -19,7 +19,7 @@ from brickpilot.vehicle.combinations import loss
 from brickpilot.vehicle.fixed_point import QuantisationError, integer
 
 NUMBER_MOST = 63
-"""A request has 6 bits for the number."""
+"""The largest number of a setting: a request has 6 bits for it."""
 
 INT32 = 2**31 - 1
 _ROW = ("number", "field", "format", "low", "high", "default", "compensation", "meaning")
@@ -58,7 +58,7 @@ class Setting:
 
     @property
     def is_switch(self) -> bool:
-        """On or off: a `bool` in C."""
+        """Whether the setting is on or off: a `bool` in C."""
         return (self.low, self.high) == (0, 1)
 
     @property
@@ -195,7 +195,7 @@ def default(setting: Setting, own: Mapping[str, float], profile: str) -> int:
         own: `constants` of the profile.
 
     Raises:
-        QuantisationError: neither its row nor the vehicle file has a value, or it is outside the range.
+        QuantisationError: neither its row nor the vehicle file has a value, or the value is outside the range.
     """
     if setting.compensation:
         return 0

@@ -1,4 +1,4 @@
-"""The state that a run starts from, or a window that is cut out of it.
+"""The state from which a run starts, or a window that is cut out of a run.
 
 The state is estimated from several samples instead of one. A sensor effect of the model, such as a scale or a bias,
 lies between state and reading. So the result is the state at which the model's sensors give the measured values.
@@ -32,19 +32,19 @@ _SECANT_STEPS = 4
 _SENSOR_SIGNALS = SUMMED | {"yaw_rate", *RATE_OF.values()}
 
 GEOMETRY = ("wheel_radius", "half_track", "force_per_volt")
-"""The nominal parameters that a state made of measured values depends on: see `Readings.states`. Besides them it
-depends on `sensor_effects`, and on the age where one of these does."""
+"""The nominal parameters on which a state made of measured values depends: see `Readings.states`. The state also
+depends on `sensor_effects`, and on the age if a sensor effect does."""
 
 
 @dataclass(frozen=True)
 class Readings:
-    """The known values at some samples, from each of which a state is made. The models are of one vehicle.
+    """The known values at some samples; each sample gives a state. All models are of one kind of vehicle.
 
     Attributes:
         measured: signal -> (samples,) reading, SI; NaN where blank.
         stated: signal -> (samples,) true value; NaN where none is stated.
-        models: those that readings are of.
-        of: (samples,) the number of each sample's model.
+        models: the models for which states are made.
+        of: (samples,) index in `models` of each sample's model.
         age: (samples,) s since power-on.
     """
 
@@ -56,7 +56,7 @@ class Readings:
 
     @cached_property
     def known(self) -> dict[str, Array]:
-        """Signal -> (samples,) of all that is known; NaN where nothing is."""
+        """Signal -> (samples,) stated value, else the reading; NaN where there is neither."""
         found = {name: np.where(np.isfinite(values), values, np.nan) for name, values in self.measured.items()}
         for name, values in self.stated.items():
             found[name] = np.where(np.isnan(values), found.get(name, np.nan), values)
@@ -64,7 +64,7 @@ class Readings:
 
     @cached_property
     def read(self) -> dict[str, NDArray[np.bool_]]:
-        """Signal -> (samples,): where it is known and a sensor effect of the model may have changed it."""
+        """Signal -> (samples,): whether its known value is a reading that a sensor effect may have changed."""
         changed = np.array([bool(sensor_effects(model)) for model in self.models])[self.of]
         found = {}
         for name in sorted(self.known.keys() & _SENSOR_SIGNALS):
@@ -76,13 +76,13 @@ class Readings:
         return found
 
     def geometry(self, name: str) -> Array:
-        """Returns (samples,) of a parameter in `GEOMETRY`; NaN where the model does not have it."""
+        """Returns (samples,) values of a parameter in `GEOMETRY`; NaN where the model does not have it."""
         return np.array([model.parameters.get(name, np.nan) for model in self.models], dtype=np.float64)[self.of]
 
     def states(self, values: Mapping[str, Array], *, restart: bool = False) -> NDArray[np.void]:
-        """Returns (samples,) the states, as C has them, in which the signals `read` have these true values, (samples,).
+        """Returns (samples,) the states, as C has them, in which the signals in `read` have these true `values`.
 
-        `restart`: unmeasured values are NaN, and so stay as simulated; else they are 0.
+        `restart`: unmeasured values are NaN, so that they stay as simulated; else they are 0.
         """
         truth = self.known | {name: np.where(here, values[name], self.known[name]) for name, here in self.read.items()}
         unknown = np.nan if restart else 0.0
@@ -105,7 +105,7 @@ _Fields = Mapping[str, _Value | tuple[_Value, _Value]]
 
 @dataclass(frozen=True)
 class _Known:
-    """Signal -> (samples,) true value, NaN where it is not known; and what stands for an unknown one in a state."""
+    """`values`: signal -> (samples,) true value, NaN where unknown. `unknown`: what a state holds in its place."""
 
     values: Mapping[str, Array]
     unknown: float
@@ -115,12 +115,12 @@ class _Known:
         return self.values.get(name, np.nan)
 
     def known(self, name: str) -> Array:
-        """Returns a signal where it is known, else what stands for it."""
+        """Returns a signal where it is known, else `unknown`."""
         value = self.get(name)
         return np.where(np.isnan(value), self.unknown, value)
 
     def first(self, name: str, other: str, scale: Array, unknown: float) -> Array:
-        """Returns a signal where it is known, else `scale` times that of another one, else `unknown`."""
+        """Returns a signal where it is known, else `scale` times the signal `other`, else `unknown`."""
         value, instead = self.get(name), self.get(other) * scale
         return np.where(np.isnan(value), np.where(np.isnan(instead), unknown, instead), value)
 
@@ -142,8 +142,8 @@ def sensor_effects(model: Model) -> tuple[str, ...]:
 def states(readings: Readings, *, restart: bool = False) -> NDArray[np.void]:
     """Returns (samples,) the states in which the models' sensors give the readings; see `Readings.states`.
 
-    Each signal is solved by its own secant steps, which are exact after three if a sensor adds or scales. A signal
-    that does not follow the state keeps its error: a clipped one, or a yaw rate beside two wheel speeds.
+    Each signal is solved by secant steps of its own, which are exact after three steps if a sensor adds or scales. A
+    signal that does not follow the state keeps its error, such as a clipped one or a yaw rate beside two wheel speeds.
     """
     read = readings.read
     if not read:
@@ -154,7 +154,7 @@ def states(readings: Readings, *, restart: bool = False) -> NDArray[np.void]:
     built = plant.build_all(readings.models)
 
     def outputs(which: NDArray[np.intp]) -> Array:
-        """Returns (which, read): the sensors' readings of these values, at zero input; 0 where none is wanted."""
+        """Returns (which, read): the sensors' readings of these values, at zero input; 0 where no reading is wanted."""
         start = readings.states(dict(zip(read, values.T, strict=True)))[which]
         models = [readings.models[k] for k in readings.of[which].tolist()]
         made = _sensor_outputs(models, start, tuple(read), built)
@@ -217,7 +217,7 @@ def _motor_state(known: _Known, readings: Readings) -> _Fields:
     radius, direct = readings.geometry("wheel_radius"), readings.geometry("force_per_volt") > 0
     per = 1 / np.where(np.isnan(radius) | (radius == 0), np.inf, radius)
     speed, angle = (
-        # Of a linear motor the plant's speed and angle are in m/s and m.
+        # The plant gives the speed and angle of a linear motor in m/s and m.
         np.where(direct, known.known(linear), known.first(turning, linear, per, known.unknown))
         for turning, linear in (("speed", "velocity"), ("angle", "position"))
     )
@@ -234,7 +234,7 @@ def _vehicle_state(known: _Known, readings: Readings) -> _Fields:
     surge = np.where(both & np.isnan(known.get("surge")), radius * (left + right) / 2, known.known("surge"))
     yaw_of_wheels = radius * (left - right) / (2 * half_track)
     yaw_rate = np.where(both & np.isnan(known.get("yaw_rate")), yaw_of_wheels, known.known("yaw_rate"))
-    # Wheels that are not measured roll as the vehicle moves; in a run that goes on, they go on as simulated.
+    # At a start, unmeasured wheels roll as the vehicle moves; at a restart (NaN), they stay as simulated.
     rolling = 0.0 if known.unknown == 0.0 else np.nan
     return {
         "heading": known.known("yaw_angle"),
