@@ -31,9 +31,9 @@ class Agreement:
     Attributes:
         samples: how many are compared.
         error: sum of squares of measured less simulated, in the square of the signal's SI unit.
-        signal: the same of the measured signal.
-        mean: of the measured signal, SI.
-        spread: sum of squares of the measured signal about that mean.
+        signal: sum of squares of the measured signal, in the same unit.
+        mean: mean of the measured signal, SI.
+        spread: sum of squares of the measured signal about `mean`.
         noise_sd: sd of the measured signal's noise, SI.
     """
 
@@ -55,7 +55,7 @@ class Agreement:
 
     @property
     def share(self) -> float | None:
-        """The norm of the error over that of the signal: 1 - `fit_percent` / 100. None: as for that."""
+        """The norm of the error over that of the signal: 1 - `fit_percent` / 100. None: as for `fit_percent`."""
         return None if self.fit_percent is None else round(1 - self.fit_percent / 100, 8)
 
     def percent_of(self, error: float) -> float | None:
@@ -64,7 +64,7 @@ class Agreement:
 
     @property
     def r2(self) -> float | None:
-        """R2 about the mean: 1 is perfect, 0 is as good as the mean. None: as for `fit_percent`, of the spread."""
+        """R2 about the mean: 1 is perfect, 0 is as good as the mean. None: as `fit_percent`, but by `spread`."""
         if not self._exceeds_noise(self.spread):
             return None
         found = 1 - self.error / self.spread
@@ -98,7 +98,7 @@ def agreement(error: Array, signal: Array, *, noise_sd: float = 0.0) -> Agreemen
     Args:
         error, signal: (n,) measured less simulated, and measured, SI; a sample that is NaN in either is left out. A
             signal of arbitrary origin counts from the first sample of its run or window.
-        noise_sd: of the signal, SI.
+        noise_sd: sd of the signal's noise, SI.
     """
     known = np.isfinite(error) & np.isfinite(signal)
     values = signal[known]

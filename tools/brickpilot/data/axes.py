@@ -17,9 +17,9 @@ Settings = tuple[tuple[str, float], ...]
 """Names of settings that shape a repeating term, each with its value."""
 
 _NEIGHBOURS = (-1.0, -0.75, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0)  # times the resolution of a spectrum
-_LEAST_STEPS = 20  # of a spectrum, that a coordinate has to move by
+_LEAST_STEPS = 20  # steps of a spectrum by which a coordinate has to change at least
 
-# What a period along it is called -> names of the coordinate, its step in a spectrum, rad or m, and what is one turn.
+# Name of a period along a coordinate -> names of the coordinate, its step in a spectrum and one turn of it, rad or m.
 _COORDINATES = {
     "order": (("wheel_angle_left", "wheel_angle_right", "angle"), 2 * math.pi / 100, 2 * math.pi),
     "wavelength": (("x", "position"), 0.005, 1.0),
@@ -31,7 +31,7 @@ class Segment:
     """One signal of one run in the stacked residual.
 
     Attributes:
-        place: its rows.
+        place: the segment's rows.
         time: (n,) s since the run's first sample.
         age: s from power-on to the run's first sample.
         at: the values of the base model at these rows, by name: wheel angles, "x", or "angle" and "position" of a
@@ -52,11 +52,11 @@ class Axis:
 
     Attributes:
         setting: the name of a period along it: a frequency in Hz, an order, or a wavelength in m.
-        clock: of time: ("clock", 0) where it counts from the start of each run, ("clock", 1) from power-on.
+        clock: for time: ("clock", 0) if it counts from the start of each run, ("clock", 1) from power-on.
         tracks: the segments with their coordinate (n,), once for each name that it has.
-        step: of the spectrum, in the coordinate's unit.
+        step: the step of the spectrum, in the coordinate's unit.
         turn: the length over which periods are counted, in the coordinate's unit.
-        extent: the longest part of it that has one phase.
+        extent: the longest part of the coordinate with one phase.
     """
 
     setting: str
@@ -73,7 +73,7 @@ class Axis:
 
     @property
     def resolution(self) -> float:
-        """The difference of periods per turn, m or s that the runs resolve."""
+        """The smallest difference of periods per turn, m or s that the runs resolve."""
         return self.turn / self.extent
 
     @property
@@ -82,7 +82,7 @@ class Axis:
         return self.resolution if self.clock else 0.0
 
     def peaks(self, residual: Array) -> list[float]:
-        """Returns the periods per turn, m or s at which `residual` (N,) is strongest along it."""
+        """Returns the periods per turn, m or s at which `residual` (N,) is strongest along the axis."""
         found: set[float] = set()
         for track in self.tracks:
             places, power = _spectrum(track, residual, self.step, coherent=bool(self.clock))
@@ -94,7 +94,7 @@ class Axis:
         return sorted(found)
 
     def at(self, count: float) -> Settings:
-        """Returns the settings of so many periods per turn, m or s."""
+        """Returns the settings of `count` periods per turn, m or s."""
         return ((self.setting, 1 / count if self.setting == "wavelength" else count), *self.clock)
 
     def beside(self, settings: Settings) -> list[Settings]:

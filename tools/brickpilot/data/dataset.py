@@ -1,6 +1,6 @@
 """A data set in the program's form: runs in SI and in the paper's frame (x forward, y right, clockwise positive).
 
-`reading` makes one of a folder of files, or of DataFrames.
+`reading` makes a data set from a folder of files, or from DataFrames.
 
 Results are shown in the unit, the frame and the sign in which the data set states its signals.
 """
@@ -37,11 +37,11 @@ __all__ = ["PRESET_BATTERY_VOLTAGE", "Dataset", "Nominal", "Run", "battery", "mo
 Vector = NDArray[np.float64]
 
 PRESET_BATTERY_VOLTAGE = catalogue.parameter("battery_voltage").preset
-"""V: multiplies a duty where a data set states no battery voltage."""
+"""V: the battery voltage that multiplies a duty if a data set states none."""
 
 _SHOWN_RUNS = 8  # in a printed data set
 
-_DROPOUT_SHARE = 0.25  # of the running median: a battery's voltage drops by less within one sample
+_DROPOUT_SHARE = 0.25  # share of the running median: a battery's voltage drops by less within one sample
 _MEDIAN_SAMPLES = 5
 
 
@@ -54,14 +54,14 @@ class Run:
         file: the text file it came from.
         role: None: the program chooses it.
         time: s, strictly increasing, as logged: it need not begin at 0 or be regular. Rows faster than the plant's
-            motor step are taken together (`decimation`).
+            motor step are merged (`reading.decimated`).
         inputs: signal -> values; NaN where the cell is blank, which means that the motor floats.
         outputs: signal -> values; NaN where the cell is blank or the sample is damaged (`Dataset.faults`).
-        raw_outputs: the same with the damaged samples as measured.
-        gap_s: s of pause between the end of the run before it in the file and this one's start.
+        raw_outputs: signal -> values, with the damaged samples as measured.
+        gap_s: s of pause between the end of the run before in the file and the start of this one.
         replicate_of: name of the run that this one repeats.
         initial: state at the start, if the data set states it (`signals.INITIAL_UNITS`).
-        recording: of several recordings of one machine, the one that it belongs to; empty: there is one.
+        recording: the one of several recordings of a machine to which the run belongs; empty: there is only one.
     """
 
     name: str
@@ -90,7 +90,7 @@ class Dataset(Result):
     Attributes:
         path: the dataset.toml, as the caller named it.
         frame: of the files; all values here are in FRD.
-        signals: how each is written in the files; noise_sd, resolution and range are in SI and FRD.
+        signals: how each signal is written in the files; noise_sd, resolution and range are in SI and FRD.
         nominal: known parameters of the plant; absent ones are fitted.
         nominal_effects: effect -> parameter -> value, for effects that the experimenter's model contains.
         runs: in the file's order, as one sequence.
@@ -153,7 +153,7 @@ class Dataset(Result):
         """Returns a data set of DataFrames, checked as `read` checks files.
 
         Args:
-            frames: run -> its table, a row a sample.
+            frames: run -> its table, with a row for each sample.
             vehicle: "diff_drive", "motor" or "skid_steer"; it has to be given.
             signals: signal -> its column: a name, in SI; (name, unit); or a mapping with what a data set's file may
                 state of it, such as {"column": "gz", "unit": "deg/s", "noise_sd": 0.2}. The time is in "time", in s,
@@ -234,7 +234,7 @@ class Dataset(Result):
 
 
 def joined(datasets: Sequence[Dataset]) -> Dataset:
-    """Returns the runs of several data sets of one robot as one data set, which is else like the first one.
+    """Returns the runs of several data sets of one robot in one data set, which is otherwise like the first one.
 
     Raises:
         InputError: one is of another vehicle or states another nominal value.
@@ -247,7 +247,7 @@ def joined(datasets: Sequence[Dataset]) -> Dataset:
 
 
 def with_all_runs(datasets: Mapping[str, Dataset]) -> Dataset:
-    """Returns the runs of all data sets in one that is else like the first. A run's name follows its set's key."""
+    """Returns one data set with all runs, otherwise like the first one. A run's name begins with its data set's key."""
     several, first = list(datasets.items()), next(iter(datasets.values()))
     runs = [
         replace(run, name=before + run.name, replicate_of=run.replicate_of and before + run.replicate_of)
@@ -313,7 +313,7 @@ class OwnUnit:
 
     Attributes:
         unit: as the data set names it.
-        per_si: how many of it are one SI unit, above 0.
+        per_si: how many of this unit make one SI unit, above 0.
         sign: -1 if the data set's frame reverses the signal, else 1.
     """
 

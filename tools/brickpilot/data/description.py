@@ -24,7 +24,7 @@
     [[runs]]
     name = "straight_half"
     file = "straight_half.csv"   # name and file are needed; the other keys are optional:
-    role = "fit"                 # or "held_out"; without any the program chooses, and says so
+    role = "fit"                 # or "held_out"; without a role the program chooses it, and says so
     gap_s = 2.5                  # before this run
     initial = { surge = 0.2 }    # replicate_of = "name" marks a repeat
 
@@ -38,14 +38,14 @@
 - `sampling = "instant"` or `"mean"` under `accel_surge` and `accel_sway` says what a sample of an accelerometer is: the
   acceleration at its time, or the mean since the sample before it. Without it the mean is taken, and `discover` notes
   which of the two the data show. The wrong choice changes the fitted inductance and resistance.
-- `unsigned = true` under a rotation sensor's channel says that it counts alike in both directions. Then the simulated
-  reading does, too, of all rotation sensors of the machine.
+- `unsigned = true` under a rotation sensor's channel says that the sensor counts up in both directions. Then all
+  rotation sensors of the simulated machine do, too.
 - Rows closer than the plant's motor step of 0.3 ms are merged, with a note: inputs as means, outputs as readings. A
   channel that is logged faster than it is sampled holds each sample for some rows; each sample is used once, in the
   first row that has it. Inputs stay as logged, and so do the files.
 - Where a controller follows set points, and neither voltage nor duty is logged, the inputs are
   `reference_wheel_speed_left` and `_right`, `reference_velocity` and `reference_yaw_rate` (a `cmd_vel`), or
-  `reference_speed` of a motor. Then the model contains a speed controller. What is known of its gains stands under
+  `reference_speed` of a motor. Then the model contains a speed controller. Known gains stand under
   `[nominal.effects]`; else `feedforward` and `integral` are fitted. The volts of such a model are on the scale of
   `emf_constant`, and a proportional gain shows as a smaller resistance.
 - A motor whose drive closes a current loop has `force_per_volt` or `torque_per_volt` under `[nominal]`.
@@ -89,7 +89,7 @@ _SAMPLED = ("instant", "mean")  # what an accelerometer's sample is
 _RUN = {"name", "file", "role", "gap_s", "replicate_of", "initial"}
 _LARGE = 1e12
 
-_SET_POINTS = "reference"  # how the names of inputs begin that a controller follows
+_SET_POINTS = "reference"  # how the names of a controller's set points begin
 _NO_VOLTAGE = (
     "the inputs are set points, and no voltage is logged: all voltages are on the scale of a back EMF constant of {:g} "
     "V s/rad, and the controller's proportional gain cannot be told from the motor's resistance"
@@ -208,7 +208,7 @@ def described(toml: TomlFile) -> Description:
 
 
 def _controllers(stated: Mapping[str, Mapping[str, Nominal]]) -> dict[str, dict[str, Nominal]]:
-    """Returns the effects of drives whose inputs are set points. What is 0 by preset stays so unless it is stated."""
+    """Returns the effects of drives whose inputs are set points. What is 0 by preset stays 0 unless stated."""
     return {
         one.name: {info.name: Nominal(0.0) for info in one.parameters if info.preset == 0}
         | dict(stated.get(one.name, {}))
@@ -218,7 +218,7 @@ def _controllers(stated: Mapping[str, Mapping[str, Nominal]]) -> dict[str, dict[
 
 
 def _scale_of_volts(toml: TomlFile, nominal: Mapping[str, Nominal], signals: Iterable[str]) -> Nominal:
-    """Returns the back EMF constant, exactly: where no voltage is logged, it only says what a volt is.
+    """Returns the back EMF constant without an sd: if no voltage is logged, it only sets the scale of the volts.
 
     Raises:
         InputError: a body's velocity is wanted, and no geometry says how fast its wheels are; or the drive closes a
@@ -237,7 +237,7 @@ def _scale_of_volts(toml: TomlFile, nominal: Mapping[str, Nominal], signals: Ite
 
 
 def _guessed(toml: TomlFile, given: object) -> list[str]:
-    """Returns the guesses of an importer that nobody stated, such as "960 counts a turn"."""
+    """Returns an importer's guesses of unstated numbers, such as "960 counts a turn"."""
     if not isinstance(given, list) or not all(isinstance(one, str) for one in given):
         toml.refuse(("guessed",), "is no list of texts")
     return list(map(str, given))

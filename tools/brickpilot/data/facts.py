@@ -20,12 +20,12 @@ from brickpilot.data.signals import SIGNALS
 Array = NDArray[np.float64]
 
 _LATE = 0.99  # quantile of the steps between samples that is reported beside their median
-_EQUAL = 0.02  # of the larger command: two commands that differ by less are the same
+_EQUAL = 0.02  # share of the larger command: two commands that differ by less are equal
 _WINDOW_S, _LEAST_WINDOWS = 0.25, 4  # the window over which the sides are compared, and how many are needed
-_FAST = 0.5  # of the fastest window: a slower one is a start or a stop
-_CORRECTION = 0.05  # of the driven rows of a straight run may turn it
-_REST = 10  # samples without a command, at a run's start: their mean is the gyro's bias
-_BLOCKS = 20  # of consecutive windows, which give the error of a ratio
+_FAST = 0.5  # share of the fastest window's motion: a slower window is a start or a stop
+_CORRECTION = 0.05  # share of the driven rows of a straight run that may turn it
+_REST = 10  # least samples before a run's first command: their mean is the gyro's bias
+_BLOCKS = 20  # blocks of consecutive windows, which give the error of a ratio
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class WeakerSide:
 
 
 def drives_straight_alone(dataset: Dataset) -> bool:
-    """Returns whether all driven runs of a robot are driven straight, but for a short correction."""
+    """Returns whether all driven runs of a robot are driven straight, except for short corrections."""
     if dataset.vehicle == "motor":
         return False
     driven = [np.nan_to_num(motor_inputs(run, dataset)) for run in dataset.runs]
@@ -103,7 +103,7 @@ class Measure:
 def weaker_side(dataset: Dataset) -> WeakerSide | None:
     """Returns which wheel turns less under equal commands; None: neither, or the runs do not show it.
 
-    It compares the turns of both wheels in windows of 0.25 s in which both get the same voltage. No model is asked.
+    It compares the turns of both wheels in windows of 0.25 s in which both get the same voltage. No model is needed.
     """
     windows = _equal_windows(dataset)
     if len(windows) < _LEAST_WINDOWS:
@@ -166,7 +166,7 @@ def _reach(each: Array) -> float:
 
 def _equal_windows(dataset: Dataset) -> Array:
     """Returns (w, 3): how far the left and the right wheel turn, rad or m, and the yaw, rad, in the fast windows of all
-    runs in which both motors get one voltage; without windows in which the wheels turn against each other."""
+    runs in which both motors get one voltage; empty if the wheels turn against each other in one of them."""
     found = [window for run in dataset.runs for window in _windows(run, dataset)]
     windows: Array = np.array(found, dtype=np.float64).reshape(-1, 3)
     sizes = np.abs(windows[:, :2]).min(axis=1, initial=np.inf)

@@ -1,8 +1,8 @@
 """A feedback loop around the data: whether the commands follow the outputs.
 
-Such a loop biases a simulation from the commands alone where the noise of the outputs has a memory: the commands hold
-it, so that a model can explain it, by a delay that no machine has. Sources: Granger (1969), Econometrica 37;
-Gustavsson, Ljung & Soederstroem (1977), Automatica 13.
+Such a loop biases a simulation from the commands alone if the noise of the outputs has a memory. The commands then
+contain this noise, so that a model can explain it, by a delay that no machine has. Sources: Granger (1969),
+Econometrica 37; Gustavsson, Ljung & Soederstroem (1977), Automatica 13.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from brickpilot.data.signals import RATE_OF, input_names
 
 Array = NDArray[np.float64]
 
-_BLOCKS = 20  # of a fit, each predicted by the others: batch means want 10 to 30 (Schmeiser 1982, Oper. Res. 30)
+_BLOCKS = 20  # blocks, each predicted by a fit to the others: 10 to 30 batch means (Schmeiser 1982, Oper. Res. 30)
 _PER_UNKNOWN = 10  # decisions for each coefficient: the usual least for a regression
-_PAST = (1, 2, 4, 8, 16, 32)  # decisions: how many of the past ones tell the next; the best of these is taken
-_SMOOTHED = 8  # means of the command over 2, 4 ... 256 rows: what a plan or the machine keeps of it
-_READINGS = 3  # at the decisions before: a PID law that is written for the change of the command needs three
-_SHOWN = 3 + _READINGS  # columns of what the output showed: before, and its change up to the same row
-_HUBER = 1.345  # sd, beyond which a residual counts less: 95 % efficient for normal noise (Huber 1964)
+_PAST = (1, 2, 4, 8, 16, 32)  # numbers of past decisions that are tried to predict the next one; the best is taken
+_SMOOTHED = 8  # number of means of the command, over 2, 4 ... 256 rows: what a plan or the machine remembers
+_READINGS = 3  # readings at the last decisions: a PID law in incremental form needs three
+_SHOWN = 3 + _READINGS  # columns of the output: its readings before, and its change up to the same row
+_HUBER = 1.345  # sd: a residual beyond it counts less; 95 % efficient for normal noise (Huber 1964)
 _NORMAL_MAD = 1.4826  # sd of normal noise over its median absolute deviation
-_EXACT = 1e-6  # of the rms change: a plan that its own past tells so well has no room for a loop
-_RIDGE = 1e-12  # of the mean square: readings of the same row twice make the fit singular
+_EXACT = 1e-6  # share of the rms change: a plan that its own past predicts better than this leaves nothing to a loop
+_RIDGE = 1e-12  # share of the mean square, added because two readings of the same row make the fit singular
 
 
 @dataclass(frozen=True)
@@ -41,10 +41,10 @@ class Loop:
     Attributes:
         command: the input that follows an output.
         output: the signal that it follows most surely.
-        gain: 0..1, of the command's change that its own past does not explain, the share that the output explains, in
+        gain: 0..1, share of the command's change that its own past leaves unexplained and the output explains, in
             blocks not fitted.
         lag: s from the most telling reading to the command; 0: the command is in the same row.
-        chance: probability of such a gain without a loop, times the number of questions.
+        chance: probability of such a gain without a loop, times the number of tests.
     """
 
     command: str
@@ -70,18 +70,19 @@ def follows_outputs(dataset: Dataset, level: float) -> Loop | None:
     causality from outputs to commands). Only the rows count in which a command changes. Its change is predicted from
     all commands before: the last ones, and means over 2 to 256 rows, which hold what a machine remembers. A second
     prediction also uses the readings before, a third the reading of the same row. A command held from its row on cannot
-    move that reading, but one that was logged late can: so the third counts only if the command opposes the motion, as
-    feedback does, with the right signs. Each block of a run is predicted by a fit to the others. The gain is the log of
-    the ratio of the squared errors, judged by its scatter over blocks. Runs too short for their own fit are pooled.
+    move that reading, but a command that was logged late can. So the third prediction counts only if the command
+    opposes the motion, as feedback with the right signs does. Each block of a run is predicted by a fit to the others.
+    The gain is the log of the ratio of the squared errors, judged by its scatter over blocks. Runs too short for their
+    own fit are pooled.
 
-    Outputs are those that measure motion or sum it up: accelerations, forces and currents answer in the command's row.
-    A voltage with a measured battery has to follow both as volts and as duty, because either may have been planned, and
-    the battery's voltage drops with the motion. The test misses a loop whose readings have no noise or disturbance,
-    because there the past of the commands predicts all, and one with too few changes, such as a relay. At times it
-    finds a loop in sines of coarse steps, whose rounding is no noise (15 of 240 simulated data sets).
+    Only outputs that measure motion or sum it up count; accelerations, forces and currents answer in the command's row.
+    If the battery is measured, a voltage has to follow both as volts and as duty, because either may have been planned,
+    and the battery's voltage drops with the motion. The test misses a loop whose readings have no noise or disturbance,
+    because the past of the commands then predicts all. It also misses a loop with too few changes, such as a relay. At
+    times it finds a false loop in sines of coarse steps, whose rounding is no noise (15 of 240 simulated data sets).
 
     Args:
-        level: the chance of being wrong up to which it counts as shown.
+        level: the chance of being wrong up to which a loop counts as shown.
     """
     commands = input_names(dataset.runs[0].inputs)
     motion = {*RATE_OF, *RATE_OF.values(), "yaw_rate", "yaw_angle"}
@@ -111,7 +112,7 @@ def _as_duty(run: Run, commands: Sequence[str]) -> Run:
 
 
 def _asked(runs: Sequence[Run], commands: Sequence[str], output: str) -> Loop | None:
-    """Returns how well `output` predicts the first of `commands`, and the chance for both questions."""
+    """Returns how well `output` predicts the first of `commands`, and the chance over both tests."""
     runs = [run for run in runs if output in run.outputs]
     own = [_told([run], commands, output) for run in runs]
     pooled = _told([run for run, one in zip(runs, own, strict=True) if one is None], commands, output)
@@ -129,7 +130,7 @@ def _asked(runs: Sequence[Run], commands: Sequence[str], output: str) -> Loop | 
 
 
 def _chance(gained: Array) -> float:
-    """Returns the probability that the mean of `gained` (blocks,) is so large although its expectation is 0."""
+    """Returns the probability of a mean of `gained` (blocks,) this large or larger if its expectation is 0."""
     from scipy.stats import ttest_1samp  # slow to load, and most commands need none of it
 
     return float(ttest_1samp(gained, 0.0, alternative="greater").pvalue) if np.ptp(gained) > 0.0 else 1.0
@@ -138,7 +139,7 @@ def _chance(gained: Array) -> float:
 def _sign(command: str, output: str) -> float:
     """Returns the direction in which a command drives an output, by the signals' definition; 0: it is not defined.
 
-    The data cannot give it: if a loop holds one speed, they show the feedback's sign and not the motor's.
+    The data cannot give this direction: if a loop holds one speed, they show the feedback's sign, not the motor's.
     """
     if output.startswith("yaw"):
         return {"left": 1.0, "right": -1.0, "diff": 1.0}.get(command.rpartition("_")[2], 0.0)
@@ -154,8 +155,8 @@ class _Told:
 
     Attributes:
         past: (blocks,) log of the squared error from commands alone over that with the readings before.
-        now: the same, and with the reading of the same row.
-        feedback: the coefficient of that; below 0: the command opposes the reading.
+        now: (blocks,) the same, if the reading of the same row is used, too.
+        feedback: the coefficient of the reading of the same row; below 0: the command opposes the reading.
         lag: s, the age of the most telling reading.
     """
 
@@ -203,9 +204,9 @@ def _errors(table: Array, columns: Sequence[int]) -> Array:
 
 
 def _weighted(tables: Sequence[Array]) -> tuple[Array, float] | None:
-    """Returns the decisions of runs in one table, and the mean log of the sd; None: a plan tells them exactly.
+    """Returns the decisions of runs in one table, and the mean log of the sd; None: a plan predicts them exactly.
 
-    Each run's rows are divided by the sd of what the plan leaves there, rows far from the plan count less, and each
+    Each run's rows are divided by the sd of its residual from the plan, rows with a large residual count less, and each
     column except the first is divided by its rms.
     """
     table = np.concatenate(tables)
@@ -223,7 +224,7 @@ def _weighted(tables: Sequence[Array]) -> tuple[Array, float] | None:
 
 
 def _decisions(run: Run, commands: Sequence[str], output: str, past: int) -> tuple[Array, Array] | None:
-    """Returns a run's rows in which the first command changes, with so many of them before each; None: there are none.
+    """Returns a run's rows in which the first command changes, with `past` such rows before each; None: there are none.
 
     The table (n, columns) is in units of the rms change. Its columns are the change, the commands before, the output
     before, and the output's change up to the same row. The second result are the ages of the output's readings, s.

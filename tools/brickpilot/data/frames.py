@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 Column = str | tuple[str, str] | Mapping[str, Any]
 """A signal's column: its name, in SI; (name, unit); or all that a data set's file may state of a signal."""
 
-_ARGUMENTS = {"role": "roles"}  # of `Dataset.from_frames`, if their names differ from the keys
+_ARGUMENTS = {"role": "roles"}  # key -> argument of `Dataset.from_frames`, where the names differ
 
 
 class StatedTables(TomlFile):

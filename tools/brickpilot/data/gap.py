@@ -1,4 +1,4 @@
-"""The gap: the distance of measured and simulated signals of free runs, in sd of noise, and its place."""
+"""The gap: the distance of measured and simulated signals of free runs, in sd of the noise, and its place."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ Outputs = Mapping[str, Array]
 
 _SHOWN_S = 0.1  # a difference is an rms over windows of this length
 _BRIDGED_S = 0.3  # a shorter break in a span is part of it
-_CONDITION_SHARE = 0.6  # of a place's gap: a condition that covers a smaller part is not reported
-_CONDITION_LIFT = 1.3  # the condition's share of the gap is so many times its share of the time
+_CONDITION_SHARE = 0.6  # share of a place's gap: a condition that covers less is not reported
+_CONDITION_LIFT = 1.3  # least ratio of a condition's share of the gap to its share of the time
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Place:
     """Where the gap was: a time span of one signal of one run.
 
     Attributes:
-        share_of_gap: its share of the squared change, in noise sd, that the additions to the model make in all, 0..1.
+        share_of_gap: share of the squared change, in noise sd, that the additions to the model make anywhere, 0..1.
         when: what the vehicle was doing.
     """
 

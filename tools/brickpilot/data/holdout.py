@@ -19,8 +19,8 @@ Array = NDArray[np.float64]
 
 # An input whose spread exceeds this share of its size is a ramp or a sweep, not a step.
 _STEP_SPREAD = 0.2
-# With the smaller of sum and difference of two motors' inputs below this share of the larger, a run is straight or a
-# turn on the spot.
+# If the smaller of sum and difference of two motors' inputs is below this share of the larger one, a run is straight or
+# a turn on the spot.
 _PURE = 0.25
 # Two runs whose inputs differ by a larger factor cannot replace each other.
 _AS_LARGE = 1.5
@@ -28,11 +28,11 @@ _AS_LARGE = 1.5
 _ONE_WAY = 0.1
 # A shorter stretch (s) is not held out, because it says little about a free run.
 _SHORTEST_S = 0.3
-# Shares of the input's energy: what the fit keeps of all, and of each direction; the least that is held out.
+# Shares of the input's energy: the share that the fit keeps in all, and in each direction; the least share held out.
 _KEPT, _KEPT_OF_DIRECTION, _LEAST_END = 0.75, 0.5, 0.1
 
-# Two runs repeat each other if their inputs differ by this share of their rms, for so many s and this share of the
-# shorter run at least; they are compared on a grid of so many s.
+# Two runs repeat each other if their inputs differ by at most this share of their rms, for at least this time (s) and
+# this share of the shorter run. The last number is the step (s) of the grid on which they are compared.
 _SAME_SHARE, _REPEAT_S, _REPEAT_SHARE, _GRID_S = 0.05, 0.5, 0.5, 0.02
 
 _GIVEN = {
@@ -69,7 +69,7 @@ class Roles:
     def samples(self, run: Run, role: str, name: str = "") -> Run:
         """Returns a run in which the outputs of all samples with another role are blank.
 
-        `name`: of the run that it was cut from, if any.
+        `name`: the name of the run from which `run` was cut, if any.
         """
         stretch = self.stretches.get(name or run.name)
         if stretch is None:
@@ -140,7 +140,7 @@ def _groups(runs: Sequence[Run], inputs: Mapping[str, Array]) -> list[dict[str, 
 def _held_out_of(group: Mapping[str, float]) -> list[str]:
     """Returns the held-out runs of one manoeuvre: of three, the middle one; of more, every third, but not the last.
 
-    Of two it is the smaller one, unless it is much smaller: then it alone shows how friction holds.
+    Of two, the smaller one is held out, unless it is much smaller: then only this run shows how friction holds.
     """
     names, sizes = list(group), list(group.values())
     if len(names) == 2:
@@ -149,7 +149,7 @@ def _held_out_of(group: Mapping[str, float]) -> list[str]:
 
 
 def kind_of(driven: Array) -> str:
-    """Returns what inputs (n, 1) or (n, 2), blanks as 0, drive: straight, spin or curve; of a motor: drive; or rest."""
+    """Returns what inputs (n, 1) or (n, 2), blanks as 0, drive: rest, straight, spin or curve; or drive, of a motor."""
     moving = _moving(driven)
     if len(moving) == 0:
         return "rest"
@@ -162,7 +162,7 @@ def kind_of(driven: Array) -> str:
 
 
 def turning_share(driven: Array) -> float:
-    """Returns the share of the driven rows of inputs (n, 2) that drive a spin or a curve, 0..1; 0 of a rest."""
+    """Returns the share of the driven rows of inputs (n, 2) that drive a spin or a curve, 0..1; a rest has 0."""
     moving = _moving(driven)
     common, difference = np.abs(moving.sum(axis=1)), np.abs(moving[:, 0] - moving[:, 1])
     return float(np.mean(difference > _PURE * common)) if len(moving) else 0.0
@@ -196,7 +196,7 @@ def _direction(values: Array, positive: str, negative: str) -> str:
 
 
 def _last_drive(run: Run, driven: Array) -> tuple[float, float] | None:
-    """Returns the start and end of the held-out samples of a run, s on its clock; None: none of them.
+    """Returns the start and end of the held-out samples of a run, s on its clock; None: none is held out.
 
     The fit keeps three quarters of the input's energy, and half of that in each direction. So the fit has every part of
     the manoeuvre, and nearly the largest input of a ramp. It also keeps the stop after the drive.
@@ -217,8 +217,9 @@ def _last_drive(run: Run, driven: Array) -> tuple[float, float] | None:
 
 
 MANY, ENOUGH = 100_000, 30_000
-"""Samples of fit runs above which some are chosen, and how many. With so many samples the model's own error limits how
-well a value is known, not their number. A dozen runs of 10 s at 500 Hz have 60,000, and all of them are fitted."""
+"""Samples of fit runs above which only some runs are chosen, and how many samples these have. With so many samples the
+model's own error, and not the number of samples, limits how well a value is known. A dozen runs of 10 s at 500 Hz have
+60,000 samples, and all of them are fitted."""
 
 
 def enough_to_fit(dataset: Dataset) -> tuple[Dataset, str | None]:
@@ -226,7 +227,7 @@ def enough_to_fit(dataset: Dataset) -> tuple[Dataset, str | None]:
     samples.
 
     Runs are taken in turn from each manoeuvre and direction, first the one with the largest input, then the others
-    evenly over the file's order. Pauses grow by the runs left out, so that each run has the same age as before.
+    evenly over the file's order. Pauses grow by the runs left out in them, so that each run has the same age as before.
     """
     inputs = {run.name: motor_inputs(run, dataset) for run in dataset.runs}
     fitted = set(assign(dataset, inputs, stretches=True).fit())
@@ -252,7 +253,7 @@ def enough_to_fit(dataset: Dataset) -> tuple[Dataset, str | None]:
 
 
 def _in_turn(group: list[tuple[float, Run]]) -> list[Run]:
-    """Returns the runs of one manoeuvre: first the largest input, then halves, quarters and so on of the others."""
+    """Returns the runs of one manoeuvre: first that with the largest input, then the others at halves, quarters ..."""
     largest = max(range(len(group)), key=lambda index: group[index][0])
     others = [run for index, (_, run) in enumerate(group) if index != largest]
     bits = max(len(others) - 1, 1).bit_length()
@@ -273,7 +274,7 @@ def _kept(dataset: Dataset, chosen: set[str]) -> tuple[Run, ...]:
 
 
 def repeats(dataset: Dataset) -> tuple[tuple[str, str, float], ...]:
-    """Returns pairs of runs with the same inputs for so many s from their start: replicates, and accidental ones."""
+    """Returns pairs of runs with the same inputs from their start, and for how many s; replicates or not."""
     inputs = {run.name: motor_inputs(run, dataset) for run in dataset.runs}
     found = []
     for one, other in combinations(dataset.runs, 2):

@@ -28,9 +28,9 @@ INPUT_TIMINGS: tuple[InputTiming, ...] = ("held", "linear", "unknown")
 UNKNOWN_TIMING = "how the inputs change between two rows is not known: they are taken as held"
 """The note of a data set that states "unknown"."""
 
-_STEP_S = 0.005  # a linear input is held for so long at most
-_MOST_STEPS = 200  # between two rows
-_PARTS = 8  # of a row: the step in which the inputs are followed
+_STEP_S = 0.005  # the longest time for which a linear input is held
+_MOST_STEPS = 200  # most steps between two rows
+_PARTS = 8  # steps in a row of a log, each with its own input
 
 
 def with_linear_inputs(run: Run) -> Run:
@@ -97,7 +97,7 @@ def means_over_grids(time: Vector, driven: Vector, grids: Sequence[Vector]) -> l
     held = np.where(np.isnan(driven), 0.0, driven)
     summed = np.vstack([np.zeros(driven.shape[1]), np.cumsum(held[:-1] * np.diff(time)[:, np.newaxis], axis=0)])
     at_grid = np.column_stack([np.interp(grid, time, column) for column in summed.T])
-    with np.errstate(divide="ignore", invalid="ignore"):  # from one grid to the next, which is replaced below
+    with np.errstate(divide="ignore", invalid="ignore"):  # the step from one grid to the next is replaced below
         means = np.vstack([np.diff(at_grid, axis=0) / np.diff(grid)[:, np.newaxis], held[-1]])
     means[ends - 1] = held[-1]
     floats = np.isnan(driven[np.maximum(np.searchsorted(time, grid, side="right") - 1, 0)])
@@ -140,7 +140,7 @@ class Behind:
 
 
 def refined(dataset: Dataset) -> Dataset:
-    """Returns the data set with eight rows for each row, so that inputs of both kinds can act late."""
+    """Returns the data set with eight rows for each row, so that held and linear inputs can act late."""
     runs = []
     for run in dataset.runs:
         rows = np.arange(len(run.time))
@@ -150,7 +150,7 @@ def refined(dataset: Dataset) -> Dataset:
 
 
 def inputs_acting(run: Run, time: Vector, timing: Timing, behind: Behind) -> dict[str, Vector]:
-    """Returns the inputs of a logged run, of either kind, as means over the rows at `time`."""
+    """Returns the inputs of a logged run, held or linear, as means over the rows at `time`."""
     at, inputs = run.time, run.inputs
     if timing == "linear":
         at, inputs = ramps(at, inputs, float(np.diff(time).min()))

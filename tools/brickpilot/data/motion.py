@@ -18,13 +18,13 @@ Array = NDArray[np.float64]
 
 _REST_S = 0.5  # at the start of a run at rest: the longest time that is averaged
 MOVING_SAMPLES = 12
-"""So many samples are fitted by a line where a run starts in motion."""
-_LEAST_KNOWN = 4  # of these, for a line
-_LEAST_BENT = 6  # of these, to see that a motion bends
-_HELD_S = 0.1  # in which the first sample of a held channel is searched
-_TREND_SD = 3.0  # a slope of more than so many of its sd is motion, and a bend is none of a line
-_OF_MOTION = (1, 2, 3)  # degrees of a trend that no rest has: a pendulum swings, and goes nowhere
-_SPIKE = 3.0  # times the span of 90 % of the run's samples: a sample at this distance from the others is damaged
+"""Number of samples to which a line is fitted where a run starts in motion."""
+_LEAST_KNOWN = 4  # known samples that a line needs
+_LEAST_BENT = 6  # known samples that are needed to see that a motion bends
+_HELD_S = 0.1  # from a run's start: the first sample of a held channel is searched there
+_TREND_SD = 3.0  # sd of a polynomial's leading term: a larger term is motion and not noise
+_OF_MOTION = (1, 2, 3)  # degrees of a trend that no rest has; a pendulum that swings may have no slope
+_SPIKE = 3.0  # times the span of 90 % of the run's samples: a sample farther from the others is damaged
 
 
 def with_rates(dataset: Dataset) -> Dataset:
@@ -51,8 +51,8 @@ def with_averaged_starts(dataset: Dataset, inputs: Mapping[str, Array]) -> Datas
     """Returns the data set with each run's first sample replaced by an estimate from its first samples together.
 
     A run starts from the state that its first sample measured. The noise of one sample would be simulated as a motion
-    that did not happen. Before the first command the samples are averaged; in motion a line is fitted to a few, and
-    what bends within these starts as measured.
+    that did not happen. Before the first command the samples are averaged. In motion a line is fitted to a few samples;
+    a signal that bends even within these starts as measured.
 
     Args:
         inputs: run -> (n, 1) or (n, 2) V.
@@ -83,7 +83,7 @@ def _samples_at_rest(run: Run, driven: Array) -> int:
 
 
 def _first_value(time: Array, values: Array, rest: int, moving: int) -> float:
-    """Returns an estimate of the first of `values` (n,) from its known ones among the first `rest`, else `moving`."""
+    """Returns an estimate of the first of `values` (n,) from known ones: of the first `rest`, or else `moving`."""
     known = _without_spikes(values, np.flatnonzero(np.isfinite(values[: max(rest, moving)])))
     chosen = known[known < rest]
     if len(chosen) >= _LEAST_KNOWN and not any(_trends(time[chosen], values[chosen], one) for one in _OF_MOTION):
@@ -97,7 +97,7 @@ def _first_value(time: Array, values: Array, rest: int, moving: int) -> float:
 
 
 def _trends(time: Array, values: Array, degree: int) -> bool:
-    """Returns whether a polynomial's leading term is more than chance makes of noise about it."""
+    """Returns whether the leading term of a fitted polynomial is larger than noise makes it."""
     clock = (time - time.mean()) / max(float(np.ptp(time)), 1e-300)
     terms = np.vander(clock, degree + 1)
     found = np.linalg.lstsq(terms, values, rcond=None)[0]
@@ -107,7 +107,7 @@ def _trends(time: Array, values: Array, degree: int) -> bool:
 
 
 def _without_spikes(values: Array, known: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Returns the first samples without those at an impossible distance from the others."""
+    """Returns the indices `known` without those of samples at an impossible distance from the others."""
     low, high = np.nanpercentile(values, [5, 95])
     if len(known) < _LEAST_KNOWN or high <= low:
         return known
@@ -152,7 +152,7 @@ def zero_phase_rate(time: Array, values: Array) -> Array:
     return np.where(known, np.interp(time, even, rate), np.nan)
 
 
-_STILL = 0.01  # of the mean rate in the fastest run: an undriven wheel that is slower rests
+_STILL = 0.01  # share of the mean rate in the fastest run: an undriven wheel that is slower rests
 HOLE_S = 0.12  # a longer hole in measured angles or speeds is not filled
 _WINDOW = ", window "  # between the run's name and the window's number
 
@@ -163,7 +163,7 @@ def run_of(name: str) -> str:
 
 
 def cut_into_windows(dataset: Dataset, inputs: Mapping[str, Array], length_s: float) -> Dataset | None:
-    """Returns the data set cut into windows, each a run from the measured state, wheel angles included.
+    """Returns the data set cut into windows, each a run that starts in the measured state, wheel angles included.
 
     An effect that repeats with the angle of a wheel loses its phase if the simulated wheel turns a little less. In a
     short window it stays in phase.
@@ -180,7 +180,7 @@ def cut_into_windows(dataset: Dataset, inputs: Mapping[str, Array], length_s: fl
     still = _STILL * length_s * max(rates, default=0.0)
     for run in dataset.runs:
         angles = turned[run.name]
-        if not run.outputs:  # it is not compared, but heat and charge carry over
+        if not run.outputs:  # such a run is not compared, but heat and charge carry over
             windows.append(run)
             continue
         if angles is None:
@@ -232,14 +232,14 @@ def _without_holes(time: Array, values: Array | None) -> Array | None:
     known = np.flatnonzero(np.isfinite(values)) if values is not None else np.empty(0, dtype=np.intp)
     if values is None or len(known) < 2 or len(known) == len(values):
         return values if len(known) else None
-    holes = np.diff(time[np.concatenate([[0], known])])  # values after the last sample stay as they were
+    holes = np.diff(time[np.concatenate([[0], known])])  # a hole after the last sample does not count
     return np.asarray(np.interp(time, time[known], values[known])) if holes.max() <= HOLE_S else None
 
 
 def wheel_angles(run: Run) -> dict[str, Array] | None:
     """Returns wheel angles by name, measured or integrated from measured speeds; None if not all wheels have one.
 
-    An angle of which only the first sample is known is where the integral begins.
+    If only the first sample of an angle is known, the integral begins there.
     """
     found = {}
     for angle, rate in RATE_OF.items():
@@ -259,7 +259,7 @@ WINDOW_S = 1.0
 """s: default length of the open-loop windows in which a motor's velocity is compared."""
 
 LEAST_WINDOW_S, LEAST_WINDOW_SAMPLES = 1e-3, 10
-"""No window is shorter than either. Samples count by the median step of the run with the longest steps."""
+"""Least length of a window, in s and in samples. A sample is the median step of the run with the longest steps."""
 
 
 def _least_window_s(dataset: Dataset) -> float:

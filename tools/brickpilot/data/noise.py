@@ -20,20 +20,20 @@ Array = NDArray[np.float64]
 Colour = Literal["white", "differentiated", "filtered", "quantised"]
 
 _DISTANCES = np.array([1, 2, 3, 4, 6])  # samples
-_LEAST_SAMPLES = 40  # of a run, for a colour; noise of fewer counts as white
+_LEAST_SAMPLES = 40  # samples of a run that show a colour; noise of shorter runs counts as white
 _THIRD = np.array([20.0, -30.0, 12.0, -2.0])  # variance of a third difference: weights of the autocorrelation at 0 to 3
 _FILTERS = np.array([0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9])  # lag-one autocorrelations that are tried
-_MOST = 0.85  # of these: smoother noise looks like motion, and its size would be a guess
-_CLEARLY = 0.5  # misfit of a colour over that of white noise, for it to be believed
-_MULTIPLE = 0.05  # of a step: how far a distance may be from a whole number of steps, because texts are rounded
-_DISTANCES_TRIED = 300  # between values, the smallest ones
+_MOST = 0.85  # largest accepted autocorrelation: smoother noise looks like motion, and its size would be a guess
+_CLEARLY = 0.5  # largest misfit of an accepted colour over that of white noise
+_MULTIPLE = 0.05  # share of a step: error of a distance in whole steps, because texts are rounded
+_DISTANCES_TRIED = 300  # number of distances between values that are used, the smallest ones
 _SKIPPED = 60  # values that a counter skips between two samples, at most
-_TEXT = 30.0  # times the step: the noise of a converter has fewer steps
-_ALL = 0.98  # share of the values that are whole numbers of steps
+_TEXT = 30.0  # steps: the noise of a converter is smaller
+_ALL = 0.98  # least share of the distances that are whole numbers of steps
 _LEAST_PIECE = 8  # samples of a piece, and missing samples that end one
-_COARSE = 0.5  # share of samples that repeat: the steps, and not the noise, set the error
+_COARSE = 0.5  # share of samples that repeat: above it, the steps and not the noise set the error
 _LAGS = 400
-_SAME, _SELDOM = 1e-6, 0.05  # share of third differences that equal their median, for a robust size
+_SAME, _SELDOM = 1e-6, 0.05  # third differences this near to their median equal it; share of these, for a median
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Noise:
     """The noise of one signal.
 
     Attributes:
-        sd: of a sample, SI.
+        sd: sd of the noise in one sample, SI.
         colour: "differentiated": of a rate taken from counts or positions; "filtered": behind a first-order low-pass;
             "quantised": the steps of the converter alone.
         correlation: lag-one autocorrelation of filtered noise; for "quantised", exp(-1 / mean samples on one step).
@@ -168,5 +168,5 @@ def _third_difference(values: Array, distance: int) -> float:
     middle = float(np.median(size))
     if middle > 0 and np.mean(np.abs(size - middle) < _SAME * middle) < _SELDOM:
         return 1.4826 * middle
-    limit = 3 * float(np.sqrt(np.mean(size**2)))  # of a coarse signal the median is a whole number of steps
+    limit = 3 * float(np.sqrt(np.mean(size**2)))  # the median of a coarse signal is a whole number of steps
     return float(np.sqrt(np.mean(np.minimum(size, limit) ** 2)))

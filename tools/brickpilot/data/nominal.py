@@ -10,13 +10,13 @@ from brickpilot import catalogue
 from brickpilot.data.signals import Frame, Vehicle
 from brickpilot.data.toml_file import Key, TomlFile
 
-# Effects that act here have lateral values along the axes of the frame, unless the name contains a side.
+# Lateral values of effects that act here lie along the axes of the frame, unless the parameter is named by a side.
 _IN_AXES = frozenset({"sensor", "body"})
 _SIDES = frozenset({"left", "right"})
 
 _LARGE = 1e12
 _FINEST_SD = 1e-15
-_FINEST_SHARE = 1e-9  # of the value: no measurement is more precise
+_FINEST_SHARE = 1e-9  # share of the value: no measurement is more precise
 _WIDEST_SD = 1e9
 
 
@@ -89,7 +89,7 @@ def turns_with_frame(effect: str, parameter: str) -> bool:
 
 
 def lengths(nominal: Mapping[str, Nominal], vehicle: Vehicle) -> dict[str, float]:
-    """Returns the stated values by which wheels and yaw agree: a skid steer does not turn by the width of its track."""
+    """Returns the stated values that relate yaw to wheels; not the track of a skid steer, by which it does not turn."""
     return {n: known.value for n, known in nominal.items() if (vehicle, n) != ("skid_steer", "half_track")}
 
 

@@ -28,10 +28,10 @@ PADDING = 4
 """Points of a spectrum per resolution."""
 
 _NEIGHBOURHOOD = 2.0  # orders on either side that a peak is compared with
-_PROMINENCE = 6.0  # times the median of its neighbourhood
-_PEAKS = 3  # of a spectrum, that are tried
+_PROMINENCE = 6.0  # least power of a peak over the median of its neighbourhood
+_PEAKS = 3  # largest number of peaks of a spectrum that are tried
 _LEAST_ROWS = 3  # a shorter part of a run has no acceleration
-_SAME = 0.003  # orders nearer than this are one: a search refines it
+_SAME = 0.003  # orders that differ by less count as one, which a search refines
 _LONGEST = 2**15  # steps of angle: 800 rad, beyond which angles wrap
 _RESOLUTION = 2 * math.pi / (_STEP * _LONGEST * PADDING)
 
@@ -39,9 +39,9 @@ _RESOLUTION = 2 * math.pi / (_STEP * _LONGEST * PADDING)
 def orders(dataset: Dataset) -> tuple[float, ...]:
     """Returns the orders at which the wheels' acceleration repeats with their angle, the strongest first.
 
-    There are three spectra: one phase for all runs of a wheel; the same in proportion to the current, like a motor's
-    ripple; and a phase for each run. The voltage that the speed does not explain stands for the current. No model is
-    needed, because an effect repeats more often per turn than the drive does.
+    There are three spectra: with one phase for all runs of a wheel; the same in proportion to the current, like a
+    motor's ripple; and with a phase for each run. The voltage that the speed does not explain stands for the current.
+    No model is needed, because an effect repeats more often per turn than the drive does.
     """
     alone = np.zeros(_LONGEST * PADDING // 2 + 1)
     plain, by_current = dict[str, Spectrum](), dict[str, Spectrum]()
@@ -70,7 +70,7 @@ def orders(dataset: Dataset) -> tuple[float, ...]:
 
 
 def _measured(run: Run) -> tuple[Run, slice]:
-    """Returns the longest part of a run that was measured without a long hole, and its rows: some may be held out.
+    """Returns the longest part of a run without a long hole, such as a held-out stretch, and the rows of this part.
 
     After a hole the wheel's angle is not known any more.
     """
@@ -127,9 +127,9 @@ def _sums(angle: Array, values: Array) -> Spectrum:
     return np.asarray(np.fft.rfft(np.bincount(bins, values, length)))
 
 
-_AROUND = 8  # frequencies on either side: 32 degrees of freedom a piece know the background to a fourth
-_GRID = 32  # points of time a period of the highest frequency: a sample is moved by a 64th of it at most
-_FINER = 20  # frequencies between two multiples, where a peak is read off
+_AROUND = 8  # frequencies on either side of a peak: 32 degrees of freedom a piece give the background to 25 %
+_GRID = 32  # points of time in the shortest period: a sample is moved by at most a 64th of this period
+_FINER = 20  # frequencies between two multiples at which a peak is looked up
 
 
 @dataclass(frozen=True)
@@ -138,9 +138,9 @@ class Period:
 
     Attributes:
         frequency: Hz.
-        amplitude: of the sine, in the residual's unit, rms over the pieces.
-        share: 0..1, of the residual's power.
-        chance: probability of a peak this high at any frequency without a period.
+        amplitude: amplitude of the sine, in the residual's unit, rms over the pieces.
+        share: its share of the residual's power, 0..1.
+        chance: probability of a peak this high at any frequency if there is no period.
     """
 
     frequency: float
@@ -169,7 +169,7 @@ def own_period(residuals: Sequence[tuple[Array, Array]], level: float) -> Period
 
     Args:
         residuals: a run each: time (n,) in s, which may be uneven, and residual (n,), NaN where it is not known.
-        level: the chance of being wrong up to which it counts as shown.
+        level: the chance of being wrong up to which a period counts as shown.
     """
     known = [(time[good], left[good]) for time, left in residuals if (good := np.isfinite(left)).any()]
     if not known:

@@ -1,6 +1,6 @@
 """Reads measured data sets: a folder with `dataset.toml` and one text file of columns per run, or DataFrames.
 
-It converts values to SI and to the paper's frame, mends channels that are surely wired wrongly, and blanks damaged
+It converts values to SI and to the paper's frame, mends channels that are certainly wired wrongly, and blanks damaged
 samples.
 """
 
@@ -43,7 +43,7 @@ def read(folder: Path | str) -> Dataset:
     """Reads a data set.
 
     Args:
-        folder: its folder, or the dataset.toml in it.
+        folder: the data set's folder, or the dataset.toml in it.
 
     Raises:
         InputError: something is wrong; the message names file, line and field.
@@ -80,7 +80,7 @@ def _of_frames(
 
     Args:
         of_runs: statements on single runs, as their tables in a data set's file: key -> run -> value.
-        stated: the top of that file.
+        stated: the top-level keys of that file.
     """
     toml = tables(frames, signals, of_runs, stated)
 
@@ -217,9 +217,9 @@ def _audited(runs: list[Run], description: Description) -> tuple[tuple[Run, ...]
 
 
 def _comparable(run: Run, description: Description) -> dict[str, Vector]:
-    """Returns the outputs of a run without those of which the data set states that they err.
+    """Returns the outputs of a run without those whose error the data set states.
 
-    A reading without a sign disagrees with every other channel in each turn backward, and is no fault.
+    A reading without a sign contradicts all other channels in each backward turn, but it is no fault.
     """
     return {name: values for name, values in run.raw_outputs.items() if not description.signals[name].stated}
 
@@ -242,7 +242,7 @@ def decimated(run: Run) -> Run:
     """Returns the run with several rows merged into one; the run itself unless two rows fit into a motor step.
 
     An input becomes the mean of its rows, and floats if it floats in one of them. An output stays a reading of one
-    instant: the first that is there, so a channel that is logged less often loses none.
+    instant: the first reading of these rows, so a channel that is logged less often loses none.
     """
     step = float(np.median(np.diff(run.time)))
     together = int(MOTOR_STEP_S / step * (1 + 1e-6))

@@ -25,7 +25,7 @@ SIZE_LIMIT = 256 * 2**20
 """Bytes; a larger run file is refused before it is read."""
 
 DELIMITERS = (",", ";", "\t", " ", "|")
-"""A blank stands for any number of blanks and tabs; no cell can then be empty."""
+"""The delimiter " " stands for any number of blanks and tabs; no cell can then be empty."""
 
 NUMBER = "[+-]?(?:[0-9]+[.]?[0-9]*|[.][0-9]+)(?:[eE][+-]?[0-9]+)?"
 """The pattern of a plain number, for Python and pyarrow."""
@@ -133,7 +133,7 @@ def parse_rows(rows: str, delimiter: str, width: int) -> tuple[pyarrow.Table, li
     names = [str(column) for column in range(width)]
     table = read_csv(
         pyarrow.BufferReader(content),
-        # One block, because a row has to end in its block; one thread, because only then rows are counted.
+        # One block, because a row has to end in its block; one thread, because else rows have no number.
         ReadOptions(column_names=names, use_threads=False, block_size=len(content)),
         ParseOptions(delimiter=delimiter, quote_char=False, invalid_row_handler=left_out),
         ConvertOptions(column_types=dict.fromkeys(names, pyarrow.string())),
@@ -146,7 +146,7 @@ def numbers(
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Returns the numbers in cells of text, NaN where there is none, and which cells are neither number nor blank.
 
-    A number that no double holds is infinite.
+    A number too large for a double is infinite.
 
     Args:
         cells: blanks around a number do not count.

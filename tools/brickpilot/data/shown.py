@@ -14,17 +14,17 @@ class Result:
     """A result that a notebook shows as a table, and a terminal in some lines."""
 
     def __init_subclass__(cls) -> None:
-        """Gives each result its short text, because a dataclass would write all its fields."""
+        """Gives each result its short text, because a dataclass would show all its fields."""
         super().__init_subclass__()
         if "__repr__" not in vars(cls):
             cls.__repr__ = Result.__repr__  # type: ignore[method-assign]
 
     def __repr__(self: Any) -> str:
-        """Returns some lines; `report` makes them, which the other rooms may not import."""
+        """Returns some lines; the room `report` makes them, and other rooms may not import it."""
         return brickpilot.to_text(self)
 
     def _repr_html_(self: Any) -> str:
-        """Returns the table; `report` makes it, which the other rooms may not import."""
+        """Returns the table; the room `report` makes it, and other rooms may not import that room."""
         return brickpilot.to_html(self)
 
 

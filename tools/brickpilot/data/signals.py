@@ -24,8 +24,8 @@ class SignalType:
 
     Attributes:
         unit: SI unit of its values after reading.
-        largest: magnitude beyond which a cell is refused. It is far above any machine and sensor, so that a single
-            wrong reading is a fault of the sensor and not of the file.
+        largest: magnitude beyond which a cell is refused. It is far above the values of any machine, so that a
+            single wrong reading counts as a fault of the sensor and not of the file.
     """
 
     unit: str

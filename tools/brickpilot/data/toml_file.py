@@ -13,7 +13,7 @@ from brickpilot.errors import InputError
 Key = tuple[str | int, ...]
 
 SIZE_LIMIT = 2**20
-"""Bytes of a file."""
+"""Bytes; a larger file is refused."""
 
 _NAME = r"""(?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')"""
 _DOTTED = rf"{_NAME}(?:\s*\.\s*{_NAME})*"

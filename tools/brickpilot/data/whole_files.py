@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all: written beside their place and then renamed. Leftovers of killed runs go."""
+"""Files that appear whole or not at all: written beside their place and then renamed. Old leftovers are removed."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ except ImportError:  # no POSIX: leftovers stay
 def beside(place: Path, *, is_folder: bool = False) -> Iterator[Path]:
     """Yields a new and empty file, or folder, beside `place`, to be filled and renamed; else it is removed at the end.
 
-    Leftovers of a killed run of the same `place` are removed first. They have no lock, because it ends with its
-    process.
+    Leftovers of a killed run of the same `place` are removed first. They have no lock, because a lock ends with
+    its process.
 
     Raises:
         OSError: nothing can be made there.
@@ -74,7 +74,7 @@ def _remove(path: Path) -> None:
 
 
 def plain_name(name: str) -> str:
-    """Returns a name with "_" for whatever is no letter, digit or "_", so that any file system and program takes it."""
+    """Returns a name with "_" for all but letters and digits, so that any file system and program takes it."""
     return re.sub(r"\W", "_", name, flags=re.ASCII) or "model"
 
 

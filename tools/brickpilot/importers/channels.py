@@ -27,7 +27,7 @@ class Channel:
         type: its name in the file, e.g. ``double`` or ``sensor_msgs/msg/Imu``.
         time: s since the log began, one for each value; None: a column of a table, whose time is another column.
         values: as written in the file; NaN: blank.
-        unit: that the file states; None: it states none.
+        unit: the unit that the file states; None: it states none.
     """
 
     name: str
@@ -57,7 +57,7 @@ class Log:
 
 
 Reader = Callable[[Path, Collection[str] | None], Log]
-"""Reads a file. Channels that the texts do not name need not be decoded (`is_wanted`); None: all are read."""
+"""Reads a file: (file, texts). Channels that no text names need not be decoded (`is_wanted`); None: all are read."""
 
 
 @contextmanager
@@ -107,8 +107,8 @@ class Listed:
 
     Attributes:
         name, type, unit: of the channel; unit None: the file states none.
-        samples: how many values it has, without blanks.
-        rate: samples per second, by the median of their distances; None: fewer than two, or no times.
+        samples: how many values the channel has, without blanks.
+        rate: samples per second, by their median step; None: fewer than two samples, or no times.
         first, last: s, the times of the first and the last sample; None: no times.
         lowest, highest: of the values; None: all are blank.
     """

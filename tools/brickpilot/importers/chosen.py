@@ -25,8 +25,8 @@ from brickpilot.importers.split import parse_split
 from brickpilot.importers.table import runs_of
 from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out, run_names, write
 
-_NEAREST = 4  # names that an error proposes
-_ALIKE = 0.4  # of difflib: the least likeness to the name
+_NEAREST = 4  # most names that an error proposes
+_ALIKE = 0.4  # least likeness to the name, by difflib
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Read:
 
 
 SignalReader = Callable[[Path, Mapping[str, Source], float | None, bool], Read]
-"""Reads the signals of a file: (file, signal -> source, rate, cut), the last two as in `SignalImporter`."""
+"""Reads the signals of a file: (file, signal -> source, rate, cut); see `SignalImporter` for rate and cut."""
 
 
 def channel_importer(read: Reader) -> SignalImporter:
@@ -49,12 +49,12 @@ def channel_importer(read: Reader) -> SignalImporter:
 
 @dataclass(frozen=True)
 class SignalImporter:
-    """The function of a row in the table of importers, for a kind of log of which `mapping` chooses the signals.
+    """The function of a row in the table of importers, for a kind of log whose signals `mapping` chooses.
 
     Attributes:
         read: reads the signals of a file.
-        has_time: whether the samples have times of their own, so that none is mapped.
-        is_whole: whether a file is one run in any case; else a new run begins behind each pause between its rows.
+        has_time: whether the samples have times of their own, so that no time is mapped.
+        is_whole: whether a file is always one run; else a new run begins after each pause between its rows.
     """
 
     read: SignalReader
@@ -85,7 +85,7 @@ class SignalImporter:
                 states, or else the SI unit. The module of the kind says how channels are named.
             vehicle, frame, nominal, name: as in a data set; the default name is that of the folder, and the default
                 frame the one that wheels and yaw show.
-            as_wired: whether nothing is mended that looks swapped, reversed or scaled wrongly.
+            as_wired: whether channels that look swapped, reversed or scaled wrongly are left as they are.
             rate: rows per second, of channels with times; None: the rows are the samples of the fastest output.
             split: ``rests``, or ``FROM,TO`` in s of the log's clock, repeatable; a part becomes a run.
             cut: whether a file that ends inside a record is read without that record.
@@ -187,7 +187,7 @@ def _unknown(file: Path, name: str, names: list[str]) -> InputError:
 
 
 def _value(file: Path, signal: str, formula: Formula, channels: Mapping[Place, Channel], notes: list[str]) -> Channel:
-    """Returns the cells of a signal with their times: a channel as logged, or the values of a formula of several."""
+    """Returns the cells of a signal with their times: a channel as logged, or the values of a formula."""
     if formula.scaling is not None:
         return channels[formula.places[0]]
     time, values, shift = aligned(list(channels.values()), SIGNALS[signal].kind == "input")
@@ -203,7 +203,7 @@ def unit_of(file: Path, signal: str, formula: Formula, channel: Channel, source:
     """Returns the unit of the map, or else the file's unit if the channel is taken unchanged, or else SI.
 
     Raises:
-        InputError: the file states a unit, and it does not fit the signal, or the formula is more than the channel.
+        InputError: the file states a unit that does not fit the signal, or the formula scales or joins channels.
     """
     if source.states_unit or channel.unit is None:
         return source.unit
@@ -219,8 +219,8 @@ def unit_of(file: Path, signal: str, formula: Formula, channel: Channel, source:
     return channel.unit
 
 
-_SAME = 0.01  # of a row's duration; a smaller shift gets no note
-_ROWS = 10_000_000  # a larger table is refused: --rate is too high
+_SAME = 0.01  # share of a row's duration; a smaller shift gets no note
+_ROWS = 10_000_000  # a table with more rows is refused: --rate is too high
 
 
 def columns(channels: Mapping[str, Channel], rate: float | None) -> tuple[dict[str, Vector], list[str]]:
@@ -229,7 +229,7 @@ def columns(channels: Mapping[str, Channel], rate: float | None) -> tuple[dict[s
     The rows are the times of the output with most samples, or follow `rate`. A sample of an output stands in the row
     nearest to its time, at most half a row away; the other rows are blank, because nothing is interpolated. An input
     holds until it changes. Without `rate`, a row is added where an input changes between two rows; measured signals are
-    blank there. With `rate`, it changes in the nearest row. The first row is the first at which all inputs are known.
+    blank there. With `rate`, an input changes in the nearest row. The first row is the first with all inputs known.
 
     Args:
         channels: signal -> channel with times, and with at least one output.
@@ -283,7 +283,7 @@ def _changes(inputs: Mapping[str, tuple[Vector, Vector]], rows: Vector, late: fl
 def aligned(channels: Sequence[Channel], held: bool) -> tuple[Vector, list[Vector], float]:
     """Returns the times of the fastest channel, each channel's values at them, and the largest shift in s.
 
-    A command is held; a measured value stands at the nearest time, and the others are blank.
+    A command is held. A measured value stands at the nearest time; the other times are blank.
     """
     tracks = [_track(channel) for channel in channels]
     rows = max((time for time, _ in tracks), key=lambda time: time.size)

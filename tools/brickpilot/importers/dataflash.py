@@ -18,7 +18,7 @@ from brickpilot.importers.chosen import channel_importer
 _HEAD = b"\xa3\x95"
 _NUMBERS = "bBhHiIfdgcCeELMqQ"  # format characters of numbers; the others are texts and arrays
 _SPELLINGS = {"deg/s": "deg/s", "m/s/s": "m/s^2", "rad/s/s": "rad/s^2", "%": "%", "UNKNOWN": ""}
-_DEFINITIONS = {"FMT", "FMTU", "UNIT", "MULT"}  # messages on messages
+_DEFINITIONS = {"FMT", "FMTU", "UNIT", "MULT"}  # messages that describe other messages
 _MICROSECONDS = "TimeUS"
 
 
@@ -92,7 +92,7 @@ def _channels(name: str, message: _Message, structs: Mapping[str, Any]) -> Itera
 
 
 def _unit(stated: str) -> str | None:
-    """Returns a unit in a data set's form, or None if it has none there, e.g. that of a Mach number."""
+    """Returns a unit in a data set's form; None: the log states no unit."""
     unit = _SPELLINGS.get(stated, stated)
     return unit or None
 

@@ -1,6 +1,6 @@
 """Flights of `brickpilot run` and `hil` turned into a data set: what a host sees, and not what only the plant knows.
 
-So a flight answers as the log of a real robot would: what does the robot have that its firmware does not know? Counts a
+So a flight is like the log of a real robot: it can show what the robot has and its firmware does not know. Counts a
 turn and nominal values are those of the packaged robot, so a flight of an image that `firmware` made for another robot
 is refused. The battery's voltage is the plant's: a brick reads it in steps of 28 mV.
 """
@@ -24,8 +24,8 @@ from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out,
 
 SUMMARY, LOG = "summary.json", "log.csv"
 
-_REST_S = 1.0  # that is kept behind the end of a mission: the robot rolls out
-_COUNTS = 65536  # at which the firmware's counters wrap
+_REST_S = 1.0  # time that is kept after the end of a mission, while the robot rolls out
+_COUNTS = 65536  # the range of the firmware's counters, after which they wrap
 _ALWAYS = {
     "time": ("time_s", "s"),
     "duty_left": ("left_duty", "1"),
@@ -51,8 +51,8 @@ def import_flight(
     Args:
         folders: run folders.
         out: the new folder.
-        nominal: what is believed of the robot. Values that are not given are those of the packaged robot.
-        name: of the data set.
+        nominal: known values of the robot. Values that are not given are those of the packaged robot.
+        name: the data set's name; default the name of the folder.
 
     Raises:
         InputError: a folder holds no flight of a mission, or one of another robot's image, or its sensors give nothing
@@ -83,7 +83,7 @@ def import_flight(
 
 
 def _summary(folder: Path) -> Mapping[str, Any]:
-    """Returns what is known of a flight: its sensors, its end, and the image that flew, if it was no packaged one.
+    """Returns what is known of a flight: its sensors, its end, and the image that flew, unless it was the packaged one.
 
     Raises:
         InputError: the folder holds no flight.

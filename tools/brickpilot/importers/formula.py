@@ -37,7 +37,7 @@ _SIGNS: dict[type[ast.AST], Callable[..., Any]] = {
     ast.USub: operator.neg,
 }
 _ALLOWED = (ast.BinOp, ast.UnaryOp, ast.Constant, ast.Name, ast.Load, *_SIGNS)
-_ALIKE = 0.8  # of difflib: a text with this likeness to a name such as /drive/left is a misspelling of it
+_ALIKE = 0.8  # likeness by difflib above which a text is a misspelled name such as /drive/left
 
 
 class FormulaError(ValueError):
@@ -67,7 +67,7 @@ class Formula:
     Attributes:
         text: as the user wrote it.
         places: the places in the log that it uses, each once, in the order of the text.
-        scaling: its straight line if it is linear in its only place; else None.
+        scaling: the formula's straight line if it is linear in a single place; else None.
     """
 
     text: str
@@ -96,7 +96,7 @@ def parse_formula(text: str, names: Sequence[str]) -> Formula:
     Args:
         text: a name, ``name[index]``, or a formula of them.
         names: the columns that the log has. A text that equals one of them is that name. A name that is not among
-            them is no error here: `Formula.places` has it.
+            them is no error here: `Formula.places` contains it.
 
     Raises:
         FormulaError: the text is no formula. The message names the character.
@@ -140,7 +140,7 @@ def _parsed(text: str, names: Sequence[str]) -> tuple[list[Place], ast.expr]:
         raise FormulaError(f"is longer than {_LONGEST} characters")
     places: list[Place] = []
     parts: list[str] = []
-    at: list[int] = []  # for each character of the rewritten text: its place in `text`
+    at: list[int] = []  # for each character of the rewritten text: its position in `text`
     token = _tokens(names)
     position = 0
     while position < len(text):
@@ -187,7 +187,7 @@ def _tree(rewritten: str, text: str, at: Sequence[int]) -> ast.expr:
 
 
 def _evaluated(node: ast.expr, named: Mapping[str, Any]) -> Any:
-    """Returns the value of a tree of `_ALLOWED` nodes: of the type of the values in `named`, or a float without them.
+    """Returns the value of a tree of `_ALLOWED` nodes, of the type of the values in `named`; a float if it names none.
 
     Raises:
         FormulaError: it divides by the constant 0, or a number in it is too large.
@@ -208,7 +208,7 @@ def _evaluated(node: ast.expr, named: Mapping[str, Any]) -> Any:
 
 
 def _scaling(tree: ast.expr, places: int) -> Scaling | None:
-    """Returns the straight line of a formula with one place; None: it has more or fewer places, or is no straight line.
+    """Returns the straight line of a formula with one place; None: it has several places, or is no straight line.
 
     Raises:
         FormulaError: it divides by the constant 0, a number in it is too large, or it does not depend on its place.
@@ -217,7 +217,7 @@ def _scaling(tree: ast.expr, places: int) -> Scaling | None:
     with np.errstate(all="ignore"):
         try:
             factors = _evaluated(tree, dict.fromkeys(named, Polynomial([0.0, 1.0]))).coef
-        except TypeError:  # it divides by a polynomial
+        except TypeError:  # the formula divides by a polynomial
             _evaluated(tree, dict.fromkeys(named, np.ones(1)))  # refuses wrong constants
             return None
     for factor in factors:

@@ -1,6 +1,6 @@
 """Guesses which signal each column of a log is, from its name and its values, and says why.
 
-The rules look at the words in the name, and at the range of the values. A column that neither explains is left out,
+The rules use the words in the name and the range of the values. A column that neither of them explains is left out,
 with a note. Nothing is guessed in a log without a header.
 """
 
@@ -23,7 +23,7 @@ from brickpilot.importers.text_table import TextTable
 
 Vector = NDArray[np.float64]
 
-_LOOKED_AT = 200_000  # rows, so that the guess for a long log is fast
+_LOOKED_AT = 200_000  # rows that are used, so that the guess for a long log is fast
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def guess(table: TextTable, mapping: Sequence[str], vehicle: Vehicle | None) -> 
     Args:
         table: with a header.
         mapping: entries of ``--map``, which are kept.
-        vehicle: None: a log with a column of the left or the right is a diff_drive's, any other a motor's.
+        vehicle: None: a log with a left or right column or a cmd_vel is a diff_drive's, any other a motor's.
 
     Raises:
         InputError: no header, a bad entry of `mapping`, or neither time nor input is found.
@@ -103,7 +103,7 @@ def _guessed_bases(sources: Mapping[str, Source]) -> tuple[list[str], list[str]]
 
 
 def _values(table: TextTable, name: str) -> Vector:
-    """Returns the numbers of a column, or none where it holds text."""
+    """Returns the numbers of a column; if it holds text, an empty array."""
     try:
         return table.column(name, Place(name))[0][:_LOOKED_AT]
     except InputError:
@@ -135,7 +135,7 @@ def _one_input_set(sources: dict[str, Source], reasons: dict[str, str], vehicle:
 
 
 def _check_found(table: TextTable, sources: Mapping[str, Source], asked: Sequence[str]) -> None:
-    """Refuses a log without time, input or output; `asked`: what has to be stated of drives that are not guessed."""
+    """Refuses a log without time, input or output; `asked`: the statements that drives need which are not guessed."""
     known = ", ".join(table.names[:20])
     kinds = {SIGNALS[signal].kind for signal in sources}
     for kind, example in (("time", "time=COLUMN:ms"), ("input", "duty_left=COLUMN/255"), ("output", "yaw_rate=COLUMN")):
@@ -146,7 +146,7 @@ def _check_found(table: TextTable, sources: Mapping[str, Source], asked: Sequenc
 
 
 COUNTS_PER_TURN = 960
-"""Used if nobody states how many counts an encoder has in a turn of the wheel."""
+"""Counts of an encoder in a turn of the wheel, if nobody states them."""
 
 _SIDES = {
     **dict.fromkeys(("l", "left", "lt", "lf", "links"), "left"),
@@ -167,7 +167,7 @@ _ENCODER = {"enc", "encoder", "tick", "ticks", "count", "counts", "cnt", "odo", 
 _BATTERY = {"bat", "batt", "battery", "vbat", "vbatt", "supply", "vin", "vcc"}
 _SPEED = {"speed", "spd", "vel", "velocity", "rpm", "omega", "w"}
 _FULL_SCALES = (1.0, 100.0, 255.0, 1000.0, 1023.0, 4095.0, 32767.0)
-_ODD_FULL = (300.0, 400.0)  # the largest values of drives that may be of 400 as well as of 1000
+_ODD_FULL = (300.0, 400.0)  # a drive with its largest value between these may have 400 or 1000 as full drive
 _SERVO, _SERVO_REST = (800.0, 2200.0), 1500.0  # us
 _TURN_RATE = 12.0  # rad/s: a faster turn is logged in deg/s
 _RAW_GYRO = 131.0  # counts per deg/s of the commonest sensor at its finest range
@@ -239,7 +239,7 @@ def taken_for(column: Column, columns: Sequence[Column], driven: bool) -> Taken 
     Args:
         column: the column.
         columns: all of the log.
-        driven: whether the log has a duty, so that a column "v" is no commanded voltage.
+        driven: whether the log has a duty; then a column "v" is no commanded voltage.
     """
     if not np.isfinite(column.values).any():
         return "it holds no numbers"
@@ -271,7 +271,7 @@ def taken_for(column: Column, columns: Sequence[Column], driven: bool) -> Taken 
 
 
 def _set_point(column: Column) -> Taken | str:
-    """A demand to a controller: of a wheel or motor by its unit, of a body forward or about the upright axis."""
+    """Returns the demand to a controller: a wheel's or motor's speed, or a body's velocity or yaw rate."""
     words, unit = column.words, column.unit
     if words & {"y"} or (words >= {"angular", "x"} or words >= {"linear", "z"}):
         return "it is a demand that no vehicle with two wheels follows"
@@ -302,7 +302,7 @@ def _time(column: Column) -> Taken | str:
 
 
 def _duty(column: Column, both: Sequence[Column]) -> Taken | str:
-    """One driver drives `both` sides, so one number is their full drive."""
+    """Returns the guessed duty of a column. One driver drives `both` sides, so their full drive is one number."""
     signal = f"duty_{column.side}" if column.side else "duty"
     largest = max(one.largest for one in both)
     if all(_is_servo(one) for one in both):
@@ -325,7 +325,7 @@ def _is_servo(column: Column) -> bool:
 
 
 def _asked(both: Sequence[Column], look: str, formula: str) -> str:
-    """Returns the statement that is missing for drives that cannot be guessed."""
+    """Returns the options that the user has to state for drives that cannot be guessed."""
     maps = [f"--map 'duty{one.side and '_'}{one.side}={formula.format(one.name)}'" for one in both]
     return f"{' and '.join(one.name for one in both)} {look}: state it, as {' '.join(maps)}"
 

@@ -28,8 +28,8 @@ class Source:
 
     Attributes:
         text: a column's name, ``name[index]``, or a formula (`formula`).
-        unit: of the formula's value.
-        states_unit: whether the user gave it; else it is the SI unit.
+        unit: the unit of the formula's value.
+        states_unit: whether the user gave the unit; else it is the SI unit.
     """
 
     text: str
@@ -58,8 +58,8 @@ def parse_mapping(entries: Sequence[str], *, has_time: bool = False, partly: boo
 
     Args:
         entries: as the user wrote them.
-        has_time: whether the samples of the log have times of their own, so that none is mapped.
-        partly: whether the time may be missing, because a guess finds all that is not mapped.
+        has_time: whether the samples of the log have times of their own, so that no time is mapped.
+        partly: whether the time may be missing, because a guess finds what is not mapped.
 
     Raises:
         InputError: an entry of another form, an unknown signal or unit, a signal given twice, or no time.
@@ -89,7 +89,7 @@ def parse_mapping(entries: Sequence[str], *, has_time: bool = False, partly: boo
 
 
 def _unit_apart(text: str) -> tuple[str, str | None]:
-    """Returns the parts before and after the last colon. A unit begins with no slash: ``NT:/drive/left`` has none."""
+    """Returns formula and unit, split at the last colon. No unit begins with a slash: ``NT:/drive/left`` has none."""
     head, colon, unit = text.rpartition(":")
     if not colon or unit.startswith("/"):
         return text, None
@@ -117,7 +117,7 @@ def take(formulas: Mapping[str, Formula], column: Callable[[str, Place], Vector]
     """Returns the signals of one log.
 
     Args:
-        formulas: of `read_formulas`.
+        formulas: the result of `read_formulas`.
         column: gives the cells of a place for a signal, NaN where blank, or raises an InputError.
         file: the log, which errors name.
 
@@ -173,7 +173,7 @@ def parse_nominal(entries: Sequence[str]) -> dict[str, float]:
 
 
 def mending(sources: Mapping[str, Source], taken: Mapping[str, Taken]) -> str:
-    """Returns the options of `import` that take each signal from the right source; "": there are none."""
+    """Returns the options of `import` that take each signal from the right source; "": none can."""
     found = []
     for signal, one in taken.items():
         if one.source not in sources or not math.isfinite(one.factor):

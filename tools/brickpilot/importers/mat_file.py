@@ -1,7 +1,7 @@
 """Reads the variables of a .mat file.
 
-This is done in a process of its own, because a damaged file can crash scipy's reader. That process loads this file
-alone.
+A process of its own reads them, because a damaged file can crash scipy's reader. That process loads only this
+module.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def load(file: Path) -> Mapping[str, Any]:
 
 
 def parse(file: Path) -> dict[str, Any] | None:
-    """Does the same as `load` in this process; returns None where the file cannot be read."""
+    """Does the same as `load`, but in this process; returns None if the file cannot be read."""
     try:
         try:
             return dict(loadmat(str(file), simplify_cells=True))

@@ -1,6 +1,6 @@
 """Parquet files turned into a data set. pyarrow reads them; each holds a table, like the text files of `table`.
 
-A field of a struct is ``column.field``. A column of time stamps is in s from its first value, one of durations in s.
+A field of a struct is ``column.field``. Time stamps are in s from the earliest one of their column, durations in s.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def _channels(table: Any, arrow: Any) -> Iterator[Channel]:
 
 
 def _floats(column: Any, arrow: Any) -> Vector:
-    """Returns numbers; NaN where null."""
+    """Returns the numbers of a column; NaN where null."""
     if arrow.types.is_boolean(column.type):
         column = column.cast(arrow.int8())
     return np.asarray(column.cast(arrow.float64(), safe=False).to_numpy(zero_copy_only=False), dtype=np.float64)

@@ -77,7 +77,7 @@ class Description:
         rotation: whether rotation sensors were logged; else two accelerometers.
         period_s: s between samples.
         samples: how many samples were logged.
-        late: how many of them were taken late.
+        late: how many of the samples were taken late.
         gyro, surge, sway: the analogue sensors; None: not logged.
         reversed_wheels: whether the left and the right rotation sensor count backward.
         manoeuvres: in order.
@@ -106,7 +106,7 @@ def import_rcx(
     """Fetches the recording of a brick and makes a data set of it.
 
     Args:
-        ports: the serial port of the tower, one.
+        ports: exactly one, the serial port of the tower.
         out: the new folder.
         nominal, name: as in a data set.
         progress: called with the blocks fetched, the number of blocks, and a word on what is done.
@@ -131,7 +131,7 @@ def import_rcx(
 def fetch(
     line: Line, port: Path, progress: Callable[[int, int, str], None] | None = None
 ) -> tuple[Description, NDArray[np.int64]]:
-    """Fetches the description and the samples, four raw numbers each.
+    """Fetches the description, and the samples of four raw numbers each.
 
     Raises:
         InputError: no reply, or one that is no part of a recording.
@@ -152,7 +152,7 @@ def fetch(
 
 
 def _request(line: Line, port: Path, number: int) -> bytes:
-    """Requests block `number`, again and again until it comes whole, and returns it."""
+    """Requests block `number` up to `TRIES` times until it comes whole, and returns it."""
     wanted = struct.pack("<H", number)
 
     def block_in(received: bytes) -> bytes | None:
@@ -203,7 +203,7 @@ def describe(block: bytes, port: Path) -> Description:
 
 
 def unpack(content: bytes) -> NDArray[np.int64]:
-    """Returns (samples, 4): the numbers of 10 bits that each 5 bytes hold, the first one in the lowest bits."""
+    """Returns (samples, 4): each 5 bytes hold four numbers of 10 bits, the first one in the lowest bits."""
     packed = np.frombuffer(content, dtype=np.uint8).reshape(-1, SAMPLE_SIZE).astype(np.int64)
     whole: NDArray[np.int64] = (packed << np.arange(0, 8 * SAMPLE_SIZE, 8)).sum(axis=1)
     numbers: NDArray[np.int64] = (whole[:, None] >> np.arange(0, 40, 10)) & 1023

@@ -51,11 +51,11 @@ class Importer:
         function: ``module:function``. It is called as ``function(files, out, nominal=..., name=..., **options)``, with
             one keyword for each of `options`, and returns `writer.Imported`.
         help: the files that it reads, in one sentence.
-        reader: ``module:function`` that reads a file whole, as a `channels.Log`, for ``--list``; empty: it has no list.
-        suffixes: the endings of its files, e.g. ``.csv``; the name of a file that lies in the folder of a log, e.g.
+        reader: ``module:function`` that reads a whole file as a `channels.Log`, for ``--list``; empty: no list.
+        suffixes: the endings of its files, e.g. ``.csv``, or the name of a file in the folder of a log, e.g.
             ``metadata.yaml``.
         example: the arguments of one call, after ``brickpilot import``.
-        options: those it takes besides ``--out``, ``--nominal`` and ``--name``.
+        options: the options that it takes besides ``--out``, ``--nominal`` and ``--name``.
         reports_progress: whether it also takes `progress`, which it calls with (done, total, text).
     """
 

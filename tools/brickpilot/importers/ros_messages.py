@@ -13,10 +13,10 @@ import numpy as np
 from brickpilot.importers.channels import Channel, Log, Vector
 
 _LARGEST = 64
-"""Values; a longer array, e.g. an image or a laser scan, is left out."""
+"""Values in an array; a longer one, e.g. an image or a laser scan, is left out."""
 
 _SAME_EPOCH = 10.0
-"""s; stamps and log times that differ by more come from two clocks. A message does not travel that long."""
+"""s; stamps and log times that differ by more come from two clocks: no message travels for a longer time."""
 
 _HEADER = frozenset({"header", "stamp"})
 _QUATERNION = {"x", "y", "z", "w"}
@@ -27,10 +27,10 @@ class Topic:
     """The messages of one topic while they are read.
 
     Attributes:
-        name, type: of the topic, and of its messages.
+        name, type: the topic's name, and the type of its messages.
         log_ns, stamp_ns: when each message was recorded; the stamp in its header, 0 where it has none.
-        values: field -> for each message that has it, its number and the value.
-        aliases: place in the first message -> field, where its array has names: ``velocity[0]`` for ``velocity[left]``.
+        values: field -> number and value of each message that has the field.
+        aliases: second name -> field, if the first message names the places: ``velocity[0]`` for ``velocity[left]``.
     """
 
     name: str
@@ -54,7 +54,7 @@ def log_of(file: Path, topics: Iterable[Topic], others: Iterable[str] = (), *, c
     """Returns the log of the topics. A message's time is the stamp of its header, or the log time if it has none.
 
     If the stamps follow another clock than the log, e.g. that of a simulation, the log times of other topics are moved
-    to it by the median difference.
+    to that clock by the median difference.
     """
     full = [topic for topic in topics if topic.log_ns]
     stamped = [topic for topic in full if all(topic.stamp_ns)]
@@ -103,7 +103,7 @@ def _get(message: Any, name: str) -> Any:
 
 
 def _fields(message: Any) -> Mapping[str, Any]:
-    """Returns field -> value of a message: a mapping, a dataclass, or an object with slots. Empty: it is none."""
+    """Returns field -> value of a message: a mapping, a dataclass, or an object with slots. Empty: no message."""
     if isinstance(message, Mapping):
         return message
     names: Any = getattr(message, "__dataclass_fields__", None) or getattr(message, "__slots__", ())
@@ -143,7 +143,7 @@ def _are_names(joints: Any, values: Any) -> bool:
 
 
 def _aliases(message: Any, prefix: str) -> Iterator[tuple[str, str]]:
-    """Yields ``velocity[0]`` and ``velocity[left]`` for each array of a message that names its places."""
+    """Yields ``velocity[0]`` and ``velocity[left]`` for each place of each array whose places the message names."""
     fields = _fields(message)
     joints = fields.get("name")
     for name, values in fields.items():

@@ -19,10 +19,10 @@ from brickpilot.errors import InputError
 Vector = NDArray[np.float64]
 
 _SHORTEST_REST_S = 0.3
-_KEPT_S = 0.5  # of the rest before a manoeuvre and after it
-_SPAN_S = 0.1  # on either side of a sample, over which a rate is taken
-_PAUSE_S, _PAUSE_STEPS = 1.0, 20.0  # a longer hole is a pause: s, and as many times the step that 90 % of rows keep
-_STILL = 0.05  # of the fastest motion of the log: a slower motion counts as rest
+_KEPT_S = 0.5  # how much of the rest before and after a manoeuvre its run keeps
+_SPAN_S = 0.1  # span on either side of a sample over which a rate is taken
+_PAUSE_S, _PAUSE_STEPS = 1.0, 20.0  # a hole longer than both is a pause: s; 0.9-quantiles of the steps
+_STILL = 0.05  # share of the log's fastest motion: a slower motion counts as rest
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ def split_log(
         time: (n,) s.
         signals: inputs and outputs, NaN where blank.
         starts: rows at which a new run has to begin.
-        spans: the answer of `parse_split`.
+        spans: the result of `parse_split`.
 
     Raises:
         InputError: a span with fewer than two rows, or in a log whose clock starts again; no manoeuvre.
@@ -89,9 +89,9 @@ def split_log(
 
 
 def pauses(time: Vector) -> list[int]:
-    """Returns the rows of a log, time (n,) in s, behind a pause of the logger: nobody knows what was driven in it.
+    """Returns the rows after each pause of the logger, in which the inputs are not known. `time`: (n,) s of the log.
 
-    A log that has rows only where something changes has no pause as long as its holes are like one another.
+    A log with rows only where something changes has no pause as long as its holes are about equally long.
     """
     steps = np.diff(time)
     usual = float(np.quantile(steps[steps > 0.0], 0.9)) if np.any(steps > 0.0) else math.inf
@@ -149,7 +149,7 @@ def _with_rest(time: Vector, busy: slice, rests: Sequence[slice]) -> slice:
 
 
 def _moves(time: Vector, signals: Mapping[str, Vector], undriven: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Returns where a wheel, the motor or the body moves; accelerations and currents do not count."""
+    """Returns where a wheel, the motor or the body moves; accelerations and currents are not used."""
     moves = np.zeros(time.size, dtype=bool)
     for name, values in signals.items():
         known = np.isfinite(values)

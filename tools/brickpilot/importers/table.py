@@ -51,13 +51,13 @@ def import_table(
         mapping: ``SIGNAL=COLUMN[:UNIT]`` or ``SIGNAL=FORMULA[:UNIT]``; a column is its name, or its number from 0.
         vehicle, frame, nominal, name: as in a data set; the default name is that of the folder, and the default frame
             the one that wheels and yaw show.
-        as_wired: whether nothing is mended that looks swapped, reversed or scaled wrongly.
+        as_wired: whether channels that look swapped, reversed or scaled wrongly are left as they are.
         delimiter: one of `data.rows.DELIMITERS`; ``tab`` and ``\\t`` (two characters) stand for a tab; None: found.
         header: whether the first line names the columns even if it looks like numbers.
         guessed: whether signals that `mapping` does not name, and the vehicle, are guessed from the first file.
         split: ``rests``, or ``FROM,TO`` in s of the log's clock, repeatable.
         inputs: a table of time and inputs, for a log that is slower than its commands.
-        input_timing: what an input does between two rows; with ``unknown``, `check` and `discover` find it.
+        input_timing: what an input does between two rows; for ``unknown``, `check` and `discover` find it.
 
     Raises:
         InputError: naming file, line and column, or the option. Nothing is written then.
@@ -113,10 +113,10 @@ def runs_of(
     """Returns the runs of logs, and notes, each of which names its file.
 
     Args:
-        logs: their signals, of which time is one.
-        sources: signal -> source; of time, the unit is taken.
-        spans: of `split.parse_split`.
-        names: of a run that is a whole log, for each; the names of the parts of several logs begin with them.
+        logs: the logs' signals, with the time.
+        sources: signal -> source, for the unit of time.
+        spans: the result of `split.parse_split`.
+        names: log by log, the name of a run that is a whole log. With several logs, the names of parts begin with it.
     """
     runs, notes = list[NewRun](), list[str]()
     for log, name in zip(logs, names, strict=True):
@@ -129,7 +129,7 @@ def runs_of(
 def _runs_of(
     log: Log, sources: Mapping[str, Source], spans: Sequence[tuple[float, float]] | None, names: tuple[str, str]
 ) -> tuple[list[NewRun], list[str]]:
-    """Returns the runs of a log, and notes; `names`: of a run that is the whole log, and how its parts' names begin."""
+    """Returns the runs of a log, and notes; `names`: the name of a whole log, and how those of its parts begin."""
     columns, scalings = log.signals.columns, log.signals.scalings
     signals = {name: _value(cells, scalings.get(name, Scaling())) for name, cells in columns.items()}
     time = signals.pop("time") * si_factor(sources["time"].unit, "s")

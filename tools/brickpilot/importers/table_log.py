@@ -2,10 +2,10 @@
 
 The order of time is found in spite of overflows, repeated or misread stamps, and restarts.
 
-A jump of a counter counts as an overflow only if it has the usual size after the range of the counter is added. Any
+A jump of a counter counts as an overflow only if, with the counter's range added, it is as small as a usual step. Any
 other jump stays, because it may be real.
 
-A log can be joined with the events at which its inputs change between its rows. A simulation holds an input from row to
+A log can be joined with a table of events at which its inputs change. A simulation holds an input from row to
 row. So a row is added if the input changes between two rows of a log; measured signals stay blank there.
 """
 
@@ -35,7 +35,7 @@ class Log:
 
     Attributes:
         signals: in the order of time.
-        starts: rows at which a new run has to begin, as a clock or a counter starts again.
+        starts: rows at which a new run has to begin, because a clock or a counter starts again.
         notes: what was left out or changed, a sentence each.
     """
 
@@ -92,7 +92,7 @@ def _unturned(signals: Mapped, unit: str, lines: NDArray[np.int64]) -> list[str]
 def _cells(
     table: TextTable, formulas: Mapping[str, Formula], notes: list[str]
 ) -> tuple[dict[Place, Vector], NDArray[np.bool_]]:
-    """Returns the cells of each column that is used, counters without overflows, and which rows have no broken cell."""
+    """Returns the cells of each used column, of counters without overflows, and which rows have no broken cell."""
     cells: dict[Place, Vector] = {}
     sound = np.ones(table.lines.size, dtype=bool)
     for signal, formula in formulas.items():
@@ -147,7 +147,7 @@ def with_events(columns: Mapping[str, Vector], events: Mapping[str, Vector]) -> 
     """Returns a log whose inputs come from a table of events; it has a row at each event within the log.
 
     Args:
-        columns: of the log: time, outputs, and inputs, which are left out.
+        columns: the log's time, outputs, and inputs; its inputs are left out.
         events: time and inputs; an input holds from its event to the next. Before the first event it is 0.
     """
     time, at = columns["time"], events["time"]
@@ -166,8 +166,8 @@ def with_events(columns: Mapping[str, Vector], events: Mapping[str, Vector]) -> 
     return joined
 
 
-_STANDING = 0.5  # share of rows: a clock that stands still in more rows is no clock
-_FIRST_STEP = 100.0  # times the usual step: in a first row at this distance from the second the time was cut off
+_STANDING = 0.5  # share of the rows: if the time repeats in more rows, these are kept
+_FIRST_STEP = 100.0  # times the usual step: a first row farther from the second has a cut-off time
 
 
 @dataclass(frozen=True)
@@ -191,8 +191,8 @@ def ordered(cells: Vector, lines: NDArray[np.int64], cut_start: bool) -> Clock:
     """Returns the clock of a log.
 
     Args:
-        cells: of the time, NaN where blank or broken.
-        lines: of each row, for the notes.
+        cells: the time's cells, NaN where blank or broken.
+        lines: the line of each row, for the notes.
         cut_start: whether the log may begin in the middle of a line.
     """
     unwrapped = unwrap(cells, clock=True)
@@ -231,17 +231,17 @@ def _count(notes: list[str], lines: NDArray[np.int64], rows: NDArray[np.int64], 
         notes.append(f"{rows.size} rows {what} and are left out, the first is line {lines[rows[0]]}")
 
 
-_BITS = ((16, 1), (32, 1), (12, 2), (14, 2))  # width; how many overflows show it. 12 and 14 are those of angle sensors
-_NEAR = 20  # steps on either side that show the usual size
-_USUAL = 3.0  # times the largest step nearby: the largest step of an overflow
-_LATE = 50.0  # times the usual step of a clock: the pause that may lie in its overflow
-_FAR_STEPS, _FAR_COUNTS = 10.0, 20.0  # a jump to 0 is further than so many usual steps and so many smallest ones
+_BITS = ((16, 1), (32, 1), (12, 2), (14, 2))  # bits; the overflows that show them. Angle sensors have 12 or 14 bits
+_NEAR = 20  # steps on either side that show the usual size of a step
+_USUAL = 3.0  # largest true step of an overflow over the largest step nearby
+_LATE = 50.0  # usual steps of a clock: the longest pause in which it may overflow
+_FAR_STEPS, _FAR_COUNTS = 10.0, 20.0  # a jump to 0 is longer than these numbers of usual and of smallest steps
 _RETURNS = 5  # samples: a counter that comes back within them was misread, not set to 0
 
 
 @dataclass(frozen=True)
 class Unwrapped:
-    """A counter without overflows. `rows`: where it overflowed, by the row after; `kind`: "unsigned 16-bit"."""
+    """A counter without overflows. `rows`: the row after each overflow; `kind`: such as "unsigned 16-bit"."""
 
     values: Vector
     rows: tuple[int, ...] = ()
@@ -253,7 +253,7 @@ def unwrap(values: Vector, clock: bool = False) -> Unwrapped:
 
     Args:
         values: cells as logged; NaN where blank.
-        clock: whether it counts time and so only rises.
+        clock: whether the counter counts time, and so only rises.
     """
     known = np.flatnonzero(np.isfinite(values))
     counts = values[known]
@@ -311,7 +311,7 @@ def _overflows(steps: Vector, span: float, clock: bool) -> NDArray[np.int64]:
 
 
 def resets(values: Vector) -> list[int]:
-    """Returns the rows at which a counter jumps to a value near 0, from far away, and does not come back."""
+    """Returns the rows at which a counter jumps from a value far from 0 to one near 0, and does not come back."""
     known = np.flatnonzero(np.isfinite(values))
     counts = values[known]
     steps = np.diff(counts)

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 Vector = NDArray[np.float64]
 
-_MOST_COLUMNS = 1000  # that have a number; a higher one is refused as a column that the file lacks
+_MOST_COLUMNS = 1000  # columns that have a number; a file has no column of a higher number
 _MOST_BROKEN = 0.2  # share of the rows: a file with more broken lines is no such table
 _STAMP = re.compile(r"\d\d:\d\d:\d\d(?:\.\d+)? -> ")
 _PREFERRED = (";", "\t", ",", "|", " ")
@@ -42,7 +42,7 @@ class TextTable:
 
     Attributes:
         file: the file.
-        names: of the columns; without a header their numbers from 0.
+        names: the columns' names; without a header their numbers from 0.
         header: whether the file names its columns.
         first_line: the 1-based line of the header, or of the first row.
         lines: the 1-based line of each row.
@@ -60,7 +60,7 @@ class TextTable:
 
     @property
     def formula_names(self) -> list[str]:
-        """The names that formulas may use; a column's number is ``c0`` in a formula, as ``0`` there is a number."""
+        """The names that formulas may use; without a header column 0 is ``c0`` there, because ``0`` is a number."""
         numbers = range(_MOST_COLUMNS)
         if self.header:
             return [*self.names, *map(str, numbers)]
@@ -75,7 +75,7 @@ class TextTable:
         position = self._position(signal, place)
         cells = self._cells.column(position)
         values, wrong = numbers(cells, BLANK_WORDS)
-        if self._decimal != "." and wrong.any():  # a file of decimal commas has columns with points as well
+        if self._decimal != "." and wrong.any():  # a file with decimal commas may also have columns with points
             with_sign = numbers(cells, BLANK_WORDS, self._decimal)
             values, wrong = min((values, wrong), with_sign, key=lambda found: np.count_nonzero(found[1]))
         wrong |= np.isinf(values)
@@ -155,7 +155,7 @@ def _rows(
 ) -> tuple[NDArray[np.int64], pyarrow.Table, dict[str, list[int]]]:
     """Returns the lines that are rows, their cells, and the lines left out: kind -> lines. Lines are counted from 0.
 
-    The last line is no row, because it has no end.
+    The last line is no row, because its line end is missing: it may be cut off.
     """
     again = lines[header].strip() if header is not None else None
     rows = ["" if line.strip() == again else line for line in lines[start:-1]]
@@ -200,7 +200,7 @@ def _notes(lines: Sequence[str], before: Sequence[int], left_out: dict[str, list
     return notes
 
 
-_MOST_LINES = 400  # that are read to find the layout
+_MOST_LINES = 400  # lines that are read to find the layout
 _NUMBER = re.compile(NUMBER).fullmatch
 _NAME = re.compile(r"[^\W\d][^\ufffd\x00-\x1f]{0,60}").fullmatch
 BLANK_WORDS = frozenset(
@@ -258,8 +258,8 @@ def find_layout(lines: Sequence[str], delimiters: Sequence[str]) -> Layout | Non
     """Returns the layout in which most lines are rows of two numbers or more; None: in none of them.
 
     Args:
-        lines: of the file.
-        delimiters: those that are tried; of two that fit equally the first is taken.
+        lines: the file's lines.
+        delimiters: the ones to try; of two that fit equally well the first is taken.
     """
     filled = [line for line in lines if line.strip()]
     sample = filled[:: max(1, len(filled) // _MOST_LINES)]
@@ -301,9 +301,9 @@ def find_header(lines: Sequence[str], layout: Layout, needed: bool) -> tuple[int
     again during a log, there are rows above the header.
 
     Args:
-        lines: of the file.
-        layout: of its rows.
-        needed: whether the first line of a row's width is the header even if it holds numbers.
+        lines: the file's lines.
+        layout: the layout of its rows.
+        needed: whether the first line with a row's width is the header even if it holds numbers.
     """
     first = next((index for index, line in enumerate(lines) if is_row(layout, line)), len(lines))
     above = [index for index in range(first) if _names(lines[index], layout)]
@@ -354,7 +354,7 @@ def doubled(names: Sequence[str]) -> str | None:
 
 
 def read_columns(file: Path, texts: Collection[str] | None = None) -> Log:
-    """Reads the columns that hold numbers; `texts` chooses none, as a text file is read whole.
+    """Reads the columns that hold numbers; `texts` has no effect, because a text file is read whole.
 
     Raises:
         InputError: no such file, or no table in it.

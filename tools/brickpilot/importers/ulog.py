@@ -34,7 +34,7 @@ def read(file: Path, texts: Collection[str] | None = None) -> Log:
             raise InputError(f"is a damaged ULog file: {error}", file=file) from error
     damaged = log.file_corruption or any("timestamp" not in data.data for data in log.data_list)
     notes = ("some of its bytes are damaged and were left out",) if damaged else ()
-    timed = [data for data in log.data_list if "timestamp" in data.data]  # one whose definition is damaged has no time
+    timed = [data for data in log.data_list if "timestamp" in data.data]  # messages with damaged definitions lack times
     channels = [one for data in timed if is_wanted(data.name, texts) for one in _channels(data)]
     return Log(file, {one.name: one for one in channels}, notes=notes, cut=not damaged and _is_cut(file.read_bytes()))
 
@@ -42,7 +42,7 @@ def read(file: Path, texts: Collection[str] | None = None) -> Log:
 def _is_cut(content: bytes) -> bool:
     """Returns whether the last message is incomplete; pyulog leaves it out and does not say so.
 
-    A head of 16 bytes is followed by messages; each begins with the size of its content, 16 bits, and a letter.
+    Messages follow a head of 16 bytes; each message begins with the size of its content, 16 bits, and a letter.
     """
     at = 16
     while at < len(content):

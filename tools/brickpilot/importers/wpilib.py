@@ -52,7 +52,7 @@ _UNITS = {
     "position": "m", "velocity": "m/s", "angle": "rad", "speed": "rad/s", "yaw_angle": "rad", "yaw_rate": "rad/s",
 }  # fmt: skip
 _TEST_NAME = re.compile(r"\w[\w.+ -]{0,60}", re.ASCII).fullmatch
-_SURE = 0.8  # correlation of gyro and wheels; above it, the sign of the gyro is known
+_SURE = 0.8  # least correlation of gyro and wheels at which the sign of the gyro is known
 
 
 @dataclass(frozen=True)
@@ -77,8 +77,8 @@ def import_wpilib(
     """Makes a data set of WPILib JSON files; each test becomes a run.
 
     With several files, the name of a run begins with the name of its file. Runs of one file are ordered by the robot's
-    clock, and ``gap_s`` is the pause between them. The wheels show the direction in which the gyro counts; this gives
-    the data set's frame. Idle rows are kept; rows whose time does not increase are left out.
+    clock, and ``gap_s`` is the pause between them. The wheels show in which direction the gyro counts, and so the
+    frame of the data set. Idle rows are kept; rows whose time does not increase are left out.
 
     Args:
         files: JSON files of one robot, all of a drivetrain or all of a mechanism.
@@ -222,10 +222,10 @@ def _columns(run: str, rows: Vector, log: _Log, notes: list[str]) -> dict[str, V
 
 
 def _signed(run: str, signal: str, voltage: Vector, turning: Vector, width: int, notes: list[str]) -> Vector:
-    """Returns the voltage with the sign of its wheel's motion, where the log has no sign.
+    """Returns the voltage with the sign of its wheel's motion, if the log gives no sign.
 
-    Autospeed does not show which side a turning test reverses, and a converted log lists magnitudes. A column that has
-    negative values is not changed.
+    Autospeed does not show which side a turning test reverses, and a converted log lists magnitudes. In such a log a
+    column that has negative values is not changed.
     """
     unsigned = width == 10 or not (voltage < 0.0).any()
     if unsigned and float(voltage @ turning) < 0.0:

@@ -85,8 +85,8 @@ def _fill(entries: dict[str, _Entry], others: set[str], reader: Iterable[Any], t
 def _is_cut(content: bytes) -> bool:
     """Returns whether the last record is incomplete; the library leaves such a record out and does not say so.
 
-    A record begins with a byte that holds the lengths of its three numbers less one: of the entry (2 bits), of the size
-    of its content (2 bits) and of the time (3 bits).
+    A record begins with a byte that holds the lengths of three numbers, each less one: the entry (2 bits), the size of
+    the content (2 bits) and the time (3 bits).
     """
     at = 12 + int.from_bytes(content[8:12], "little")
     while at < len(content):

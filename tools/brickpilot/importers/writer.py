@@ -29,7 +29,7 @@ from brickpilot.errors import InputError, disk_named
 from brickpilot.importers.formula import Scaling
 from brickpilot.importers.mapping import Source, mending
 
-_ROWS_AT_ONCE = 50_000  # that are turned into text at a time, so that a long log needs little memory
+_ROWS_AT_ONCE = 50_000  # rows that become text at a time, so that a long log needs little memory
 _EXACT = 2.0**53  # whole numbers below it are written without a decimal point
 
 
@@ -38,11 +38,11 @@ class Imported:
     """The result of an importer.
 
     Attributes:
-        folder: of the data set.
-        runs: their names in order.
+        folder: the data set's folder.
+        runs: the runs' names in order.
         notes: for the user, a sentence each.
         wiring: what is wired wrongly in all runs, a sentence each.
-        mend: the options of `import` that mend this; empty: nothing has to be mended, or it cannot be.
+        mend: the options of `import` that mend the wiring; empty: no wiring has to be mended, or it cannot be.
     """
 
     folder: Path
@@ -57,8 +57,8 @@ class NewRun:
     """A run to be written.
 
     Attributes:
-        columns: signal -> cells, NaN for a blank one; all have the same length. `NewDataset.scalings` makes them values
-            in the unit that the data set states.
+        columns: signal -> cells, NaN for a blank one; all have the same length. `NewDataset.scalings` turns cells into
+            values in the unit that the data set states.
         gap_s: s of pause between the run before and this one; None: not stated.
     """
 
@@ -74,13 +74,13 @@ class NewDataset:
     Attributes:
         units: signal -> unit, for every signal, in the order of the columns.
         notes: for the user; they also stand as comments at the head of the description.
-        scalings: signal -> how its cells become values; absent: they are values.
+        scalings: signal -> how its cells become values; absent: the cells are the values.
         reasons: signal -> the reason of a guess: a comment after its line.
         input_timing: what an input does between two rows.
         sources: signal -> its source in the log, for the options that mend a wrong wiring.
         guessed: the importer's guesses that everything depends on, such as "960 counts a turn".
         as_wired: whether the data set says that no wiring is mended.
-        frame: None: not stated; then it is the one that wheels, drives and yaw show, or else FRD.
+        frame: None: not stated; then the frame is what wheels, drives and yaw show, or else FRD.
     """
 
     name: str
@@ -156,7 +156,7 @@ def write(new: NewDataset, out: Path, source: Path) -> Imported:
 
 
 def _written(new: NewDataset, folder: Path, out: Path, source: Path) -> tuple[NewDataset, Dataset]:
-    """Fills a folder with the data set, and returns it with its frame, and as it is read again."""
+    """Fills a folder with the data set. Returns the data set with its frame, and the same as read back."""
     try:
         with disk_named(out):
             _fill(new, folder)
@@ -172,7 +172,7 @@ def _written(new: NewDataset, folder: Path, out: Path, source: Path) -> tuple[Ne
 
 
 def _described(new: NewDataset, folder: Path, out: Path) -> Dataset:
-    """Writes the description of runs that are written, and reads all."""
+    """Writes the description of runs that are already written, and reads the whole data set back."""
     with disk_named(out):
         _describe(new, folder)
     return reading.read(folder)
@@ -181,11 +181,12 @@ def _described(new: NewDataset, folder: Path, out: Path) -> Dataset:
 def _framed(new: NewDataset, as_frd: Dataset, as_flu: Dataset | None) -> dict[str, Any]:
     """Returns the frame that the data show, and the notes, with a note on the frame.
 
-    The data show the sign of the yaw if one of both signs contradicts wheels and drives. A demand to turn has the frame
-    of the gyro, and in the wrong one both sides are exchanged: then that frame counts in which less is wired wrongly.
+    The data show the sign of the yaw if one of the two signs contradicts wheels and drives. A demand to turn has the
+    frame of the gyro, and a wrong frame exchanges both sides. With such a demand, the frame with fewer faults of the
+    wiring counts.
 
     Args:
-        as_flu: the data set in the other frame, where it holds such a demand.
+        as_flu: the data set in the frame FLU, if it holds a demand to turn.
     """
     yaw = next((name for name in ("yaw_rate", "yaw_angle") if name in new.units), None)
     if yaw is None or new.vehicle == "motor":

@@ -20,15 +20,15 @@ from brickpilot.data.audit.view import EQUAL, LEAST_SAMPLES, Vector, Windows, cu
 from brickpilot.data.dataset import Dataset, Run
 
 _LEAST = 9.0  # smallest factor of a unit that counts
-_FITS = (0.45, 1.6)  # ratio over factor: nominal values are inexact, and missing friction slows the motion
-_MOVES = 0.3  # of the motion in the run that moves most
-_ALIKE = 2.0  # largest over smallest ratio of the runs of one wrong column, where ratios are above 1
+_FITS = (0.45, 1.6)  # ratio over a unit's factor: nominal values are inexact, and the model may lack friction
+_MOVES = 0.3  # share of the motion in the run that moves most: above it, a run counts as moving
+_ALIKE = 2.0  # largest over smallest ratio of the runs with one wrong column, if the ratios are above 1
 _ALIKE_SMALL = 1.3
 
 
 @dataclass(frozen=True)
 class _Ratio:
-    """Ratio of measured to simulated motion of one signal in one run; `level`: rms of the simulated one per second."""
+    """Ratio of measured to simulated motion of one signal in one run; `level`: the simulated rms per second."""
 
     run: Run
     value: float
@@ -43,8 +43,8 @@ def contradictions(dataset: Dataset, simulated: Mapping[str, Mapping[str, Vector
 
     Args:
         dataset: as `reading.read` gives it.
-        simulated: run -> signal -> (n,) of the nominal model from the run's inputs, SI, the paper's frame, at the run's
-            own time. Runs and signals that are not in it are not tested.
+        simulated: run -> signal -> (n,) that the nominal model gives for the run's inputs, SI, the paper's frame, at
+            the run's own time. Runs and signals that are absent here are not tested.
     """
     found: list[Fault] = []
     for signal in dict.fromkeys(name for run in dataset.runs for name in run.outputs if name != "battery_voltage"):
@@ -69,7 +69,7 @@ def contradictions(dataset: Dataset, simulated: Mapping[str, Mapping[str, Vector
 
 
 def leave_out(dataset: Dataset, faults: Iterable[Fault]) -> Dataset:
-    """Returns the data set without the samples of these channels, and with the faults and their notes."""
+    """Returns the data set without the samples of the faults' channels, and with the faults and their notes."""
     listed = list(faults)
     wrong = {(fault.run, fault.signal) for fault in listed}
     runs = tuple(replace(run, outputs=_without(run, wrong)) for run in dataset.runs)
@@ -94,7 +94,7 @@ def _without(run: Run, wrong: set[tuple[str, str]]) -> Mapping[str, Vector]:
 
 
 def _is_stated(dataset: Dataset, signal: str) -> bool:
-    """Whether the nominal values are stated on which a signal's steady size depends."""
+    """Whether the data set states the nominal values on which a signal's steady size depends."""
     needed = {"resistance"} if signal.startswith("current") else {"emf_constant"}
     if signal in {"position", "velocity"} and "force_per_volt" in dataset.nominal:
         needed = {"mass"}

@@ -25,13 +25,13 @@ from brickpilot.data.signals import RATE_OF, Frame
 __all__ = ["Audited", "Fault", "audit"]
 
 _WITHIN_S = 0.1  # a collision stops a vehicle in less time; no friction, battery or slope does
-_SETTLED_S = 0.3  # since the last change of command: until then the command itself may change the speed
-_CHANGE = 0.05  # of the largest command: a smaller change is none
-_FAST = 0.4  # of the fastest motion of any run: a slow wheel may stick
-_LOST = 0.5  # of the speed before it: a collision takes more; a patch of rough floor only brakes
-_SMOOTH_S = 0.02  # over which a rate is averaged, or a sum is differenced
-_STEPS = 4.0  # of the resolution: the least loss of a coarse channel
-_AFTER_S = 0.03  # the speed stays lost for so long at least
+_SETTLED_S = 0.3  # after a change of command: during this time the command itself may change the speed
+_CHANGE = 0.05  # share of the largest command: a smaller change of a command does not count
+_FAST = 0.4  # share of the fastest motion of any run: a slower wheel may stick
+_LOST = 0.5  # share of its speed that a vehicle loses in a collision at least; a rough floor takes less
+_SMOOTH_S = 0.02  # the span over which a rate is averaged, or a sum is differenced
+_STEPS = 4.0  # resolutions: the least loss of speed of a coarse channel
+_AFTER_S = 0.03  # the least time for which the speed stays lost
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ class _Search:
                 one.blank_repeats(view.outputs[name])
 
     def wrong_channels(self, nominal: Mapping[str, float]) -> None:
-        """Finds whole channels that are wrong. If an input or the time is wrong, all channels of that run are."""
+        """Finds whole channels that are wrong. If an input or the time is wrong, so are all channels of that run."""
         for one in contradictions(self.views, nominal):
             inputs = self.views[0].inputs
             signals = _columns(one.names, inputs)
@@ -136,7 +136,7 @@ class _Search:
     def beyond_range(self, signals: Mapping[str, Signal]) -> None:
         """Finds channels beyond their stated range that nothing else explains.
 
-        If a channel is beyond its range in most runs, it is wrong in the other runs, too, where less moves.
+        A channel that is beyond its range in most runs counts as wrong in all runs: in the others less moves.
         """
         for name, signal in signals.items():
             known = [view for view in self.views if name in view.outputs and _is_known(view, name)]
@@ -160,8 +160,8 @@ class _Search:
     def collisions(self) -> None:
         """Finds runs with a collision, and leaves out all after it.
 
-        What follows does not follow from the inputs, because the obstacle was not measured. A clock that jumps looks
-        like a collision.
+        The motion after a collision does not follow from the inputs, because the obstacle was not measured. A clock
+        that jumps looks like a collision.
         """
         wrong_clocks = {one.run for one in self.faults if one.kind == "clock"}
         for one in _collisions(self.views):
@@ -276,7 +276,7 @@ def _loss(view: RunView, name: str, rate: Vector, fastest: float) -> int | None:
 
 
 def _settled(view: RunView, name: str) -> Mask:
-    """Returns where no motor's command changed or was 0 within `_SETTLED_S`; a floating motor has no command."""
+    """Returns where no command has changed for `_SETTLED_S` and the channel's own is not 0; a floating motor has 0."""
     settled = np.ones(len(view.time), dtype=bool)
     rows = max(1, round(_SETTLED_S / view.interval))
     for drive in (drive for which, drive in view.drives.items() if which != "yaw"):

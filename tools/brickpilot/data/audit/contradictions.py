@@ -18,17 +18,17 @@ from brickpilot.data.audit.fault import CLOCK_FACTORS, FACTORS, GRAVITY, is_one_
 from brickpilot.data.audit.relations import WHEEL_KINDS, Alike, Driven, Geometry, Group, State, relations
 from brickpilot.data.audit.view import LEAST_SAMPLES, RunView, Vector, Windows, cut, driven_by, ratio_of
 
-_MOST = 8  # contradictions that are searched for
+_MOST = 8  # largest number of contradictions that a search finds
 _INTERVAL_RATIO = 1.4  # how far the ratio of two sampling intervals may be from the factor that explains it
-_UNSATURATED = 0.8  # of the fastest turn of all runs: slower turns show the geometry
+_UNSATURATED = 0.8  # share of the fastest turn of all runs: only slower turns show the geometry
 _TURNS = 0.3  # rad/s: least rate of a turn that shows the geometry
 _TURN_PER_METRE = (0.5, 50.0)  # 1 / (2 b): b from 1 cm to 1 m
 _TURN_PER_RADIAN = (0.03, 1.2)  # r / (2 b)
-_LEVEL = 0.4  # of the run with the strongest drive: in a weaker one something else may move the machine
-_WITH_DRIVE = 0.8  # correlation of a motion with its drive, for it to have a gain
-_LARGE = 9.0  # smallest factor that the other runs show
+_LEVEL = 0.4  # share of the strongest drive of any run: in a run with less, something else may move the machine
+_WITH_DRIVE = 0.8  # least correlation of a motion with its drive, for the motion to have a gain
+_LARGE = 9.0  # only larger factors show in a comparison with the other runs
 _GAINS_FIT, _NOISE_FIT = 1.3, 2.0  # how far the ratio of two gains, or of two noises, may be from a factor
-_GAINS_ALIKE = 2.0  # ratio of the gains of most other runs
+_GAINS_ALIKE = 2.0  # largest ratio between the gains of most other runs
 _WORST = 6.0  # the largest logarithm of a ratio that counts
 _TYPICAL = (("yaw_", 3.0), ("wheel_travel", 0.5), ("wheel_velocity", 0.5), ("position", 0.2), ("velocity", 0.2),
             ("wheel_", 10.0), ("angle", 10.0), ("speed", 10.0), ("accel_", 1.0))  # fmt: skip
@@ -36,10 +36,10 @@ _TYPICAL_INTERVAL_S = 0.005
 _TYPICAL_BATTERY, _HIGHEST_BATTERY = 9.0, 500.0  # V
 
 # Costs of a trial, in logarithms of a ratio.
-_PER_CHANNEL = 0.01  # for each channel blamed; decides only where all else is equal
+_PER_CHANNEL = 0.01  # added for each blamed channel; decides only where all else is equal
 _IMPLAUSIBLE = 0.25  # weight of the values of a typical small machine, relative to those of the channels
 _LIKELIER = 2.0  # how much likelier a mistake in a whole column is than in one run of it
-_UNUSUAL = 0.3  # for a factor by which the channel's own unit is seldom mistaken
+_UNUSUAL = 0.3  # added for a factor by which the channel's own unit is seldom mistaken
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class RunSet:
         names: the output channels.
         least: drive -> rms per second below which the drive is no evidence.
         relations: all relations among the channels.
-        evidence: number of the run -> the evidence of each relation, in their order.
+        evidence: number of the run -> the evidence of each relation, in the order of `relations`.
     """
 
     def __init__(self, windows: Mapping[int, Windows], names: Sequence[str], geometry: Geometry) -> None:
@@ -129,7 +129,7 @@ def _windows(view: RunView) -> Windows:
 
 
 def _is_output(name: str) -> bool:
-    """Whether a channel is measured, so that it is not a drive."""
+    """Whether a channel is measured, and not a drive."""
     return not name.startswith("drive_")
 
 
@@ -168,7 +168,7 @@ def _search(windows: dict[int, Windows], names: Sequence[str], geometry: Geometr
 
 
 def _most_likely(runs: RunSet) -> Contradiction | None:
-    """Returns the trial that repairs most relations and breaks none in its runs; of two, the cheaper one."""
+    """Returns the trial that repairs most relations and breaks none in its runs; of equal ones, the cheapest."""
     scored: list[tuple[int, float, Trial, tuple[int, ...]]] = []
     for trial in _trials(runs):
         gains = {number: _gain(runs, number, trial) for number in runs.windows}
@@ -207,7 +207,7 @@ def _gain(runs: RunSet, number: int, trial: Trial) -> int:
 
 
 def _may_share(runs: RunSet, number: int, trial: Trial, mended: tuple[int, ...]) -> bool:
-    """Whether a run may have the fault of those that are mended: not with the noise of one run's mended channel."""
+    """Whether a run may share the fault of the `mended` runs: not if its noise is that of the corrected channel."""
     if abs(trial.factor) == 1.0 or trial.group == ("time",) or len(mended) > 1:
         return True
     own, shown = runs.windows[number].roughness, runs.windows[mended[0]].roughness
@@ -290,9 +290,9 @@ def _fastest(windows: Windows, name: str) -> float:
 def _turned(windows: Mapping[int, Windows], names: Iterable[str], geometry: Geometry) -> dict[tuple[str, str], float]:
     """Returns the yaw per difference of the wheels in most runs, for a data set that does not state the geometry.
 
-    A value that no small vehicle has is divided by the first factor of a unit that makes it plausible. The relation is
-    then broken in all runs. The fastest turns are left out, because a gyro at the end of its range would give another
-    geometry.
+    A value that no small vehicle has is divided by the first factor of a unit that makes it plausible. With the new
+    value the relation is broken in all runs, which shows the fault. The fastest turns are left out, because a gyro at
+    the end of its range would give another geometry.
     """
     found: dict[tuple[str, str], float] = {}
     for kind in WHEEL_KINDS:
@@ -330,8 +330,8 @@ def _plausible(ratio: float, limits: tuple[float, float]) -> float:
 def _against_other_runs(runs: RunSet) -> list[Contradiction]:
     """Returns channels that no relation contradicts, but whose gain per drive differs by a unit from other runs.
 
-    A gain that is too small may come from a wheel that sticks; if other channels have it too, it may come from the
-    machine. In both cases the channel's noise must have changed by the same factor.
+    A gain that is too small may come from a wheel that sticks, and a gain that other channels confirm may come from the
+    machine. In both cases the channel counts as wrong only if its noise has changed by the same factor.
     """
     found: list[Contradiction] = []
     large = [one for factor in FACTORS if factor > _LARGE for one in (factor, 1 / factor)]

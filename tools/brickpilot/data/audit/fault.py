@@ -11,7 +11,7 @@ from brickpilot.data.signals import SIGNALS
 
 Kind = Literal["swapped", "dropout", "clipped", "frozen", "sign", "unit", "clock", "collision"]
 
-_MANY = 4  # if there are at least so many runs, they are counted and not listed
+_MANY = 4  # a note lists fewer runs than this; it counts this number or more
 _UNITS = {
     "rad": {180 / pi: "degrees", 1 / (2 * pi): "turns"},
     "rad/s": {180 / pi: "degrees per second", 30 / pi: "rpm", 1 / (2 * pi): "turns per second"},
@@ -41,7 +41,7 @@ class Fault:
     """Damaged samples in a row.
 
     Attributes:
-        from_s, to_s: time of the first and the last of them on the run's own clock.
+        from_s, to_s: times of the first and the last damaged sample, s, on the run's own clock.
         factor: for "sign", "unit" and "clock": stated over true value, -1 where the sign is reversed; None where it is
             not one number.
     """

@@ -17,15 +17,15 @@ from brickpilot.data.description import Signal
 from brickpilot.data.signals import Frame, to_frd
 
 _DROPOUT_SAMPLES = 5
-_DROPOUT_SHARE = 0.02  # of a signal's samples: with more, the jumps belong to the signal
-_OUTLYING = 12.0  # scales of the residual
-_BACK = 0.2  # of the jump: largest distance of the samples before and after it
-_BEYOND_REST = 5.0  # times the largest residual of sound samples
-_BEYOND_ALL = 50.0  # times the span of all other samples, if impulsive: worn gear teeth make impacts of 20
+_DROPOUT_SHARE = 0.02  # largest share of a signal's samples: with more jumps, they belong to the signal
+_OUTLYING = 12.0  # scales of the residual: least size of a jump
+_BACK = 0.2  # largest difference of the samples before and after a jump, over the jump
+_BEYOND_REST = 5.0  # least size of a dropout over the largest residual of sound samples
+_BEYOND_ALL = 50.0  # the same over the span of all other samples, of an impulsive signal: worn gear teeth reach 20
 _IMPULSIVE = ("accel_", "current", "force")  # an impact or a switch of the motor's winding may last a single sample
-_INPUT_STEP = 0.1  # of its largest value
+_INPUT_STEP = 0.1  # least step of an input over its largest value
 _SWAP_APART = 8.0  # scales: least distance of both cells from their lines
-_SWAP_MENDED = 0.2  # of that distance: the distance after the cells are exchanged
+_SWAP_MENDED = 0.2  # largest distance after the cells are exchanged, over that before
 
 
 def jumps(view: RunView, signals: Mapping[str, Signal], frame: Frame) -> dict[Kind, dict[str, Mask]]:

@@ -23,14 +23,14 @@ Motions = Callable[[Windows], tuple[Vector, Vector]]
 
 WHEEL_KINDS = ("travel", "velocity", "angle", "speed")
 
-_PHYSICAL = 5.0  # ratio that no unit is needed to explain
-_ONE_SENSOR, _TWO_SENSORS = 1.15, 1.6  # ratio over the factor of a unit that explains it
-_MOVES = 0.3  # per second, in the motion's unit: a smaller one is no evidence between two sensors
-_WITH = 0.8  # share of a motion that goes with its drive, or against it
-_DRIVEN = 0.4  # of the drive of either side: a weaker drive is no evidence
+_PHYSICAL = 5.0  # largest ratio, up or down, that is explained without another unit
+_ONE_SENSOR, _TWO_SENSORS = 1.15, 1.6  # largest ratio over the factor of a unit, up or down, that the unit explains
+_MOVES = 0.3  # least motion per second, in its unit, that is evidence between two sensors
+_WITH = 0.8  # least share of a motion along its drive, or against it, that is evidence
+_DRIVEN = 0.4  # share of the stronger side's drive: a weaker drive is no evidence
 _APART = 0.5  # difference of left and right over their mean: a smaller one may be a mismatch of wheels or motors
-_AS_HARD = 1.5  # ratio of two sides' drives, for the sides to be compared
-_WIDE = 0.2  # m: radius of a turn, well above the distance of a sensor from the centre
+_AS_HARD = 1.5  # largest ratio of two sides' drives at which the sides are compared
+_WIDE = 0.2  # m: least radius of a turn, well above the distance of a sensor from the centre
 
 
 class State(IntEnum):
@@ -47,7 +47,7 @@ class Evidence:
 
     Attributes:
         ratio: of the two motions, signed; NaN where the relation is silent.
-        factors: where it is broken, the factors that explain the ratio, signed.
+        factors: where the relation is broken, the factors that explain the ratio, signed.
     """
 
     state: State
@@ -68,7 +68,7 @@ class Alike:
         motions: gives the two motions, (w,) each.
         fits: how far a ratio may be from a factor, in both directions, for the factor to explain the ratio.
         floor: least rms per second of the larger motion: two smaller ones are no evidence.
-        slips: whether slip may make the first motion down to a fifth of the second.
+        slips: whether slip may reduce the first motion to a fifth of the second.
     """
 
     over: tuple[Group, ...]
@@ -110,7 +110,7 @@ class Driven:
     """A motion that should go in the direction of its drive.
 
     Attributes:
-        name: the channel of the motion; `drive`: of what drives it.
+        name: the channel of the motion; `drive`: the drive that moves it.
         least: rms of the drive per second below which the relation is silent.
     """
 
@@ -241,7 +241,7 @@ def _of_two_wheels(kind: str, present: set[str], geometry: Geometry) -> list[Rel
 
 
 def _turning(yaw: str, kind: str, per: float | None) -> Motions:
-    """The yaw, and the difference of the wheels times `per`; None: scaled so that only the sign counts."""
+    """The yaw, and the difference of the wheels times `per`; `per` None: scaled so that only the sign counts."""
 
     def motions(windows: Windows) -> tuple[Vector, Vector]:
         turn, left, right = windows.of(yaw), windows.of(f"wheel_{kind}_left"), windows.of(f"wheel_{kind}_right")
@@ -300,7 +300,7 @@ def _driven(present: set[str], least: Mapping[str, float]) -> list[Relation]:
     found: list[Relation] = []
     for name in sorted(present):
         drive = driven_by(name)
-        if drive not in least or name.startswith(("current", "force")):  # a motor above the speed of its voltage brakes
+        if drive not in least or name.startswith(("current", "force")):  # a motor faster than its no-load speed brakes
             continue
         over: tuple[Group, ...] = _one_or_both(name)
         under: tuple[Group, ...] = ((f"drive_{drive}",),)

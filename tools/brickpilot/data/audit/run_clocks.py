@@ -1,9 +1,9 @@
 """Finds runs whose clock is fast or slow, drifts or jumps, and rates that are late beside their sums.
 
-Two things show it. One is the sampling interval, where the logger keeps it constant to a fraction of a percent in other
-runs. The other is the ratio of an angle's growth to the integral of its rate, which depends on the sensors and not on
-the run. A ratio that is wrong by the same factor in all runs may be a scale. It is the clock only if wheels and gyro,
-two sensors, are wrong by the same factor.
+Two things show a wrong clock. One is the sampling interval, if the logger keeps this interval constant to a fraction of
+a percent in other runs. The other is the ratio of an angle's growth to the integral of its rate, which depends on the
+sensors and not on the run. If a ratio is wrong by the same factor in all runs, a scale may be wrong. The clock is wrong
+only if the ratios of wheels and gyro, two sensors, are wrong by the same factor.
 
 A rate that is late is a property of the log, not a fault: motor controllers report an averaged velocity.
 """
@@ -23,27 +23,27 @@ from brickpilot.data.signals import RATE_OF
 
 _BLOCKS = 20
 _LEAST_SAMPLES = 60
-_STEADY = 0.002  # spread of an interval over a run's blocks and from run to run, and of a sensor's ratio
-_OFF = 0.008  # of the interval: a smaller difference is no fault
-_ON_PURPOSE = 0.15  # of the interval: a larger difference is another sampling rate on purpose
-_ALIKE = 2 / 3  # of the runs
-_SMOOTH = 0.15  # of the drift: the residual of a parabola
-_ROUND = 3e-4  # relative difference from a round number
+_STEADY = 0.002  # largest relative spread of an interval over a run's blocks and between runs, and of a sensor's ratio
+_OFF = 0.008  # share of the interval: a smaller difference is no fault
+_ON_PURPOSE = 0.15  # share of the interval: a larger difference is another sampling rate, chosen on purpose
+_ALIKE = 2 / 3  # share of the runs that must have the usual interval
+_SMOOTH = 0.15  # largest residual of a parabola over the drift
+_ROUND = 3e-4  # largest relative difference from a round number
 _WINDOWS = 24
-_BOUNDED = 0.5  # of the sd from independent windows: residuals of a sum are not independent
-_RATIO_OFF, _DRIFTS = 0.012, 0.02  # of a ratio and its trend: a bias and slip make as much
+_BOUNDED = 0.5  # factor on the sd from independent windows, because residuals of a sum are not independent
+_RATIO_OFF, _DRIFTS = 0.012, 0.02  # largest deviation of a ratio, and its trend, that a bias and slip may cause
 _SURE = 5.0  # standard errors
-_WANDER = {"yaw_angle"}  # sums whose rate has a slow bias, which looks like a wrong clock
-_AGREE = 0.4  # of the deviation
+_WANDER = {"yaw_angle"}  # sums whose rate has a bias that changes slowly, which looks like a wrong clock
+_AGREE = 0.4  # share of a deviation: deviations that differ by less agree
 _JUMP = 8.0  # usual intervals: a longer step is a jump or a dropout
-_STOOD = 0.35  # of the motion expected during a jump
-_LOCAL = 10  # samples
-_STEPS = 10.0  # resolutions
+_STOOD = 0.35  # share of the motion expected during a jump: below it, the vehicle stood
+_LOCAL = 10  # samples before and after a jump that give the speed there
+_STEPS = 10.0  # resolutions: least motion expected during a jump that is evidence
 _LONGEST_S = 0.2  # no sensor has a longer delay
-_SPAN_S = 0.04  # over which a sum is differenced, and a rate averaged
-_CLEARER = 0.8  # residual with the delay over that without it
-_TRIED = 20  # delays in each direction of the longest one
-_AGREES = 0.5  # of the median: spread of the delays of the runs
+_SPAN_S = 0.04  # the span over which a sum is differenced, and a rate averaged
+_CLEARER = 0.8  # largest residual with a clear delay over that without a delay
+_TRIED = 20  # delays that are tried in each direction, up to the longest
+_AGREES = 0.5  # largest spread of the runs' delays over their median
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class ClockFault:
     """A wrong clock.
 
     Attributes:
-        run: its number.
+        run: the run's number.
         start: the first sample whose time is wrong.
         factor: stated over true time; None where it is not one number.
         evidence: the rest of a sentence that begins with "its clock".
@@ -65,7 +65,7 @@ class ClockFault:
 
 @dataclass(frozen=True)
 class _Ratio:
-    """A sum's growth divided by the integral of its rate in one run, and this ratio's relative change to the end."""
+    """A sum's growth divided by the integral of its rate in one run, and this ratio's relative change over the run."""
 
     value: float
     sd: float
@@ -135,7 +135,7 @@ def _digits(value: float) -> int:
 
 
 def _drifts(blocks: Vector, usual: float) -> bool:
-    """Whether the interval changes smoothly over the run, more than a steady clock's and less than a chosen one."""
+    """Whether the interval changes smoothly over the run: more than noise, and less than a change made on purpose."""
     place = np.linspace(-1.0, 1.0, len(blocks))
     smooth = np.polyval(np.polyfit(place, blocks, 2), place)
     change = float(np.ptp(smooth))
@@ -171,8 +171,8 @@ def _ratio(growth: Vector, rate: Vector, beside: Vector, lag: float | None) -> _
     """Fits growth = ratio * rate + a * beside.
 
     Args:
-        beside: the change of the rate, whose factor is a lag; or the seconds, whose factor is a bias.
-        lag: of the sensor, from all runs, to be subtracted; None: the factor is fitted in this run.
+        beside: the change of the rate, whose coefficient is a lag; or the seconds, whose coefficient is a bias.
+        lag: the sensor's lag in all runs, to be subtracted; None: the coefficient is fitted in this run.
     """
     place = np.linspace(-0.5, 0.5, len(growth))
     trend, trend_sd = _solve(np.column_stack([place * rate, rate, beside]), growth)
@@ -183,7 +183,7 @@ def _ratio(growth: Vector, rate: Vector, beside: Vector, lag: float | None) -> _
         path, integral = (np.cumsum(one) - np.mean(np.cumsum(one)) for one in (growth - lag * beside, rate))
         value = float(path @ integral) / float(integral @ integral)
         sd = float(np.sqrt(np.sum((path - value * integral) ** 2) / (integral @ integral))) * _BOUNDED
-    if not 1 / EQUAL < value < EQUAL:  # nothing moves, or one of them is in another unit
+    if not 1 / EQUAL < value < EQUAL:  # nothing moves, or growth or rate is in another unit
         return None
     return _Ratio(value, sd, float(trend[0]) / value, float(trend_sd[0]) / value)
 
@@ -200,7 +200,7 @@ def _solve(columns: NDArray[np.float64], values: Vector) -> tuple[Vector, Vector
 
 
 def _usual(ratios: Sequence[Mapping[str, _Ratio]]) -> dict[str, tuple[float, float]]:
-    """Returns sum -> median over the runs and the spread about it, if at least three runs have the ratio."""
+    """Returns sum -> median and spread of its ratio over the runs, if at least three runs have the ratio."""
     found: dict[str, tuple[float, float]] = {}
     for name in dict.fromkeys(name for one in ratios for name in one):
         values = np.array([one[name].value for one in ratios if name in one and np.isfinite(one[name].sd)])
@@ -237,12 +237,12 @@ def _off(ratio: _Ratio, middle: float, spread: float) -> tuple[float, float]:
 
 
 def _denied(offs: Mapping[str, tuple[float, float]], by: float) -> bool:
-    """Whether a ratio that is certain enough contradicts a fault of this size."""
+    """Whether a ratio that is certain enough contradicts a fault of the size `by`."""
     return any(abs(off - by) > max(_AGREE * abs(by), _SURE * sd) for off, sd in offs.values())
 
 
 def _agree(offs: Sequence[tuple[float, float]], least: float) -> bool:
-    """Whether all are certainly wrong, by the same factor."""
+    """Whether all ratios are certainly wrong, and by about the same factor."""
     values = np.array([off for off, _ in offs])
     sure = all(abs(off) > max(least, _SURE * sd) for off, sd in offs)
     return bool(sure and np.ptp(values) < _AGREE * np.abs(values).min())
@@ -258,7 +258,7 @@ def _off_in_all(usual: Mapping[str, tuple[float, float]]) -> float | None:
 
 
 def _jumps(views: Sequence[RunView]) -> list[ClockFault]:
-    """Finds clocks that jump ahead while the motion does not. Where rows are lost, the motion continues."""
+    """Finds clocks that jump ahead while nothing moves. If rows are lost instead, the motion continues."""
     found: list[ClockFault] = []
     for number, view in enumerate(views):
         steps = np.diff(view.time)
@@ -308,7 +308,7 @@ def delay_note(found: dict[str, float]) -> str:
 
 
 def _delay(view: RunView, sums: str, rate: str) -> float | None:
-    """Returns the delay in one run: 0 where none is clear; None where it is not seen."""
+    """Returns the delay in one run, s; 0: none is clear; None: the run lacks a signal, or enough samples of it."""
     if not {sums, rate} <= view.outputs.keys() or view.interval > _SPAN_S:
         return None
     summed, rated = (view.sampled(name) for name in (sums, rate))

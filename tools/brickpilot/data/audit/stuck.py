@@ -17,41 +17,41 @@ from brickpilot.data.signals import RATE_OF, SUMMED
 
 _ANALOGUE = ("accel_", "yaw_rate", "current", "force", "battery")  # constant only where the resolution is coarse
 _LEAST_CLIPPED = 8  # samples at a run's extreme
-_CLIPPED_BEYOND = 5.0  # times as often as any other value: the count of the extreme, if clipped
-_EDGE_STEPS = 3.0  # resolutions: the least jump to and from a plateau
+_CLIPPED_BEYOND = 5.0  # least count of a clipped extreme over the count of any other value
+_EDGE_STEPS = 3.0  # resolutions: least jump to and from a plateau
 _DITHERS = 0.6  # largest share of repeats of a signal with noise of half a resolution or more
-_BLOCK = 50  # samples
-_QUIET_BLOCKS = 0.9  # quantile of that share over blocks: the quietest tenth is not counted
-_UNLIKELY = 4.0  # times the stretch that is expected once, or the longest elsewhere
-_LEAP = 8.0  # times the largest other change: the jump of a sum when a frozen sensor recovers
-_NEAR = 4.0  # of the usual change from sample to sample
-_FEW = 0.2  # of the samples at an extreme
-_STALE = 0.75  # share of repeats from which a rate stands itself and is no evidence
-_FAR = 0.25  # of the range, beyond its ends
-_NOW_AND_THEN = 0.02  # share of samples
+_BLOCK = 50  # samples over which a share of repeats is taken
+_QUIET_BLOCKS = 0.9  # quantile of the share of repeats over blocks: the quietest tenth is left out
+_UNLIKELY = 4.0  # least length of a frozen stretch over that expected once, or over the longest elsewhere
+_LEAP = 8.0  # least jump when a frozen sensor recovers, over the largest other change of the signal
+_NEAR = 4.0  # times the usual change between samples: a sample this close to an extreme is near it
+_FEW = 0.2  # samples near an extreme over samples at it: with more, the sensor froze at a steady level
+_STALE = 0.75  # share of repeats: above it, the sum or rate of the same sensor stands, too, and is no evidence
+_FAR = 0.25  # share of the stated range: a value this far outside is far beyond it
+_NOW_AND_THEN = 0.02  # share of samples far beyond the range, above which clipping cannot cause them
 _BATTERY = "battery_voltage"
-_GROWS = 1.25  # the second speed of a shaft that starts, over its first
-_STARTS = 0.2  # of its fastest: the first speed that a shaft shows after it stood
-_OFF_RATE = 0.1  # of the fastest: allowed difference of a constant rate from the growth of its sum
-_RATE_STEPS = 3.0  # resolutions of a difference of two samples
-_DRIVEN = 0.5  # of the usual drive
+_GROWS = 1.25  # least second speed of a shaft that starts, over its first speed
+_STARTS = 0.2  # share of the fastest speed: below it, a shaft may begin or end a standstill
+_OFF_RATE = 0.1  # share of the fastest motion: allowed difference of a constant rate from the growth of its sum
+_RATE_STEPS = 3.0  # resolutions: allowed error of a difference of two samples
+_DRIVEN = 0.5  # share of the usual drive: above it, a sum that stands is frozen
 _PACE_S, _PACE_SAMPLES = 0.03, 10
-_STEADY = 0.3  # change of a pace over the fastest, or of a drive over the largest
-_FAST = 0.3  # of the fastest: a motion of this speed does not stop within one sample
+_STEADY = 0.3  # largest change of a steady rate over the fastest, or of a steady drive over the largest
+_FAST = 0.3  # share of the fastest motion: a faster one cannot stop within one sample
 _MOTION = ("wheel_", "yaw_", "angle", "speed", "position", "velocity")
 _REVERSES = 0.3  # share of samples at which noise changes direction
-_REPEATED = 0.02  # share of repeats of a channel that changes with every sample
+_REPEATED = 0.02  # largest share of repeats of a channel that changes with every sample
 
 
 class AcrossRuns:
     """How the channels behave in all runs together.
 
     Attributes:
-        views: of the runs.
+        views: the views of all runs.
         noise: the channels that change direction at most samples: noise does, motion does not.
         fastest: channel of a motion -> its largest mean rate over a fortieth of a run.
-        usual_drive: sum -> the mean size of its drive while it moves; only for one that changes with every sample, but
-            for long stretches of one value.
+        usual_drive: sum -> mean size of its drive while the sum moves; 0 if the sum repeats values outside long
+            stretches of one value.
     """
 
     def __init__(self, views: Sequence[RunView]) -> None:
@@ -65,7 +65,7 @@ class AcrossRuns:
         self.usual_drive = {name: self._drive_while_moving(name) for name in names if name in SUMMED}
 
     def _drive_while_moving(self, name: str) -> float:
-        """Returns 0 where the channel repeats values outside long stretches of one value."""
+        """Returns an entry of `usual_drive`: 0 if the channel repeats values outside long stretches of one value."""
         repeats = samples = 0
         level = 0.0
         for one in self.views:
@@ -83,8 +83,8 @@ class AcrossRuns:
 def clipped(view: RunView, name: str, stated: tuple[float, float] | None) -> Mask:
     """Finds two or more samples in a row at an end of the stated range; without a range, a plateau at an extreme.
 
-    If an end is 0, an unsigned sensor rests there, which is no sign of clipping. A channel beyond its range may be in
-    another unit, and is not clipped.
+    An end at 0 does not count, because an unsigned sensor rests there. A channel that is often far beyond its range is
+    not clipped: it may be in another unit.
     """
     values = view.outputs[name]
     found = np.zeros(len(values), dtype=bool)
@@ -113,7 +113,7 @@ def leaves(values: Vector, stated: tuple[float, float] | None) -> bool:
 
 
 def _plateau(values: Vector, resolution: float) -> Mask:
-    """Finds samples at the highest value, if it is by far the most frequent and is reached and left by jumps."""
+    """Finds samples at the highest value, if this value is by far the most frequent and jumps lead to and from it."""
     none = np.zeros(len(values), dtype=bool)
     known = values[np.isfinite(values)]
     if len(known) < LEAST_SAMPLES or known.max() == 0.0:
@@ -124,7 +124,7 @@ def _plateau(values: Vector, resolution: float) -> Mask:
     others = values[~at_top & np.isfinite(values)]
     if count < _LEAST_CLIPPED or len(others) < LEAST_SAMPLES:
         return none
-    bottom = others.min()  # the other end of the range, which may be as frequent
+    bottom = others.min()  # the opposite end of the range, which may be as frequent
     between = others[others != bottom] if bottom != 0.0 else others
     most = int(np.unique(between, return_counts=True)[1].max(initial=0))
     repeated = np.diff(others) == 0.0
@@ -136,7 +136,7 @@ def _plateau(values: Vector, resolution: float) -> Mask:
 
 
 def frozen(view: RunView, name: str, across: AcrossRuns) -> tuple[Mask, Mask]:
-    """Finds stretches of one value that cannot be real by the signal's noise, its rate or a jump at the end.
+    """Finds stretches of one value that the signal's noise, its rate or a jump at the end shows to be wrong.
 
     Returns the frozen samples, and those that are clipped instead.
     """
@@ -165,8 +165,9 @@ def frozen(view: RunView, name: str, across: AcrossRuns) -> tuple[Mask, Mask]:
 def _stands(view: RunView, name: str, start: int, stop: int) -> bool:
     """Whether a rate is zero, and near zero just before and after, as for a shaft that stands.
 
-    The speed of an encoder has no noise there, even if it has much in motion. If a run begins at zero, its first speed
-    may be large if it then keeps growing: a sensor that starts late shows the speed that it missed, and stays there.
+    The speed of an encoder has no noise at standstill, even if it has much in motion. At the start of a run, the first
+    speed after zero may be large if the next one is larger still, because the shaft then really starts. If the sensor
+    only starts late, it shows the speed that it missed, and stays there.
     """
     values = view.outputs[name]
     if name not in RATE_OF.values() or values[start] != 0.0:
@@ -178,11 +179,11 @@ def _stands(view: RunView, name: str, start: int, stop: int) -> bool:
 
 
 def _at_extreme(view: RunView, name: str, stands: Mask) -> Mask:
-    """Finds samples at an extreme of the run among the stretches `stands`: the sensor is at the end of its range.
+    """Finds samples at an extreme of the run if the stretches `stands` reach it: the sensor is at the end of its range.
 
-    Three cases are excluded. A sum may stop at its extreme, and a dead sensor gives zero. A sensor that failed while
-    its signal rose also stands at the extreme, but never leaves it. A sensor that froze at a steady level has many
-    samples near this level.
+    Some cases are excluded: a sum, which may stop at its extreme; zero, which a dead sensor gives; a sensor that failed
+    while its signal rose, which never leaves the extreme; and a sensor that froze at a steady level, which has many
+    other samples near this level.
     """
     values = view.outputs[name]
     found = np.zeros(len(values), dtype=bool)
@@ -204,7 +205,7 @@ def _repeats(values: Vector) -> Mask:
 
 
 def _moves_elsewhere(view: RunView, name: str, start: int, stop: int) -> bool:
-    """Whether a motor is driven for most of the stretch, or another output (not the battery) mostly changes."""
+    """Whether a motor is driven in most of the stretch, or another output (not the battery) changes in most of it."""
     if any(np.mean(np.nan_to_num(values[start:stop]) != 0.0) > 0.5 for values in view.inputs.values()):
         return True
     others = [values[start:stop] for other, values in view.outputs.items() if other not in (name, _BATTERY)]
@@ -212,10 +213,10 @@ def _moves_elsewhere(view: RunView, name: str, start: int, stop: int) -> bool:
 
 
 def _too_long(view: RunView, name: str, start: int, stop: int, across: AcrossRuns) -> bool:
-    """Whether the signal repeats values too rarely elsewhere for a stretch of this length.
+    """Whether the stretch is too long, as the signal seldom repeats values elsewhere.
 
-    A wheel that stands is no frozen sensor. How often a standing or creeping wheel repeats values says nothing about a
-    turning one.
+    A wheel that stands is no frozen sensor. A turning wheel is also compared with turning wheels alone, because a
+    standing or creeping wheel repeats values more often.
     """
     level = view.outputs[name][start]
     analogue = name.startswith(_ANALOGUE) or (name == "yaw_angle" and level != 0.0)
@@ -232,8 +233,8 @@ def _too_long(view: RunView, name: str, start: int, stop: int, across: AcrossRun
 def _expected_once(pieces: Sequence[Vector], least: float) -> float:
     """Returns the length of a stretch of one value that is expected once; infinite: values repeat too often.
 
-    `least`: only values of this size or more count; where it is above 0, the longest stretch is taken, because a wheel
-    may turn slowly for a while.
+    `least`: only values of this size or more count. If it is above 0, the longest stretch found is returned instead of
+    the expected one, because a wheel may turn slowly for a while.
     """
     inner = [values[a:b] for values in pieces for a, b in stretches(np.abs(values) >= least)]
     repeats = np.concatenate([np.diff(values) == 0.0 for values in inner] or [np.zeros(0, dtype=bool)])
@@ -246,7 +247,7 @@ def _expected_once(pieces: Sequence[Vector], least: float) -> float:
 
 
 def _jumps(view: RunView, name: str, start: int, stop: int) -> bool:
-    """Whether the change at the end of the stretch is the signal's largest; at the start, too, unless it is a sum."""
+    """Whether the change at the stretch's end is by far the signal's largest; of a rate, the one at its start, too."""
     values = view.outputs[name]
     edges = [stop] if name in SUMMED else [start, stop]
     if name.startswith(_ANALOGUE) or not all(0 < edge < len(values) for edge in edges):
@@ -263,7 +264,7 @@ def _jumps(view: RunView, name: str, start: int, stop: int) -> bool:
 
 
 def _contradicts_partner(view: RunView, name: str, start: int, stop: int, across: AcrossRuns) -> bool:
-    """Whether the sum or the rate of the same sensor moves otherwise in a half of the stretch."""
+    """Whether the sum or the rate of the same sensor shows another motion in one half of the stretch."""
     partners = {**RATE_OF, **{rate: sums for sums, rate in RATE_OF.items()}}
     partner = partners.get(name, "")
     values = view.outputs.get(partner, np.full_like(view.time, np.nan))
@@ -280,9 +281,10 @@ def _contradicts_partner(view: RunView, name: str, start: int, stop: int, across
 
 
 def _never_stands(view: RunView, name: str, start: int, stop: int, across: AcrossRuns) -> bool:
-    """Whether a sum stands although the drive is as strong, in both directions, as where it changes at every sample.
+    """Whether a sum stands although its drive is about as strong as usual while it moves, and in both directions.
 
-    A machine that is driven in one direction only may be at its end stop. A yaw angle has no end stop.
+    A machine that is driven in one direction only may be at its end stop. A yaw angle has no end stop, so for it one
+    direction is enough.
     """
     usual = across.usual_drive.get(name) if name in SUMMED else None
     if not usual:
@@ -334,18 +336,18 @@ def _fastest(view: RunView, name: str) -> float:
 
 _LEAST_CHANGES = 20
 _LEAST_ROWS = 1.5  # mean rows for each sample
-_ROW = 1.1  # rows: a change is logged so late at most
+_ROW = 1.1  # rows: the largest delay with which a change is logged
 _REGULAR = 0.9  # share of changes that are whole beats apart
-_STEPS = 2.5  # resolutions: a coarse channel at constant speed also changes at a beat, by one step each time
+_STEPS = 2.5  # resolutions: a smaller change is no beat, as a coarse channel at constant speed also changes regularly
 _TOGETHER = 0.9  # share of the changes of a coarse channel that fall on those of another channel
 
 
 def held(time: Vector, outputs: Mapping[str, Vector], resolution: Mapping[str, float]) -> dict[str, Held]:
     """Returns the channels of one run that are held, by name.
 
-    A channel is held if its value changes at a common beat of several rows, and by more than one step of its
-    resolution. A coarse channel that changes only together with such a channel is held, too. A sample may have the same
-    value as the one before it, as at rest. So a beat without a change is a new sample, too.
+    A channel is held if its value changes at a regular beat of several rows, and by more than one step of its
+    resolution. A coarse channel that changes only together with such a channel is held, too. At rest two samples may
+    have the same value, so a beat without a change is a new sample, too.
     """
     row = float(np.median(np.diff(time)))
     changed = {name: _changes(values) for name, values in outputs.items()}
@@ -388,7 +390,7 @@ def held_note(runs: Sequence[str], of: int, beats: Mapping[str, float], row: flo
 
 
 def _changes(values: Vector) -> Mask:
-    """Returns the rows whose value differs from the last known one; the first known row is one of them."""
+    """Returns the rows whose value differs from the last known value; the first known row counts as changed."""
     mask = np.zeros(len(values), dtype=bool)
     known = np.flatnonzero(np.isfinite(values))
     mask[known] = np.diff(values[known], prepend=np.nan) != 0.0
@@ -417,7 +419,7 @@ def _beat(time: Vector, changed: Mask, row: float) -> float | None:
 
 
 def _grids(beats: Mapping[str, float], changed: Mapping[str, Mask]) -> dict[str, tuple[float, Mask]]:
-    """Returns channel -> its beat, and the rows in which it or a channel of the same device changes."""
+    """Returns channel -> its beat, and the rows in which this channel or another one of the same device changes."""
     found: dict[str, tuple[float, Mask]] = {}
     for name, beat in beats.items():
         device = [other for other in beats if _falls_on(changed[other], changed[name])]
@@ -431,7 +433,7 @@ def _falls_on(mask: Mask, grid: Mask) -> bool:
 
 
 def _fresh(time: Vector, grid: Mask, beat: float, row: float) -> Mask:
-    """Returns the rows of `grid`, and rows at whole beats after one where no row of `grid` is nearer."""
+    """Returns the rows of `grid`, and those at whole beats after a row of `grid` where the next one is not due yet."""
     fresh = grid.copy()
     at = np.append(np.flatnonzero(grid), len(time))
     for start, stop in zip(at[:-1].tolist(), at[1:].tolist(), strict=True):

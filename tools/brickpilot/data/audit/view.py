@@ -16,19 +16,19 @@ Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 LEAST_SAMPLES = 20
-"""Fewer samples, or fewer equal ones, have no statistics: nothing is said of them."""
+"""Fewer samples, or fewer equal ones in a row, are too few for a conclusion."""
 
 LEAST_WINDOWS = 4
 """Fewer windows are no evidence."""
 
 EQUAL = 2.5
-"""Ratio of two measurements of one motion that lags, wrong lengths and unequal wheels may make, up or down."""
+"""Largest ratio of two measurements of one motion, up or down, that lags, wrong lengths and unequal wheels cause."""
 
 _FEWEST, _MOST = 8, 32  # windows of a run
 _WINDOW_S = 0.25  # longer than delays and lags of sensors, shorter than a manoeuvre
 _KNOWN = 0.7  # share of known samples, for a window to count
-_TOGETHER = 0.9  # correlation of two motions that are one
-_EDGE = 0.15  # of a window: span on each side of an edge over which the velocity there is averaged
+_TOGETHER = 0.9  # least correlation of two measurements of the same motion
+_EDGE = 0.15  # share of a window: the velocity at an edge is a mean over this span on each side
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ class Channels:
 
     @cached_property
     def interval(self) -> float:
-        """s between samples, the median."""
+        """Median time between samples, s."""
         return float(np.median(np.diff(self.time)))
 
 
@@ -70,7 +70,7 @@ class Held:
     fresh: Mask
 
     def blank_repeats(self, values: Vector) -> None:
-        """Sets those rows of `values` to NaN that repeat a sample that is NaN."""
+        """Sets the rows of `values` that repeat a blank sample to NaN."""
         sample = np.cumsum(self.fresh)
         values[np.isin(sample, sample[self.fresh & np.isnan(values)])] = np.nan
 
@@ -80,7 +80,7 @@ class RunView(Channels):
     """One run under audit, whose outputs are blanked as faults are found.
 
     Attributes:
-        resolution: by signal, SI.
+        resolution: signal -> its resolution, SI.
         held: the channels that hold each sample for several rows (`held`).
     """
 
@@ -112,7 +112,7 @@ def stretches(mask: Mask, least: int = 1) -> list[tuple[int, int]]:
 
 
 def driven_by(name: str) -> str:
-    """Returns which of the `drives` moves what a channel measures; "": more than one of them."""
+    """Returns which of the `drives` moves a channel; "": no single one."""
     if name.endswith(("_left", "_right")):
         return name.rsplit("_", 1)[1]
     if name.startswith("yaw_"):
@@ -154,7 +154,7 @@ class Windows:
         return float(np.sqrt(np.mean((values[known] / self.seconds[known]) ** 2))) if known.any() else 0.0
 
     def unbiased(self, values: Vector) -> Vector:
-        """Returns (w,) values without their mean per second, to which a bias or a slope adds."""
+        """Returns (w,) values without their mean per second, which a bias or a slope would change."""
         known = np.isfinite(values)
         return values - self.seconds * (np.sum(values[known]) / max(float(np.sum(self.seconds[known])), 1e-300))
 

@@ -25,11 +25,11 @@ from brickpilot.data.audit.wiring_motion import (
     pair,
 )
 
-_SIDES_FREE = 2.5  # ratio of the gains of two motors, if one of them is weak
+_SIDES_FREE = 2.5  # largest ratio of the gains of two motors of which one is weak
 _UNITS = tuple(one for by in (180 / pi, 30 / pi, 1000.0) for one in (by, 1 / by))
-_STEPS_S = (1e-4, 0.5)  # between samples, of a log that shows how a robot moves
+_STEPS_S = (1e-4, 0.5)  # shortest and longest time between samples in a log that shows how a robot moves
 COUNTS_A_TURN = " counts a turn"
-"""The end of the text of a guess that an encoder has so many counts a turn."""
+"""The end of the text of a guess that states the number of an encoder's counts."""
 
 _FULL = (100.0, 255.0, 1000.0, 1023.0, 4095.0, 32767.0)
 
@@ -49,7 +49,7 @@ def miswired(runs: Sequence[Channels], nominal: Mapping[str, float]) -> tuple[Mi
         here = stage(runs, nominal)
         found += here
         if any(one.sure < SURE for one in here):
-            break  # later steps depend on it
+            break  # later stages need this fault to be mended
         runs = [mended(run, here) for run in runs]
     return tuple(found)
 
@@ -83,7 +83,7 @@ def taken_from(faults: Iterable[Miswired]) -> dict[str, Taken]:
 
 
 def mended(run: Channels, faults: Iterable[Miswired]) -> Channels:
-    """Returns a run in which each channel is taken from the right column, where that is sure."""
+    """Returns a run in which each channel is taken from the right column, if this column is sure."""
     values = {"time": run.time, **run.inputs, **run.outputs}
     for fault in faults:
         if fault.is_mended:
@@ -144,7 +144,7 @@ def _of_yaw(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[Misw
 
 
 def _of_drives(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[Miswired]:
-    """Returns two inputs in different units: no motor is so weak as one of them would be."""
+    """Returns two inputs in different units, if one motor would otherwise be weaker than any motor is."""
     motion = Motion(runs)
     fits = [fit for number in range(len(LAGS)) if (fit := motion.driven(number)) is not None]
     if not fits:
@@ -152,7 +152,7 @@ def _of_drives(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[M
     fit = min(fits, key=lambda one: one.sd)
     ratio = log(fit.gains[0] / fit.gains[1])
     sure = _beyond(abs(ratio), log(_SIDES_FREE), fit.sd)
-    is_unit = any(abs(abs(ratio) - abs(log(one))) < log(1.2) for one in _UNITS)  # of a wheel: the audit finds it
+    is_unit = any(abs(abs(ratio) - abs(log(one))) < log(1.2) for one in _UNITS)  # a wheel's unit, which the audit finds
     if sure < 0.9 or is_unit:
         return []
     weak, strong = ("right", "left") if ratio > 0 else ("left", "right")
@@ -204,7 +204,7 @@ def _clock(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[Miswi
 
 
 def _beyond_battery(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[Miswired]:
-    """Returns voltages above those of the battery: a PWM that was stated as a voltage."""
+    """Returns voltages far above the battery's: a PWM was stated as a voltage."""
     names = [name for name in runs[0].inputs if name.startswith("voltage")]
     levels = [
         v for run in runs if "battery_voltage" in run.outputs for v in [np.nanmedian(run.outputs["battery_voltage"])]

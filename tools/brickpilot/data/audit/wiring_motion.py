@@ -24,20 +24,20 @@ SURE = 0.99
 WHEEL_KINDS = ("angle", "travel", "speed", "velocity")
 
 _WINDOW_S = 0.1
-_PER_SECOND = 4.0  # independent windows
-_MOST = 60.0  # of them that count: the model is a rough one, and more data do not make it truer
-_FLOOR = 0.02  # of the motion: what the rough model leaves even where it is right
-_EXPLAINED = 0.4  # of the motion: less is no evidence
+_PER_SECOND = 4.0  # independent windows in a second
+_MOST = 60.0  # independent windows that count at most: more data do not make this rough model truer
+_FLOOR = 0.02  # share of the motion that the rough model leaves unexplained even where it is right
+_EXPLAINED = 0.4  # share of the motion: an explanation of less is no evidence
 _PER_FAULT = 6.0  # logarithm of the prior odds against each fault
-LAGS = (1.0, 0.5, 0.25, 0.1)  # share of a step that the motion makes in a window
-_DEAD = 0.01  # of the other channels' motion
-_APART = 0.3  # of the drives: a smaller turn shows nothing of left and right
-FREE = 1.33  # what slip and inexact lengths may do to a ratio, up or down
-UNIT_FITS = 3.0  # a ratio over the factor of a unit
-_ONE_RUN = 30.0  # times the motion of the other runs: another unit in one run
-_ONE_NUMBER = 0.93  # share of a turn that two wheels without slip explain
-_COLLINEAR = 1e4  # condition of the squares of two columns: left and right are told apart
-USUAL = {"yaw": 3.0, "angle": 10.0, "speed": 10.0, "travel": 0.5, "velocity": 0.5}  # fastest, in SI
+LAGS = (1.0, 0.5, 0.25, 0.1)  # share of a step response that the motion makes in one window
+_DEAD = 0.01  # share of the larger motion of the two wheels: up to it, a wheel stands still
+_APART = 0.3  # share of the drives' rms: a weaker drive of a wheel does not show a dead encoder
+FREE = 1.33  # largest error of a ratio, up or down, that slip and inexact lengths may cause
+UNIT_FITS = 3.0  # largest error, up or down, of a ratio that the factor of a unit explains
+_ONE_RUN = 30.0  # times the usual motion of all runs: more motion in one run means another unit there
+_ONE_NUMBER = 0.93  # least share of the turns that two wheels without slip explain
+_COLLINEAR = 1e4  # largest condition number of the normal equations at which left and right can be told apart
+USUAL = {"yaw": 3.0, "angle": 10.0, "speed": 10.0, "travel": 0.5, "velocity": 0.5}  # fastest, SI
 
 
 @dataclass(frozen=True)
@@ -53,12 +53,12 @@ class Miswired:
     """One fault, in words, and how it is mended.
 
     Attributes:
-        kind: "swapped", "sign", "frozen", "unit" or "clock", as of a data fault.
+        kind: "swapped", "sign", "frozen", "unit" or "clock", as in a data fault.
         signals: the channels that are wrong.
         text: what is wrong, as the beginning of a sentence.
         sure: share of the trust, 0..1.
         mend: signal -> what it should be taken from; empty: it cannot be mended.
-        factor: stated over true value, where it is a factor.
+        factor: stated over true value; None: the fault is no factor.
         is_open: whether something else may be wrong instead, such as a measured length; then nothing is mended.
     """
 
@@ -84,7 +84,7 @@ class Miswired:
 
 
 class Motion:
-    """The motion in short windows of all runs: of drives, wheels and yaw; (w,) each, NaN where unknown."""
+    """The motion of drives, wheels and yaw in short windows of all runs; (w,) each, NaN where unknown."""
 
     def __init__(self, runs: Sequence[Channels]) -> None:
         from scipy.signal import lfilter  # loading it takes longer than most commands that read no data
@@ -111,7 +111,7 @@ class Motion:
             usual = float(np.median(sizes[sizes > 0.0])) if sizes.any() else 0.0
             for part, size in zip(parts, sizes, strict=True):
                 if size > _ONE_RUN * usual:
-                    part[name][:] = np.nan  # in this run alone, which the audit finds
+                    part[name][:] = np.nan  # another unit in this run alone is for the audit to find
         self.at = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
     @cached_property
@@ -142,7 +142,7 @@ class Motion:
             own = self.at[side]
             if _rms(own) < _APART * self.drives:
                 continue
-            # The robot would turn round a blocked wheel.
+            # With a blocked wheel, the robot would turn about this wheel.
             sure = 1.0 if self._goes_straight(other) else 0.9
             text = f"the {side} encoder stands still while its motor is driven and the {other} wheel moves"
             found.append(Miswired("frozen", (name,), text, sure, {name: Taken(name, np.nan)}))
@@ -191,7 +191,7 @@ class Motion:
         slow = np.abs(turn) < 0.5 * float(np.nanmax(np.abs(turn), initial=0.0))
         apart = x @ whole.gains
         known = np.isfinite(turn) & np.isfinite(apart)
-        # Slip and a gyro at the end of its range grow with speed. A wrong number of counts is the same at each speed.
+        # The error from slip, or from a gyro at the end of its range, grows with speed; that of wrong counts does not.
         ratios = [float(turn[some] @ apart[some]) / max(float(apart[some] @ apart[some]), 1e-12)
                   for some in (known & slow, known & ~slow)]  # fmt: skip
         alike = min(ratios) > 0.0 and max(ratios) < FREE * min(ratios)
@@ -207,7 +207,7 @@ class Motion:
         return _gains(x, np.concatenate([self.at[name] for name in self.wheels]), seconds)
 
     def geometry(self, nominal: Mapping[str, float]) -> float | None:
-        """Returns the yaw per motion of a wheel that the stated lengths give; None: they are not stated."""
+        """Returns the yaw per motion of a wheel, from the stated lengths; None: they are not stated."""
         metres = 1.0 if self.kind in {"travel", "velocity"} else nominal.get("wheel_radius")
         half_track = nominal.get("half_track")
         return None if metres is None or half_track is None else metres / (2 * half_track)
@@ -236,15 +236,15 @@ class Motion:
         return bool(self.wheels) and set(self.wheels) <= set(self.at) and not self.still
 
     def _can(self, way: _Way) -> bool:
-        """Whether there are channels for what a way changes, and inputs that can be mended."""
+        """Whether the channels that a way changes are measured."""
         alive = [name for name in self.wheels if name in self.at and name not in self.still]
         return not (self.yaw is None and way.yaw < 0) and not (way.wheels.is_changed and not alive)
 
     def _least_turn(self, nominal: Mapping[str, float]) -> float:
-        """Returns the yaw per difference of the wheels below which the yaw has another cause.
+        """Returns the least yaw per difference of the wheels; a smaller yaw has another cause.
 
-        A gyro's bias, or unequal wheels, give a straight drive a little yaw that follows both wheels: this is no
-        reversed wheel.
+        A gyro's bias, or unequal wheels, give a straight drive a little yaw that follows both wheels. This yaw does not
+        show a reversed wheel.
         """
         usual = USUAL["yaw"] / (2 * USUAL[self.kind or "speed"])
         return (self.geometry(nominal) or usual) / UNIT_FITS
@@ -347,7 +347,7 @@ _WAYS = [_Way(one, other, yaw) for one, other, yaw in product(_ALL_SIDES, _ALL_S
 
 
 def _share_left(y: Vector, x: Vector, least: float = 0.0) -> float:
-    """Returns minus the logarithm of the share of `y` left by a fit of `x`'s columns with factors above `least`."""
+    """Returns minus the log of the share of `y` that a fit of `x`'s columns leaves; its factors are above `least`."""
     known = np.isfinite(y) & np.isfinite(x).all(axis=1)
     y, x = y[known], x[known]
     power = float(y @ y)
@@ -375,7 +375,10 @@ class Gains:
 
 
 def _gains(x: Vector, y: Vector, seconds: float, least: float = _EXPLAINED) -> Gains | None:
-    """Returns the gains of the columns of `x` in `y`; None: they cannot be told apart, or explain less than that."""
+    """Returns the gains of the columns of `x` in `y`; None: not told apart, not positive, or they explain too little.
+
+    `least`: the share of `y` that they have to explain.
+    """
     known = np.isfinite(y) & np.isfinite(x).all(axis=1)
     x, y = x[known], y[known]
     gram = x.T @ x
@@ -394,7 +397,7 @@ def _gains(x: Vector, y: Vector, seconds: float, least: float = _EXPLAINED) -> G
 
 
 def _correlation(one: Vector, other: Vector) -> float:
-    """Returns the correlation of two motions about 0; 0 where one of them is none."""
+    """Returns the correlation of two motions about 0; 0 where one of them is zero."""
     known = np.isfinite(one) & np.isfinite(other)
     power = sqrt(float(one[known] @ one[known]) * float(other[known] @ other[known]))
     return float(one[known] @ other[known]) / power if power > 0.0 else 0.0
