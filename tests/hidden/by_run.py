@@ -1,4 +1,4 @@
-"""What differs from run to run, and from frame to frame, without a random generator: the same in both engines."""
+"""The values that differ from run to run and from frame to frame, by numbers alone: the same in both engines."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _GOLDEN = 0.618033988749895
 
 
 def place(number: int) -> float:
-    """Returns a number from -1 to 1 for each run, spread evenly (multiples of the golden ratio)."""
+    """Returns a number from -1 to 1 for run `number`; those of all runs are spread evenly (golden ratio)."""
     return 2 * ((number + 1) * _GOLDEN % 1.0) - 1
 
 

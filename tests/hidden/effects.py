@@ -25,7 +25,7 @@ class Effect:
         ranges: parameters that are drawn uniformly for each data set.
         kind: how `scaled` grows with the strength of the vehicle, so that the effect shows on each vehicle.
         grid: if above 0, scaled parameters are whole multiples of it.
-        absent: nominal values that the vehicle must not have, because the effect is the same.
+        absent: nominal values that must be 0 in the vehicle, because their law is that of the effect.
     """
 
     visible: Mapping[str, float]
@@ -164,7 +164,7 @@ TABLE = LIBRARY | ODD
 
 
 def strength(kind: Kind, vehicle: Vehicle) -> float:
-    """Returns how many times stronger than the bench vehicle this vehicle is, in what `kind` says."""
+    """Returns the strength of this vehicle over that of the bench vehicle, in the quantity `kind`."""
 
     def torque(v: Vehicle) -> float:
         return v.torque_constant * v.battery_voltage / v.resistance

@@ -1,7 +1,7 @@
 """Supply, drive and motors of a vehicle, in plain numbers: physics engines do not have them.
 
 Equations are those of a brushed motor (eq. 12 of Worrall & McGookin 2006, seen at the wheel) and of the effects named
-in `Hidden`. One call a step; the current is exact for a speed that changes linearly within it.
+in `Hidden`. There is one call a step; the current is exact for a speed that changes linearly within the step.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from hidden.recipe import Hidden, Vehicle
 
 COPPER = 0.00393  # 1/K, IEC 60028
 FLOOR = 0.01  # share of its voltage that an empty battery keeps
-ZERO = 0.01  # share of the battery's voltage up to which a command is zero to a drive that coasts
+ZERO = 0.01  # a drive that coasts takes commands up to this share of the battery's voltage as 0
 
 EFFECTS = frozenset(
     {"start_delay", "input_delay", "battery_discharge", "battery_fade", "battery_sag", "odd_crosstalk",
@@ -26,14 +26,14 @@ EFFECTS = frozenset(
      "motor_asymmetry", "odd_voltage_gain", "supply_saturation", "pwm_coast", "zero_coast", "dead_time",
      "torque_constant_asymmetry", "motor_heating", *electrics_laws.LAWS}
 )  # fmt: skip
-"""The effects that act only here, in the order in which a command passes them. The gain of direction_asymmetry too."""
+"""The effects that act only here, in the order in which a command passes them; also the gain of direction_asymmetry."""
 
 
 def arriving(commands: NDArray[np.float64], hidden: Hidden, step_s: float, number: int = 0) -> NDArray[np.float64]:
-    """Returns what reaches the drive of `commands` (n, V, one per step): late (`input_delay`), or held at the start.
+    """Returns the V (n,) that reach the drive, one per step: `commands` (n,) late (`input_delay`), or 0 at the start.
 
     Args:
-        number: of the run.
+        number: the run's number.
     """
     out = commands
     frames = hidden.get("command_jitter")

@@ -13,15 +13,15 @@ Parameters = Mapping[str, float]
 
 @dataclass
 class Circuit:
-    """What the laws see and change, of one vehicle. Pairs are [left, right].
+    """The values of one vehicle that the laws read and change. Pairs are [left, right].
 
     Attributes:
         age: s since power-on.
         drawn: A from the supply.
         commands: V, as they arrive, before the supply and the drive.
         current: A of the motors at the start of a step.
-        slow: V, what Thevenin's capacitor holds.
-        held: V, what a drive gives that climbs at a limited rate.
+        slow: V, the voltage of Thevenin's capacitor.
+        held: V, the output of a drive that climbs at a limited rate.
         emf: V, the motors' back EMF.
         at_zero: s, how long the command has been zero.
     """
@@ -60,7 +60,7 @@ def _slew_when_driving(c: Circuit, p: Parameters, side: int, volts: float) -> fl
 
 
 def _current_cut_softly(c: Circuit, p: Parameters, side: int, volts: float) -> float:
-    """Of what would fall across a winding above the limit, a share is cut."""
+    """Cuts a share of the voltage across a winding that is above the limit."""
     across = volts - c.emf[side]
     return volts - p["share"] * (across - max(-p["voltage"], min(p["voltage"], across)))
 
@@ -91,7 +91,7 @@ def _one_side_drop(_: Circuit, p: Parameters, side: int, volts: float) -> float:
 
 
 def _brake_late(c: Circuit, p: Parameters, side: int, volts: float) -> float | None:
-    """At a command of zero the drive lets go first, and shorts the motor a while later."""
+    """At a command of zero the drive first lets the motor float, and shorts it a while later."""
     c.at_zero[side] = c.at_zero[side] + c.step if c.commands[side] == 0 else 0.0
     return None if 0 < c.at_zero[side] <= p["after"] else volts
 
@@ -116,7 +116,7 @@ LAWS = frozenset({*SUPPLY, *DRIVE, *TIMING, *MOTOR})
 
 
 def heat_stages(hidden: Hidden) -> list[tuple[float, float]]:
-    """Returns K/W and s of each stage of a motor's heat (Foster's network: the stages add up)."""
+    """Returns thermal resistance, K/W, and time constant, s, of each stage of a motor's heat (Foster's network)."""
     two = hidden.get("heating_in_two_stages")
     if two:
         return [(two["winding"], two["winding_time"]), (two["case"], two["case_time"])]

@@ -24,7 +24,7 @@ _SD_STATED = {"none": 0.0, "half": 0.5, "all": 1.0}  # share of the nominal valu
 
 
 def nominal(recipe: Recipe) -> dict[str, dict[str, float]]:
-    """Returns what the experimenter believes: parameter -> value and, for about half of them, sd."""
+    """Returns the experimenter's values: parameter -> value and, for as many as `recipe.sds` says, sd."""
     random = np.random.default_rng([recipe.seed, 1_000_003])
     out = {}
     for parameter in fields(Vehicle):

@@ -146,7 +146,7 @@ def short() -> tuple[Manoeuvre, ...]:
 
 
 def varied(runs: Sequence[Manoeuvre], random: np.random.Generator) -> tuple[Manoeuvre, ...]:
-    """The same runs with voltages of 82 to 100 % each, as nobody drives twice alike. Never more than was asked for."""
+    """Returns the runs, each with 82 to 100 % of its voltages, because nobody drives twice alike."""
     shares = random.uniform(0.82, 1.0, len(runs))
     return tuple(
         replace(run, left=tuple(share * v for v in run.left), right=tuple(share * v for v in run.right))

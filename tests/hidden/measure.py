@@ -24,7 +24,7 @@ RANGE = {
     "accel_surge": 2 * GRAVITY, "accel_sway": 2 * GRAVITY, "yaw_rate": 10.47,
     "wheel_speed_left": 51.2, "wheel_speed_right": 51.2,
 }  # fmt: skip
-"""Each sensor reads from minus this to plus this, SI."""
+"""Largest reading of each sensor, with either sign, SI."""
 
 BITS = 10
 
@@ -180,7 +180,7 @@ class Shown:
 
     Attributes:
         visibility: signal -> rms change over all runs, in noise sd.
-        regions: where it changes by more than the noise: see `regions`.
+        regions: where a signal changes by more than the noise: see `regions`.
     """
 
     visibility: dict[str, float]

@@ -1,7 +1,7 @@
 """Hidden effects that act from step to step as forces, torques and friction, on the vehicle that MuJoCo moves.
 
-Each function reads a `Step` and adds to what acts in it. Effects that are bodies, joints or contacts stand in
-`mujoco_model`, those of supply, drive and motor in `electrics`, those of sensors in `measure`.
+Each function reads a `Step` and adds to its forces, torques or friction. Effects that are bodies, joints or contacts
+stand in `mujoco_model`, those of supply, drive and motor in `electrics`, those of sensors in `measure`.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Step:
     mass: float  # kg, with payload
     speeds: list[float]  # rad/s of the wheels
     angles: list[float]  # rad
-    motor_speeds: list[float]  # rad/s of the rotors; those of the wheels where nothing lies between
+    motor_speeds: list[float]  # rad/s of the rotors; those of the wheels if no gear lies between
     motor_angles: list[float]  # rad
     volts: list[float]  # commanded, as they arrive
     torque: list[float]  # N m of the motors

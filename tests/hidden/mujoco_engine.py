@@ -31,7 +31,7 @@ def simulate(
     """Drives the runs: see `recipe.Engine`. `seed` changes nothing, because this engine is deterministic.
 
     Raises:
-        ValueError: an effect that no engine knows, two that this one cannot join, or values that make no vehicle.
+        ValueError: an effect that no engine knows, two that this engine cannot join, or values that make no vehicle.
     """
     del seed
     unknown = hidden.keys() - KNOWN
@@ -42,7 +42,7 @@ def simulate(
 
 
 class _Bench:
-    """The vehicle between runs. `age` and `electrics` hold what carries over."""
+    """The vehicle between runs. `age` and `electrics` hold the state that carries over to the next run."""
 
     def __init__(self, vehicle: Vehicle, hidden: Hidden) -> None:
         self.hidden, self.vehicle = hidden, vehicle
@@ -219,7 +219,7 @@ def _track(bench: _Bench, command: tuple[Floats, Floats], positions: Floats, spe
 
 
 def _back(values: Floats, steps: float) -> Floats:
-    """Returns `values` (n, ...) of so many steps earlier, 0 to 2, linear between steps. The first ones are repeated."""
+    """Returns `values` (n, ...) of `steps` steps earlier, 0 to 2, linear between steps; the first value is repeated."""
     padded = np.concatenate([values[:1], values[:1], values])
     whole = int(steps)
     part = steps - whole

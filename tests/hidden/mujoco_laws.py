@@ -1,6 +1,7 @@
-"""Laws of `other_laws`, and a law of the library that remembers, from step to step on the vehicle that MuJoCo moves.
+"""Laws of `other_laws`, and a law of the library with a state, from step to step on the vehicle that MuJoCo moves.
 
-Each function takes a law's parameters and the number of the run, and returns what changes a `Step`. It may remember.
+Each function takes a law's parameters, the number of the run and the vehicle, and returns a function that changes a
+`Step`. The returned function may have a state.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from hidden.recipe import GRAVITY, Vehicle, second_inertia
 Parameters = Mapping[str, float]
 Act = Callable[[Step], None]
 
-LUGRE_DAMPING = 0.3  # of a bristle, as a share of what stops its wheel without a rebound
+LUGRE_DAMPING = 0.3  # damping ratio of a bristle with its wheel
 
 
 def _ripple_rectified(p: Parameters, _: int, __: Vehicle) -> Act:
@@ -185,7 +186,7 @@ def _floor_wavy(p: Parameters, _: int, __: Vehicle) -> Act:
 
 
 def _coupled_inertia(p: Parameters, _: int, vehicle: Vehicle) -> Act:
-    """A law of the library stands here because it remembers; `stretch` makes its spring harden, as rubber does."""
+    """A law of the library stands here because it has a state; `stretch` makes its spring harden, as rubber does."""
     second = second_inertia(vehicle, p["share"], p["period"], p["damping"])
     twist, speed, stretch = [0.0, 0.0], [0.0, 0.0], p.get("stretch", math.inf)
 

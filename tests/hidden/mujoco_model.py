@@ -13,15 +13,16 @@ from hidden.recipe import GRAVITY, Hidden, Vehicle
 
 DT = 0.001
 GRIP = 4.0  # friction of wheel on floor: a vehicle that may not slip
-FIRM = 300.0  # friction along the firm direction, over that along the one that slips
+FIRM = 300.0  # friction along the firm direction over friction along the direction that slips
 SIDE_SLIP_RETURN = 1.5
 """How far a step reverses the side slip of a wheel: 1 stops it, 2 mirrors it. The vehicle turns in each step, so 1
-takes energy (a drag of m u r^2 DT / 2 in curves). 2 takes none, but never settles. 1.5 leaves a third of that drag."""
+dissipates energy (a drag of m u r^2 DT / 2 in curves). 2 dissipates none, but the slip never settles. 1.5 leaves a
+third of that drag."""
 # A ball that drags is light and has little friction under a large load: the friction cone of a contact lifts what
 # slides on it, by grip^2 times speed times mass.
 CASTER_MASS = 5e-5
 CASTER_GRIP = 0.3
-WHEEL_SHARE = 0.04  # of the vehicle's mass, each wheel
+WHEEL_SHARE = 0.04  # mass of each wheel as a share of the vehicle's
 
 EFFECTS = frozenset(
     {"coulomb_friction", "gear_backlash", "carpet_nap", "caster_drag", "yaw_scrub", "floor_slope", "com_forward_offset",
@@ -33,7 +34,7 @@ EFFECTS = frozenset(
 
 @dataclass(frozen=True)
 class Slip:
-    """A tyre that slips along, or across, while the other direction stays firm; or in both alike."""
+    """A tyre that slips along the vehicle or across it, while the other direction stays firm; or in both alike."""
 
     across: bool
     creep: float  # m/(N s), of one tyre
@@ -189,7 +190,7 @@ def _sprung(load: Mapping[str, float], low: float) -> str:
 
 
 def deflate(model: mujoco.MjModel, vehicle: Vehicle, hidden: Hidden, age: float) -> None:
-    """Sets the radii of the wheels for a run that starts `age` s after power-on, where a tyre loses air."""
+    """Sets the radii of the wheels for a run that starts `age` s after power-on, if a tyre loses air."""
     if "tyre_deflating" not in hidden:
         return
     half = 0.5 * hidden["tyre_deflating"]["rate"] * age
@@ -200,7 +201,7 @@ def deflate(model: mujoco.MjModel, vehicle: Vehicle, hidden: Hidden, age: float)
 
 
 def _play(half_gap: float) -> str:
-    """Returns tendons that let each rotor turn ahead of its wheel, or behind it, by so many rad."""
+    """Returns tendons that let each rotor turn ahead of its wheel, or behind it, by up to `half_gap` rad."""
     limits = f'limited="true" range="{-half_gap:.12g} {half_gap:.12g}" solreflimit="0.002 1"'
     fixed = [
         f"""<fixed {limits} solimplimit="0.99 0.999 0.001">

@@ -1,7 +1,7 @@
-"""Laws that are not those of the library: each stands where one of its effects acts, and says it differently.
+"""Laws that are not those of the library: each acts where an effect of the library acts, by another equation.
 
-A law has a name of its own. It says its mechanism, and the names of the library's effects that a user would call it by.
-An odd law has no such name. Numbers are those of size 1 on `recipe.BENCH`, as in `effects.py`.
+A law has its own name. Its entry states its mechanism, and the library's effects by whose names a user would call it.
+An odd law has no such names. Numbers are those of size 1 on `recipe.BENCH`, as in `effects.py`.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ class Law:
 
     Attributes:
         effect: how it is drawn.
-        mechanisms: where it acts, first; then mechanisms whose laws give the same signals.
+        mechanisms: first the mechanism where it acts, then mechanisms whose laws give the same signals.
         names: effects of the library that it stands in for; none: it is odd.
-        engines: those that can make it.
+        engines: the engines that can simulate it.
     """
 
     effect: Effect
@@ -191,7 +191,7 @@ def relation(name: str) -> Relation:
 
 
 def told(name: str) -> dict[str, object]:
-    """Returns what the truth says of one hidden effect. The mechanisms of the library's own laws are the library's."""
+    """Returns the truth's entry of one hidden effect. For a law of the library, the library states the mechanisms."""
     law = relation(name)
     if law == "other":
         return {"law": law, "mechanisms": list(OTHER[name].mechanisms), "names": list(OTHER[name].names)}

@@ -31,7 +31,7 @@ def install(plant: Plant, hidden: Hidden) -> None:
 
     Raises:
         ValueError: an effect that this plant does not know.
-        KeyError: a parameter is missing; of some, at the first step.
+        KeyError: a parameter is missing; some effects raise it only at the first step.
     """
     for name in hidden:
         if name not in EFFECTS and name not in ELSEWHERE:
@@ -94,9 +94,9 @@ def _wheel_radius_mismatch(plant: Plant, p: Parameters) -> None:
 
 
 class _Limit:
-    """What the limit of a tyre takes away from the linear creep in the plant's matrix.
+    """The force that the limit of a tyre takes away from the linear creep in the plant's matrix.
 
-    Extrapolated to the middle of the step: where nearly all is taken away, the two must cancel.
+    It is extrapolated to the middle of the step, so that it can cancel nearly all of the linear force.
     """
 
     def __init__(self, before: Floats) -> None:
@@ -135,7 +135,7 @@ def _side_slip(plant: Plant, p: Parameters) -> None:
 
 
 def _tyre_grip(plant: Plant, p: Parameters) -> None:
-    """What the circle takes away from the linear creep along and across, each wheel by its own slip."""
+    """Takes the force beyond the circle away from the linear creep along and across, by each wheel's own slip."""
     creep = p["creep"]
     plant.creep["wheel"], plant.creep["side"] = creep, 0.5 * creep
     before, track = plant.memory(4), plant.vehicle.half_track

@@ -1,6 +1,6 @@
 """Engine "planar": `planar_plant` driven through a sequence of runs, with the texture of a real log on top.
 
-Texture is vibration on the accelerations and roughness under the wheels: small, seeded, and in nobody's model.
+Texture is vibration on the accelerations and roughness under the wheels: small, seeded, and in no model.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ ROUGH_CELLS = 8192
 ROUGH_ROLLS = 0.3  # rad/s: a slower wheel rests in a hollow
 
 STEPS_PER_SAMPLE = 2
-CARRY_ERROR = 1e-5  # of the largest charge or heat, from one run to the next
+CARRY_ERROR = 1e-5  # error of charge and heat from one run to the next, as a share of the largest
 
 
 class Roughness:
@@ -130,7 +130,7 @@ def _record(plant: Plant, runs: Sequence[Manoeuvre], sample_s: float, samples: N
 
 
 def _commands(plant: Plant, runs: Sequence[Manoeuvre], sample_s: float, steps: int) -> Floats:
-    """Returns (steps, 2, runs) V that arrive: means over each step, because a delay is no multiple of it."""
+    """Returns (steps, 2, runs) V that arrive: means over each step, because a delay is no multiple of the step."""
     out = np.zeros((steps, 2, plant.runs))
     clock = np.asarray(np.arange(steps + 1) * plant.step, dtype=np.float64)
     late = np.broadcast_to(plant.late_start, plant.runs)
@@ -148,7 +148,7 @@ def _commands(plant: Plant, runs: Sequence[Manoeuvre], sample_s: float, steps: i
 
 
 def _by_frames(run: Manoeuvre, sample_s: float, time: Floats, number: int, delay: float, jitter: float) -> Floats:
-    """Returns (n, 2) V that arrive at each `time` (n,) s where every frame of commands has its own delay."""
+    """Returns (n, 2) V that arrive at each `time` (n,) s if every frame of commands has its own delay."""
     given_at, left, right = run.held(sample_s)
     sent = time - delays(time, number, delay, jitter)
     held = np.searchsorted(given_at, sent, side="right") - 1

@@ -15,7 +15,7 @@ from hidden.recipe import GRAVITY, Floats
 Parameters = Mapping[str, float]
 
 FIRM_CREEP = 0.0024  # m kg/(N s): a firm tyre's creep times the vehicle's mass
-LUGRE_DAMPING = 0.3  # of a bristle, as a share of what stops its wheel without a rebound
+LUGRE_DAMPING = 0.3  # damping ratio of a bristle with its wheel
 
 
 def _places(plant: Plant) -> Floats:
@@ -66,7 +66,7 @@ def _slew_when_driving(plant: Plant, p: Parameters) -> None:
 
 
 def _current_cut_softly(plant: Plant, p: Parameters) -> None:
-    """Of what would fall across a winding above the limit, a share is cut."""
+    """Cuts a share of the voltage across a winding that is above the limit."""
 
     def hook(plant: Plant) -> None:
         across = plant.voltage - plant.vehicle.emf_constant * plant.flux * plant.rotor
@@ -103,7 +103,7 @@ def _switching_loss(plant: Plant, p: Parameters) -> None:
 
 
 def _brake_late(plant: Plant, p: Parameters) -> None:
-    """At a command of zero the drive lets go first, and shorts the motor a while later."""
+    """At a command of zero the drive first lets the motor float, and shorts it a while later."""
     at_zero = plant.memory(2)
 
     def hook(plant: Plant) -> None:
@@ -265,7 +265,7 @@ def _offset_by_run(plant: Plant, p: Parameters) -> None:
 
 
 class _Midway:
-    """Extrapolates a force to the middle of the step: where nearly all of a linear force is taken away, both cancel."""
+    """Extrapolates a force to the middle of the step, so that it can cancel nearly all of a linear force."""
 
     def __init__(self, before: Floats) -> None:
         self.before = before
@@ -281,7 +281,7 @@ def _slip(plant: Plant) -> Floats:
 
 
 def _take_away(plant: Plant, missing: Floats) -> None:
-    """Adds (2, runs) N to the pushes of the tyres."""
+    """Adds `missing` (2, runs), N, to the forces of the tyres along the vehicle."""
     plant.torque -= plant.radius * missing
     plant.force[0] += missing[0] + missing[1]
     plant.force[2] += plant.vehicle.half_track * (missing[0] - missing[1])

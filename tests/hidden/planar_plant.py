@@ -31,7 +31,7 @@ TEETH_SPRING, TEETH_DAMPER = 0.1, 0.9  # gears: overdamped, so that they do not 
 
 COPPER = 0.00393  # 1/K
 SUPPLY_FILTER_S = 0.001  # the drive's buffer capacitor
-SUPPLY_FLOOR = 0.01  # of the nominal battery voltage
+SUPPLY_FLOOR = 0.01  # least supply as a share of the nominal battery voltage
 
 # Rows of the state.
 CURRENT, WHEEL, BODY, ANGLE = slice(0, 2), slice(2, 4), slice(4, 7), slice(7, 9)
@@ -40,7 +40,7 @@ BRUSH, SIDE_BRUSH, ROTOR, PLAY = slice(10, 12), 12, slice(13, 15), slice(15, 17)
 # Inputs, counted from the end of the state.
 VOLTAGE, TORQUE, GEAR, FORCE = slice(0, 2), slice(2, 4), slice(4, 6), slice(6, 9)
 INPUTS = 9
-LEFT_RIGHT = np.array([[1.0], [-1.0]])  # clockwise moment and yaw at either wheel
+LEFT_RIGHT = np.array([[1.0], [-1.0]])  # sign of clockwise moment and yaw at either wheel
 
 
 class Slider:
@@ -48,9 +48,9 @@ class Slider:
 
     Args:
         speeds: rows of the state that move with it.
-        forces: inputs that it acts on, one for each speed; a unit of it is a share of each.
-        shares: (motions, speeds): those shares, for each motion that it holds.
-        shape: of the speeds that `force` or `planar` take.
+        forces: inputs that it acts on, one for each speed.
+        shares: (motions, speeds): what a unit of friction adds to each input, for each motion that it holds.
+        shape: shape of the speeds that `force` or `planar` take.
     """
 
     def __init__(self, speeds: slice, forces: slice, shares: Sequence[Sequence[float]], shape: tuple[int, ...]) -> None:
@@ -95,10 +95,10 @@ class Plant:
         self.radius = vehicle.wheel_radius * np.ones((2, 1))
         self.flux = np.ones((2, 1))
         self.creep: dict[str, float] = {}  # m/(N s) along ("wheel") and across ("side"), in place of a brush
-        self.rotor_share = 0.0  # of the wheel's inertia, before the play; 0: no play
+        self.rotor_share = 0.0  # share of the wheel's inertia on the motor's side of the play; 0: no play
         self.supply_slope = self.supply_resistance = self.supply_fade = 0.0
         self.heating: tuple[float, float] | None = None  # thermal resistance, time constant
-        self.falls: list[Callable[[Plant], Floats]] = []  # V that the supply loses beside those two
+        self.falls: list[Callable[[Plant], Floats]] = []  # V that the supply loses besides the losses above
         self.command_delay = 0.0
         self.late_start: Floats | float = 0.0  # s, of all runs or (runs,)
         self.frames: tuple[float, float] | None = None  # delay and jitter of the frames that carry commands
@@ -210,7 +210,7 @@ class Plant:
         return a, b
 
     def losses(self) -> Floats:
-        """Returns N m s/rad of each wheel with the whole weight on each, as the nominal values mean it."""
+        """Returns the losses of each wheel, N m s/rad, with the whole weight on each, as the nominal values mean it."""
         return self.vehicle.viscous_friction + self.mass * GRAVITY * self.vehicle.rolling_friction * self.radius**2
 
     def _tyre(self, a: Floats, k: int, side: float, inertia: float) -> None:

@@ -15,10 +15,10 @@ from hidden.recipe import VEHICLES, Hidden, Recipe, Vehicle, specimen
 Engine = Literal["mujoco", "planar"]
 
 SIZE = 2.0
-"""Of every hidden effect: it shows clearly, so that a miss is not for want of data."""
+"""Size of every hidden effect: it shows clearly, so that a miss is not due to a lack of data."""
 
 PAYLOAD = 0.25
-"""Of the vehicle's mass: what lies on it and is in no nominal value."""
+"""Payload as a share of the vehicle's mass; no nominal value includes it."""
 
 _STREAMS = {"same": 11, "other": 12, "outside": 13, "nulls": 14, "nominal": 15, "scales": 16}
 _KINDS = tuple(VEHICLES.values())
@@ -112,7 +112,7 @@ def nominal(seed_offset: int = 0, engine: Engine = "mujoco") -> list[Recipe]:
 
 
 def scaled(seed_offset: int = 0, engine: Engine = "mujoco") -> list[Recipe]:
-    """Robots of 0.3, 2.5 and 8 kg at 6, 12 and 24 V: each with nothing hidden, a law of the library and another one."""
+    """Robots of 0.3, 2.5 and 8 kg at 6, 12 and 24 V: each with nothing hidden, with library laws and with others."""
     hidden: dict[str, str | None] = {
         "none": None, "coulomb_friction": "coulomb_friction", "yaw_scrub": "yaw_scrub",
         "friction_lugre": "friction_lugre", "discharge_settling": "discharge_settling", "gyro_scale": "gyro_scale",

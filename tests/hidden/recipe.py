@@ -53,7 +53,7 @@ class Vehicle:
 
 @dataclass(frozen=True)
 class SecondInertia:
-    """What hangs on a wheel behind a spring and a damper: kg m^2, N m/rad, N m s/rad."""
+    """A second inertia that hangs on a wheel behind a spring and a damper: kg m^2, N m/rad, N m s/rad."""
 
     inertia: float
     stiffness: float
@@ -64,8 +64,8 @@ def second_inertia(vehicle: Vehicle, share: float, period: float, damping: float
     """Returns a second inertia on a spring and a damper.
 
     Args:
-        share: its size, as a share of what a wheel moves: itself and half of the vehicle.
-        period: s, of the free swing of both against each other.
+        share: its inertia as a share of the inertia that a wheel moves: its own and half of the vehicle's.
+        period: s, period of the free swing of both inertias against each other.
         damping: damping ratio of that swing.
     """
     first = vehicle.wheel_inertia + vehicle.mass * vehicle.wheel_radius**2 / 2
@@ -147,11 +147,11 @@ class Recipe:
         frame: frame of the written signals.
         quantised: converters have 10 bits over the range of each sensor.
         noise_sd_stated: whether dataset.toml states the noise.
-        sds: of how many nominal values the sd is stated.
-        wrong: nominal values that are off by this share of the true one, with the sd of `nominal_error` stated: what
-            should be found is that the value is wrong.
-        called: effects of the library that say the same as `wrong`.
-        suite: a set of `quick_suites` says which one it belongs to.
+        sds: for how many nominal values the sd is stated.
+        wrong: nominal value -> its error as a share of the true one; its sd is stated as `nominal_error`, and a
+            discovery should find that the value is wrong.
+        called: effects of the library that describe the same difference as `wrong`.
+        suite: the suite of `quick_suites` that the set belongs to; empty: none.
     """
 
     name: str

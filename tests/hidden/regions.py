@@ -1,6 +1,6 @@
 """Where a hidden effect shows: the runs, signals and spans in which the engine's own runs with and without it differ.
 
-Nothing is refitted, so this is where the effect acts and what follows from it, up to the end of each run.
+Nothing is refitted, so a region shows the effect and all that follows from it, up to the end of each run.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ SLOW_M_S, SLOW_RAD_S = 0.02, 0.05
 """A run that never drives or turns faster than this has no condition of speed or turn."""
 
 COVERS, LIFT = 0.6, 1.3
-"""A condition covers this share of a region's squared difference, and this many times its own share of the time."""
+"""A condition must cover this share of a region's squared difference, and this many times its own share of the time."""
 
 
 @dataclass(frozen=True)
@@ -32,8 +32,8 @@ class Region:
     """A span of one signal of one run in which the effect shows.
 
     Attributes:
-        share: of the squared difference of all regions, in noise sd.
-        when: what the vehicle was doing there: "throughout" if nothing narrower covers it.
+        share: share of the squared difference of all regions, in noise sd.
+        when: the vehicle's motion there: "throughout" if no narrower condition covers it.
     """
 
     run: str
@@ -55,9 +55,9 @@ def of(
     """Returns the regions as tables, by run and signal, in order of time.
 
     Args:
-        names: of the runs.
+        names: names of the runs.
         changed, plain: signal -> (n,) of each run with and without the effect, free of noise.
-        tracks: what happens with the effect.
+        tracks: the tracks with the effect.
         noise_sd: signal -> sd of its noise.
     """
     found: list[tuple[Region, float]] = []
@@ -91,7 +91,7 @@ def _spans(square: Floats, sample_s: float) -> list[tuple[int, int]]:
 
 
 def conditions(speed: Floats, turn: Floats) -> dict[str, NDArray[np.bool_]]:
-    """Returns text -> (n,) whether it holds, from surge, m/s, and yaw rate, rad/s, clockwise."""
+    """Returns condition -> (n,) whether it holds, from surge, m/s, and yaw rate, rad/s, clockwise."""
     fast = max(0.5 * float(np.abs(speed).max()), SLOW_M_S)
     turning = max(0.2 * float(np.abs(turn).max()), SLOW_RAD_S)
     return {

@@ -1,4 +1,4 @@
-"""Robots of other scales: 0.3 to 8 kg, 6 to 24 V. Each turns and drives as fast, in shares of its sensors' ranges."""
+"""Robots of other scales: 0.3 to 8 kg, 6 to 24 V. All drive and turn equally fast, relative to the sensors' ranges."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ KINDS = (MOUSE, CRAWLER, ROVER)
 
 
 def at_voltage(runs: Sequence[Manoeuvre], vehicle: Vehicle) -> tuple[Manoeuvre, ...]:
-    """Returns the runs with the commands of the bench vehicle's battery, as shares of this vehicle's battery."""
+    """Returns the runs with their commands scaled from the bench vehicle's battery to this vehicle's battery."""
     share = vehicle.battery_voltage / BENCH.battery_voltage
     return tuple(
         replace(run, left=tuple(share * v for v in run.left), right=tuple(share * v for v in run.right))

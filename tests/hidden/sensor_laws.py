@@ -17,7 +17,7 @@ Parameters = Mapping[str, float]
 
 @dataclass
 class Readings:
-    """What ideal sensors of one run show, (n,) each, every `step` s; the laws change it in turn."""
+    """The readings of ideal sensors in one run, (n,) each, every `step` s; the laws change them in turn."""
 
     surge: Floats
     sway: Floats
@@ -26,7 +26,7 @@ class Readings:
     right: Floats
     step: float
     time: Floats  # s since power-on
-    number: int  # of the run
+    number: int  # number of the run
 
 
 def read(track: Track, hidden: Hidden, age: float, number: int) -> Readings:
@@ -63,7 +63,7 @@ def _arm_on_mast(r: Readings, p: Parameters, track: Track) -> None:
 
 
 def _accel_cross_axis(r: Readings, p: Parameters, _: Track) -> None:
-    """The axis ahead feels a share of the axis aside, and not the other way round."""
+    """The surge axis reads a share of the sway acceleration, but the sway axis none of the surge acceleration."""
     r.surge = r.surge + p["share"] * r.sway
 
 
@@ -120,7 +120,7 @@ def _speed_signed_by_command(r: Readings, p: Parameters, track: Track) -> None:
 
 
 def _wheel_speed_counted(r: Readings, p: Parameters, _: Track) -> None:
-    """Speeds are counts over a window that has passed: means over it."""
+    """Speeds are means over the past window, because pulses are counted over it."""
     count = max(1, round(p["window"] / r.step))
     r.left, r.right = (
         np.asarray(lfilter(np.ones(count) / count, [1.0], one), dtype=float) for one in (r.left, r.right)

@@ -5,8 +5,8 @@
     sets.py            the data sets: `tests/hidden` makes them, or they exist already
     blind_test.py      runs discovery on each set and appends a result
     result.py          one result, a line of results.jsonl: truth and verdict
-    score.py           what one result counts
-    law_score.py       what one of a quick suite counts: by mechanism, law and place
+    score.py           the score of one result
+    law_score.py       the score of one result of a quick suite: by mechanism, law and place
     claims.py          what discovery is asked to show, as shares and figures over many results
     law_claims.py      the same for the quick suites, each apart
     table.py           the whole table, as an object and as text

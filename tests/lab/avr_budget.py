@@ -76,7 +76,7 @@ class AvrBudget:
     Attributes:
         cycles: part -> its cycles in each period, shape (periods,): the stages of `rcx_budget.STAGES`, "rest", "step"
             (the sum of these), "drivers" (the HAL's functions within the step), "commands" (the host's requests, with
-            their drivers), "interrupts", and "all": what the processor does not sleep.
+            their drivers), "interrupts", and "all": all time outside sleep.
         stack: the most bytes of stack, interrupts included.
     """
 
@@ -91,7 +91,7 @@ def _tool(*command: str | Path) -> str:
 
 
 def _functions(image: Image) -> tuple[list[str], list[tuple[int, int]]]:
-    """Returns the names of the parts, and entry and part of each function. Part 0 is what is left of the step."""
+    """Returns the names of the parts, and entry and part of each function. Part 0 is the rest of the step."""
     parts = {"rest": (STEP,)} | STAGES | {"commands": (COMMANDS,)}
     parts["drivers"] = tuple(name for name in image.at if name.startswith("hal_"))
     functions = [
@@ -104,7 +104,7 @@ def mission(target: str, duration: float | None, progress: Progress) -> AvrBudge
     """Flies the packaged mission with the image of `target` and counts what its control periods cost.
 
     Args:
-        target: of `AVR_TARGETS`.
+        target: one of `AVR_TARGETS`.
         duration: s of the mission; None: all of it.
         progress: called with the steps done, all steps, and a text.
 
@@ -136,7 +136,7 @@ def mission(target: str, duration: float | None, progress: Progress) -> AvrBudge
 
 
 def _by_name(names: list[str], rows: NDArray[np.int64]) -> dict[str, NDArray[np.int64]]:
-    """Returns `AvrBudget.cycles` of rows of parts, interrupts and all, shape (periods, parts + 2)."""
+    """Returns `AvrBudget.cycles` from `rows` (periods, parts + 2): the parts, the interrupts, and all time."""
     found = {name: rows[:, part] for part, name in enumerate(names)}
     rest, commands, drivers = (found.pop(name) for name in ("rest", "commands", "drivers"))
     step = rest + sum(found.values())

@@ -27,7 +27,7 @@ from lab import measured
 from lab.result import RESULTS, append, held_out_gap, load, put_in_order, truth_fields, verdict_fields
 from lab.sets import Maker, Task, truth_of
 
-_FIRST = 8  # sets of which one at least has to be made
+_FIRST = 8  # if none of so many first sets can be made, the test ends with an error
 
 
 @dataclass(frozen=True)
@@ -62,14 +62,14 @@ class _Ran:
 def run(tasks: Sequence[Task], out: Path, *, work: Work, workers: Workers, progress: Progress) -> list[dict[str, Any]]:
     """Runs the sets that have no result in OUT/results.jsonl yet, or an error, and returns all results.
 
-    A result is appended as it comes. At the end those of `tasks` stand in their order, whoever was first.
+    A result is appended as it comes. At the end the results of `tasks` stand last, in the order of `tasks`.
 
     Args:
-        workers: where they run.
+        workers: where the sets run.
         progress: called with (sets done, all sets, text).
 
     Raises:
-        SimulationError: of the first sets, none can be made.
+        SimulationError: none of the first sets can be made.
     """
     path = out / RESULTS
     kept = {_key(one) for one in load(path) if not one["error"]} if path.exists() else set()
@@ -94,7 +94,7 @@ def _key(result: Mapping[str, Any]) -> tuple[str, str, int]:
 
 
 def _run_asked(asked: _Asked) -> _Ran:
-    """Makes a set where it does not exist yet, and runs it. Runs on the worker."""
+    """Makes a set if it does not exist yet, and runs discovery on it. This function runs on the worker."""
     task, work, unmade = asked.task, asked.work, None
     if work.maker is not None:
         shared(work.maker.tests)
@@ -114,7 +114,7 @@ def _run_asked(asked: _Asked) -> _Ran:
 
 
 def run_one(task: Task, folder: Path, further: Path, maker: Maker | None, jobs: int) -> dict[str, Any]:
-    """Returns the result of one set: truth, verdict, and what the next experiment made of it.
+    """Returns the result of one set: truth, verdict, and the verdict after the next experiment.
 
     An exception becomes the `error` of the result, so that one set does not end the benchmark.
     """

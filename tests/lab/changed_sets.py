@@ -28,11 +28,11 @@ from lab.parts import part
 Engine = Literal["mujoco", "planar"]
 BEGIN, END = "<!-- changed -->", "<!-- end of changed -->"
 
-_STREAM = 17  # of random numbers: no other suite has it
+_STREAM = 17  # stream of random numbers; no other suite uses it
 _KINDS = tuple(VEHICLES.values())
 _SDS: tuple[Literal["half", "all", "none"], ...] = ("half", "all", "none")
 
-# What the README of the measured data says of them: before, after -> what may be said, and percent of it.
+# The labels in the README of the measured data: (before, after) -> change that may be named -> its range in percent.
 LABELLED: Mapping[tuple[str, str], Mapping[str, tuple[float, float]]] = {
     ("shaft_damper_off", "shaft_damper_on"): {"kV": (33, 43)},
     ("shaft_damper_on", "shaft_damper_off"): {"kV": (-30.1, -24.8)},
@@ -46,10 +46,10 @@ class Pair:
     """Two recordings of an engine.
 
     Attributes:
-        effect: the one that differs; None: nothing does.
-        size: times the size that shows clearly.
-        gone: it is there before, and not after.
-        index: of the pair in its suite.
+        effect: the effect that differs; None: nothing differs.
+        size: its size over the size that shows clearly.
+        gone: whether the effect is in the first recording alone; False: in the second alone.
+        index: number of the pair in its suite.
     """
 
     engine: Engine
@@ -125,7 +125,7 @@ def _short(found: bp.Changed) -> dict[str, Any]:
 
 
 def score(said: Mapping[str, Any], truth: str | None) -> str:
-    """Returns how right an answer is: truth is the mechanism that differs, None: nothing does."""
+    """Returns the score of an answer; `truth` is the mechanism that differs, None: nothing differs."""
     verdict, names = said["verdict"], {one["mechanism"] for one in said["changes"]}
     if truth is None:
         return "right" if verdict == "nothing" else "wrong" if verdict == "changed" else verdict
@@ -139,7 +139,7 @@ def score(said: Mapping[str, Any], truth: str | None) -> str:
 
 
 def labelled(data: Path, jobs: int) -> Iterator[dict[str, Any]]:
-    """Yields the answers to the labelled pairs of real machines, and whether the intervals of the labels hold."""
+    """Yields the answers to labelled pairs of real machines, and whether the intervals overlap the labels' ranges."""
     for (before, after), label in LABELLED.items():
         if not ((data / before).is_dir() and (data / after).is_dir()):
             continue
@@ -194,7 +194,7 @@ def _change(one: Mapping[str, Any]) -> str:
 
 
 def chosen(asked: Sequence[Pair], limit: int | None) -> Sequence[Pair]:
-    """Returns the first of each kind, where there is a limit."""
+    """Returns the first `limit` pairs with an effect and without one; None: all pairs."""
     if limit is None:
         return asked
     with_effect = [one for one in asked if one.effect]

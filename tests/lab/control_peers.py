@@ -1,8 +1,8 @@
 """The control law on a brick's processor: the firmware's arithmetic beside Q16.16 and floating point in software.
 
 The law is line of sight, two PIDs and the mixer, of `tests/peers`. Every program is fed the same steps of a recorded
-mission, and must give the firmware's answers within `BOUNDS_V`: they do the same work. Q16.16 is of
-libfixmath's kind, and ours. Floating point is that of the brick's own tools: avr-libc's, and brickOS's on the RCX.
+mission, and must give the firmware's answers within `BOUNDS_V`, so that all do the same work. The Q16.16 arithmetic is
+our own, of libfixmath's kind. Floating point is that of the brick's own tools: avr-libc's, and brickOS's on the RCX.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ from lab import rcx_budget
 Array = NDArray[np.float64]
 
 STEPS = 500
-"""Steps of the mission that are compared: their tables and the largest program fit into an ATmega328P's flash."""
+"""Number of mission steps that are compared: their tables and the largest program fit into an ATmega328P's flash."""
 
 BOUNDS_V = {"typical": 0.005, "most": 0.05}
-"""Difference of a motor's voltage from the firmware's, median and largest. The firmware brakes by a distance in whole
-mm: one of them is 0.03 V near a waypoint."""
+"""Bounds of a motor voltage's difference from the firmware's, median and largest. The firmware brakes by a distance in
+whole mm; 1 mm is 0.03 V near a waypoint."""
 
 ARITHMETICS = {
     "ours": "the firmware's 16 and 32 bits",
@@ -59,7 +59,7 @@ class LawCost:
     """What a step of the control law costs in one arithmetic.
 
     Attributes:
-        cycles: of each step, shape (steps,); states on the H8.
+        cycles: cycles of each step, shape (steps,); states on the H8.
         flash: bytes of code and constants, with the routines of the arithmetic.
         voltages: the answers, shape (steps, 2), V.
     """
@@ -73,8 +73,8 @@ def measure(brick: str, steps: int = STEPS) -> dict[str, LawCost]:
     """Runs the law on the simulator of a brick's processor, in each of `ARITHMETICS`.
 
     Args:
-        brick: of `BRICKS`.
-        steps: of the mission; at most `STEPS`.
+        brick: one of `BRICKS`.
+        steps: number of steps of the mission, at most `STEPS`.
 
     Raises:
         InputError: no checkout of the project, no compiler or no simulator.
@@ -101,7 +101,7 @@ def measure(brick: str, steps: int = STEPS) -> dict[str, LawCost]:
 
 
 def check_same_answers(what: str, ours: Array, theirs: Array) -> None:
-    """Raises SimulationError where two programs' voltages differ by more than `BOUNDS_V`."""
+    """Raises SimulationError if two programs' voltages differ by more than `BOUNDS_V`."""
     apart = np.abs(theirs - ours)
     typical, most = float(np.median(apart)), float(apart.max())
     if not (typical <= BOUNDS_V["typical"] and most <= BOUNDS_V["most"]):
@@ -121,7 +121,7 @@ def missing(brick: str) -> str | None:
 
 
 def figures_here() -> tuple[dict[str, LawFigure], list[str]]:
-    """Returns the figures of each brick that can be measured here, and why another cannot."""
+    """Returns the figures of each brick that can be measured here, and the reasons why others cannot."""
     reasons = {brick: missing(brick) for brick in BRICKS}
     found: dict[str, LawFigure] = {}
     for brick, reason in reasons.items():
@@ -205,8 +205,8 @@ _TURN = 2.0 * math.pi
 class Records:
     """Steps of a flight in SI units: ``x`` to ``battery`` (steps,), ``waypoint`` and ``phase`` as integers.
 
-    ``waypoints`` is (count, 2), m. The firmware's own signals are rounded to its formats, so each value is exactly one
-    of these.
+    ``waypoints`` is (count, 2), m. The firmware's own signals are rounded to its formats, so each value is exact in
+    these formats.
     """
 
     x: Array
@@ -222,9 +222,9 @@ class Records:
 
 
 def record(steps: int) -> Records:
-    """Flies the packaged mission and returns `steps` of its steps that drive, spread evenly over it.
+    """Flies the packaged mission and returns `steps` of the steps in which it drives, spread evenly over it.
 
-    The rate of change of the speed is the difference of two steps: the log has no filtered one.
+    The rate of change of the speed is the difference of two steps, because the log has no filtered rate.
     """
     mission = scenario.load(scenario.packaged()["mission"])
     flown = flight.fly(flight.plan(mission, rcx(), profile="coupled", sensors="imu+encoders", seed=0))

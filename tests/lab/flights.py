@@ -31,13 +31,13 @@ BIASES = {"accel_bias", "gyro_bias"}
 
 
 def drawn(count: int, seed: int) -> list[str]:
-    """Returns "" for a flight without an effect, and so many effects of the library that have a preset size."""
+    """Returns "" for a flight without an effect, and `count` effects of the library that have a preset size."""
     known = [one.name for one in catalogue.effects() if one.parameters and one.parameters[0].preset]
     return ["", *np.random.default_rng(seed).permutation(known)[:count].tolist()]
 
 
 def data_of(effect: str, folder: Path, sensors: str, seed: int) -> Path:
-    """Returns the data set of a flight with an effect, which is flown where it is not there yet."""
+    """Returns the data set of a flight with an effect; flies it if the data set is not there yet."""
     made = folder / "data"
     if not made.is_dir():
         folder.mkdir(parents=True, exist_ok=True)
@@ -51,7 +51,7 @@ def data_of(effect: str, folder: Path, sensors: str, seed: int) -> Path:
 
 
 def answer(effect: str, folder: Path, jobs: int) -> dict[str, Any]:
-    """Returns what is said of a flight: right, among rivals, silent (unknown, or nothing more), or wrong."""
+    """Returns the answer to a flight: its score is right, among rivals, silent (unknown or nothing more), or wrong."""
     began = time.perf_counter()
     found = bp.discover(reading.read(folder / "data"), jobs=jobs)
     names = [one.name for one in found.effects if one.claimed]
@@ -69,7 +69,7 @@ def answer(effect: str, folder: Path, jobs: int) -> dict[str, Any]:
 
 
 def change(effect: str, folder: Path, before: Path, jobs: int) -> dict[str, Any]:
-    """Returns what is said to be different from the flight `before`: as `answer`, by the mechanism."""
+    """Returns the answer to what differs from the flight `before`, scored as in `answer`, by the mechanism."""
     began = time.perf_counter()
     found = bp.changed(before, folder / "data", jobs=jobs)
     (verdict,) = found.verdicts.values()

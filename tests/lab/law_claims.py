@@ -11,7 +11,7 @@ from lab import law_score
 from lab.claims import Claim, Wanted, share_of
 from lab.score import Result, Share, detected, intervals_hold
 
-_NULLS = 200  # sets with nothing hidden: the share of fewer says little
+_NULLS = 200  # least number of sets with nothing hidden: a share of fewer says little
 _WORDS = {
     "same": "one effect, by the library's law",
     "other": "one effect, by another law",
@@ -23,7 +23,7 @@ _WORDS = {
 
 
 def by_suite(results: Sequence[Result]) -> dict[str, list[Claim]]:
-    """Returns the claims of each quick suite of which there are results, by its words."""
+    """Returns title of a quick suite -> its claims, for each suite that has results."""
     found = {}
     for group in law_score.GROUPS:
         mine = [one for one in results if one.get("group") == group]
@@ -103,7 +103,7 @@ def _times(results: Sequence[Result]) -> Iterator[Claim]:
 
 
 def median(what: str, values: Sequence[float], unit: str, wanted: Wanted | None = None) -> Claim:
-    """Returns a claim on the median. Its 95 % interval is that of order statistics, and so free of any distribution.
+    """Returns a claim on the median. Its 95 % interval comes from order statistics, so it assumes no distribution.
 
     Fewer than six values have no such interval.
     """

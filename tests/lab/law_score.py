@@ -1,4 +1,4 @@
-"""What one result of a quick suite counts: by mechanism, law, name, nominal value and place (see result.py).
+"""The score of one result of a quick suite: by mechanism, law, name, nominal value and place (see result.py).
 
 A quick suite says of every hidden effect whether its law is the library's ("same"), another one of a mechanism that the
 library knows ("other"), or outside every law of it ("odd"); and where the engine's own runs show it.
@@ -19,7 +19,7 @@ from lab.score import Result, explanations, named
 GROUPS = ("same", "other", "outside", "nulls", "nominal", "scales")
 
 ADEQUATE = 1.1
-"""Times the noise floor on held-out runs: the data cannot tell a law that leaves no more from the true one."""
+"""Held-out residual over the noise floor: if a law leaves no more, the data cannot tell it from the true law."""
 
 _GRID_S = 0.01  # places are compared on a grid of this step
 
@@ -34,7 +34,7 @@ class Overlap:
 
     @property
     def f1(self) -> float | None:
-        """The F1 score; None where nothing is known to show."""
+        """The F1 score; None if no region is known."""
         return 2 * self.both / (self.said + self.known) if self.known else None
 
 
@@ -43,7 +43,7 @@ def _laws(result: Result) -> Sequence[Mapping[str, Any]]:
 
 
 def true_mechanisms(result: Result) -> frozenset[str]:
-    """Returns the mechanisms that are right: of the library's own laws those of their rows."""
+    """Returns the mechanisms that are right; for the library's own laws, these stand in the catalogue."""
     right: set[str] = set()
     for law in _laws(result):
         right |= set(law["mechanisms"] or (catalogue.effect(name).mechanism for name in law["names"]))
@@ -66,7 +66,7 @@ def first_names(result: Result) -> list[str]:
 
 
 def said_mechanism(result: Result) -> str | None:
-    """Returns the mechanism of the verdict; where it gives none, that of the first name."""
+    """Returns the mechanism of the verdict, or of the first name if the verdict gives no mechanism."""
     if result.get("error") or result["verdict"] == "none":
         return None
     said = result["mechanism"]
@@ -91,8 +91,8 @@ def law_right(result: Result) -> bool:
 
     The library's own law is right if its name, or the family's, is claimed alone or among rivals, and not said to
     differ. Another law is said to differ if the verdict is `unknown` with the right mechanism, or says so of a claimed
-    name that is right. Where it does not, what the model leaves on held-out runs has to be noise: then the data cannot
-    tell both laws apart.
+    name that is right. If it does not say so, the residual on held-out runs has to be noise: then the data cannot tell
+    both laws apart.
     """
     if result.get("error"):
         return False
@@ -121,8 +121,8 @@ def false_names(result: Result) -> list[str]:
 
 
 def nominal_found(result: Result) -> bool:
-    """Returns whether a wrong nominal value is reported: one of them leaves its sd, or its effect is named, at least
-    as a suspicion."""
+    """Returns whether a wrong nominal value is reported: one such value leaves its prior, or its effect is claimed or
+    suspected."""
     wrong = set(result["wrong"])
     told = {name for one in explanations(result) for name in one} | set(first_names(result))
     return not result.get("error") and bool(wrong & set(result["left_prior"]) or told & set(result["called"]))
@@ -155,7 +155,7 @@ def _by_signal(spans: Sequence[Mapping[str, Any]]) -> dict[tuple[str, str], NDAr
 
 
 def condition_share(result: Result) -> tuple[float, int]:
-    """Returns how many places give the condition of the known region that they overlap most, and of how many."""
+    """Returns how many places give the condition of the known region that they overlap most, and how many overlap."""
     right = counted = 0
     for place in result["where"]:
         near = [one for one in result["regions"] if (one["run"], one["signal"]) == (place["run"], place["signal"])]

@@ -1,4 +1,4 @@
-"""Which state of the checkout a result is of. Each result keeps it, and each table says it."""
+"""The state of the checkout at which a result was measured. Each result keeps it, and each table states it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def state() -> str:
 
 
 def told(states: Iterable[str | None], what: str) -> str:
-    """Returns of which states some results are, the commonest first; `what` says what is counted."""
+    """Returns at which states results were measured, the commonest first; `what`: the plural of a result."""
     counted = Counter(one or UNKNOWN for one in states)
     found = [one if len(counted) == 1 else f"{one} ({number} {what})" for one, number in counted.most_common()]
     return f"measured at {', '.join(found)}" if found else f"no {what}"

@@ -1,7 +1,7 @@
 """The pages of the benchmark: on hidden effects, and on real logs.
 
 `hidden` and `real` make plain content of results: the cells of the tables, and the numbers behind them for the figures.
-`hidden_page` and `real_page` take it and compute nothing of it again.
+`hidden_page` and `real_page` draw this content and compute nothing again.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _HOLDS: dict[bool | None, tuple[str, Colour]] = {
     False: ("not met", "orange"),
     None: ("nothing asked, or too few sets", "grey"),
 }
-_LEAST = 0.0  # percent: a figure has no place below it, and marks it there
+_LEAST = 0.0  # percent: the lower end of a figure, which shows smaller values there
 
 
 def hidden_page(content: Mapping[str, Any]) -> str:
@@ -44,7 +44,7 @@ def hidden_page(content: Mapping[str, Any]) -> str:
 
 
 def _claims_chart(title: str, claims: Sequence[Mapping[str, Any]]) -> Markup | None:
-    """Draws the shares among the claims, by their numbers in the table; None: there is none."""
+    """Draws the shares among the claims, by their numbers in the table; None: no claim is a share."""
     shares = [(number, one) for number, one in enumerate(claims, 1) if one["unit"] == "%" and one["value"] is not None]
     if not shares:
         return None
@@ -167,7 +167,7 @@ def hidden(results: Sequence[Result], found: Mapping[str, Any]) -> dict[str, Any
 
 
 def _set(result: Result) -> dict[str, Any]:
-    """Returns the row of one set. What its truth does not tell is None."""
+    """Returns the row of one set. A value that its truth does not tell is None."""
     names = [*(result["hidden"] or ()), *(f"nominal {name}" for name in result.get("wrong", ()))]
     lawful = bool(result.get("laws"))
     return {

@@ -39,7 +39,7 @@ def _cut(run: Run, index: int, count: int) -> Run:
 
 
 def answer(dataset: Dataset, jobs: int) -> dict[str, Any]:
-    """Returns what is said of a data set, in short."""
+    """Returns the answer of discovery to a data set, in short."""
     began = time.perf_counter()
     found = bp.discover(dataset, jobs=jobs)
     return {

@@ -63,7 +63,7 @@ class Memory:
         return (cost.code + cost.words) * self.word + cost.data_bytes * self.byte + cost.own
 
     def by_first_byte(self) -> NDArray[np.int64]:
-        """Returns (256,): states of an instruction by its first byte; -1: there is none, or none with a fixed sum."""
+        """Returns (256,): states of an instruction by its first byte; -1: no instruction, or no fixed sum."""
         return np.array([self.states(COSTS[first]) if first in COSTS else -1 for first in range(256)], dtype=np.int64)
 
 
@@ -217,7 +217,7 @@ class Counter:
 def end_of_call(stack_pointer: NDArray[np.uint16], entry: int) -> int | None:
     """Returns the index of the first instruction after the function entered at `entry`.
 
-    There its return address has left the stack.
+    At this instruction the function's return address has left the stack.
     """
     for first in range(entry, len(stack_pointer), 1 << 14):
         popped = np.flatnonzero(stack_pointer[first : first + (1 << 14)] > stack_pointer[entry])
@@ -313,7 +313,7 @@ SERIAL = ("ERI", "RXI", "TXI", "TEI")
 
 @dataclass(frozen=True)
 class Share:
-    """Of one kind: its share of the time, 0..1; how often an interrupt came per s; and its states, on average."""
+    """The time of one kind: its share of all time, 0..1; its interrupts per s; and the mean states of one interrupt."""
 
     share: float
     per_s: float
@@ -322,10 +322,10 @@ class Share:
 
 @dataclass(frozen=True)
 class KernelShare:
-    """What was measured in a flight.
+    """The measured values of a flight.
 
     Attributes:
-        seconds: simulated, from the button Run on.
+        seconds: simulated time from the button Run on.
         ticks_ms: from the beginning of one control step to that of the next.
         shares: each kind of `LABELS`.
     """
@@ -340,7 +340,7 @@ def measure_shares(sensors: str, seconds: float, progress: Callable[[int, int, s
 
     Args:
         sensors: ``imu`` or ``rotation``.
-        seconds: from the button Run on; the robot rests for the first two.
+        seconds: duration from the button Run on; the robot rests for the first two.
         progress: called with the steps done, all steps, and a text.
 
     Raises:

@@ -36,8 +36,8 @@ class HiddenTest:
     """A benchmark's own protocol: fits see no sample of `run`; the error of `signal` counts after `skip` samples.
 
     Attributes:
-        unit: in which the benchmark gives the error, `scale` of them to the signal's SI unit.
-        published: what others reached, in words.
+        unit: the unit of the benchmark's error; the signal's SI unit has `scale` of them.
+        published: the errors that others reached, in words.
     """
 
     run: str
@@ -58,7 +58,7 @@ class RealLog:
         files: groups of paths or patterns; the files of a group stand side by side.
         mapping: ``SIGNAL=SOURCE[:UNIT]``, as the importers take it.
         nominal: `[nominal]` of the data set.
-        mechanisms: those that a knower of the machine would look for.
+        mechanisms: the mechanisms that an expert on the machine would look for.
     """
 
     name: str
@@ -129,7 +129,7 @@ def clone_of(log: RealLog, fetched: Path) -> Path | None:
 
 
 def build(log: RealLog, fetched: Path, out: Path) -> Path | None:
-    """Makes the data set of a log in the new folder `out`; returns it, or None where its repository is not there.
+    """Makes the data set of a log in the new folder `out`; returns it, or None if its repository is not there.
 
     Raises:
         InputError: a file of the log is missing or damaged.
@@ -148,7 +148,7 @@ def build(log: RealLog, fetched: Path, out: Path) -> Path | None:
 
 
 def build_once(log: RealLog, fetched: Path, out: Path) -> Path | None:
-    """Does as `build`, unless the data set is there already."""
+    """Returns the data set of a log, made by `build` unless it is there already."""
     return out if (out / "dataset.toml").is_file() else build(log, fetched, out)
 
 
@@ -179,7 +179,7 @@ def _imported(log: RealLog, groups: Sequence[tuple[Path, ...]], raw: Path) -> No
 
 
 def _plain(log: RealLog, group: Sequence[Path], out: Path) -> Path:
-    """Writes a table without comments, with the files of a group side by side and a column of time where asked for."""
+    """Writes a table without comments, with the files of a group side by side and a column of time if asked for."""
     columns = [_lines(path, log.comment) for path in group]
     rows = [log.delimiter.join(cells) for cells in zip_longest(*columns, fillvalue="")]
     if log.step_s:
@@ -197,7 +197,7 @@ def _lines(path: Path, comment: str) -> list[str]:
 
 
 def _reshaped(log: RealLog, raw: Path, out: Path, source: Path) -> None:
-    """Writes the imported data set again: without its first rows, one row of so many, cut into runs."""
+    """Writes the imported data set again: without its first rows, with every `log.every`-th row, cut into runs."""
     imported = describe(raw / "dataset.toml")
     runs: list[NewRun] = []
     layout = CsvFormat(",", True)

@@ -1,4 +1,4 @@
-"""Runs discovery and its peers on one measured data set, and returns what the table needs of it as plain data."""
+"""Runs discovery and its peers on one measured data set, and returns the plain data that the table needs."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Work:
     Attributes:
         discover: whether discovery runs.
         peers: the peers that run.
-        seed, jobs, budget_s: of discovery; None: it takes as long as it needs.
+        seed, jobs, budget_s: options of discovery; budget None: it takes as long as it needs.
     """
 
     discover: bool = True
@@ -96,7 +96,7 @@ def run(
     Args:
         known: what is known of the logs, by name.
         kept: the last results by name.
-        workers: where they run. In this process, each shows its own progress; else the number of them is shown.
+        workers: where the data sets run. In this process, each shows its own progress; else the number done is shown.
         progress: called with (done, all, text).
 
     Raises:
@@ -132,7 +132,7 @@ def run_log(
 
     Args:
         known: what is known of the logs, by name.
-        kept: the last results by name; of the same data set, those parts are kept that `work` leaves out.
+        kept: the last results by name; the last result of this data set gives the parts that `work` leaves out.
     """
     data = reading.read(folder)
     before = kept.get(data.name, {})
@@ -163,7 +163,7 @@ def run_log(
 
 
 def _discovered(data: Dataset, roles: Roles, work: Work, progress: Progress) -> tuple[dict[str, Any], Roles | None]:
-    """Returns what discovery says of a data set and how well its written model fits, and the roles that it used."""
+    """Returns the answer of discovery to a data set with the fits of its models, and the roles that it used."""
     began = time.perf_counter()
     try:
         found = _found(data, work, _named(data.name, progress))
@@ -241,7 +241,7 @@ def _said(found: Finding) -> dict[str, Any]:
 
 
 def _attainable(fit_percent: Mapping[str, Any]) -> dict[str, dict[str, float]]:
-    """Returns "fit" and "held_out" -> signal -> the fit percent that a free run can reach, where discovery says so."""
+    """Returns "fit" and "held_out" -> signal -> the fit percent that a free run can reach, if discovery states it."""
     free = {signal: horizons.get(_FREE_RUN) or {} for signal, horizons in fit_percent.items()}
     by_role = {"fit": free, "held_out": {signal: one.get("held_out") or {} for signal, one in free.items()}}
     return {
@@ -282,9 +282,9 @@ def _peer(peer: Peer, data: Dataset, roles: Roles, signals: Sequence[str]) -> di
 
 
 def _tested(data: Dataset, test: HiddenTest, work: Work, before: dict[str, Any], progress: Progress) -> dict[str, Any]:
-    """Returns the error on the test run of everything that was fitted without it, in the signal's SI unit.
+    """Returns the error on the test run, in the signal's SI unit, of each model that was fitted without this run.
 
-    The error is that of the benchmark's own package, RMSE after the samples that serve to find the state.
+    The error is that of the benchmark's own package: RMSE after the samples that serve to find the state.
     """
     if find_spec("nonlinear_benchmarks") is None:
         return {"missing": "the benchmark's own protocol is left out: pip install 'brickpilot[peers]'"}

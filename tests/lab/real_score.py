@@ -18,12 +18,12 @@ Predictions = Mapping[str, Mapping[str, Array]]
 """Run -> signal -> (n,) values at the run's own times."""
 
 WORST = -999.0
-"""Percent: a fit below it, or of a model that diverged, is written as this."""
+"""Percent: a lower fit, and the fit of a model that diverged, are written as this value."""
 
 ROLES = ("fit", "held_out")
 
 FIGURE = "share of the signal"
-"""What the figures of a result are; results without it were scored about the signal's mean."""
+"""The kind of a result's figures; results without this entry were scored about the signal's mean."""
 
 _DIVERGED = 1e200  # SI: beyond it, squares overflow
 
@@ -47,8 +47,8 @@ class Fit:
 def fits(dataset: Dataset, roles: Roles, predicted: Predictions, signals: Collection[str]) -> dict[str, Fit]:
     """Returns "fit" and "held_out" -> how well `predicted` fits these runs.
 
-    What is not predicted counts as 0, which explains 0 %. A signal of arbitrary origin counts from its first known
-    sample. A signal that is zero, or no more than its noise, is left out.
+    A sample without a prediction counts as predicted 0, which explains 0 %. A signal of arbitrary origin counts from
+    its first known sample. A signal that is zero, or no more than its noise, is left out.
     """
     return {
         role: _fit(dataset, [n for n, own in roles.by_run.items() if own == role], predicted, signals) for role in ROLES
@@ -80,7 +80,7 @@ def _agreement(signal: str, measured: Array, predicted: Array | None, noise: flo
 
 
 def _known(signal: str, measured: Array, predicted: Array | None) -> tuple[Array, Array]:
-    """Returns the known samples of a run, and what is predicted there: NaN where nothing is."""
+    """Returns the known samples of a run and their predictions, NaN where there is none."""
     known = np.isfinite(measured)
     values = measured[known]
     simulated = np.full_like(values, np.nan) if predicted is None else predicted[known]

@@ -1,4 +1,4 @@
-"""The table of the benchmark on real logs, and what it sums up to, from the kept results alone."""
+"""The table of the benchmark on real logs, and its summary, from the kept results alone."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def ordered(results: Mapping[str, Result], known: Mapping[str, RealLog]) -> list
 
 
 def remarks(results: Sequence[Result], known: Mapping[str, RealLog]) -> list[str]:
-    """Returns what the table sums up to, and each log's result by its own protocol, a sentence each."""
+    """Returns the table's summary, and each log's result by its own protocol, as sentences."""
     return [*summary(results, known), *(_test(one, known) for one in results if "test" in one)]
 
 
@@ -132,7 +132,7 @@ def _limits(result: Result) -> dict[str, float]:
 def removed(result: Result) -> float | None:
     """Returns the share of the predictable error that the written model removes on the runs that judge.
 
-    The predictable error is the squared error of the calibrated nominal model less that of what is attainable, each
+    The predictable error is the squared error of the calibrated nominal model less the attainable squared error, each
     signal in units of its own norm.
     """
     role, limits = judged_on(result), _limits(result)
@@ -146,7 +146,7 @@ def removed(result: Result) -> float | None:
 
 
 def summary(results: Sequence[Result], known: Mapping[str, RealLog]) -> list[str]:
-    """Returns what the table sums up to, a sentence each."""
+    """Returns the table's summary, as sentences."""
     ran = [one for one in results if "after" in models(one)]
     said = [f"{len(results)} logs; fit percent over {_roles(ran)}."]
     kept = [one.get("measured", {}) for one in results]
@@ -229,7 +229,7 @@ def _test(result: Result, known: Mapping[str, RealLog]) -> str:
 
 
 def write_between_marks(path: Path, text: Sequence[str], marks: tuple[str, str] = (BEGIN, END)) -> None:
-    """Replaces what stands between the marks of a file.
+    """Replaces the text between the marks of a file.
 
     Raises:
         InputError: the file has not each mark once.

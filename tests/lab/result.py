@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 RESULTS = "results.jsonl"
 
 _RANKED = 5  # explanations that a result keeps
-_UNMADE = {"hidden": None, "sensors": "imu", "noise": 1.0, "nominal_error": 0.0}  # the recipe of no set
+_UNMADE = {"hidden": None, "sensors": "imu", "noise": 1.0, "nominal_error": 0.0}  # for a set without a recipe
 
 _SIZE = re.compile(r"-x([0-9.]+)-")
 
@@ -60,14 +60,14 @@ def append(path: Path, result: Mapping[str, Any]) -> None:
 
 
 def put_in_order(path: Path, keys: Sequence[tuple[str, str, int]]) -> list[dict[str, Any]]:
-    """Returns the results of a file, those with `keys` last and in that order, and writes them so if they stand else.
+    """Returns the results of a file, those with `keys` last and in that order, and writes them if the order changes.
 
     Args:
         keys: engine, name and seed of results, which may have come in any order.
     """
     found = {(one["engine"], one["name"], one["seed"]): one for one in load(path)}
     places = {key: place for place, key in enumerate(keys)}
-    ordered = sorted(found, key=lambda key: places.get(key, -1))  # stable: the others stay in theirs
+    ordered = sorted(found, key=lambda key: places.get(key, -1))  # stable: the other results keep their order
     if ordered != list(found):
         write_whole(path, "".join(_line(found[key]) for key in ordered))
     return [found[key] for key in ordered]

@@ -1,9 +1,9 @@
 """How time grows with the amount of work: runs, samples and candidates; and what more workers gain.
 
-Times of one process are processor time, because other programs on the machine hardly change it. What a call costs at
-any size, such as loading and checking, is measured with next to no work and subtracted, and so is that work from the
-size: the exponent is of the rest alone. Flights of a campaign are the processor time of its worker and of this process.
-What more workers gain is wall time, from the first result to the last.
+Times of one process are processor time, because other programs on the machine hardly change it. The fixed cost of a
+call, such as loading and checking, is measured at a very small size. This cost is subtracted from each time and this
+size from each size, so the exponent describes the rest alone. The time of a campaign's flights is the processor time of
+its worker and of this process. The gain of more workers is in wall time, from the first result to the last.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from threadpoolctl import threadpool_limits
 
 Progress = Callable[[int, int, str], None]
 Work = Callable[[int], Callable[[], object]]
-"""Size -> a function that does so much work; what is made before does not count."""
+"""Size -> a function that does the work of this size; the time to make the function does not count."""
 
 _PERIOD_S = 0.01
 _RUNS = 4
@@ -49,13 +49,13 @@ class Sweep:
     """Work of growing size.
 
     Attributes:
-        name: of its figures.
-        what: which work, in words.
-        unit: what is counted.
+        name: name of its figures.
+        what: the work in words.
+        unit: the unit of a size.
         sizes: three or more.
         work: size -> the work.
-        least: a size with next to no work, which is subtracted from each size, and its time; 0: nothing is.
-        repeats: of each size.
+        least: a very small size; it and its time are subtracted from each size and time; 0: nothing is subtracted.
+        repeats: repeats of each size.
     """
 
     name: str
@@ -69,7 +69,7 @@ class Sweep:
 
 @dataclass(frozen=True)
 class Measured:
-    """The processor times of a sweep, s: ``seconds`` are (sizes, repeats), without ``fixed_s``, that of ``least``."""
+    """The processor times of a sweep, s: ``seconds`` are (sizes, repeats), less ``fixed_s``, the time of ``least``."""
 
     name: str
     what: str
@@ -86,12 +86,12 @@ class Measured:
 
     @property
     def times_work(self) -> float:
-        """How many times the smallest amount of work the largest is, both beyond `least`."""
+        """The largest amount of work over the smallest, both beyond `least`."""
         return (self.sizes[-1] - self.least) / (self.sizes[0] - self.least)
 
     @property
     def times_as_long(self) -> float:
-        """How many times as long as the smallest the largest took."""
+        """The time of the largest amount of work over that of the smallest."""
         return min(self.seconds[-1]) / min(self.seconds[0])
 
 
@@ -106,7 +106,7 @@ class Crowd:
 
     @property
     def gains(self) -> list[float]:
-        """How many times as many flights as one worker does, for each number of workers."""
+        """Flights per second over those of one worker, for each number of workers."""
         best = [max(rates) for rates in self.flights_per_s]
         return [rate / best[0] for rate in best]
 
@@ -121,7 +121,7 @@ class Scaling:
 
 
 def recording(samples: int) -> Dataset:
-    """Returns a data set of so many samples in four runs of a robot with one effect of its bearings; seeded."""
+    """Returns a data set of `samples` samples in four runs of a robot with one effect of its bearings; seeded."""
     random = np.random.default_rng(0)
     bearings = (one for one in catalogue.effects() if one.mechanism == "bearing" and not one.variant_of)
     hidden = min(bearings, key=lambda one: len(one.parameters))
@@ -210,7 +210,7 @@ def measure(
         chosen: the sweeps; None: `sweeps`.
         flights_of: numbers of flights of the campaign with one worker.
         crowd_flights: flights of each number of workers.
-        repeats: of each number of flights.
+        repeats: repeats of each number of flights.
     """
     chosen = sweeps() if chosen is None else chosen
     total, found = len(chosen) + 2, []
@@ -258,7 +258,7 @@ def _on_recording(function: Callable[[Dataset], object]) -> Work:
 
 
 def _screening(samples: int, times: int | None = None) -> Callable[[], object]:
-    """Screens all effects beside the calibrated model; with `times`: so many, the list over and over."""
+    """Screens all effects beside the calibrated model; with `times`: so many candidates, by repeating the list."""
     prepared, _ = prepare.prepare(recording(samples), None, seed=0, jobs=1)
     prepared, nominal = prepare.calibrate(prepared)
     here = Problem(prepared.coarse, nominal.plan).keeping(nominal.point, len(nominal.point))
@@ -286,14 +286,14 @@ def flown_by(plan: flight.Plan) -> float:
 
 @dataclass(frozen=True)
 class _Flown:
-    """What the flights of a campaign after the first took, s."""
+    """The time of a campaign's flights after the first one, s."""
 
     wall_s: float
     processor_s: float
 
 
 def _fly(count: int, jobs: int) -> _Flown:
-    """Flies so many flights after the first one. The processor time is right with one worker."""
+    """Flies `count` flights after the first one. The processor time is right with one worker."""
     moments: list[tuple[float, float]] = []
 
     def keep(_: engine.Part, worker_s: float) -> None:
@@ -381,7 +381,7 @@ def fit(sizes: Sequence[float], seconds: Sequence[Sequence[float]]) -> PowerLaw:
     """Fits a power law to the smallest time of each size.
 
     The smallest is the one that other programs on the machine disturbed least. The interval comes from the scatter of
-    the sizes about the line (Student's t), so that it holds what the repeats of one size do not show.
+    the sizes about the line (Student's t), so that it includes errors that repeats of one size do not show.
 
     Args:
         sizes: three or more, above 0.

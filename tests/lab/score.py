@@ -1,7 +1,7 @@
-"""What one result of the blind test counts (see result.py).
+"""The score of one result of the blind test (see result.py).
 
 A result holds the truth (`hidden`: effect -> parameter -> value, SI) and the verdict. Explanations are compared by the
-names of their effects. Parameters are compared where the names are right.
+names of their effects. Parameters are compared only if the names are right.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from typing import Any
 Result = Mapping[str, Any]
 
 VISIBLE = 5.0
-"""An effect that changes some signal by so many noise sd, rms, is called clearly visible."""
+"""In noise sd: an effect that changes some signal by at least this rms is called clearly visible."""
 
 AMONG = {"imu+encoders": 3, "imu": 4}
 """Sensors -> the most names that an `ambiguous` verdict may hold."""
 AMBIGUOUS_CREDIT = {"imu+encoders": 0.5, "imu": 1.0}
-"""Sensors -> what such a verdict counts."""
+"""Sensors -> the credit of an `ambiguous` verdict."""
 REMOVED = 0.8
 """Share of the held-out gap that a composed term has to remove."""
 
@@ -97,7 +97,7 @@ def found(result: Result) -> frozenset[str]:
 
 
 def credit(result: Result) -> float:
-    """Returns what a set with hidden effects counts, 0 to 1.
+    """Returns the credit of a set with hidden effects, 0 to 1.
 
     `named` counts 1 if the true name comes first or, of several effects, if all are among the names. `ambiguous` counts
     `AMBIGUOUS_CREDIT` if one explanation holds all hidden effects, and all explanations together hold at most `AMONG`

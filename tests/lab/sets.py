@@ -29,7 +29,7 @@ class Task:
 
     Attributes:
         seed: the seed of its noise.
-        folder: where the set exists already; None: it has to be made.
+        folder: the folder of a set that exists already; None: it has to be made.
     """
 
     name: str
@@ -45,7 +45,7 @@ class Task:
 
 
 class Maker:
-    """Runs `tests/hidden`, in processes of its own: it must share nothing with what it judges."""
+    """Runs `tests/hidden` in processes of its own, because it must share nothing with the program that it judges."""
 
     tests = Path(__file__).parents[1]
 
@@ -99,7 +99,7 @@ def planned(
     """Returns at most `limit` sets of each suite and engine, of those whose names match `only`.
 
     Args:
-        suite: one of `SUITES` or `QUICK`, "ci", "all" for the first, "quick" for the second.
+        suite: one of `SUITES` or `QUICK`, "ci", "all" for all of the former, "quick" for all of the latter.
         engine: "mujoco", "planar" or "both".
 
     Raises:

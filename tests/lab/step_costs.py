@@ -21,7 +21,7 @@ from brickpilot.hil.rcx_flight import CLOCK_HZ
 from lab import avr_budget, control_peers, rcx_budget
 
 _KERNEL_S = 8.0
-"""s of the mission in which the kernel's share is measured; it does not change later."""
+"""The part of the mission, s, in which the kernel's share is measured; the share does not change later."""
 
 
 @click.command()
@@ -43,7 +43,7 @@ def step_costs(target: str, profile: str, sensors: str, seconds: float | None, a
 
 
 def _avr(target: str, seconds: float | None, as_json: bool) -> None:
-    """Measures one of `AVR_TARGETS`, or all of them where `target` is avr."""
+    """Measures one of `AVR_TARGETS`, or all of them if `target` is avr."""
     found: dict[str, dict[str, Any]] = {}
     for name in [target] if target in AVR_TARGETS else AVR_TARGETS:
         with progress_shown(as_json) as progress:

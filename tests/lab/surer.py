@@ -27,7 +27,7 @@ FAULTS = (
 )  # fmt: skip
 FIRST = (steps("straight", 6.0, (0.5, 5.5, 5.5), (5.0, 0, 0)),)
 SECOND = (steps("curve", 6.0, (0.5, 4.2, 2.4), (5.0, 0, 0)),)
-SIZE = 2.0  # times the size at which a fault shows
+SIZE = 2.0  # size of a fault over the size at which it shows
 
 
 def faulty(number: int) -> tuple[str, str, dict[str, dict[str, float]]]:
@@ -45,7 +45,7 @@ def faulty(number: int) -> tuple[str, str, dict[str, dict[str, float]]]:
 
 
 def asked(logs: list[Path], robot: str, jobs: int) -> dict[str, Any]:
-    """Returns what `why` says of logs: ending, names, and the share that each size's 95 % interval is of it."""
+    """Returns the answer of `why` to logs: ending, names, and the 95 % interval of each parameter over its value."""
     known = ROBOTS[robot]
     nominal = {name: getattr(known, name) for name in ("wheel_radius", "half_track", "mass", "resistance")}
     found = bp.why(logs, nominal={**nominal, "battery_voltage": 9.0}, jobs=jobs)

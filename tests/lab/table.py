@@ -26,7 +26,7 @@ from lab.score import (
     move,
 )
 
-_BINS = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, math.inf)  # of the power curve over all effects, in noise sd
+_BINS = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, math.inf)  # edges of the bins of the power curve, in noise sd
 
 
 def power(results: Sequence[Result]) -> list[dict[str, Any]]:
@@ -139,7 +139,7 @@ def headline(table: Mapping[str, Any]) -> str:
 
 
 def sections(table: Mapping[str, Any]) -> dict[str, list[Mapping[str, Any]]]:
-    """Returns title -> those claims of it that count any set; a title without such a claim is left out."""
+    """Returns title -> its claims that count at least one set; a title without such a claim is left out."""
     titles = {f"claims, {group}": made for group, made in table["claims"].items()}
     titles |= {f"suite {name}": made for name, made in table["suites"].items()}
     counted = {title: [one for one in made if one["of"]] for title, made in titles.items()}
@@ -162,7 +162,7 @@ def _claim_line(one: Mapping[str, Any]) -> str:
 
 
 def markdown(table: Mapping[str, Any]) -> Iterator[str]:
-    """Yields the lines of the quick suites' table for a page, after what was run and of which state it is."""
+    """Yields a line on what was run and at which state, then the lines of the quick suites' table for a page."""
     yield f"{headline(table)}; {table['measured']}."
     yield ""
     yield "| suite | figure | result | 95 % interval | of | asked for |"
@@ -176,7 +176,7 @@ def markdown(table: Mapping[str, Any]) -> Iterator[str]:
 
 
 def claim_cells(claim: Mapping[str, Any]) -> tuple[str, ...]:
-    """Returns the result of a claim, its 95 % interval, of how many, and what is asked for; "-" for none."""
+    """Returns the result of a claim, its 95 % interval, its number of sets, and the value asked for; "-" for none."""
     cells = (_value(claim), _spread(claim).strip("()"), str(claim["of"]), _wanted(claim))
     return tuple(cell.strip() or "-" for cell in cells)
 

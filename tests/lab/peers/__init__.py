@@ -38,7 +38,7 @@ class Peer:
     package: str | None
 
     def missing(self) -> str | None:
-        """Returns a line for the user where the peer's package is not installed, else None."""
+        """Returns a line for the user if the peer's package is not installed, else None."""
         if self.package is None or _installed(self.package):
             return None
         package = self.package.partition(":")[0]

@@ -22,8 +22,8 @@ from lab.real_score import Predictions
 
 Array = NDArray[np.float64]
 
-_MOST_SAMPLES = 10_000  # of all runs, in the fit with delays
-_MOVING = 0.02  # of the largest speed: WPILib leaves out samples that stand still
+_MOST_SAMPLES = 10_000  # most samples of all runs together in the fit with delays
+_MOVING = 0.02  # share of the largest speed below which a sample stands still: WPILib leaves it out
 
 
 def with_delays(dataset: Dataset, roles: Roles) -> Predictions:
@@ -91,15 +91,15 @@ _RATES = ("wheel_velocity", "wheel_speed", "velocity", "speed")
 _TRAVELS = ("wheel_travel", "wheel_angle", "position", "angle")
 _FIRST_DELAYS = (0.0, 0.03, 0.1)  # s: the fit starts from each, for commands and channels alike
 _LONGEST_DELAY = 0.5  # s
-_MOVING_SAMPLES = 12  # where a run starts in motion, a line through so many gives its first speed
+_MOVING_SAMPLES = 12  # samples of the line that gives the first speed of a run that starts in motion
 _SMOOTH_S = 0.1  # s: span of the line that gives an acceleration for the first guess
-_EVALUATIONS = 40  # of the residual, at most, from one start
-_STEP = 1e-4  # of finite differences
+_EVALUATIONS = 40  # most evaluations of the residual from one start
+_STEP = 1e-4  # relative step of finite differences
 
 
 @dataclass(frozen=True)
 class FeedforwardFit:
-    """What the feed-forward law makes of a data set.
+    """The fit of the feed-forward law to a data set.
 
     Attributes:
         parameters: name -> value; kS in V, kV in V per unit of speed, kA in V per unit of speed and second, delays in
@@ -114,7 +114,7 @@ class FeedforwardFit:
 def fit_percent(measured: Array, predicted: Array) -> float:
     """Returns 100 (1 - rms(error) / rms(measured - mean)) over the known samples; NaN where nothing varies.
 
-    100 is a perfect prediction, and 0 is as good as the mean of the run. It is below 0 for a worse one.
+    100 is a perfect prediction, and 0 is as good as the mean of the run. Worse predictions are below 0.
     """
     known = np.isfinite(measured)
     if known.sum() < 2 or np.ptp(measured[known]) == 0:
@@ -146,7 +146,7 @@ def fit_feedforward(dataset: Dataset, roles: Mapping[str, str]) -> FeedforwardFi
 
 @dataclass(frozen=True)
 class _Wheel:
-    """The measured channels of one wheel; None: not measured. `per_travel` is units of travel per unit of rate."""
+    """The measured channels of one wheel, or of the motor if `side` is empty; None: not measured."""
 
     side: str
     rate: str | None
@@ -183,9 +183,9 @@ class _Law:
         self._speeds: dict[tuple[bytes, str], Array] = {}
 
     def descend(self, fitted: Sequence[_Record], delay: float) -> tuple[float, Array]:
-        """Returns the cost and the numbers at the end of a descent from a first guess with these delays.
+        """Returns the cost and the numbers at the end of a descent from a first guess with this delay.
 
-        Travels are first compared by their slopes: a travel sums errors up, and so has many minima.
+        Travels are first compared by their slopes: a travel sums errors up, so that its cost has many minima.
         """
         numbers = self._guess(fitted, delay)
         for by_slope in (True, False):
@@ -244,7 +244,7 @@ class _Law:
         return np.concatenate(parts)
 
     def _simulate(self, value: Mapping[str, float], one: _Record) -> Array:
-        """Returns (n, wheels): the speeds. A descent asks for the same ones again when only a channel's delay moves."""
+        """Returns (n, wheels): the speeds. They are kept, because a descent often changes a channel's delay alone."""
         law = [v for name, v in value.items() if not name.startswith("delay of") and name != "yaw"]
         key = (np.array(law).tobytes(), one.run.name)
         if key not in self._speeds:
@@ -432,7 +432,7 @@ def _rms(parts: Sequence[Array]) -> float:
 
 
 def _metres_per_unit(dataset: Dataset, wheels: Sequence[_Wheel]) -> float:
-    """Returns metres per unit of the wheels' speed: 1 where it is measured in m/s or m, else the wheel's radius."""
+    """Returns metres per unit of the wheels' speed: 1 if it is measured in m/s or m, else the wheel's radius."""
     name = wheels[0].rate or wheels[0].travel or ""
     if "velocity" in name or "travel" in name or name == "position":
         return 1.0

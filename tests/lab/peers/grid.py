@@ -19,7 +19,7 @@ from lab.real_score import Predictions, fits
 Array = NDArray[np.float64]
 
 _FEWEST = 50  # samples that the shortest run must keep on a grid
-_MOST_ROWS = 15_000  # of all runs together
+_MOST_ROWS = 15_000  # most samples of all runs together on a grid
 _STEPS_S = (0.005, 0.01, 0.02, 0.05)
 
 
@@ -30,7 +30,7 @@ class Stretch:
     Attributes:
         time: (n,) s, as in the run.
         inputs: (n, m) volts at the motors, the mean over the step that follows; a floating motor counts as 0 V.
-        outputs: (n, k) channels: the signal, or its rate where it sums up motion.
+        outputs: (n, k) channels: the signal, or its rate if the signal is an integral of motion.
     """
 
     time: Array
@@ -49,7 +49,7 @@ class Grid:
 
     def back(self, simulated: Mapping[str, Array]) -> Predictions:
         """Returns the signals at the measured samples, from run -> channels (n, k) on the grid."""
-        with np.errstate(over="ignore", invalid="ignore"):  # of a model that diverges
+        with np.errstate(over="ignore", invalid="ignore"):  # values of a model that diverges
             return {
                 run.name: self._signals(run, simulated[run.name]) for run in self.dataset.runs if run.name in simulated
             }
@@ -126,7 +126,7 @@ def _held_means(time: Array, values: Array, grid: Array, step: float) -> Array:
 Setting = TypeVar("Setting")
 
 Simulated = Callable[[Grid, Sequence[str], Sequence[str], Setting], Mapping[str, Array]]
-"""Fits on the runs of the first list and returns the channels of those of the second, (n, k) each."""
+"""Fits on the runs of the first list and returns the channels (n, k) of each run of the second list."""
 
 
 def choose(
@@ -135,7 +135,7 @@ def choose(
     """Returns the free runs of the best setting on the best grid.
 
     With three fit runs or more, every third one tells which setting is best, and the others fit it. With fewer, the
-    fit runs do both. Held-out runs are never looked at.
+    fit runs do both. Held-out runs are never used.
     """
     fitted = roles.fit()
     watched = fitted[1::3] if len(fitted) > 2 else fitted
@@ -163,7 +163,7 @@ def _score(grid: Grid, simulated: Mapping[str, Array], names: Sequence[str]) -> 
 def _safely(
     simulated: Simulated[Setting], grid: Grid, used: Sequence[str], wanted: Sequence[str], setting: Setting
 ) -> Mapping[str, Array]:
-    """Returns nothing where a library gives up on a setting: a singular matrix, or a model that diverges."""
+    """Returns nothing if a library fails with a setting: a singular matrix, or a model that diverges."""
     try:
         with np.errstate(all="ignore"):
             return simulated(grid, used, wanted, setting)

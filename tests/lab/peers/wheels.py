@@ -1,4 +1,4 @@
-"""What peers that model each driven side alone share: its speed on a grid, and the other channels from all sides."""
+"""The common part of peers that model each side alone: its speed on a grid, and other channels from all sides."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Drive:
 
 
 FitSide = Callable[[Sequence[Drive]], Callable[[Drive], Array]]
-"""Fits on drives and returns a function that simulates the speed (n,) of one from its volts and its first speed."""
+"""Fits on drives and returns a function that simulates a drive's speed (n,) from its volts and its first speed."""
 
 
 def simulated_by_side(grid: Grid, fitted: Sequence[str], fit_side: FitSide) -> Predictions:
@@ -52,7 +52,7 @@ def simulated_by_side(grid: Grid, fitted: Sequence[str], fit_side: FitSide) -> P
 
 
 def _sides(grid: Grid) -> list[int]:
-    """Returns for each driven side the channel that is its speed, the measured one before a derivative."""
+    """Returns for each driven side the channel that is its speed: measured if possible, else a derivative."""
     if grid.dataset.vehicle == "motor":
         return [next(grid.signals.index(name) for name in _MOTOR if name in grid.signals)]
     names = next(name for name in _WHEEL if f"{name}_left" in grid.signals)

@@ -1,10 +1,10 @@
-"""Speed beside a peer in the same process: on a shared machine absolute times mean little.
+"""Speed compared with a peer in the same process, because on a shared machine absolute times mean little.
 
 One peer is the packaged robot once more, as a text-book ODE for SciPy's `solve_ivp`, at equal accuracy. The equations
 are those of the plant's profile `coupled` (eq. 2, 5, 12 to 14), written here from the paper. `loosest` looks for the
-tolerance that is just as accurate as the plant with its steps of 0.3 ms and 3 ms, so that neither is charged for digits
-that the other does not have. Of SciPy's methods `METHODS` are the fastest here: LSODA where inputs are held, by 1.6
-times and more, and RK23 where each step begins anew, with half of RK45's evaluations.
+tolerance that is just as accurate as the plant with its steps of 0.3 ms and 3 ms, so that neither spends time on digits
+that the other does not have. `METHODS` are SciPy's fastest methods here: LSODA if inputs are held, by 1.6 times and
+more, and RK23 if each step begins anew, with half of RK45's evaluations.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ _LANES = {"alone": 1, "many": plant.MOST_LANES}
 class Figure:
     """One speed: ``value`` in ``unit``, ``ratio`` times that of ``peer``, which ran in the same process.
 
-    Where the unit is a cost, such as cycles/step, the ratio is the peer's cost over ours: it is above 1 where we are
-    faster. ``machine`` is what ran both.
+    If the unit is a cost, such as cycles/step, the ratio is the peer's cost over ours: it is above 1 if we are faster.
+    ``machine`` names the machine that ran both.
     """
 
     value: float
@@ -76,7 +76,7 @@ class LawFigure(Figure):
 def _best(works: Mapping[str, Callable[[], float]], repeats: int = 5) -> dict[str, float]:
     """Returns the best speed of several runs of each work, in times real time. A work returns simulated seconds.
 
-    They take turns, so that other programs on the machine disturb all of them alike. Times are those of the processor.
+    The works take turns, so that other programs on the machine disturb all of them alike. Times are processor times.
     """
     rates = dict.fromkeys(works, 0.0)
     for _ in range(repeats):
@@ -139,7 +139,7 @@ _MUJOCO_ROBOT = f"""
 
 @cache
 def _mujoco_model() -> Any:
-    """Returns MuJoCo's robot, compiled once. What it does not need is switched off: each switch makes MuJoCo faster."""
+    """Returns MuJoCo's robot, compiled once. The functions that it does not need are off, which makes it faster."""
     import mujoco
 
     return mujoco.MjModel.from_xml_string(_MUJOCO_ROBOT)
@@ -196,7 +196,7 @@ def host() -> dict[str, Figure]:
 
 
 def _scipy(model: Model, manoeuvre: Manoeuvre) -> dict[str, Callable[[], float]]:
-    """Returns for each of SciPy's methods, in words, the manoeuvre at the plant's accuracy, to be timed."""
+    """Returns description of a SciPy method -> function that solves the manoeuvre by it, as accurately as the plant."""
 
     def fly(setting: SolverSetting) -> float:
         solve(model, manoeuvre, setting.tolerance, setting.method)
@@ -246,7 +246,7 @@ VOLTAGES = ((4.5, 3.0), (-3.0, 6.0), (6.0, 6.0))
 """V left and right of the manoeuvre, each for `HELD` steps: a curve, a turn nearly on the spot, and straight on."""
 
 HELD = 333
-_FIRST_STEP = STEP_S / 5  # of a step that begins anew: the fastest of six tried, from a tenth of it to the whole
+_FIRST_STEP = STEP_S / 5  # first step of SciPy in a control step: the fastest of six, from a tenth to the whole
 STATES = 7
 
 
@@ -263,12 +263,12 @@ class Manoeuvre:
 
 
 def held() -> Manoeuvre:
-    """Returns `VOLTAGES`, each held for a second: SciPy at its best, for it takes long steps."""
+    """Returns `VOLTAGES`, each held for a second: the best case for SciPy, because it can take long steps."""
     return Manoeuvre(HELD, np.array(VOLTAGES))
 
 
 def controlled() -> Manoeuvre:
-    """Returns the same as in a closed loop: a controller's voltages change a little in every step of 3 ms."""
+    """Returns `VOLTAGES` as in a closed loop: a controller's voltages change a little in every step of 3 ms."""
     pieces = np.repeat(np.array(VOLTAGES), HELD, axis=0)
     ripple = 0.2 * np.sin(0.7 * np.arange(len(pieces)))
     return Manoeuvre(1, pieces + np.column_stack([ripple, -ripple]))
@@ -308,7 +308,7 @@ def solve(model: Model, manoeuvre: Manoeuvre, tolerance: float, method: Any) -> 
 
     Args:
         tolerance: rtol; atol is a thousandth of it.
-        method: of `solve_ivp`.
+        method: a method of `solve_ivp`.
     """
     slope = slope_of(model)
     state, found = [0.0] * STATES, []
@@ -354,9 +354,9 @@ class SolverSetting:
 
 
 def loosest(model: Model, manoeuvre: Manoeuvre) -> list[SolverSetting]:
-    """Returns for each of `METHODS` the largest of `TOLERANCES` with which its position errs no more than the plant's.
+    """Returns for each of `METHODS` the largest of `TOLERANCES` with an error of position no larger than the plant's.
 
-    The errors are the largest over the manoeuvre, from a solution at a tolerance of 1e-10.
+    An error is the largest difference over the manoeuvre from a solution at a tolerance of 1e-10.
 
     Raises:
         SimulationError: no tolerance is as accurate.

@@ -73,7 +73,7 @@ class Replayed:
     """A run that was flown again.
 
     Attributes:
-        inputs: the values that the campaign drew for the run; None: of an effect that its robot lacks.
+        inputs: the values that the campaign drew for the run; None: the robot lacks the effect of this value.
         figures: the keys of `brickpilot run --json`, or of `hil --json` where the run has faults.
         ticks: the columns of ticks.csv; None: the run has no link.
     """
@@ -85,11 +85,11 @@ class Replayed:
 
 
 def replay(campaign: Campaign, index: int) -> Replayed:
-    """Flies run `index` again: the same motor commands, to the last bit.
+    """Flies run `index` again; its motor commands are the same to the last bit.
 
     Raises:
         InputError: the campaign has no such run.
-        SimulationError: the plant diverges, as it did then.
+        SimulationError: the plant diverges, as it did in the campaign.
     """
     if not 0 <= index < count_of(campaign):
         last = count_of(campaign) - 1
@@ -118,10 +118,10 @@ SHOWN = (
 """The figures whose distribution the page draws."""
 
 MOST_DOTS = 1500
-"""Runs of a scatter plot: more points overlap and take long to draw."""
+"""The largest number of runs in a scatter plot: more points overlap and take long to draw."""
 
 STRONGEST = 3
-"""Inputs of each figure that are drawn against it."""
+"""The number of inputs against which each figure is drawn, the strongest ones."""
 
 _DRAWN_OUT = (0.001, 0.999)  # quantiles: a histogram's range; runs beyond it are counted in the outermost bars
 _BARS = 40
@@ -145,7 +145,7 @@ def histograms(table: Table, figures: Mapping[str, Mapping[str, Any]]) -> list[H
 
 
 def scatters(campaign: Campaign, table: Table, sensitivity: Mapping[str, Any] | None) -> list[Scatter]:
-    """Returns each figure against its strongest inputs; the first runs stand for all."""
+    """Returns each figure against its strongest inputs, for the first `MOST_DOTS` runs."""
     if sensitivity is None:
         return []
     inputs = {one.name: one for one in campaign.drawn}

@@ -1,6 +1,6 @@
 """The workers of a Dask scheduler, which call a function on parts.
 
-Dask itself gives the part of a worker that died to another one. Each worker compares its versions with those of this
+If a worker dies, Dask itself gives its part to another one. Each worker compares its versions with those of this
 process before each part, because it may have joined after the first comparison.
 """
 
@@ -26,13 +26,13 @@ from brickpilot.campaign.store import Versions
 from brickpilot.errors import InputError, WorkFailedError
 
 CONNECT_S = 5.0
-"""For the scheduler to answer."""
+"""The time for the scheduler to answer."""
 WORKERS_S = 10.0
 """The time to wait for a first worker."""
 ALONE_S = 60.0
 """The time without any worker after which a campaign ends: a queue may replace workers that it stopped."""
 
-_LOOK_S = 2.0  # between two looks at the number of workers
+_LOOK_S = 2.0  # time between two counts of the workers
 _AHEAD = 2  # parts for each thread of a worker: one runs, one waits there
 
 _ONE_AT_A_TIME = threading.Lock()
@@ -106,7 +106,7 @@ class DaskCrew:
                 f"part {part.key} ended its worker {times} times, last {error.last_worker.address}"
             ) from None
         except (CancelledError, TimeoutError):
-            if future.status == "error":  # the function's own
+            if future.status == "error":  # the function itself raised it
                 raise
             raise self._gone() from None
 
@@ -237,7 +237,7 @@ def _quiet() -> Iterator[None]:
         logger.setLevel(logging.CRITICAL + 1)
     try:
         with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", module="distributed")  # of versions: they are compared here
+            warnings.filterwarnings("ignore", module="distributed")  # warnings of versions: they are compared here
             yield
     finally:
         for logger, level in zip(loggers, levels, strict=True):

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 MORRIS_LEVELS = 4
 MORRIS_EDGE = 0.025
-"""Morris uses the ends of each distribution; one without ends gives only its quantiles from 2.5 % to 97.5 %."""
+"""Morris's levels go from the 2.5 % to the 97.5 % quantile, because a distribution may have no ends."""
 
 
 def drawn_shares(campaign: Campaign) -> Callable[[int, int], Array]:
@@ -38,7 +38,7 @@ def drawn_shares(campaign: Campaign) -> Callable[[int, int], Array]:
 
 
 def problem(campaign: Campaign) -> dict[str, Any]:
-    """Returns the inputs in SALib's form, which samples and analyses shares."""
+    """Returns the inputs in SALib's form, as shares: SALib samples and analyses these."""
     names = [one.name for one in campaign.drawn]
     return {"num_vars": len(names), "names": names, "bounds": [[0.0, 1.0]] * len(names)}
 
@@ -116,10 +116,10 @@ def _by_salib(campaign: Campaign, seed: int) -> Array:
 
 
 def made_by(campaign: Campaign) -> str:
-    """Returns the version of SALib if it draws the runs; empty: it does not. Only this process needs it."""
+    """Returns the version of SALib if it draws the runs, else an empty text. Only this process needs the library."""
     if campaign.design not in ("saltelli", "morris"):
         return ""
-    salib("sample.sobol")  # which says so where the library is missing
+    salib("sample.sobol")  # raises an InputError if the library is missing
     return version("SALib")
 
 

@@ -5,8 +5,8 @@
     parts = (Part(f"{seed:06}", seed) for seed in range(100_000))
     run(flown, parts, keep=keep, workers=workers.local(2), progress=Progress(show, total=100_000))
 
-The parts are drawn when a worker is free, so that a generator of any length needs the memory of a few. The result of a
-part must depend on its argument alone; then nothing depends on the number of workers, their order or their failures.
+A part is drawn when a worker is free, so a generator of any length needs the memory of a few parts. The result of a
+part must depend on its argument alone; then no result depends on the number of workers, their order or their failures.
 `Crew` and `Workers` are the interface that the local and the Dask workers share.
 """
 
@@ -27,7 +27,7 @@ class Part:
     """One call of the function.
 
     Attributes:
-        key: its name, once in a campaign. `store.Parts` takes letters, digits, "-" and "_".
+        key: its name, unique in a campaign. `store.Parts` takes letters, digits, "-" and "_".
         argument: what the function gets; picklable.
     """
 
@@ -67,7 +67,7 @@ class Workers(Protocol):
     """Where a campaign runs."""
 
     def crew(self, function: Function) -> AbstractContextManager[Crew]:
-        """Returns the workers that will call `function`; they stop, or forget it, at the end of the `with`.
+        """Returns the workers that will call `function`; they stop, or forget `function`, at the end of the `with`.
 
         Raises:
             InputError: they cannot be reached, or are not of this version.
@@ -94,7 +94,7 @@ class Progress:
     what: str = "parts"
 
     def after(self, finished: int) -> None:
-        """Shows that so many parts of this run are finished."""
+        """Shows that `finished` parts are done, besides those that were done before."""
         done = self.done + finished
         self.show(done, self.total, f"{done} of {self.total} {self.what}")
 

@@ -3,14 +3,14 @@
     [campaign]
     name     = "tolerances"
     design   = "monte_carlo"      # the default; or "latin_hypercube", "sobol", "grid", "saltelli", "morris"
-    runs     = 1000               # of monte_carlo, latin_hypercube and sobol (a power of two)
+    runs     = 1000               # how many runs monte_carlo, latin_hypercube and sobol (a power of two) have
                                   # grid: repeats = 1 of each point; saltelli: samples, a power of two, each of
                                   # (inputs + 2) runs; morris: trajectories, each of (inputs + 1) runs
-    seed     = 0                  # of all draws; the noise of a run follows from it and the run's number
+    seed     = 0                  # seed of all draws; with a run's number it gives the noise of the run
     scenario = "mission"          # a packaged mission or a file beside this one; or a list, which is an input too
-    sensors  = "imu+encoders"     # as of `run`; or a list
+    sensors  = "imu+encoders"     # as in `brickpilot run`; or a list
     profile  = "coupled"
-    model    = "model.toml"       # files beside this one, as of `run`; all are optional
+    model    = "model.toml"       # files beside this one, as in `brickpilot run`; all are optional
     gains    = "gains.toml"
     compensation = "compensation.toml"
     robots   = "data"             # each run has a robot that calibrate.json or verdict.json beside the model allows
@@ -19,7 +19,7 @@
     parameter.mass               = { distribution = "normal", mean = 0.9, sd = 0.05 }     # low, high: cut it off
     parameter.battery_voltage    = { distribution = "uniform", low = 7.5, high = 9.5 }    # or "loguniform"
     effect.NAME.PARAMETER        = { distribution = "lognormal", median = 0.01, sd_of_log = 0.5 }
-    effect.NAME.chance           = 0.3                                                    # of a run to have it
+    effect.NAME.chance           = 0.3                           # probability that a run has the effect
     sensor.gyro_noise_sd         = { distribution = "choice", values = [0.01, 0.02], weights = [3, 1] }
     gain.heading_kp              = [10, 12, 14]      # equally likely values; the axis of a grid
     start.heading_deg            = 5                 # fixed
@@ -28,15 +28,15 @@
     waypoints = 6
     x_m = [-1.5, 1.5]
     y_m = [-1.5, 1.5]
-    least_leg_m = 0.5             # of the start and all waypoints, each from the next
-    duration_s = 90               # of the flight; default: the scenario's
+    least_leg_m = 0.5             # least distance from each point to the next, from the start on
+    duration_s = 90               # duration of the flight; default: the scenario's
 
     [[faults]]                    # as in a scenario; from_s, to_s and rate may be distributions
     kind = "drop"
     from_s = 5
     to_s = { distribution = "uniform", low = 6, high = 20 }
     rate = { distribution = "uniform", low = 0, high = 0.5 }
-    chance = 0.5                  # of a run to have it
+    chance = 0.5                  # probability that a run has the fault
 
 `ranges` and `effects` of `variables.py` list what `[vary]` takes.
 """
@@ -79,7 +79,7 @@ _POWERS_OF_TWO = ("sobol", "saltelli")
 
 @dataclass(frozen=True)
 class Box:
-    """The box in which routes are drawn: so many waypoints within it, in m, no leg shorter than `least_leg`."""
+    """The box in which routes are drawn, in m: `waypoints` points within it, no leg shorter than `least_leg`."""
 
     waypoints: int
     x: tuple[float, float]
@@ -96,8 +96,8 @@ class Campaign:
         count: runs, repeats, samples or trajectories: see COUNTS.
         inputs: all that may differ between runs, in the file's order; fixed ones too.
         faults: name -> the fixed part of a fault.
-        box: of drawn routes; None: the routes are those of the scenarios.
-        robots: of which each run draws its own; None: all runs have the model's values.
+        box: the box of drawn routes; None: the routes are those of the scenarios.
+        robots: the robots from which each run draws one; None: all runs have the model's values.
     """
 
     name: str
@@ -138,7 +138,7 @@ def load(
 
     Args:
         count, seed: instead of the file's.
-        shares: of nominal values that nobody measured, see `robots.Allowed`; `robots = "data"` needs them.
+        shares: the sd of nominal values that nobody measured, see `robots.Allowed`; `robots = "data"` needs them.
 
     Raises:
         InputError: naming the file, line and key.
@@ -176,12 +176,12 @@ def load(
 
 
 def _beside(toml: TomlFile, head: Mapping[str, Any], key: str) -> Path:
-    """Returns a file of the campaign file's folder."""
+    """Returns the path of a file in the folder of the campaign file."""
     return toml.file_beside(("campaign", key), head[key])
 
 
 def _robots(toml: TomlFile, head: Mapping[str, Any], shares: Mapping[str, float] | None) -> Allowed | None:
-    """Returns the robots that the data allow; None: the file does not ask for it."""
+    """Returns the robots that the data allow; None: the file does not ask for them."""
     if toml.choice(("campaign", "robots"), head.get("robots", ROBOTS[0]), ROBOTS) == ROBOTS[0]:
         return None
     if "model" not in head:

@@ -26,8 +26,8 @@ class Input:
 
     Attributes:
         name: KIND.NAME, as "parameter.mass"; or "scenario" or "sensors".
-        labels: of the values 0, 1, ... of a distribution that draws texts; empty: it draws numbers.
-        chance: it is the switch of an effect or a fault, which is on with this probability; None: it is none.
+        labels: the texts for the values 0, 1, ... of the distribution; empty: the input is a number.
+        chance: of a switch, the probability that its effect or fault is on; None: the input is no switch.
     """
 
     name: str
@@ -38,7 +38,7 @@ class Input:
 
     @property
     def varies(self) -> bool:
-        """Whether runs can differ in it."""
+        """Whether runs can differ in this input."""
         return self.distribution.varies
 
     @property
@@ -52,7 +52,7 @@ class Input:
         return len(self.distribution.values)
 
     def values(self, shares: NDArray[np.float64]) -> list[Value]:
-        """Returns the values below which these shares (n,) of its probability lie, as they fly."""
+        """Returns the quantiles at these shares (n,), as a flight takes them: gains in the firmware's resolution."""
         found = self.distribution.at(shares).tolist()
         if self.labels:
             return [self.labels[int(one)] for one in found]
@@ -70,7 +70,7 @@ def far() -> float:
 
 
 def labelled(name: str, labels: Sequence[str]) -> Input | None:
-    """Returns the input that chooses among texts; None: there is but one."""
+    """Returns the input that chooses among texts; None: there is only one text."""
     if len(labels) < 2:
         return None
     chosen = Distribution("choice", values=tuple(float(k) for k in range(len(labels))), listed=True)

@@ -1,7 +1,7 @@
 """Draws robots that the data allow: from what `calibrate` and `discover` write beside model.toml.
 
-- Fitted parameters lie about their estimates as the fit's covariance says, all together. Along a direction that the
-  data do not determine, a draw goes no further than `VAGUE_SD`, because the covariance is that of a linearised fit.
+- Fitted parameters are drawn jointly about their estimates, with the fit's covariance. Along a direction that the data
+  do not determine, the sd is at most `VAGUE_SD`, because the covariance is that of a linearised fit.
 - Unmeasured values have the spread that is usual for their kind: a nominal parameter `shares`, an effect's size
   `EFFECT_SHARE`, the battery `BATTERY_SHARE`, a bias of a sensor its stated size.
 - If a verdict is ambiguous, each explanation that the data cannot tell from the best one is drawn equally often.
@@ -31,19 +31,19 @@ from brickpilot.vehicle.spread import from_json as spread_of
 Array = NDArray[np.float64]
 
 VAGUE_SD = 0.2
-"""Of a coordinate that the data do not determine (a logarithm, or a share of what moves the signals by their rms)."""
+"""Largest sd of a coordinate (a logarithm, or a share of the change that moves the signals by their rms)."""
 
 EFFECT_SHARE = 0.1
-"""Of the size of an effect that was given without an interval: as discovery takes it for a model of other data."""
+"""Relative sd of the size of an effect without an interval: discovery uses the same value for a model of other data."""
 
 BATTERY_SHARE = 0.05
-"""Of the battery's voltage: from full to half empty, six cells lose about a tenth."""
+"""Relative sd of the battery's voltage: from full to half empty, six cells lose about a tenth."""
 
 SOURCES = ("calibrate.json", "verdict.json")
 """The files that may stand beside model.toml; the first that exists is read."""
 
-_TRIES = 1000  # of a draw that lies outside the physical ranges
-_SAME = 1e-6  # relative: a value of model.toml and its estimate in the other file
+_TRIES = 1000  # draws at most until one lies within the physical ranges
+_SAME = 1e-6  # relative tolerance between a value of model.toml and its estimate in the other file
 
 
 @dataclass(frozen=True)
@@ -59,8 +59,8 @@ class Allowed:
     """The robots that the data allow.
 
     Attributes:
-        explanations: of the data, the best first; one of them, unless a verdict is ambiguous.
-        spread: of the fitted parameters; None: nothing was fitted.
+        explanations: the explanations of the data, the best first; only one unless a verdict is ambiguous.
+        spread: the spread of the fitted parameters; None: nothing was fitted.
         shares: nominal parameter -> sd as a share of its value, where nothing was fitted.
         devices: the robot's sensors, as `flight.Plan.devices`; None: the packaged robot's.
         source: where the spread is from, in words.
@@ -101,9 +101,9 @@ class Robot:
     """A drawn robot.
 
     Attributes:
-        place: in its stream of draws.
-        explanation: name of what it was drawn from.
-        seed: of its sensors' noise.
+        place: its place in its stream of draws.
+        explanation: name of the explanation that it was drawn from.
+        seed: seed of its sensors' noise.
     """
 
     place: int
@@ -117,11 +117,11 @@ def read(model: Model, path: Path, shares: Mapping[str, float]) -> Allowed:
     """Returns the robots that the files beside model.toml allow.
 
     Args:
-        model: of `path`.
+        model: the model in `path`, a model.toml.
         shares: see `Allowed`.
 
     Raises:
-        InputError: a file beside it is no result of these commands, or belongs to another model.
+        InputError: a file beside it is no result of calibrate or discover, or belongs to another model.
     """
     for name in SOURCES:
         beside = path.with_name(name)
@@ -190,7 +190,7 @@ def _draw(allowed: Allowed, seeds: np.random.SeedSequence, place: int) -> Robot:
 
 
 def _powered_on(devices: Mapping[str, float], random: np.random.Generator) -> dict[str, float]:
-    """Returns the sensors with biases of their own: a bias differs from one power-on to the next."""
+    """Returns the sensors with newly drawn biases: a bias differs from one power-on to the next."""
     biases = [name for name in devices if "_bias" in name]
     return {**devices, **{name: float(random.normal(0.0, abs(devices[name]))) for name in biases}}
 
@@ -238,7 +238,7 @@ def values(model: Model) -> dict[str, float]:
 
 
 def _ranges(model: Model, values: Mapping[str, float]) -> dict[str, tuple[float, float]]:
-    """Returns the physical range of each value; one that is 0 stays 0, since the vehicle lacks that part."""
+    """Returns the physical range of each value above or below 0; a 0 stays 0, because the vehicle lacks that part."""
     infos = {info.name: info for info in catalogue.parameters()}
     for effect in model.effects:
         infos |= {f"{effect}.{info.name}": info for info in catalogue.effect(effect).parameters}

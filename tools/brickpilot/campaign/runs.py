@@ -1,4 +1,4 @@
-"""The runs of a campaign: the plan of each, its flight in a part as the engine takes it, and its row of figures."""
+"""The runs of a campaign: the plan of each run, its flight as part of the engine's work, and its row of figures."""
 
 from __future__ import annotations
 
@@ -79,12 +79,12 @@ def rows(plans: Sequence[flight.Plan]) -> list[Row]:
 
     Keys are those of `UNITS`. `success` is: every waypoint reached, and no fault; `cause` says in words why a mission
     failed, and is empty otherwise. `time_s` is when the last waypoint was reached, `closest_approach_max_m` the largest
-    of the waypoints' closest approaches, `charge_c` what the battery gave. A number that a flight does not have is NaN.
-    A flight whose simulation diverges has this as its cause, and no further figures.
+    of the waypoints' closest approaches, `charge_c` the charge that the battery gave. A number that a flight does not
+    have is NaN. If the simulation diverges, `cause` says so, and there are no further figures.
 
     Raises:
         InputError: the plant refuses the model.
-        SimulationError: a flight cannot begin, as where the firmware refuses its route.
+        SimulationError: a flight cannot begin, for example because the firmware refuses its route.
     """
     found: dict[int, Row] = {}
     alone = [index for index, plan in enumerate(plans) if not plan.scenario.faults]
@@ -182,10 +182,10 @@ def _number(value: float | None) -> float:
 
 PART_RUNS = 100
 LINK_PART_RUNS = 10
-"""Runs of a part at most: a few seconds of work. A flight over a link takes about fifty times as long."""
+"""The largest number of runs in a part: a few seconds of work. A flight over a link takes about fifty times as long."""
 
 _LEAST_PARTS = 20
-"""A campaign has at least so many parts, so that all workers get some."""
+"""The least number of parts of a campaign, so that all workers get some."""
 
 _TRIES = 1000
 
@@ -223,13 +223,13 @@ class Run:
 
 
 def part_size(campaign: Campaign) -> int:
-    """Returns how many runs a part has. It depends on the campaign alone, so that the bytes of a table do so, too."""
+    """Returns how many runs a part has. It depends on the campaign alone, so the bytes of a table do, too."""
     most = LINK_PART_RUNS if campaign.over_a_link else PART_RUNS
     return min(most, -(-runs(campaign) // _LEAST_PARTS))
 
 
 def parts(campaign: Campaign) -> Iterator[Part]:
-    """Yields the parts of a campaign in order; their keys sort as they do."""
+    """Yields the parts of a campaign in order; their keys sort in the same order."""
     total, size, shares = runs(campaign), part_size(campaign), designs.drawn_shares(campaign)
     for start in range(0, total, size):
         stop = min(start + size, total)
@@ -245,7 +245,7 @@ def fly(block: Block) -> pa.Table:
 
 
 def one(campaign: Campaign, index: int) -> Run:
-    """Returns one run. It is drawn with its part, so that it is the same to the last bit."""
+    """Returns one run. Its whole part is drawn, so that the run is the same to the last bit."""
     size = part_size(campaign)
     start = index - index % size
     stop = min(start + size, runs(campaign))
@@ -263,7 +263,7 @@ def planned(block: Block) -> Iterator[Run]:
 
 
 def _robot(campaign: Campaign, index: int) -> Robot | None:
-    """Returns the robot of a run, which the runs of a block share; None: it is the model's."""
+    """Returns the robot of a run, which the runs of a block share; None: all runs have the model's values."""
     if campaign.robots is None:
         return None
     return robots.draw(campaign.robots, campaign.seed, _STREAM, [designs.block(campaign, index)])[0]

@@ -2,8 +2,8 @@
 
 A part is written beside its place and then renamed, so that it is there as a whole or not at all. Its name holds the
 checksum of its bytes, KEY.CRC32.parquet: a file that a power cut damaged is found and made again. The bytes depend on
-the table alone, not on time or host. The folder also holds the versions, of this program and of its libraries, that a
-result may depend on besides its argument.
+the table alone, not on time or host. The folder also holds the versions of this program and of its libraries, because
+a result may depend on them.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class Versions:
     pyarrow: str
 
     def differences(self, other: Versions) -> str:
-        """Returns the differences as text, this one's first: "brickpilot 0.1.0, not 0.2.0". Nothing if nothing does."""
+        """Returns the differences as text, own version first: "brickpilot 0.1.0, not 0.2.0"; empty if there is none."""
         pairs = [(one.name, getattr(self, one.name), getattr(other, one.name)) for one in dataclasses.fields(self)]
         return "; ".join(f"{name} {mine}, not {theirs}" for name, mine, theirs in pairs if mine != theirs)
 
@@ -86,7 +86,7 @@ def _hash(files: list[Path]) -> str:
 
 
 ROWS = 16_384
-"""Rows of a row group of the merged table, at most a part more: with 50 numbers a row it needs 7 MB."""
+"""Rows of a row group of the merged table, or up to one part more. A group of 50 columns needs 7 MB."""
 
 _CAMPAIGN = "campaign.json"
 _PARTS = "parts"
@@ -153,7 +153,7 @@ class Parts:
 
         Raises:
             ValueError: the key cannot be a file's name.
-            WorkFailedError: the disk is full, or cannot be written for another reason. The part is not there.
+            WorkFailedError: the disk is full, or cannot be written for another reason. The part is not written.
         """
         if not _KEY.fullmatch(key):
             raise ValueError(f"{key!r} is no key: letters, digits, - and _ alone, at most 100")
@@ -169,7 +169,7 @@ class Parts:
         """Writes the rows of these parts into one table, in this order; it needs the memory of one row group.
 
         Raises:
-            WorkFailedError: a part is missing or was damaged meanwhile, or the disk is full. There is no new table.
+            WorkFailedError: a part is missing or was damaged meanwhile, or the disk is full. No table is written.
         """
         with _written_beside(path, durable=True) as file:
             groups = _groups(self._tables(keys))
@@ -269,7 +269,7 @@ def _locked(folder: Path) -> Iterator[None]:
 def _written_beside(path: Path, *, durable: bool = False) -> Iterator[IO[bytes]]:
     """Yields a file that becomes `path` at the end, if nothing was raised; `durable`: it survives a power cut, too.
 
-    A part need not, because it has a checksum.
+    A part need not survive it, because it has a checksum.
     """
     beside = path.with_name(f".{path.name}{_BESIDE}")
     try:

@@ -79,12 +79,12 @@ def sensitivity_method(campaign: Campaign) -> str | None:
 
 
 def sensitivity_indices(campaign: Campaign, inputs: Mapping[str, Array], figure: Array) -> list[Index]:
-    """Returns the indices of one figure, the largest first; none if too few runs have it, or all have the same.
+    """Returns the indices of one figure, the largest first; none if too few runs have it, or all have the same value.
 
     Args:
-        inputs: input that was drawn -> (runs,); texts as their numbers, NaN where the run lacks its effect or fault.
+        inputs: drawn input -> values (runs,); texts as numbers, NaN where the run lacks the input's effect or fault.
         figure: (runs,); NaN where a run does not have it. If a design compares runs with one another, a block with a
-            missing one is left out.
+            missing figure is left out.
 
     Raises:
         InputError: SALib is not installed.
@@ -93,7 +93,7 @@ def sensitivity_indices(campaign: Campaign, inputs: Mapping[str, Array], figure:
     values = figure[kept]
     if len(values) < _least(campaign) or np.ptp(values) == 0:
         return []
-    # SALib's random numbers are for the intervals alone. It prints notes; only `cli` may.
+    # SALib's random numbers are for the intervals alone. SALib prints notes, which only `cli` may do.
     with contextlib.redirect_stdout(io.StringIO()), np.errstate(all="ignore"):
         found = _analysed(campaign, inputs, kept, values)
     sound = [one for one in found if math.isfinite(one.value) and math.isfinite(one.half)]
@@ -130,7 +130,7 @@ def _analysed(campaign: Campaign, inputs: Mapping[str, Array], kept: NDArray[np.
         ]
     columns = np.column_stack([inputs[name][kept] for name in names])
     if np.isnan(columns).any():
-        # A number of an effect that is off has no value. A filled-in value would act as the switch, and get its index.
+        # A parameter of an effect that is off has no value. A filled-in one would act as the switch and get its index.
         columns = designs.drawn_shares(campaign)(0, len(kept))[kept]
     found = designs.salib("analyze.rbd_fast").analyze(problem, columns, values, seed=0)
     return [Index(name, float(a), float(b)) for name, a, b in zip(names, found["S1"], found["S1_conf"], strict=True)]
@@ -156,7 +156,7 @@ class Table:
         return pq.read_table(self._path, columns=[name]).column(0)
 
     def numbers(self, name: str) -> Array:
-        """Returns a column as numbers (runs,): NaN where there is none, truth as 1, texts by their order."""
+        """Returns a column as numbers (runs,): NaN where a value is missing, true as 1, texts by their order."""
         column = self.column(name)
         if pa.types.is_string(column.type):
             codes: Array = pc.dictionary_encode(column).combine_chunks().indices.to_numpy(zero_copy_only=False)
@@ -164,7 +164,7 @@ class Table:
         return np.asarray(pc.cast(column, pa.float64()).to_numpy(zero_copy_only=False), dtype=np.float64)
 
 
-_Z = 1.959963984540054  # 95 % of a normal distribution lie within so many sd
+_Z = 1.959963984540054  # sd: half the width of the interval that holds 95 % of a normal distribution
 
 
 def rate(success: NDArray[np.bool_], blocks: NDArray[np.int64]) -> dict[str, Any]:
@@ -172,7 +172,7 @@ def rate(success: NDArray[np.bool_], blocks: NDArray[np.int64]) -> dict[str, Any
 
     Args:
         success: (runs,).
-        blocks: (runs,), see `designs.block`. Runs of a block are alike, so they count as fewer: as the number of
+        blocks: (runs,), see `designs.block`. Runs of a block are correlated, so they count as fewer: as the number of
             independent runs whose share would have the variance among blocks (Kish's effective size).
     """
     count, of = int(success.sum()), len(success)

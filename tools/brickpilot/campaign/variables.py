@@ -1,8 +1,8 @@
 """The inputs that a campaign can vary: names, units, physical ranges and distributions, and their place in a plan.
 
-A distribution is a function from shares of its probability to values. Every design draws shares in 0..1 and gets the
-values here, so that all designs know all distributions. They are those of `scipy.stats`. A distribution without ends is
-cut off at the physical limits, and the rest keeps its shape.
+A distribution is used as a quantile function: it maps shares of its probability to values. Every design draws shares in
+0..1 and gets the values here, so every design can use every distribution. The distributions are those of `scipy.stats`.
+A distribution without ends is cut off at the physical limits, and keeps its shape within them.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ NUMBERS = {
 
 DISTRIBUTIONS = (*NUMBERS, "choice", "fixed")
 
-_LEAST_KEPT = 0.01  # of a distribution's probability: if less is left, the file is probably wrong
+_LEAST_KEPT = 0.01  # share of the probability that lies within the limits: if it is less, the file is probably wrong
 
 
 @dataclass(frozen=True)
@@ -56,10 +56,10 @@ class Distribution:
     """A distribution of numbers.
 
     Attributes:
-        kind: of KINDS; `values` has its values; those of `choice` are equally likely, or have `weights`.
+        kind: one of DISTRIBUTIONS; `fixed` and `choice` use `values`, which are equally likely or have `weights`.
         first, second: the numbers that the kind needs, in the order of NUMBERS.
         low, high: where it is cut off.
-        listed: the file gives a plain list: an axis of a grid.
+        listed: whether the file gives a plain list, which is an axis of a grid.
     """
 
     kind: str
@@ -78,7 +78,7 @@ class Distribution:
         return self.kind != "fixed"
 
     def at(self, shares: Array) -> Array:
-        """Returns the values below which these shares (n,) of the probability lie."""
+        """Returns the quantiles (n,) at these shares (n,) of the probability."""
         if self.kind == "fixed":
             return np.full(len(shares), self.values[0])
         if self.kind == "choice":
@@ -267,7 +267,7 @@ def applied(plan: Plan, drawn: Drawn, faults: Mapping[str, Fault]) -> Plan:
     """Returns the plan with the values of a run in it.
 
     Args:
-        plan: of the scenario, the sensors and the gains that were drawn for the run.
+        plan: the plan with the scenario, the sensors and the gains that were drawn for the run.
         drawn: the inputs that are named KIND.NAME; other names are ignored.
         faults: name -> the part of a fault that the file fixes.
     """

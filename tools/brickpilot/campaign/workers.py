@@ -90,7 +90,7 @@ class _HereCrew:
 
 
 def local(jobs: int) -> Local:
-    """Returns so many processes of this machine. They start when they get their first parts."""
+    """Returns `jobs` processes of this machine. They start when they get their first parts."""
     return Local(jobs)
 
 
@@ -98,7 +98,7 @@ def cluster(scheduler: str) -> Cluster:
     """Returns the workers of a Dask scheduler, as ``tcp://HOST:PORT``.
 
     Raises:
-        InputError: that is no such address.
+        InputError: `scheduler` is no such address.
     """
     if not _ADDRESS.fullmatch(scheduler):
         raise InputError("needs the address of a Dask scheduler, tcp://HOST:PORT", field=f"--scheduler {scheduler}")
@@ -126,9 +126,9 @@ def shared(path: Path) -> Path:
 
 
 DEATHS = 3
-"""Workers that a part may end before the campaign does: one may have been killed by chance or by a lack of memory."""
+"""If a part has ended this many workers, the campaign ends: one may have died by chance or by a lack of memory."""
 
-_STOP_S = 2.0  # for a process to end by itself, before it is killed
+_STOP_S = 2.0  # time for a process to end by itself; then it is killed
 _ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 # "spawn" starts a fresh Python: a copy of this process would hold the locks of its threads, of BLAS and Arrow too.
@@ -155,7 +155,7 @@ class LocalCrew:
     def __enter__(self) -> LocalCrew:
         is_main = threading.current_thread() is threading.main_thread()
         self._had_handler = not is_main or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL
-        if not self._had_handler:  # without one SIGTERM ends this process alone, and each worker goes on
+        if not self._had_handler:  # without a handler, SIGTERM ends this process alone, and the workers go on
             signal.signal(signal.SIGTERM, _end)
         return self
 
@@ -200,10 +200,10 @@ class LocalCrew:
         ours, theirs = _CONTEXT.Pipe()
         process = _CONTEXT.Process(target=_serve, args=(theirs,), name="brickpilot-worker")
         worker = _Worker(process, ours)
-        self._workers.append(worker)  # before it starts: whatever happens in between, `__exit__` ends it
+        self._workers.append(worker)  # before it starts, so that `__exit__` ends it in any case
         with _quiet_and_single_threaded():
             process.start()
-        theirs.close()  # so that its end is seen here
+        theirs.close()  # so that this process sees when the worker closes the pipe
         return worker
 
     def _heard(self, worker: _Worker) -> Finished | None:
@@ -258,7 +258,7 @@ def _quiet_and_single_threaded() -> Iterator[None]:
     before = {name: os.environ.get(name) for name in _ONE_THREAD}
     has_masks = hasattr(signal, "pthread_sigmask")  # Windows has none
     if has_masks:
-        resource_tracker.ensure_running()  # the first worker would start it, and that lets Ctrl-C through again
+        resource_tracker.ensure_running()  # otherwise the first worker starts it, which lets Ctrl-C through again
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}) if has_masks else set()  # a child keeps the mask
     os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))
     try:
@@ -288,7 +288,7 @@ def _serve(pipe: Connection) -> None:
             pipe.send(answer)
         except (BrokenPipeError, ConnectionResetError):
             return
-        except Exception as error:  # of pickling; nothing was sent yet
+        except Exception as error:  # an error of pickling; nothing was sent yet
             pipe.send((False, WorkFailedError(f"a worker cannot send what it made: {error}")))
 
 
@@ -301,7 +301,7 @@ def _called(function: Function, argument: Any) -> tuple[bool, Any]:
 
 
 def _portable(error: Exception) -> Exception:
-    """Returns an error that can be sent, with the worker's traceback as a note: the traceback itself cannot."""
+    """Returns an error that can be sent, with the worker's traceback as a note: the traceback itself cannot be sent."""
     error.add_note("".join(traceback.format_exception(error)).rstrip())
     try:
         pickle.loads(pickle.dumps(error))

@@ -28,14 +28,14 @@ from brickpilot.export.fmu_description import Variable, effect_names, variables
 from brickpilot.vehicle.model import Model
 
 VERSIONS = ("2.0", "3.0")
-_EARLIEST = (1980, 1, 1, 0, 0, 0)  # that a zip file can say: the same model gives the same bytes
+_EARLIEST = (1980, 1, 1, 0, 0, 0)  # earliest time in a zip file; it is fixed, so a model always gives the same bytes
 
 
 def archive(model: Model, version: str, *, binary: bool = True) -> bytes:
     """Returns the FMU: description, sources, and the library of this platform.
 
     Args:
-        version: of FMI, one of `VERSIONS`.
+        version: version of FMI, one of `VERSIONS`.
         binary: False leaves the library out, so that no compiler is needed.
 
     Raises:
@@ -82,7 +82,7 @@ def _content(model: Model, version: str) -> dict[str, bytes]:
 
 
 def _token(sources: Mapping[str, bytes], table: str) -> str:
-    """Returns a token that any change of the sources or of the robot changes."""
+    """Returns a token that changes with every change of the sources or of the robot."""
     digest = hashlib.sha256(table.encode())
     for name, text in sources.items():
         digest.update(name.encode() + b"\0" + text)
@@ -184,6 +184,6 @@ def compile_library(sources: Path, library: Path) -> None:
 
 
 def _compilers() -> list[str]:
-    """Returns compilers to try: that of this Python first, if it is one word."""
+    """Returns compilers to try: first the compiler of this Python, without its options."""
     own = (sysconfig.get_config_var("CC") or "").split()
     return [*own[:1], "cc", "gcc", "clang"]

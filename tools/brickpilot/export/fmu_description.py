@@ -18,7 +18,7 @@ from brickpilot.vehicle.model import Model, output_names, unit_on
 
 INPUTS = frozenset({"VOLTAGE", "FLOATS"})
 
-# Of a vehicle's nature: another value would give it other outputs.
+# Parameters that decide what kind of vehicle it is: another value would give it other outputs.
 _NATURE = frozenset({"force_per_volt", "torque_per_volt"})
 
 _MEANS = {
@@ -79,9 +79,9 @@ class Variable:
     """One variable of an FMU.
 
     Attributes:
-        kind: of `fmu_kind_t` in the C layer, without FMU_.
+        kind: a name of `fmu_kind_t` in the C layer, without FMU_.
         name: structured, as in ``effects.NAME.PARAMETER``.
-        index, effect: of the row in the C layer.
+        index, effect: numbers of the row and of its effect in the C layer.
         unit: SI; empty for a boolean.
         start: 0 for an output.
         minimum, maximum: None: no limit.
@@ -160,7 +160,7 @@ def _nominal(model: Model) -> list[Variable]:
         if info.name not in presets:
             continue
         name, start = f"parameters.{info.name}", float(model.parameters.get(info.name, presets[info.name]))
-        ends = (min(info.minimum, start), info.maximum)  # a motor may be without a load, and then has a mass of 0
+        ends = (min(info.minimum, start), info.maximum)  # a motor without a load has a mass of 0
         unit, shown = unit_on(model, info), info.name not in _NATURE
         found.append(Variable("PARAMETER", name, index, info.meaning, unit, start, *ends, shown=shown))
     return found
@@ -205,9 +205,9 @@ def description(model: Model, version: str, identifier: str, token: str, variabl
     """Returns modelDescription.xml.
 
     Args:
-        version: of FMI, ``2.0`` or ``3.0``.
-        identifier: of the model, which is the name of its library.
-        token: that the C layer knows.
+        version: version of FMI, ``2.0`` or ``3.0``.
+        identifier: the model's identifier, which is the name of its library.
+        token: the token that the C layer compares.
     """
     root = Xml.Element("fmiModelDescription")
     root.attrib.update(
@@ -277,7 +277,7 @@ def _registry() -> pint.UnitRegistry[float]:
 
 
 def _exponents(unit: str) -> dict[str, str] | None:
-    """Returns the exponents of the base units, or None where one is no whole number, which FMI cannot say."""
+    """Returns the exponents of the base units, or None if one is no whole number, which FMI cannot express."""
     registry = _registry()
     base = registry.get_base_units(unit)[1] if unit != "1" else registry.Unit("")
     powers = {_BASE[str(name)]: f"{power:g}" for name, power in base._units.items()}

@@ -2,8 +2,8 @@
 
 Frame of Brickpilot: x forward, y right, yaw clockwise. Pairs are left and right; a motor uses the first alone.
 
-Each effect that can be told has one function, with the law of the effect's row in C. What is not in this list, such as
-a battery that sags or a gyro with a bias, has no counterpart there. Whoever writes the file says so.
+Each effect that can be told has one function, with the law of the effect's row in C. An effect without a function, such
+as a battery that sags or a gyro with a bias, has no counterpart in the simulators. The file's writer lists these.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ class Machine:
         rim: radius of each wheel over the nominal one.
         flux: factor of each motor's torque constant and back-EMF constant.
         gain: factor of each commanded voltage.
-        limit: V, the largest voltage that a drive reaches; None: none.
-        delay, lag: s, of the command.
-        dry, viscous: N m and N m s/rad at each wheel, beside the nominal losses.
+        limit: V, the largest voltage that a drive reaches; None: no limit.
+        delay, lag: s, dead time and time constant of the command.
+        dry, viscous: N m and N m s/rad at each wheel, in addition to the nominal losses.
         load: N m at each wheel, against forward motion.
         body_drag, air: N s/m and N s^2/m^2 on the body.
         yaw_drag, yaw_dry: N m s/rad and N m on the body.
         slope: sine of the angle by which the floor falls along x and along y.
         imu: m, place of the accelerometers.
-        late: s, by which the sensors are late.
+        late: s, the delay of the sensors.
     """
 
     values: Mapping[str, float]
@@ -104,10 +104,10 @@ def tell(model: Model, holds: Container[str] = _EVERYTHING) -> tuple[Machine, li
     """Returns the robot with every effect that can be told, and the names of the others, in the table's order.
 
     Args:
-        holds: the attributes of `Machine` that the file has a place for; an effect on another one is not told.
+        holds: the attributes of `Machine` that the file has a place for; an effect on another attribute is not told.
 
     Raises:
-        InputError: a skid steer.
+        InputError: the vehicle is a skid steer.
     """
     if model.vehicle == "skid_steer":
         message = "is a skid_steer, whose four contacts MJCF and URDF files cannot say here; an FMU can (export fmu)"
@@ -133,7 +133,7 @@ def _more(pair: Pair, left: float, right: float) -> Pair:
 
 
 def _apart(pair: Pair, difference: float) -> Pair:
-    """Returns factors of which the left one is larger by a share."""
+    """Returns the factors, with the left one larger than the right one by the share `difference`."""
     return pair[0] * (1 + 0.5 * difference), pair[1] * (1 - 0.5 * difference)
 
 

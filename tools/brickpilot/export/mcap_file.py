@@ -41,7 +41,7 @@ class Topic:
 
 @dataclass(frozen=True)
 class Sample:
-    """One message: its topic, its time in ns, and what it says."""
+    """One message: its topic, its time in ns, and its content."""
 
     topic: str
     time_ns: int
@@ -88,9 +88,9 @@ def write(topics: Iterable[Topic], samples: Iterable[Sample], attachments: Mappi
 
 
 POSES = {"/pose": "true", "/pose_estimate": "estimate"}
-"""Topic of poses -> how the columns of its position begin."""
+"""Topic of poses -> the beginning of its columns' names in the log."""
 
-_POSE_EVERY = 10  # rows: 33 poses a second
+_POSE_EVERY = 10  # rows from one pose to the next: 33 poses a second
 _FRAME, _ROBOT = "map", "robot"
 _VECTOR = {"type": "object", "properties": {axis: {"type": "number"} for axis in "xyz"}}
 _TURN = {"type": "object", "properties": {axis: {"type": "number"} for axis in "xyzw"}}
@@ -111,7 +111,7 @@ _TRANSFORM_SCHEMA = _schema("foxglove.FrameTransform", _MOVED)
 
 
 def groups(run: Run) -> dict[str, dict[str, Array]]:
-    """Returns topic -> field -> values of every column of the run, but for the times of its rows."""
+    """Returns topic -> field -> values of every column of the run except the time."""
     found: dict[str, dict[str, Array]] = {}
     for column, values in run.log.items():
         if column != TIME:
@@ -152,7 +152,7 @@ def _ns(time: float) -> int:
 
 
 def _rows(times: Array, fields_of: Mapping[str, Mapping[str, Array]]) -> Iterator[Sample]:
-    """Yields a message for each row of each topic. What is not finite is null, as JSON has no NaN."""
+    """Yields a message for each row of each topic. A value that is not finite is null, because JSON has no NaN."""
     for topic, fields in fields_of.items():
         rows = np.column_stack(list(fields.values())).tolist()
         for time, row in zip(times.tolist(), rows, strict=True):
@@ -190,7 +190,7 @@ def _poses(run: Run) -> Iterator[Sample]:
 
 
 def _paths(run: Run) -> Iterator[Sample]:
-    """Yields each whole track once, at the start, so that the 3D panel shows it from there on."""
+    """Yields each whole track once, at the start, so that the 3D panel shows it all the time."""
     for name, track in _tracks(run):
         start = track[0][0] if track else 0.0
         poses = [pose for _, pose in track]
@@ -231,7 +231,7 @@ def read_traffic(file: Path) -> tuple[list[Topic], list[Sample]]:
 
 
 def _samples(messages: Sequence[Timed]) -> list[Sample]:
-    """Returns one sample for each frame. A clock that was set back stands still until it has caught up."""
+    """Returns one sample for each frame. If the clock was set back, the time stands still until it has caught up."""
     first, latest, found = messages[0].time_s, 0, []
     for one in messages:
         latest = max(latest, round((one.time_s - first) * 1e9))
@@ -265,7 +265,7 @@ _STATES = ("/control.mode", "/control.phase", "/control.waypoint", "/control.fau
 
 
 def run_layout(topics: Sequence[Topic]) -> str:
-    """Returns the layout of a run, with the plots of which it has the signals."""
+    """Returns the layout of a run, with the plots whose signals the run has."""
     have = {f"{topic.name}.{field}" for topic in topics for field in topic.units}
     panels = {"3D!run": _scene([topic.name for topic in topics if topic.name.startswith("/pose")])}
     for title, paths in _PLOTS.items():
@@ -330,7 +330,7 @@ def _layout(panels: Mapping[str, Any]) -> str:
 
 
 def _split(names: Sequence[str], direction: str) -> Any:
-    """Returns panels side by side and one above the other in turn, each half as many."""
+    """Returns nested splits in halves, in turn side by side and one above the other, down to single panels."""
     if len(names) <= 1:
         return names[0] if names else ""
     half = max(1, len(names) // 2) if direction == "column" else 1 if names[0].startswith("3D") else len(names) // 2

@@ -1,4 +1,4 @@
-"""A model as MJCF, the file format of MuJoCo: the same robot as far as MuJoCo can be told of it.
+"""A model as MJCF, the file format of MuJoCo: the same robot as far as MuJoCo can represent it.
 
 The robot moves on a plane: it slides along x, y and z and turns about z, and its wheels roll on the floor by contacts
 that are as firm as MuJoCo makes them. MuJoCo's frame has y to the left and z up, so y and yaw have the other sign.
@@ -17,8 +17,8 @@ from brickpilot.vehicle.model import Model
 
 SIDES = ("left", "right")
 
-_AIR_M = 1e-3  # radius of the ball that feels the air's drag: too small to have an added mass
-_WHEEL_SHARE = 1e-4  # of the mass that a wheel's body has: its inertia is the joint's armature
+_AIR_M = 1e-3  # radius of the ball on which the air's drag acts: too small to have an added mass
+_WHEEL_SHARE = 1e-4  # mass of a wheel's body as a share of the robot's; its inertia is the joint's armature
 _FIRM = "0.9999 0.9999 0.001"
 _GRIP = 100.0
 _FLOATS = "a motor that floats: a control is a voltage, and 0 V shorts the motor"
@@ -28,7 +28,7 @@ def write(model: Model) -> RobotFile:
     """Returns the model as MJCF.
 
     Raises:
-        InputError: the profile `paper`, whose wheels do not carry the body, as those of MuJoCo do.
+        InputError: the profile is `paper`: its wheels do not carry the body, but those of MuJoCo do.
     """
     if model.profile != "coupled":
         raise InputError("has wheels that do not carry the body, which MuJoCo cannot say; use coupled", field="profile")
@@ -60,7 +60,7 @@ def _remarks(left_out: Sequence[str]) -> str:
 
 
 def _combinations(model: Model, machine: Machine) -> list[str]:
-    """Returns what could be said alone, but not beside what else the robot has."""
+    """Returns the parts that MuJoCo can represent alone, but not together with another part of the robot."""
     found = []
     if machine.lag > 0 and machine.values["inductance"] > 0:
         found.append("inductance, as the command has a lag and MuJoCo has one state for a motor")
@@ -143,10 +143,10 @@ def _unfelt(name: str, kind: str, size: str) -> dict[str, str]:
 
 
 def _chassis_inertia(machine: Machine, chassis: float, wheel: float, centre: tuple[float, float]) -> float:
-    """Returns the chassis' own inertia, so that the whole robot has its own about its centre of mass.
+    """Returns the chassis' inertia for which the whole robot has its yaw inertia about its centre of mass.
 
     Raises:
-        InputError: the two light wheels alone have more.
+        InputError: the two light wheels alone have more inertia.
     """
     ahead, right = machine.com
     of_wheels = 2 * wheel * (machine.values["half_track"] ** 2 + ahead**2 + right**2)
@@ -165,7 +165,7 @@ def _contacts(root: Xml.Element) -> None:
 
 
 def _bench(world: Xml.Element, model: Model, machine: Machine) -> None:
-    """A motor and its load: one joint, which turns, or slides where the input commands a force."""
+    """A motor and its load: one joint, which turns, or slides if the input commands a force."""
     values = machine.values
     linear = values["force_per_volt"] > 0
     lever = 1.0 if linear else values["wheel_radius"]
@@ -195,14 +195,14 @@ def _actuators(root: Xml.Element, machine: Machine, sides: Sequence[str]) -> Non
 
 
 def _late(delay: float) -> dict[str, str]:
-    """Returns a delay of the nearest number of steps, read half a step early: so rounding never adds a step."""
+    """Returns a delay of the nearest number of steps less half a step, so that rounding never adds a step."""
     steps = round(delay / MOTOR_STEP_S)
     return {"delay": _text((steps - 0.5) * MOTOR_STEP_S), "nsample": str(steps + 1)} if steps > 0 else {}
 
 
 def _motor(actuator: Xml.Element, head: dict[str, str], machine: Machine, k: int) -> None:
-    """A direct-current motor. MuJoCo has one constant for torque and back EMF; a motor with two is like one whose
-    resistance and inductance are K_e / K_t times as large. A gain of the voltage makes all of them smaller."""
+    """A direct-current motor. MuJoCo has one constant for torque and back EMF. A motor with two constants is like one
+    with K_e for both and K_e / K_t times the resistance and inductance. A gain of the voltage divides all of them."""
     values = machine.values
     per_volt = values["force_per_volt"] or values["torque_per_volt"]
     torque, emf = values["torque_constant"] * machine.flux[k], values["emf_constant"] * machine.flux[k]

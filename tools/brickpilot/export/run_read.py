@@ -30,7 +30,7 @@ class Run:
 
     Attributes:
         log: column -> (rows,), as in log.csv.
-        ticks: the same of ticks.csv; empty: the run was not flown over a link.
+        ticks: column -> (rows,), as in ticks.csv; empty: the run was not flown over a link.
         summary: the text of summary.json.
     """
 
@@ -43,7 +43,7 @@ def read(folder: Path) -> Run:
     """Returns the run in a folder.
 
     Raises:
-        InputError: it is no run folder, or a file of it is damaged.
+        InputError: `folder` is no run folder, or a file in it is damaged.
     """
     if not (folder / "log.csv").is_file() or not (folder / "summary.json").is_file():
         raise InputError(
@@ -66,9 +66,9 @@ def _bytes(path: Path) -> bytes:
 
 
 def _check_whole(path: Path, content: bytes) -> None:
-    """Raises InputError where a line is not as long as the header, or the last one has no end.
+    """Raises InputError if a line has not as many cells as the header, or the last line has no end.
 
-    Pandas fills a short line with NaN, and takes the first column for a name where all lines are longer.
+    Pandas fills a short line with NaN, and takes the first column as an index if all lines are longer.
     """
     *lines, rest = content.split(b"\n")
     for number, line in enumerate(lines, 1):
@@ -102,7 +102,7 @@ def _table(path: Path) -> dict[str, Array]:
 
 
 def parquet_tables(run: Run) -> dict[str, bytes]:
-    """Returns ending of the file's name -> Parquet file: that of the log, and `-ticks` of a flight over a link.
+    """Returns ending of the file's name -> Parquet file: "" for the log, `-ticks` for those of a flight over a link.
 
     The metadata of a column has its `unit`; that of the log's table has `summary.json`.
     """

@@ -16,7 +16,7 @@ from brickpilot.vehicle.model import Model
 SIDES = ("left", "right")
 
 _HOLDS = frozenset({"mass", "yaw_inertia", "com", "rim", "limit", "flux", "gain", "dry", "viscous", "imu"})
-_WHEEL_SHARE = 1e-2  # of the robot's mass, each wheel
+_WHEEL_SHARE = 1e-2  # mass of each wheel as a share of the robot's
 _ELECTRIC = "motors: their resistance, inductance and constants stand in the limits of effort and velocity alone"
 _AIR = "the drag of the air"
 _FLOOR = "wheels that hold on the floor without slip: a simulator has contacts of its own"
@@ -109,7 +109,7 @@ def _robot(root: Xml.Element, machine: Machine) -> None:
 
 
 def _limits(joint: Xml.Element, machine: Machine, k: int, damping: float) -> None:
-    """Writes what the motor holds at the largest voltage: its torque at rest, and its speed without load."""
+    """Writes the motor's limits at the largest voltage: its torque at rest, and its speed without load."""
     values = machine.values
     volts = min(values["battery_voltage"] * machine.gain[k], machine.limit or float("inf"))
     torque, emf = values["torque_constant"] * machine.flux[k], values["emf_constant"] * machine.flux[k]
@@ -123,7 +123,7 @@ def _limits(joint: Xml.Element, machine: Machine, k: int, damping: float) -> Non
 
 
 def _bench(root: Xml.Element, model: Model, machine: Machine) -> None:
-    """A motor and its load: a joint that turns, or one that slides where the input commands a force."""
+    """A motor and its load: a joint that turns, or one that slides if the input commands a force."""
     values = machine.values
     linear = values["force_per_volt"] > 0
     lever = 1.0 if linear else values["wheel_radius"]

@@ -1,9 +1,9 @@
 """The boards that firmware is built for: what each build needs, and what its report says of the image's size.
 
-For a robot of one's own, headers stand in the place of the project's when an image is built. The closed loop is the
-plant and a robot's own firmware, compiled for this machine as one library. It flies some fifty to a hundred times as
-fast as the firmware behind a link (`simulate.fly_own`), with the same motor commands, so that a robot's gains can be
-tuned over many flights.
+For another robot, its own headers replace the project's when an image is built. The closed loop is the plant and a
+robot's own firmware, compiled for this machine as one library. It flies some fifty to a hundred times as fast as the
+firmware behind a link (`simulate.fly_own`), with the same motor commands, so that a robot's gains can be tuned over
+many flights.
 """
 
 from __future__ import annotations
@@ -38,15 +38,15 @@ class Board:
 
     Attributes:
         name: for `--board`.
-        sensors: sensors of a flight -> what `flags` and `build` are told of them.
-        flags: the script that prints the compiler's flags for such a build; empty: `own_flags`.
-        own_flags: the same, where no script prints them.
+        sensors: sensors of a flight -> the arguments for them of the scripts `flags` and `build`.
+        flags: the script that prints the compiler's flags for such a build; empty: `own_flags` has them.
+        own_flags: the compiler's flags if no script prints them.
         build: the script that makes the image in a folder.
         wiring: header of the port with the scales of its sensors; empty: it has none.
         images: patterns of the files of a build that are kept.
         sizes: reads bytes of the image off the folder of a build.
         flashes: the command that puts the image on the board, PORT being its serial port; empty: none does.
-        flown: the one of a build's files that `hil --image` flies; empty: none.
+        flown: the file of a build that `hil --image` flies; empty: none.
         library: whether it is also written as a library of Arduino.
     """
 
@@ -71,13 +71,13 @@ def flags_of(board: Board, sensors: str, root: Path) -> list[str]:
 
 
 def step_of(flags: list[str]) -> float:
-    """Returns the control step in s that the flags ask for; without one it is `STEP_S`."""
+    """Returns the control step in s that the flags ask for, or `STEP_S` if they ask for none."""
     found = next((re.fullmatch(r"-DSTEP_MS=(\d+)", flag) for flag in flags if flag.startswith("-DSTEP_MS=")), None)
     return int(found[1]) / 1e3 if found else STEP_S
 
 
 def build(board: Board, sensors: str, headers: Path, folder: Path, root: Path) -> Figures:
-    """Builds the image in `folder` with the headers of `headers` in the place of the project's, and returns its sizes.
+    """Builds the image in `folder` with the headers of `headers` instead of the project's, and returns its sizes.
 
     Raises:
         WorkFailedError: the build fails; its last line says why.
@@ -90,7 +90,7 @@ def run(command: list[str], root: Path, environment: Mapping[str, str] | None = 
     """Runs a script of the project and returns what it prints.
 
     Raises:
-        WorkFailedError: it fails.
+        WorkFailedError: the script fails.
     """
     done = subprocess.run(
         command, cwd=root, env={**os.environ, **(environment or {})}, capture_output=True, text=True, check=False
@@ -198,7 +198,7 @@ def write_headers(
     """Writes the headers of a robot into `folder`: constants, route, and the board's wiring with this robot's scales.
 
     Raises:
-        InputError: a value that a format cannot hold; an IMU that the board does not have, or a range beyond it.
+        InputError: a value that a format cannot hold; an IMU that the board does not have, or a range beyond the IMU's.
     """
     _check_imu(imu, robot, board)
     texts = {
@@ -228,7 +228,7 @@ def _check_imu(imu: str, robot: Robot, board: Board) -> None:
 
 
 def of_model(robot: Robot, root: Path) -> dict[str, str]:
-    """Returns header -> text of the model's formats, where they are not the packaged ones."""
+    """Returns header -> text of the model's formats; empty if they are the packaged ones."""
     bits = params_header.voltage_bits(robot.vehicle)
     if bits == 0:
         return {}
@@ -259,8 +259,8 @@ static const route_waypoint_t MISSION[] = {{
 def _wiring(text: str, robot: Robot) -> str:
     """Returns the header of a port with the scales of this robot's sensors, and its counts a turn in words.
 
-    A count is one of 1024, over twice the range. The RCX's header has it as a whole part and 256ths, that of the AVR
-    chips in 256ths.
+    A count is twice the range over 1024. The RCX's header has it as a whole part and 256ths, that of the AVR chips in
+    256ths.
     """
     counts = {axis: 2 * robot.value("sensors", "imu", name) * MILLI / 1024 for axis, name in _RANGES.items()}
     q8 = {axis: round(count * 256) for axis, count in counts.items()}
@@ -277,7 +277,7 @@ def _wiring(text: str, robot: Robot) -> str:
 
 
 def _with_battery(text: str, robot: Robot) -> str:
-    """Returns the header with a range for the battery that holds this one when it is charged."""
+    """Returns the header with a voltage range that holds this robot's battery when it is charged."""
     nominal = robot.value("parameters", "battery_voltage")
     found = _BATTERY.search(text)
     measured = int(found[2]) / MILLI if found else params_header.RCX_BATTERY
@@ -295,8 +295,8 @@ class ClosedLoop:
     """What the library is made of; it is small, and so can be sent to another machine.
 
     Attributes:
-        headers: file -> text of those that take the place of the project's: the robot's constants.
-        flags: of the compiler, which make the firmware that of a board with some sensors.
+        headers: file -> text of the headers that replace the project's: the robot's constants.
+        flags: the compiler's flags, which select the firmware of a board and its sensors.
     """
 
     headers: tuple[tuple[str, str], ...]

@@ -1,6 +1,6 @@
 """What `brickpilot firmware` writes: a robot's constants, the image of a board, and how the robot flies with it.
 
-It also writes the firmware's sources as one folder that needs no checkout: for a board of one's own, and as a library
+It also writes the firmware's sources as one folder that needs no checkout: for your own board, and as a library
 that the Arduino IDE, arduino-cli and PlatformIO take as it is. `src/` is the only include path. It holds the firmware's
 folders, hal.h, wire/ and the port; every .c file begins with brickpilot_build.h, which has the build constants, since
 an Arduino library cannot give flags to the compiler.
@@ -62,7 +62,7 @@ class Order:
     """What to make.
 
     Attributes:
-        sensors: of the flight, a key of `board.sensors`.
+        sensors: the sensors of the flight, a key of `board.sensors`.
         mission: file of a scenario; None: the packaged mission, scaled.
         imu: a key of `boards.IMUS`.
     """
@@ -77,7 +77,7 @@ class Order:
 
 @dataclass(frozen=True)
 class Made:
-    """What was made: the sizes of the image by what they are of, in bytes; the flight; the control step in s."""
+    """What was made: the sizes of the image's parts in bytes, the flight and its plan, and the control step in s."""
 
     sizes: boards.Figures
     flown: HilFlight
@@ -90,7 +90,7 @@ def make(order: Order, folder: Path) -> Made:
 
     Raises:
         InputError: a value that a format cannot hold.
-        WorkFailedError: a build fails, as where the image does not fit.
+        WorkFailedError: a build fails, for example because the image does not fit.
         SimulationError: the plant diverges.
     """
     root = project_sources("--board")
@@ -233,7 +233,7 @@ def _properties(version: str) -> str:
 
 
 def _manifest(version: str) -> str:
-    """Returns library.json, by PlatformIO's."""
+    """Returns library.json, by PlatformIO's library specification."""
     rows = {
         "name": NAME,
         "version": version,
@@ -250,7 +250,7 @@ def _manifest(version: str) -> str:
 
 BUILD = "brickpilot_build.h"
 LIBRARY = "BRICKPILOT_LIBRARY"
-"""Defined where another program has the fuses: boot loaders of Arduinos cannot write them."""
+"""Constant of a build that does not set the fuses: boot loaders of Arduinos cannot write them."""
 
 HOSTS_ONLY = ("body_pose.c", "pid_start.c")
 _WIRE = ("crc", "frame", "message")
@@ -263,10 +263,10 @@ def write_sources(
 
     Args:
         root: the checkout.
-        headers: those that take the place of the project's.
-        flags: the compiler's; those that define a constant are kept.
+        headers: the folder of the headers that replace the project's.
+        flags: the compiler's flags; only those that define a constant are kept.
         port: folder in hal/ and in firmware/targets/, which holds the main program.
-        entry: what main() of that program is called.
+        entry: the new name of that program's main().
     """
     for path in sorted((root / "firmware").rglob("*.[ch]")):
         inside = path.relative_to(root / "firmware")

@@ -1,8 +1,8 @@
 """firmware/app/params_gen.h: the controller's constants for both profiles, in the firmware's formats.
 
-A robot of one's own is checked against the ranges of these formats. A coefficient of the model depends on several
-values of the robot at once. Where one does not fit, each value alone is moved until the constants can be made; the one
-that needs the least is named, with the range in which all others fit.
+Another robot is checked against the ranges of these formats. A coefficient of the model depends on several values of
+the robot at once. If a coefficient does not fit, each value alone is changed until the constants can be made. The error
+names the value with the least change, and the range in which it fits with all others.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ LONGEST_STEP_MS = 20
 """The longest step that firmware/app/loop.c integrates over its whole length: no watchdog may allow more."""
 
 TRAVEL_SCALE = "travel_scale_q15"
-"""The compensation that has no field of its own: the travel per count holds it."""
+"""The compensation without a field of its own: the constant of the travel per count includes it."""
 
 GYRO_FULL = 0.98
-"""Share of the gyro's range from which a reading is at its end: noise and a converter of a few bits stay within."""
+"""Share of the gyro's range above which a reading counts as saturated: it leaves room for noise and coarse counts."""
 
 CURRENT_SHARES = (1.0, 4.0, 16.0, 64.0, 256.0, 0.25, 0.0625)
 """Factors by which the model's currents may be smaller than those of the motors, or larger."""
@@ -36,16 +36,16 @@ CURRENT_SHARES = (1.0, 4.0, 16.0, 64.0, 256.0, 0.25, 0.0625)
 PER_CURRENT = ("resistance", "inductance", "torque_constant")
 PER_VOLTAGE = ("resistance", "inductance", "emf_constant")
 PER_TURN = {"wheel_radius": 1, "emf_constant": 1, "torque_constant": 1, "viscous_friction": 2, "wheel_inertia": 2}
-"""Parameter -> the power of a wheel's radius with which it grows, where the robot is to drive alike (eq. 12 to 14)."""
+"""Parameter -> the power of the wheel's radius with which it grows if the motion stays the same (eq. 12 to 14)."""
 
 SMALLEST_WHEEL, LARGEST_WHEEL = 1 / 64, 1 / 16
-"""m: between them the model's shares of wheel speed and surge are below 1."""
+"""m: for a radius between them, the model's shares of wheel speed and surge are below 1."""
 
 BATTERY_MOST, VOLTAGE_MOST = 29.0, 32.0
-"""V: of a battery, nominal, and charged; the latter is VOLTAGE_MAX_MV of firmware/mixer."""
+"""V: the largest voltage of a battery, nominal and charged; the latter is VOLTAGE_MAX_MV of firmware/mixer."""
 
 RCX_BATTERY = 20.0
-"""V: what the RCX measures of its own battery at most."""
+"""V: the largest voltage of its own battery that the RCX measures."""
 
 MILLIVOLTS = round(VOLTAGE_MOST * 1e3)
 
@@ -83,7 +83,7 @@ def _heading(common: Mapping[str, float], gyro_range: float) -> dict[str, Any]:
 
 
 def _friction(profile: str, values: Mapping[str, float]) -> dict[str, Any]:
-    """Returns a `friction_config_t`; in `paper` none is learnt, for its wheels do not roll with the body (fault 1)."""
+    """Returns a `friction_config_t`; `paper` learns no friction: its wheels do not roll with the body (fault 1)."""
     radius = values["wheel_radius"]
     inertia = values["wheel_inertia"] + values["mass"] * radius**2 / 2
     per_acceleration = values["resistance"] * inertia / (values["torque_constant"] * radius)  # V per m/s^2, both motors
@@ -172,7 +172,7 @@ def _block(
     known: Mapping[str, int],
     in_model: Mapping[str, Any] | None = None,
 ) -> str:
-    """Returns the constants of a profile; `in_model`: the vehicle that the model holds, where it is another one."""
+    """Returns the constants of a profile; `in_model`: the vehicle that the model holds, if it is not `vehicle`."""
     held = in_model or vehicle
     sets = "".join(
         f"#{'elif' if i else 'if'} STEP_MS == {step * 1e3:g}\n"
@@ -227,9 +227,9 @@ def voltage_bits(vehicle: Mapping[str, Any]) -> int:
 
 
 def with_room(vehicle: Mapping[str, Any], step: float) -> Mapping[str, Any]:
-    """Returns the vehicle that the model holds: one that drives alike, and whose motion fits the model's formats.
+    """Returns the vehicle that the model holds: it has the same motion, and its states fit the model's formats.
 
-    The inputs of the model are voltages, and its outputs are speed and yaw rate of the body. The rest is free:
+    The inputs of the model are voltages, and its outputs are speed and yaw rate of the body. Its other states are free:
 
     - With wheels of n times the radius, and motors geared to them, a wheel turns at an n-th of the speed.
     - A motor of n times the resistance, inductance and torque per current has an n-th of the current (eq. 12).
@@ -259,7 +259,7 @@ def with_room(vehicle: Mapping[str, Any], step: float) -> Mapping[str, Any]:
 
 
 def _wheels(radius: float) -> list[float]:
-    """Returns factors of the radius, powers of two, with which it has room: 1 first, if it has."""
+    """Returns factors, powers of two, that bring the radius within its limits: 1 comes first if it does."""
     middle = round(math.log2(math.sqrt(SMALLEST_WHEEL * LARGEST_WHEEL) / radius))
     found = [2.0**power for power in (0, middle, middle + 1, middle - 1)]
     return [one for one in dict.fromkeys(found) if SMALLEST_WHEEL < radius * one < LARGEST_WHEEL]
@@ -279,7 +279,7 @@ def _times(vehicle: Mapping[str, Any], factors: Mapping[str, float]) -> dict[str
 
 
 def _prove(values: Mapping[str, float]) -> None:
-    """Proves that a wheel stays within the model's speeds at full voltage."""
+    """Raises QuantisationError if a wheel is faster than the model's speeds at full voltage."""
     top = values["battery_voltage"] / 2 ** int(values["battery_voltage"] > VOLTAGE_LIMIT) * wheel_speed_per_volt(values)
     if top > WHEEL_SPEED_LIMIT:
         raise QuantisationError(
@@ -302,12 +302,12 @@ def _header(blocks: str) -> str:
 
 
 READING_MOST = 32.767  # m/s^2 or rad/s: a reading of hal.h in mm/s^2 or mrad/s has 16 bits
-ROUNDING = 0.005  # of the travel per count: the share of it by which the firmware may be off
-COUNT_UM_Q2 = 4e6  # counts of the format of the travel per count, per m
+ROUNDING = 0.005  # largest relative rounding error of the travel per count
+COUNT_UM_Q2 = 4e6  # units per m in the format of the travel per count
 COUNT_MOST = 65535
-FLOOR = 1.0  # V: the least that the mixer reckons with
+FLOOR = 1.0  # V: the least battery voltage that the mixer takes
 FLOOR_AT = ("controller", "coupled", "battery_floor")
-_STEP, _FURTHEST = 2.0, 20  # a value is moved by factors of this, so many times
+_STEP, _FURTHEST = 2.0, 20  # factor by which a value is changed, and the number of such changes
 _BISECTIONS = 12
 
 
@@ -377,7 +377,7 @@ def _out_of_range(
 
 
 def _refuse(one: Robot, step: float, reason: str) -> NoReturn:
-    """Names the value that has to change least for the constants to be made."""
+    """Raises an InputError that names the value with the least change for which the constants can be made."""
     found = min(_ways_out(one, step), key=lambda way: way[0], default=None)
     if found is None:
         raise InputError(f"this robot does not fit into the firmware's formats: {reason}", file=one.toml.path)
@@ -403,7 +403,7 @@ def _ways_out(one: Robot, step: float) -> Iterator[tuple[int, Place, float]]:
 
 
 def _movable(one: Robot) -> list[Place]:
-    """Returns the values that a person may have got wrong: those that the file states, above 0."""
+    """Returns the values that may be wrong in the file: those that it states, above 0."""
     numeric = [place for place in sorted(one.stated) if place[0] in ("parameters", "sensors", "robot")]
     used = one.vehicle["parameters"]
     return [place for place in numeric if (place[0] != "parameters" or place[1] in used) and one.value(*place) > 0]
@@ -422,7 +422,7 @@ def _fits(one: Robot, step: float, place: Place, value: float) -> bool:
 
 
 def _edge(fits: Callable[[float], bool], good: float, bad: float) -> float:
-    """Returns the last value that fits, between one that does and one that does not."""
+    """Returns the last value that fits, between `good`, which fits, and `bad`, which does not."""
     for _ in range(_BISECTIONS):
         middle = math.sqrt(good * bad)
         good, bad = (middle, bad) if fits(middle) else (good, middle)

@@ -1,8 +1,8 @@
 """A robot as the firmware has to know it: every value of the packaged robot's file, for another robot.
 
-`[parameters]` and `[effects]` of its model file are those of the plant. `[robot]`, `[sensors.*]`, `[estimator*]` and
-`[controller.coupled]`, with the names and units of sim_host/models/rcx.toml, override what else follows by the rules
-below, or is the packaged robot's. The rules start from the packaged robot's tuned constants.
+`[parameters]` and `[effects]` of its model file are those of the plant. Other values follow by the rules below, or are
+the packaged robot's, unless `[robot]`, `[sensors.*]`, `[estimator*]` or `[controller.coupled]` states them, with the
+names and units of sim_host/models/rcx.toml. The rules start from the packaged robot's tuned constants.
 
 A motor drives one degree of freedom, the straight drive or the turn, as a first-order lag: dv/dt = (gain V - v) / time
 (eq. 12 and 14 of the coupled vehicle, without inductance). The packaged robot's gains give its two closed loops
@@ -10,15 +10,15 @@ A motor drives one degree of freedom, the straight drive or the turn, as a first
     straight:  s^2 + (1 + gain kp) / time s + gain ki / time
     turn:      s^3 + (1 + gain kd) / time s^2 + gain kp / time s + gain ki / time
 
-The gains of another robot give its loops the same polynomials, with all poles multiplied by one pace:
+The gains of another robot give its loops the same polynomials, with all poles multiplied by one factor, the pace:
 
-- The root of the ratio of accelerations at full voltage, where this robot accelerates less: then the share of its
-  voltage that an error of the heading asks for stays the same.
-- More where the robot's own damping is beyond what that pace asks for, up to `FASTEST`.
+- If this robot accelerates less, the pace is the root of the ratio of accelerations at full voltage: then an error of
+  the heading asks for the same share of the robot's voltage.
+- If the robot's own damping is larger than the loop with this pace needs, the pace is larger, up to `FASTEST`.
 
-Speeds follow the speed that the battery holds, decelerations the acceleration, lengths the robot's length. The voltage
-that turns follows the battery, and is no more than the gyro can follow (`_within_gyro`). The packaged robot gets back
-its own constants.
+Speeds scale with the speed that the battery holds, decelerations with the acceleration, lengths with the robot's
+length. The voltage for turns scales with the battery, but stays within the gyro's range (`_within_gyro`). The rules
+give the packaged robot its own constants.
 """
 
 from __future__ import annotations
@@ -60,24 +60,24 @@ OWN = (
 )
 """The tables of a model file that describe a robot beside `[parameters]` and `[effects]`."""
 
-_MOST = 1e6  # of a value in SI, either sign; what its format holds is a matter of its own
+_MOST = 1e6  # largest absolute value in SI; the range of its format is checked elsewhere
 _LEAST_ABOVE_0 = 1e-6
 _RANGES: Mapping[Place, tuple[float, float]] = {
     ("robot", "length"): (_LEAST_ABOVE_0, _MOST),
     ("sensors", "imu", "gyro_range"): (_LEAST_ABOVE_0, _MOST),
     ("sensors", "imu", "gyro_noise_sd"): (_LEAST_ABOVE_0, _MOST),
-    ("sensors", "imu", "bits"): (1, 24),  # of the simulated converter
+    ("sensors", "imu", "bits"): (1, 24),  # bits of the simulated converter
     ("sensors", "encoder", "counts_per_turn"): (_LEAST_ABOVE_0, _MOST),
     ("controller", "coupled", "cruise"): (_LEAST_ABOVE_0, _MOST),
 }
-"""Of the values by which the rules divide, or of which they take a root or a power."""
+"""The ranges of the values by which the rules divide, or of which they take a root or a power."""
 
 _SEEN = ("imu", "encoder")
 ACCEPTANCE, FEEDFORWARD = "acceptance", "feedforward"
 """Settings without a value of their own in a vehicle file: they follow from the robot's length and its losses."""
 
 LONGEST_COUNT = 0.016
-"""m: just below what the format of the travel per count holds."""
+"""m: the longest travel per count, just below the limit of its format."""
 
 _PACKAGED = "the packaged robot's"
 _STATED = "stated"
@@ -90,9 +90,9 @@ class Robot:
     Attributes:
         model: the plant, with its effects.
         vehicle: the tables of a vehicle file, `{value, unit, basis}` each.
-        known: parameter of a compensation -> raw integer: what the firmware undoes of the effects.
-        remarks: a line for each difference that the firmware cannot undo.
-        stated: place -> value, SI, of those that the model file states.
+        known: parameter of a compensation -> raw integer: the effects that the firmware compensates.
+        remarks: a line for each difference that the firmware cannot compensate.
+        stated: place -> value, SI, of the values that the model file states.
         toml: the model file, for errors.
     """
 
@@ -142,7 +142,7 @@ def load(path: Path) -> Robot:
 
 
 def entry(tables: Tables, place: Place) -> Any:
-    """Returns what stands at a place of a vehicle file."""
+    """Returns the entry at a place of a vehicle file."""
     found: Any = tables
     for name in place:
         found = found[name]
@@ -150,7 +150,7 @@ def entry(tables: Tables, place: Place) -> Any:
 
 
 def _stated(toml: TomlFile) -> dict[Place, float]:
-    """Returns place -> value, SI, of what the file states in the tables of `OWN`."""
+    """Returns place -> value, SI, of the values that the file states in the tables of `OWN`."""
     known = packaged()
     found: dict[Place, float] = {}
     for place in OWN:
@@ -160,7 +160,7 @@ def _stated(toml: TomlFile) -> dict[Place, float]:
             table = toml.table(place[: depth + 1], table.get(name, {}))
         below = {one[len(place)] for one in OWN if len(one) > len(place) and one[: len(place)] == place}
         toml.known_keys(place, table, names)
-        for name in table.keys() - below - {"paper"}:  # another profile, which no firmware of one's own has
+        for name in table.keys() - below - {"paper"}:  # another profile, which only the project's firmware has
             found[*place, name] = _checked(toml, (*place, name), table[name], names[name]["unit"])
     return found
 
@@ -238,7 +238,7 @@ def _put(vehicle: dict[str, Any], values: Mapping[Place, tuple[float, str]]) -> 
 
 
 def _chosen(vehicle: dict[str, Any], stated: Mapping[Place, float]) -> dict[Place, Chosen]:
-    """Returns what the rules say of everything that they have a rule for; `vehicle` gets its length on the way."""
+    """Returns every value that a rule gives; also writes length and counts a turn into `vehicle`."""
     reference = packaged()
     own, other = plain(vehicle["parameters"]), plain(reference["parameters"])
     found: dict[Place, Chosen] = {}
@@ -264,7 +264,7 @@ def _chosen(vehicle: dict[str, Any], stated: Mapping[Place, float]) -> dict[Plac
 
 
 def _counts(radius: float, packaged: float) -> float:
-    """Returns the counts of a turn where nobody states them: the packaged robot's, or more for a large wheel."""
+    """Returns the counts of a turn if the file does not state them: the packaged robot's, or more for a large wheel."""
     return max(packaged, float(math.ceil(2 * math.pi * radius / LONGEST_COUNT)))
 
 
@@ -274,7 +274,7 @@ def _size(vehicle: Tables) -> Size:
 
 
 def _seen(vehicle: Tables) -> dict[str, float]:
-    """Returns what `tuned_estimator` asks of the sensors."""
+    """Returns the values of the sensors that `tuned_estimator` needs."""
     values, imu, encoder = (plain(one) for one in (vehicle["parameters"], *map(vehicle["sensors"].get, _SEEN)))
     return {
         "travel_per_count": values["wheel_radius"] / encoder["counts_per_turn"],
@@ -284,19 +284,19 @@ def _seen(vehicle: Tables) -> dict[str, float]:
 
 
 FASTEST = 2.0
-"""The packaged robot's poles, times this, are as fast as a control step of 9 ms follows: 0.2 of a radian a step."""
+"""Largest factor of the packaged robot's poles that a control step of 9 ms can follow: 0.2 of a radian a step."""
 
 NOTHING = 0.01
-"""A loop gain that changes no damping."""
+"""Largest loop gain that does not change the damping and is set to 0."""
 
 FASTEST_CRUISE = 1.6
-"""m/s: four fifths of what the format of a speed holds."""
+"""m/s: four fifths of the limit of the format of a speed."""
 
 LONGEST_TURN = math.pi
 """rad: no error of the heading is larger."""
 
 GYRO_SHARE = 0.9
-"""Of the gyro's range that a turn may reach: its bias and noise, and stronger motors, stay below the rest."""
+"""Share of the gyro's range that a turn may reach: the rest is for bias, noise and stronger motors."""
 
 Values = Mapping[str, float]
 
@@ -347,7 +347,7 @@ def _pace(own: Motion, accelerates: float, damping: float) -> float:
 
 
 def _loop_gain(wanted: float) -> float:
-    """Returns a loop gain without what is below `NOTHING`, or negative: there the robot's own damping is enough."""
+    """Returns a loop gain, or 0 if it is at most `NOTHING`: then the robot's own damping is enough."""
     return wanted if wanted > NOTHING else 0.0
 
 
@@ -373,10 +373,10 @@ def _heading_gains(own: Motion, packaged: Motion, gains: Values, accelerates: fl
 
 
 def _within_gyro(about: Motion, gyro_range: float) -> float:
-    """Returns the voltage that turns a robot half round from rest, and at its end to the gyro's range, or nearly.
+    """Returns the voltage at which half a turn from rest ends at the rate `GYRO_SHARE` times the gyro's range.
 
     A lag under the voltage V reaches the rate gain V (1 - e) after the angle gain V time (x - 1 + e), where x is the
-    time over that of the lag and e = exp(-x). A light robot reaches all of gain V at once, a heavy one never.
+    time elapsed over the lag's, and e = exp(-x). A light robot reaches the rate gain V at once, a heavy one never.
     """
     rate = GYRO_SHARE * gyro_range
 
@@ -404,7 +404,7 @@ def tuned_controller(own: Size, packaged: Size, constants: Values) -> dict[str, 
     """Returns the constants of `[controller.coupled]` that follow from the robot; the others are the packaged ones.
 
     Args:
-        constants: the packaged robot's.
+        constants: the constants of the packaged robot.
     """
     ahead, ahead_packaged = straight(own.values), straight(packaged.values)
     about, about_packaged = turn(own.values), turn(packaged.values)
@@ -440,7 +440,7 @@ def tuned_estimator(own: Values, packaged: Values, constants: Values) -> dict[st
 
     Args:
         own, packaged: `travel_per_count` in m, `gyro_resolution` and `gyro_noise_sd` in rad/s.
-        constants: the packaged robot's, of both tables.
+        constants: the constants of the packaged robot, of both tables.
     """
     coarser = own["travel_per_count"] / packaged["travel_per_count"]
     noisier = max(own[name] / packaged[name] for name in ("gyro_resolution", "gyro_noise_sd"))

@@ -30,20 +30,20 @@ from brickpilot.vehicle.scenario import Scenario
 from brickpilot.vehicle.settings import plain
 
 REST_S = 2.0
-"""Rest before the start, in which the gyro's bias is learnt: that of the programs in firmware/targets."""
+"""Rest before the start, in which the gyro's bias is learnt; the programs in firmware/targets have the same."""
 
 REPLY_S = 5.0
-SHORTEST_LEG = 3.0  # acceptance radii; the packaged mission's has 4.5
-SLACK = 1.25  # of the time that a scaled mission gets: turns do not scale
-LONGEST_S = 3600.0  # of a scenario
-FURTHEST_M = 30.0  # of a waypoint: the format of a route
+SHORTEST_LEG = 3.0  # least length of a leg, in acceptance radii; the packaged mission's has 4.5
+SLACK = 1.25  # factor of the time that a scaled mission gets, because turns do not scale
+LONGEST_S = 3600.0  # longest duration of a scenario
+FURTHEST_M = 30.0  # largest coordinate of a waypoint, by the format of a route
 
 
 def _scale(robot: Robot, waypoints: Sequence[tuple[float, float]]) -> float:
     """Returns the scale of the packaged mission for a robot.
 
-    It is that of the robot's length. For a slower robot it is less, so that the mission lasts no longer, since the
-    error of a learnt gyro bias grows with time; but no leg becomes shorter than `SHORTEST_LEG` acceptance radii.
+    It is the ratio of the robots' lengths. For a slower robot it is less, so that the mission does not last longer: the
+    error from a learnt gyro bias grows with time. But no leg becomes shorter than `SHORTEST_LEG` acceptance radii.
     """
     reference = packaged()
     longer = robot.length / plain(reference["robot"])["length"]
@@ -53,10 +53,10 @@ def _scale(robot: Robot, waypoints: Sequence[tuple[float, float]]) -> float:
 
 
 def mission(robot: Robot, file: str | None) -> Scenario:
-    """Returns the mission of a robot: a file of the user's as it is, or the paper's, scaled to the robot.
+    """Returns the mission of a robot: the user's `file` as it is, or the packaged mission scaled to the robot.
 
     Raises:
-        InputError: the file is bad, or no mission; the scaled mission is beyond what a route holds.
+        InputError: the file is bad, or no mission; the scaled mission is larger than a route can hold.
     """
     if file is not None:
         found = scenario.load(scenario.find(file))
@@ -135,7 +135,7 @@ def _status(brick: subprocess.Popen[bytes]) -> int:
 
 
 def undone(robot: Robot) -> dict[str, float]:
-    """Returns what the firmware knows of the robot's effects, SI, by setting."""
+    """Returns setting -> value, SI, of the robot's effects that the firmware compensates."""
     return {FORMATS[name].name: FORMATS[name].value(raw) for name, raw in robot.known.items() if raw}
 
 
@@ -150,15 +150,15 @@ _TARGETS = {
 }
 """Board and sensors of an image -> the target whose chip it is for."""
 _AVR_MACHINE = b"\x53\x00"
-"""At byte 18 of an ELF file for an AVR."""
+"""The bytes from 18 on of an ELF file for an AVR."""
 
 
 @dataclass(frozen=True)
 class OwnImage:
     """An image, the target of `hil` whose chip it is for, and the sensors it was made for.
 
-    `scales`: input -> what one of 1024 counts means to it, rad/s, m/s^2 or V, by its own board.h; empty: it is for an
-    RCX, and gets its readings as messages in these units.
+    `scales`: input -> value of one of 1024 counts, rad/s, m/s^2 or V, by the image's own board.h; empty: the image is
+    for an RCX, and gets its readings as messages in these units.
     """
 
     path: Path
@@ -171,7 +171,7 @@ def find_image(image: Path) -> OwnImage:
     """Returns an image in a folder of `firmware`, or in a folder below it, where build.sh puts one.
 
     Raises:
-        InputError: there is no such file, or the folder does not say of what board it is; no simulator flies it.
+        InputError: there is no such file, or the folder does not name its board; no simulator flies it.
     """
     if not image.is_file():
         raise InputError("no such file", file=image)
@@ -188,7 +188,7 @@ def find_image(image: Path) -> OwnImage:
 
 
 def _simulator(image: Path) -> str | None:
-    """Returns which targets fly a file, ``avr`` or ``h8sim``, by its machine or its ending; None: none do."""
+    """Returns which targets fly a file, ``avr`` or ``h8sim``, by its machine or its ending; None: no target does."""
     with image.open("rb") as file:
         head = file.read(20)
     if head.startswith(b"\x7fELF") and head[18:] == _AVR_MACHINE:
@@ -209,10 +209,10 @@ def image_plan(image: OwnImage, model: Path, scenario: str | None, sensors: str 
 
 
 def _scales(board: Path) -> dict[str, float]:
-    """Returns input -> what one of 1024 counts means, rad/s, m/s^2 or V, by a board.h.
+    """Returns input -> value of one of 1024 counts, rad/s, m/s^2 or V, by a board.h.
 
     Raises:
-        InputError: it is missing, or has not all scales.
+        InputError: board.h is missing, or has not all scales.
     """
     if not board.is_file():
         raise InputError("is missing: it has the scales of the sensors", file=board)

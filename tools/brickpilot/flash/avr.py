@@ -16,7 +16,7 @@ from brickpilot.errors import InputError, WorkFailedError
 
 @dataclass(frozen=True)
 class Part:
-    """A chip on an Arduino: what avrdude calls it and its boot loader's protocol, and its flash without boot loader."""
+    """A chip on an Arduino: avrdude's names of it and of its boot loader's protocol, and its bytes for an image."""
 
     name: str
     programmer: str
@@ -30,7 +30,7 @@ PARTS = {
 
 BAUD = 115200
 TIMEOUT_S = 120.0
-"""An image of 250 KB takes a minute, read back for comparison."""
+"""The longest delivery: an image of 250 KB takes a minute, with reading it back."""
 
 _SILENT = ("not in sync", "is not responding", "timeout", "getsync")
 _NO_PORT = ("can't open device", "cannot open port", "unable to open port")
@@ -79,13 +79,13 @@ def flash(
         part: the chip.
         port: its serial port.
         baud: the boot loader's rate.
-        dry: does all but write: tells whether the board is there and has this chip.
-        timeout_s: s for all of it.
+        dry: do not write; only check that the board is there and has this chip.
+        timeout_s: time for the whole delivery, s.
 
     Raises:
         InputError: the image does not fit, avrdude or the port is missing, or the chip is another one.
         TimeoutError: nothing answers, or the delivery takes too long.
-        WorkFailedError: what was written differs, or avrdude failed in another way.
+        WorkFailedError: the image that is read back differs, or avrdude failed in another way.
     """
     size = read(file, part)
     program = shutil.which("avrdude")
@@ -108,7 +108,7 @@ def flash(
 
 
 def _explain(said: str, part: Part, port: str, baud: int) -> None:
-    """Raises what avrdude's words mean."""
+    """Raises the error that avrdude's words mean."""
     words = said.lower()
     if "signature" in words and ("expected" in words or "invalid" in words):
         found = re.search(r"probably (?:\w+: )?(\w+)", said)

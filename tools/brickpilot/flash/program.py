@@ -8,8 +8,8 @@ brickOS acknowledges each command, but an acknowledgement does not name its comm
 
 It acknowledges `data` that it has already, and ignores them.
 
-`Tower.exchange` leaves 7 ms of silence between two packets. They are needed: when damage makes a byte of data look like
-a length, the receiver reads until the line is silent, and the table of the programs lies behind its buffer.
+`Tower.exchange` leaves 7 ms of silence between two packets. It is needed: when damage makes a byte of data look like a
+length, the receiver reads until the line is silent, and the table of the programs lies behind its buffer.
 
 Sources: the headers and the loader of brickOS 0.9.0, compared with the disassembled kernel of Debian's package.
 """
@@ -54,14 +54,14 @@ TRIES_PRESENT = 10
 TRIES = 40
 ROUNDS = 8
 _SILENT = 6
-"""After so many failed tries in a row, the program may be complete; the line need not be bad."""
+"""The number of failed tries in a row that may mean a complete program, and not a bad line."""
 
 
 T = TypeVar("T")
 
 
 class Line(Protocol):
-    """The line to a brick: a `link.tower.Tower`, or what stands for one."""
+    """The line to a brick: a `link.tower.Tower`, or a simulated one."""
 
     @property
     def device(self) -> str: ...
@@ -138,7 +138,7 @@ class Loader:
     def _send_data(self, image: bytes, slot: int, tally: Tally, progress: Progress) -> None:
         """Sends the image in packets. A packet that fails is sent again, and is shorter each time."""
         at, size = 0, LONGEST
-        ends: set[int] = set()  # ends of packets that may have arrived unacknowledged; no packet may reach across one
+        ends: set[int] = set()  # ends of packets that may have arrived unacknowledged; no packet may cross such an end
         while at < len(image):
             progress(at, len(image), "program")
             ends = {end for end in ends if end > at}

@@ -86,7 +86,7 @@ def _misread(packet: bytes) -> bool:
 
 
 def block(opcode: int, index: int, piece: bytes, *, careful: bool) -> bytes:
-    """Returns opcode and operands of a block with `piece`; if `careful`, with as much of it as cannot be misread."""
+    """Returns opcode and operands of a block with `piece`; if `careful`, with as much as cannot be misread."""
     for length in range(len(piece), 0, -1):
         data = piece[:length]
         head = bytes([opcode]) + index.to_bytes(2, "little") + length.to_bytes(2, "little")

@@ -2,7 +2,7 @@
 
 cantools writes the header, and the source that the tests use. The firmware writes its replies and its telemetry byte
 by byte, at the places of the signals that the header names. For the messages of sensors and motors the brick has one
-loop and a table for each message: a third of the size of cantools' code.
+loop and a table for each message, which take a third of the size of cantools' code.
 """
 
 from __future__ import annotations

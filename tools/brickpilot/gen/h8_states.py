@@ -1,7 +1,7 @@
 """The accesses of each H8/300 instruction, by `hal/h8sim/states.toml`, and their table in C for the simulated RCX.
 
-The sum of an instruction's states depends neither on the data nor on whether a branch is taken. Only that of `eepmov`
-depends on its count, so `eepmov` is not in the table.
+The sum of an instruction's states depends neither on the data nor on whether a branch is taken. The exception is
+`eepmov`, whose sum depends on its count, so `eepmov` is not in the table.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import tomllib
 from dataclasses import dataclass
 
 PLACES = ("nothing", "stack", "register", "short", "word", "displaced", "stepped")
-"""Where an instruction's data lie, as in the table; nothing: it has none."""
+"""Where an instruction's data lie, as in the table; nothing: the instruction has no data."""
 
 
 @dataclass(frozen=True)

@@ -144,7 +144,7 @@ def ranges(settings: Mapping[str, Setting]) -> list[tuple[int, int]]:
     """Returns the different ranges, (low, high): those without negative values first.
 
     Raises:
-        QuantisationError: more than the firmware's table has bits for.
+        QuantisationError: there are more ranges than the firmware's table has bits for.
     """
     found = sorted({(one.low, one.high) for one in settings.values()}, key=lambda pair: (pair[0] < 0, pair))
     if len(found) > RANGES_MOST:

@@ -36,13 +36,13 @@ REPLY_S = 2.0
 """Simulated time for a reply."""
 
 START_EVERY = 20
-"""The command to start is sent again after so many steps without its reply."""
+"""The number of steps without a reply after which the command to start is sent again."""
 
 RESET_STEPS = round(2.5 / STEP_S)
-"""A flight ends so many steps after a reset. An image that drives by itself rests for 2 s before; it must not drive."""
+"""Steps from a reset to the flight's end. An image that drives by itself rests for 2 s first; it must not drive."""
 
 MOST_PULSES_PER_S = 20_000.0
-"""False pulses at a rotation sensor where `encoder_noise` has a rate of 1."""
+"""False pulses per s at a rotation sensor if `encoder_noise` has a rate of 1."""
 
 Wrap = Callable[[Link], Link]
 
@@ -64,13 +64,13 @@ def fly(
 
     Args:
         plan: the plan of a mission; the faults of its scenario act.
-        target: of `AVR_TARGETS`.
-        image: its ELF file.
-        telemetry_every: the brick sends telemetry every so many steps, 1..255.
+        target: one of `AVR_TARGETS`.
+        image: the ELF file of the target.
+        telemetry_every: the number of steps from one telemetry to the next, 1..255.
         progress: called with (steps done, steps in all, text).
         settings: raw values that are written before the flight; they override the plan's.
         trace: a VCD file of the signals at the pins.
-        scales: of the sensors of an image with others than the packaged one's: see `open_robot`.
+        scales: the scales of sensors that differ from those of the packaged image: see `open_robot`.
         wrap: puts another link over the host's line, such as one that records.
         each_step: called with the robot and the number of each control step before it is flown.
 
@@ -117,7 +117,7 @@ def _fly(run: LinkedFlight, robot: AvrRobot, each_step: Callable[[AvrRobot, int]
 
 
 def _act(robot: AvrRobot, fault: Fault, step: int) -> None:
-    """Begins or ends a fault of the brick, if this is its first step or the step after it."""
+    """Begins a fault of the brick at the fault's first step, and ends it at the step after its last."""
     if not (fault.begins(step) or fault.ends(step)):
         return
     acts = fault.begins(step)
@@ -263,9 +263,9 @@ class AvrRobot:
         """Counts from now on the cycles of the program's parts: `bp_avr_profile`.
 
         Args:
-            functions: entry and part of each.
+            functions: (entry address, part) of each function.
             vectors_end: the first address behind the interrupts' vectors.
-            room: control steps that are kept.
+            room: the number of control steps that are kept.
         """
         given = self._ffi.new("bp_avr_function[]", list(functions))
         self._rows = self._ffi.new("bp_avr_costs[]", room)
@@ -275,7 +275,7 @@ class AvrRobot:
     def profiled(self) -> tuple[NDArray[np.int64], int]:
         """Returns the cycles of each control step since `profile`, and the most bytes of stack.
 
-        The first has the shape (steps, parts + 2): the parts, the interrupts, and all time outside sleep.
+        The cycles have the shape (steps, parts + 2): the parts, the interrupts, and all time outside sleep.
         """
         told = self.tell()
         rows = np.frombuffer(self._ffi.buffer(self._rows), dtype=np.uintc).reshape(len(self._rows), -1)
@@ -323,8 +323,8 @@ def open_robot(
         log: (steps, columns).
         motors: (steps, 2), the mean duty of the drives in each step.
         trace: a VCD file of the signals at the pins.
-        scales: input -> what one of 1024 counts means to the image (`BP_AVR_GYRO` and so on); left out: as to the
-            packaged one.
+        scales: input -> the value of one of 1024 counts for the image (`BP_AVR_GYRO` and so on); an input that is left
+            out has the value of the packaged image.
 
     Raises:
         InputError: the package was built without simavr, or the image or the trace cannot be used.

@@ -1,7 +1,7 @@
 """Finds the firmware's sources, in a checkout of the project or in the package, and runs a checkout's scripts.
 
-The images of `firmware/targets/avr` that can be flown are listed here too: this needs no library of a link, so that
-`bench` can list them.
+The images of `firmware/targets/avr` that can be flown are listed here too: this module needs no library of a link, so
+that `bench` can list them.
 """
 
 from __future__ import annotations
@@ -50,9 +50,9 @@ def script_output(script: str, *arguments: str, field: str | None = None, packed
 
     Args:
         script: its path in the checkout.
-        arguments: of the script.
+        arguments: the script's arguments.
         field: the option that needs it, for error messages.
-        packed: without a checkout, run it as an installed package holds it: it writes nothing beside itself.
+        packed: if there is no checkout, run the script of the installed package; it must write nothing beside itself.
 
     Raises:
         InputError: there is no checkout, or the script fails.
@@ -71,9 +71,9 @@ def in_lab(
 
     Args:
         module: its name in `lab`.
-        arguments: of the module.
+        arguments: the module's arguments.
         field: what needs it, for error messages.
-        stdout: as of `subprocess.run`; None: it prints where this process does.
+        stdout: as in `subprocess.run`; None: the module prints where this process does.
 
     Raises:
         InputError: there is no checkout.
@@ -99,4 +99,4 @@ AVR_TARGETS = {
     "avr:328p-lsm6ds": AvrTarget("atmega328p", ("328p", "imu-lsm6ds"), ("imu",)),
     "avr:2560": AvrTarget("atmega2560", ("2560", "all"), ("imu+encoders",)),
 }
-"""Target -> its image."""
+"""Name of a target -> its image, chip and sensors."""

@@ -28,7 +28,7 @@ from brickpilot.link.lnp import InfraredLink
 from brickpilot.link.session import REPLY_S
 from brickpilot.link.tower import Tower
 
-_PRIORITY = 20  # of 99; the system's own threads have more
+_PRIORITY = 20  # from 1 to 99; the system's own threads have more
 STARTED = {"serial:pty": "--pty", "tcp": "--listen 127.0.0.1:0", "can:slcan": "--slcan-pty"}
 """Link whose brick is a process that is started here -> the options of that process."""
 
@@ -42,9 +42,9 @@ FORMS = (*STARTED, *IN_PROCESS, "serial:PORT", "tcp:HOST:PORT", "can:slcan:PORT"
 def claim_priority() -> bool:
     """Requests real-time priority (sched(7), SCHED_FIFO) for this thread and its children.
 
-    Returns False if it is refused, or the system (macOS, Windows) has no such call.
+    Returns False if the request is refused, or the system (macOS, Windows) has no such call.
 
-    With it, other programs make fewer ticks late. Both ends sleep between their ticks.
+    With this priority, other programs make fewer ticks late. Both ends sleep between their ticks.
     """
     if not hasattr(os, "sched_setscheduler"):
         return False
@@ -203,10 +203,10 @@ def h8_simulator(target: str, image: Path | None = None) -> tuple[str, str]:
 
     Args:
         target: one of `H8SIM_TARGETS`.
-        image: the program, built already; None: that of `target` is built in a checkout.
+        image: a program that is built already; None: the program of `target` is built in a checkout.
 
     Raises:
-        InputError: no checkout is in this folder or above it, where a program is built, or a build fails.
+        InputError: a program has to be built but no checkout is in this folder or above it, or a build fails.
     """
     if image is not None:
         return script_output("hal/h8sim/simulator", field="--image", packed=True), str(image)

@@ -34,16 +34,16 @@ from brickpilot.vehicle.scenario import AVR_KINDS
 from brickpilot.vehicle.settings import settings as known_settings
 
 TRIES = 4
-"""In lockstep, the link is lost after a set was sent so often without a reply."""
+"""In lockstep, how often a set is sent without a reply until the link counts as lost."""
 
 LOST_STEPS = int(SILENT_S / STEP_S)
-"""In real time, the motors stop after so many steps without a motor command."""
+"""In real time, the number of steps without a motor command after which the motors stop."""
 
 REST_STEPS = round(1.0 / STEP_S)
-"""In real time, a flight ends so many steps after its mission; the robot rolls out meanwhile."""
+"""In real time, the number of steps from the mission's end to the flight's end; the robot rolls out meanwhile."""
 
 GIVE_UP_STEPS = round(2.0 / STEP_S)
-"""A flight ends after so many steps without its link, with the motors off."""
+"""The number of steps without a link, with the motors off, after which a flight ends."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ def prepare(
     """Opens a session and sends all that the flight needs: compensation, gains, settings and route.
 
     Raises:
-        InputError: the brick refuses one of them, or two settings contradict each other; none is written then.
+        InputError: the brick refuses one of them, or two settings contradict each other; then no setting is written.
     """
     session.open(plan.controller, pace)
     cruise = {"cruise": known_settings()["cruise"].raw(plan.cruise)} if plan.cruise > 0 else {}
@@ -204,7 +204,7 @@ def fly(
         spec: the link as the user named it, for error messages.
         plan: the plan of a mission; the faults of its scenario act.
         pace: LOCKSTEP or REALTIME.
-        telemetry_every: the brick sends telemetry every so many steps, 1..255; the log repeats it in between.
+        telemetry_every: the number of steps from one telemetry to the next, 1..255; the log repeats it in between.
         progress: called with (steps done, steps in all, text).
         settings: raw values that are written before the flight; they override the plan's.
         reply_s: time for a reply, s of the clock, before the set is sent again; default: that of `ends`.

@@ -110,7 +110,7 @@ class LinkedFlight:
         return self.step - self._over_since
 
     def exchange(self, end: PlantEnd, tries: int, timeout: float) -> bool:
-        """Sends the step's set until its reply comes, and takes the motor command. Returns False if none came."""
+        """Sends the step's set until its reply comes, and takes the motor command. Returns False if no reply came."""
         for _ in range(tries):
             self.sent_sequence = self.session.next_sequence()
             self.expected = bytes((self.sent_sequence, end.tick_ms))
@@ -274,10 +274,10 @@ class Ticks:
     """The ticks of a flight; each array has the shape (steps,).
 
     Attributes:
-        time_s: of the flight.
+        time_s: time since the flight began.
         begun_s: when the tick began, s of the clock after the first.
-        round_trip_ms: from sending the sensors' set to its motor command; NaN: none came.
-        troubles: by name, how many were counted in the tick. The brick reports its own with a delay.
+        round_trip_ms: from sending the sensors' set to its motor command; NaN: no command came.
+        troubles: name of TROUBLES -> how many were counted in the tick. The brick reports its own with a delay.
     """
 
     time_s: Array
@@ -304,7 +304,7 @@ class TickRecorder:
         self._begun[step] = time.perf_counter()
 
     def sent(self, step: int, sequence: int) -> None:
-        """Notes that the set of a step is sent; a set that is sent again counts from there."""
+        """Notes that the set of a step is sent; if the set is sent again, its time counts from there."""
         self._sent[sequence] = step, time.perf_counter()
 
     def replied(self, sequence: int) -> None:

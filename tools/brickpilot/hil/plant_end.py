@@ -1,8 +1,8 @@
 """The plant's end of a link: the C plant, its sensor readings as messages, its motors, and the injected faults.
 
-A scenario's [[faults]] are in messages, in sensors, and in the plant or the brick. They are seeded. They act on
-messages, above the transport, and so are the same on every transport. So the CRC of a message, not the checksum of a
-transport, has to find this damage.
+A scenario's [[faults]] are in messages, in sensors, and in the plant or the brick. They are seeded. Faults of messages
+act above the transport, so they are the same on every transport, and the CRC of a message, not the checksum of a
+transport, has to find them.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Flies the mission with the RCX's own image in a simulated brick: its kernel, its interrupts, its drivers, its time.
 
 The plant gives the sensors' voltages, as numbers of the brick's converter, and takes the time that the kernel's motor
-port drove each motor. Both pass every 3 ms, the plant's step. The brick is an RCX with brickOS in simulated time:
-processor, interrupts, converter, timers and serial line (hal/h8sim).
+port drove each motor. Both are exchanged every 3 ms, the plant's step. The brick is an RCX with brickOS in simulated
+time: processor, interrupts, converter, timers and serial line (hal/h8sim).
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ SENSORS = {"imu": "imu", "rotation": "imu+encoders"}
 """The sensors for which an image is built -> those of the plant."""
 
 BOOT_MS = 2000
-"""The kernel sets itself up, and plays its melody."""
+"""The time in which the kernel sets itself up and plays its melody."""
 
 PACKET_GAP_MS = 10
 REPLY_MS = 300
 AFTER_S = 1.0
-"""A flight ends so long after the display has shown its end."""
+"""The time from the display of the mission's end to the flight's end, s."""
 
 ARRIVED = "donE"
 
@@ -49,7 +49,7 @@ MIDDLE, RAW_MOST = 512, 1022
 """The converter's reading at 2.5 V, and the highest one that is no open input."""
 
 ROTATION_LEVELS = (960, 832, 384, 576)
-"""What a LEGO rotation sensor shows in its four positions, in the order of turning forward."""
+"""The converter's readings of a LEGO rotation sensor in its four positions, in the order of turning forward."""
 
 BATTERY_MV = 0xABD4 / 0x618
 """Millivolts of one count of the converter, by brickOS's own formula."""
@@ -103,7 +103,7 @@ class Image:
     """The autopilot as a program of brickOS.
 
     Attributes:
-        functions: name -> address, if its text begins at the program's own base.
+        functions: name -> address, valid if the text begins at the program's own base.
     """
 
     program: image_files.Program
@@ -205,7 +205,7 @@ CLOCK_HZ = 16_000_000
 RUN_BUTTON = 2
 BYTE_MS = 11 / 2.4
 PRESS_MS = 250
-"""Long enough for the kernel's driver of the buttons, which notices a change twice in 100 ms."""
+"""How long a press lasts: the kernel's driver of the buttons notices a change twice in 100 ms."""
 
 KINDS = ("idle", "program", "kernel", "clock", "motors", "subsystems", "ERI", "RXI", "TXI", "TEI", "converter")
 """The uses of the processor's time, in the order of hal/h8sim.
@@ -264,7 +264,7 @@ class SimulatedRcx:
     def __init__(self) -> None:
         self.ms = 0.0
         self.driven = (0, 0)
-        self._lock = threading.Lock()  # a line's thread may use it at the same time as the owner's
+        self._lock = threading.Lock()  # the thread of a line may use the brick at the same time as the owner
         simulator, kernel = script_output("hal/h8sim/simulator"), script_output("hal/h8sim/kernel")
         self._process = subprocess.Popen(
             [simulator, kernel],
@@ -324,7 +324,7 @@ class SimulatedRcx:
         return shown == [font[ord(character)] for character in text.ljust(len(_SEGMENTS))]
 
     def watch(self, address: int) -> None:
-        """Records, from now on, each time at which the instruction at `address` begins. `watched` tells."""
+        """Records, from now on, each time at which the instruction at `address` begins, for `watched`."""
         with self._lock:
             self._write(struct.pack(">sH", b"b", address))
 

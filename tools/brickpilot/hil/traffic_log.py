@@ -70,7 +70,7 @@ def read(file: Path) -> list[Message]:
 
 @dataclass(frozen=True)
 class Timed:
-    """One message of a log: s of the clock that recorded it, and whether the host received it."""
+    """One message of a log, with its time on the recording clock and whether the host received it."""
 
     time_s: float
     identifier: int

@@ -1,8 +1,8 @@
 """Packets of brickOS's network protocol, LNP: `F1`, length, destination, source, data and checksum.
 
 An address has 4 bits of host and 4 bits of port. The length counts both addresses and the data. The checksum is 0xFF
-plus the sum of all bytes before it. Each message to the
-autopilot on an RCX travels in one packet, as in hal/rcx/infrared.
+plus the sum of all bytes before it. Each message to the autopilot on an RCX travels in one packet, as in
+hal/rcx/infrared.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def find(received: bytes, to: int, sender: int) -> bytes | None:
 HEAD_BYTES = 3
 REPLY_BYTES = 4 + HEAD_BYTES + 8 + 1
 PATIENCE = 4.0
-"""While the brick sends telemetry, seven messages of half a second, it receives nothing."""
+"""Patience of a request, see `Tower.exchange`: the brick hears nothing while it sends seven telemetry messages."""
 
 FIRST_TRIES, TRIES = 3, 10
 """Tries of a request before the first reply of a session, and after it."""
@@ -71,7 +71,7 @@ class InfraredLink:
     def __init__(self, tower: Tower) -> None:
         self.damaged = 0
         self._tower = tower
-        self._sequence = int(time.monotonic() * 10) & 255  # differs from that of the session before
+        self._sequence = int(time.monotonic() * 10) & 255  # differs from the number of the session before
         self._replies: list[Message] = []
         self._connected = False
 

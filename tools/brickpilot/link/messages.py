@@ -50,7 +50,7 @@ class Layout:
         return tuple((((whole >> start) & mask) ^ sign) - sign for start, mask, sign in self._fields)
 
     def seal(self, *values: int) -> bytes:
-        """Packs `values` and puts the CRC of this message into the last two bytes; `values` leave it out."""
+        """Packs `values`, which do not hold the CRC, and puts the CRC of this message into the last two bytes."""
         data = self.pack(*values, 0)
         return data[:CRC_AT] + struct.pack("<H", crc16(struct.pack("<H", self.id) + data[:CRC_AT]))
 
@@ -62,7 +62,7 @@ class Layout:
 
 
 def _struct(fields: Sequence[tuple[int, int, bool]]) -> struct.Struct | None:
-    """Returns the `struct` of fields (start bit, bits, signed), or None if one does not consist of whole bytes."""
+    """Returns the `struct` of fields (start bit, bits, signed), or None if a field does not consist of whole bytes."""
     form, at = "<", 0
     for start, bits, signed in fields:
         if start % 8 or (bits, signed) not in CODES:

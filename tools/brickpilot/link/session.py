@@ -35,7 +35,7 @@ class Session:
         spec: the link as the user named it, for error messages.
         other: called with (id, data) of every message that is not the expected reply.
         reply_s: time for a reply, s, before the request is sent again.
-        clock: the time that `reply_s` is of, s.
+        clock: the clock for `reply_s`, s.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class Session:
         self.other = other
         self.reply_s = reply_s
         self.repeated = 0  # requests that were sent again
-        self.resets = ResetWatch()  # its owner passes to it what comes to `other`
+        self.resets = ResetWatch()  # the session's owner passes the messages of `other` to it
         self._book = book()
         self._sequence = 0
 
@@ -199,26 +199,26 @@ class Session:
 
 
 HEARTBEAT_TICKS = 100
-"""A brick that keeps its own pace sends a HEARTBEAT every so many ticks, the first at tick 0 (firmware/app/loop.c)."""
+"""Ticks from one HEARTBEAT of a brick in real time to the next, the first at tick 0 (firmware/app/loop.c)."""
 
 
 class ResetWatch:
     """Tells whether the brick has begun anew: bytes of an OPEN came twice, or another host has opened a session.
 
-    Two messages show it. HELLO answers an OPEN, and there are more of them than this session has sent. The tick of
-    HEARTBEAT counts from OPEN, and goes back. HEARTBEAT has no check, so only a tick that a brick can send counts.
+    Two messages show it. HELLO answers an OPEN: more HELLOs come than this session has sent OPENs. The tick of
+    HEARTBEAT counts from OPEN: it goes back. HEARTBEAT has no CRC, so only multiples of `HEARTBEAT_TICKS` count.
     """
 
     def __init__(self) -> None:
         by = book().by_name
         self._hello, self._heartbeat = by["HELLO"], by["HEARTBEAT"]
         self._watching = False
-        self._due = 0  # replies to a repeated OPEN may still come
+        self._due = 0  # how many replies to a repeated OPEN may still come
         self._newest_tick = 0
         self.reset = False
 
     def opened(self, repeats: int) -> None:
-        """Notes a session that was opened after an OPEN and `repeats` more of it."""
+        """Notes a session that was opened by an OPEN and `repeats` repetitions of it."""
         self._watching, self._due, self._newest_tick, self.reset = False, repeats, 0, False
 
     def begin(self) -> None:

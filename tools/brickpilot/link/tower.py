@@ -28,7 +28,7 @@ TURN_BYTES = 60
 _WAKE = b"\x10\xfe\x10\xfe"
 _WAKE_TRIES = 10
 _NO_ECHO = 10
-"""After so many exchanges in a row without an echo, the tower is missing, not the brick."""
+"""The number of exchanges in a row without an echo after which the tower, not the brick, is missing."""
 
 T = TypeVar("T")
 
@@ -120,7 +120,7 @@ class Tower:
 
     @staticmethod
     def _behind_echo(packet: bytes, received: bytearray) -> bytes:
-        """Returns the bytes after the echo; after a damaged echo also its last bytes, because some may be lost."""
+        """Returns the bytes after the echo; if the echo is damaged, also its last bytes, because some may be lost."""
         if received.startswith(packet):
             return bytes(received[len(packet) :])
         return bytes(received[max(0, len(packet) - 4 - len(packet) // 50) :])

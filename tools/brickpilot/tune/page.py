@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 BEFORE: Colour = "orange"
 AFTER: Colour = "blue"
 _LOGGED = ("time_s", "true_x_m", "true_y_m", "true_heading_rad", "left_voltage_v", "right_voltage_v")
-_SHOWN_S = 1.0  # of a track beyond its last movement
+_SHOWN_S = 1.0  # how long a track goes on after its last movement
 
 
 def page(tuned: Tuned, command: str) -> str:
@@ -141,7 +141,7 @@ def _gains(tuned: Tuned) -> list[dict[str, object]]:
 
 
 def _ranges(tuned: Tuned) -> Markup:
-    """Draws the found gains in units of those before, in the range that was searched."""
+    """Draws the found gains over the gains before, within the ranges that were searched."""
     space = tuned.space
     base = np.array([tuned.problem.start[name] for name in space.names]) + space.offset
     found = (np.array([tuned.found[name] for name in space.names]) + space.offset) / base
@@ -160,7 +160,7 @@ def _ranges(tuned: Tuned) -> Markup:
 
 
 def _chosen(tuned: Tuned) -> list[tuple[int, str]]:
-    """Returns places of robots whose tracks are shown, and why each."""
+    """Returns the places of the robots whose tracks are shown, each with its reason."""
     before, after = ([score(one, tuned.by) for one in flown] for flown in (tuned.judged.before, tuned.judged.after))
     median = int(np.argsort(before, kind="stable")[len(before) // 2])
     picked = {median: "the robot in the middle before"}
@@ -204,7 +204,7 @@ def _track(tuned: Tuned, place: int, why: str) -> dict[str, Any]:
 
 
 def _apart(track: Array, samples: int) -> Array:
-    """Returns a track of another number of samples than the one that is played, thinned."""
+    """Returns the track thinned, to another number of samples than `samples`, those of the track that is played."""
     kept = track[:, :: max(track.shape[1] // 1000, 1)]
     return kept[:, :-1] if kept.shape[1] == samples else kept
 

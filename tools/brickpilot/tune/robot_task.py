@@ -1,6 +1,6 @@
-"""Makes the problem of one robot: its firmware as a user gets it today, its mission, and what the data allow of it.
+"""Makes the problem of one robot: its firmware as users get it today, its mission, and the robots that data allow.
 
-It is apart from `task`, which workers load: they need no library of a link.
+The module is apart from `task`, which workers load, because they need no library of a link.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ def problem(path: Path, board: str, sensors: str, mission: str | None, shares: M
     """Returns the problem of a model file.
 
     Args:
-        path: of model.toml; what `calibrate` or `discover` wrote beside it says what the data allow.
+        path: path of model.toml; the files of `calibrate` or `discover` beside it say which robots the data allow.
         board: a key of `boards.BOARDS`, or `PACKAGED`.
-        sensors: of the robot.
+        sensors: the sensors of the robot.
         mission: file or name of a scenario; None: the packaged mission, scaled to the robot.
         shares: see `robots.Allowed`.
-        seed: of the drawn robots.
+        seed: seed of the drawn robots.
 
     Raises:
         InputError: a file is bad, a value does not fit into a format, or no checkout is here.

@@ -31,10 +31,10 @@ TUNED = PIDS + GUIDANCE
 """The gains that are tuned: those of both PIDs, and those of the guidance along the line of sight."""
 
 FACTOR_PID, FACTOR_GUIDANCE = 10.0, 3.0
-"""How far a gain may leave the start, either way. Beyond it a loop is another loop, and a route is driven otherwise."""
+"""The largest factor between a gain and its start, either way. A larger one would change the nature of the control."""
 
 OFFSET = 0.02
-"""Of the packaged robot's raw value: the size at which a gain counts as switched on."""
+"""Offset as a share of the packaged robot's raw value: the size at which a gain counts as switched on."""
 
 
 @dataclass(frozen=True)
@@ -47,11 +47,11 @@ class Space:
     high: Array
 
     def coordinates(self, raw: Mapping[str, int]) -> Array:
-        """Returns the place of a gain set."""
+        """Returns the coordinates of a gain set, (gains,)."""
         return np.asarray(np.log(np.array([float(raw[name]) for name in self.names]) + self.offset))
 
     def raw(self, coordinates: Array) -> dict[str, int]:
-        """Returns the raw integers at a place: rounded, within the ranges, and no pair in contradiction."""
+        """Returns the raw integers at these coordinates: rounded, within the ranges, and no pair in contradiction."""
         values = np.clip(np.exp(coordinates) - self.offset, self.low, self.high)
         found = {name: int(value) for name, value in zip(self.names, np.rint(values), strict=True)}
         for less, more in AT_MOST:
@@ -70,7 +70,7 @@ def around(start: Mapping[str, int], firmware: Mapping[str, int]) -> Space:
 
     Args:
         start: raw integers of `TUNED`.
-        firmware: raw integers of all settings: what the tuned ones have to agree with.
+        firmware: raw integers of all settings, with which the tuned ones have to agree.
     """
     names = tuple(name for name in TUNED if name in start)
     packaged = defaults("coupled")
@@ -84,7 +84,7 @@ def _range(name: str, start: Mapping[str, int], firmware: Mapping[str, int], off
     factor, row = (FACTOR_PID if name in PIDS else FACTOR_GUIDANCE), settings()[name]
     low = max(row.low, round((start[name] + offset) / factor - offset))
     high = min(row.high, round((start[name] + offset) * factor - offset))
-    for less, more in AT_MOST:  # where the other of a pair is not tuned, it is a limit
+    for less, more in AT_MOST:  # if the other setting of a pair is not tuned, it is a limit
         if name == more and less not in start:
             low = max(low, row.raw(settings()[less].value(firmware[less])))
     return min(low, start[name]), max(high, start[name])
@@ -99,11 +99,11 @@ class Problem:
     """One robot's tuning; small, and picklable for workers.
 
     Attributes:
-        plan: of a flight of the best explanation, with the firmware's own gains; `firmware` is left to `loop`.
+        plan: the plan of a flight of the best explanation, with the firmware's own gains; `loop` gives its `firmware`.
         loop: the robot's own firmware; None: the packaged one.
-        allowed: what the data allow of the robot.
+        allowed: the robots that the data allow.
         start: the gains that are tuned, as the firmware has them today.
-        seed: of the drawn robots.
+        seed: seed of the drawn robots.
     """
 
     plan: flight.Plan
@@ -114,7 +114,7 @@ class Problem:
 
     def planned(self, robot: robots.Robot, gains: Raw) -> flight.Plan:
         """Returns the plan of a drawn robot's flight with these gains."""
-        scenario = self.plan.scenario  # what it says of the plant holds for every robot
+        scenario = self.plan.scenario  # its values of the plant hold for every robot
         model = dataclasses.replace(
             robot.model,
             parameters={**robot.model.parameters, **scenario.parameters},
@@ -131,15 +131,15 @@ class Problem:
 
 
 class Outcome(NamedTuple):
-    """What counts of a flight.
+    """The figures of a flight that the score uses.
 
     Attributes:
         success: every waypoint reached, and no fault.
-        missed: share of the waypoints that were not reached; 1 where the simulation diverged.
-        cross_track: rms while driving, m; NaN: it never drove.
-        time: when the last waypoint was reached, s; NaN: it was not.
-        wear: how far the duty of both motors moved in all, in full duties.
-        cause: why it failed; empty: it did not.
+        missed: share of the waypoints that were not reached; 1 if the simulation diverged.
+        cross_track: rms while driving, m; NaN: the robot never drove.
+        time: when the last waypoint was reached, s; NaN: it was not reached.
+        wear: the sum of the absolute changes of both motors' duties, in full duties.
+        cause: why the flight failed; empty: it succeeded.
     """
 
     success: bool
@@ -154,7 +154,7 @@ class Batch(NamedTuple):
     """Some flights with one gain set, as a worker gets them.
 
     Attributes:
-        stream, places: of the drawn robots.
+        stream, places: the stream of the drawn robots and their places in it.
     """
 
     problem: Problem
@@ -170,7 +170,7 @@ def fly_batch(batch: Batch) -> list[Outcome]:
 
 
 def fly_plan(plan: flight.Plan) -> Outcome:
-    """Returns what counts of one flight."""
+    """Returns the outcome of one flight."""
     return _outcome(runs.row(plan))
 
 
@@ -182,13 +182,13 @@ def _outcome(row: runs.Row) -> Outcome:
 
 @dataclass(frozen=True)
 class Scale:
-    """What the terms of the score are measured in.
+    """The units of the terms of the score.
 
     Attributes:
         acceptance: m, the robot's radius.
-        time: s, and
-        wear: full duties: the medians of the start's successful flights.
-        longest: s of a flight: the time of one that does not arrive.
+        time: s, the median over the start's successful flights.
+        wear: full duties, the median over the same flights.
+        longest: s, the longest flight: the time that counts for a robot that does not arrive.
     """
 
     acceptance: float
@@ -199,9 +199,9 @@ class Scale:
 
 MISSED, TIME, WEAR = 100.0, 0.5, 0.1
 """Weights of the score. A waypoint missed by one robot of a hundred costs more than any change of the other terms that
-was seen; a radius of cross-track error is worth two of the start's times, and one of these five of its wear."""
+was seen. A cross-track error of one radius costs as much as twice the start's time or ten times the start's wear."""
 
-_LEAST = 0.1  # of the waypoints: what a fault after the last one counts as
+_LEAST = 0.1  # the share of missed waypoints that a fault after the last one counts as
 
 UNKNOWN_RADII = 5.0
 """Cross-track error of a robot that never drove, in radii."""

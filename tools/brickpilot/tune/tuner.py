@@ -1,11 +1,11 @@
-"""Tunes the gains of one robot: the search, the judge, and what is kept.
+"""Tunes the gains of one robot: the search, the judge, and the choice of the gains that are kept.
 
 The search is CMA-ES (Hansen, 2016, arXiv 1604.00772) by pycma, on flights of drawn robots by the workers of a campaign.
 All gain sets of a generation are flown by the same robots with the same noise (common random numbers), so that their
-ranks, all that the method uses, compare gains and not luck. The next generation gets other robots, so that no set is
-fitted to a few. The answer is the centre of the last distribution: where scores are noisy, the best set seen was lucky.
+ranks compare gains and not luck; the method uses only ranks. The next generation gets other robots, so that no set is
+fitted to a few. The answer is the centre of the last distribution: with noisy scores, the best set seen was lucky.
 
-The judge has the same fresh robots, with the same noise, fly with the gains before and after.
+The judge flies the gains before and after with the same new robots and the same noise.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ JUDGE = 2
 """The stream of the judge's robots: no search has seen them."""
 
 BOOTSTRAP = 3
-"""The stream of the resamples. The others are of robots: SEARCH 0, SCALE 1 and JUDGE, each with a place beside it."""
+"""The stream of the resamples. The other streams are of robots: SEARCH, SCALE and JUDGE, which also use places."""
 
 LEVEL = 0.95
 RESAMPLES = 4000
@@ -59,8 +59,8 @@ class Change:
     """A figure before and after, as means over the same robots, and the 95 % interval of the mean difference.
 
     Attributes:
-        robots: of which it is: those that flew the mission both times, or all.
-        low, high: of `after` - `before`, by bootstrap over robots.
+        robots: how many robots the means are over: those that flew the mission both times, or all.
+        low, high: ends of the interval of `after` - `before`, by bootstrap over robots.
     """
 
     name: str
@@ -79,7 +79,7 @@ class Judged:
     Attributes:
         before, after: outcomes of the same robots.
         gained, lost: robots that flew the mission with the new gains alone, and with the old ones alone.
-        p: that they would differ by so much or more if the gains were equally good (McNemar's exact test).
+        p: the p-value of the difference of `gained` and `lost`, if the gains are equally good (McNemar's exact test).
         changes: the score first.
     """
 
@@ -112,11 +112,11 @@ def rate(outcomes: Sequence[Outcome]) -> Rate:
 
 
 def judge(before: Sequence[Outcome], after: Sequence[Outcome], by: Scale, seed: int) -> Judged:
-    """Returns what two flights of each robot say, in the same order.
+    """Compares two flights of each robot, which come in the same order.
 
     Args:
-        by: what the score is measured in.
-        seed: of the bootstrap.
+        by: the units of the score.
+        seed: seed of the bootstrap.
     """
     gained = sum(new.success and not old.success for old, new in zip(before, after, strict=True))
     lost = sum(old.success and not new.success for old, new in zip(before, after, strict=True))
@@ -152,7 +152,7 @@ SCALE = 1
 SCALE_ROBOTS = 64
 
 Show = Callable[[str, int], None]
-"""Takes what is done now, and the flights so far."""
+"""Takes the name of the present stage, and the number of flights so far."""
 
 
 @dataclass(frozen=True)
@@ -160,9 +160,9 @@ class Tuned:
     """The result of `tune`.
 
     Attributes:
-        gains: those to fly with: the found ones, or the start's where these are not better.
+        gains: the gains to fly with: those of `found` if they are better, else those of the start.
         found: the gains that the search ended with.
-        flights: in all.
+        flights: the number of flights in all.
     """
 
     problem: Problem
@@ -184,14 +184,14 @@ class Tuned:
 def tune(
     problem: Problem, firmware: Raw, workers: Workers, *, robots: int, judges: int, budget: Budget, show: Show
 ) -> Tuned:
-    """Returns the gains for the robots that the data allow, judged on others of them.
+    """Returns the gains for the robots that the data allow, judged on robots that the search did not fly.
 
-    The same problem, numbers and budget in gain sets give the same result, whatever the workers.
+    The same problem, numbers and budget in gain sets give the same result with any workers.
 
     Args:
         firmware: raw integers of all settings of the firmware.
-        robots: that fly each gain set of the search.
-        judges: that fly before and after.
+        robots: how many robots fly each gain set of the search.
+        judges: how many robots fly the gains before and after.
 
     Raises:
         InputError: the data allow no robot, or a library is missing.
@@ -276,14 +276,14 @@ SEARCH = 0
 """The stream of the robots that the search flies."""
 
 STEP = 0.3
-"""First step, of a logarithm: a third more or less."""
+"""First step of the search, in units of a logarithm: a third more or less."""
 
-_SEEDS = 2**31 - 1  # of pycma, which takes 0 for the clock
+_SEEDS = 2**31 - 1  # number of pycma's seeds, which begin at 1: 0 means the clock
 
 
 @dataclass(frozen=True)
 class Budget:
-    """When the search ends: after so many gain sets, or after so many seconds; the generation is finished."""
+    """When the search ends: at the end of the generation after `sets` gain sets, or after `seconds`."""
 
     sets: int | None
     seconds: float | None
@@ -301,7 +301,7 @@ class Generation:
         sets: gain sets flown until its end.
         best, middle: the least and the median mean score of its sets.
         success: share of the flights of all its sets that succeeded.
-        step: of the search, in units of a logarithm.
+        step: the step of the search, in units of a logarithm.
     """
 
     sets: int
@@ -323,8 +323,8 @@ def search(flyer: Flyer, space: Space, start: Raw, by: Scale, robots: int, budge
     """Returns the gains that the search ends with.
 
     Args:
-        by: what the score is measured in.
-        robots: that fly each gain set.
+        by: the units of the score.
+        robots: how many robots fly each gain set.
 
     Raises:
         InputError: pycma is not installed.
@@ -352,7 +352,7 @@ def _library() -> Any:
     """Returns pycma.
 
     Raises:
-        InputError: it is not installed.
+        InputError: pycma is not installed.
     """
     try:
         import cma
@@ -375,7 +375,7 @@ def _generation(before: list[Generation], flown: list[list[Outcome]], means: lis
 
 
 FLIGHTS = 8
-"""Of a part: long enough that handing it out costs nothing, short enough that all workers end at the same time."""
+"""Flights of a part: enough that handing it out costs nothing, few enough that all workers end at the same time."""
 
 
 @dataclass
@@ -417,6 +417,6 @@ class Flyer:
 
 @contextmanager
 def flyer(problem: Problem, workers: Workers, flown: Callable[[int], None]) -> Iterator[Flyer]:
-    """Yields what flies the problem; its workers stop at the end."""
+    """Yields the `Flyer` of the problem; its workers stop at the end."""
     with workers.crew(fly_batch) as crew:
         yield Flyer(problem, crew, flown)
