@@ -1,7 +1,7 @@
 """What changed between recordings of one machine.
 
-`brickpilot.changed` is this room of the package and also the public function. An import of any module in here would
-otherwise put the room in the place of the function.
+`brickpilot.changed` is this room of the package and also the public function. `make_callable` lets the room be called
+as the function, also after an import of a module in here.
 """
 
 from brickpilot import make_callable

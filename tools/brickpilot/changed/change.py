@@ -1,4 +1,4 @@
-"""What changed, in the machine's words: each difference with its size before and after, and their intervals."""
+"""What changed, in terms of the machine: each difference with its size before and after, and their intervals."""
 
 from __future__ import annotations
 
@@ -30,21 +30,21 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Answer = Literal["nothing", "changed", "ambiguous", "unknown"]
 
-_STEP = 1e-3  # of a coordinate of a spread, for slopes
+_STEP = 1e-3  # step of a coordinate of a spread, for slopes
 _QUANTILE = float(norm.ppf((1 + numbers.SURE) / 2))
 _COMBINATION = {"viscous_friction": "kV", "wheel_inertia": "kA", "mass": "kA"}
 
 
 @cache
 def combinations() -> Mapping[str, str]:
-    """Returns what differs -> the combination of constants that the data determine, where they may not tell it alone:
-    a constant, or "effect.parameter" of a torque that is told in volts."""
+    """Returns what differs -> the combination of constants that the data determine even if they do not determine it
+    alone. What differs is a constant, or the "effect.parameter" of a torque that is reported in volts."""
     rows = ((one.name, row) for one in catalogue.effects() for row in one.parameters)
     return {**_COMBINATION, **{f"{effect}.{row.name}": row.in_volts for effect, row in rows if row.in_volts}}
 
 
 def told_combinations() -> frozenset[str]:
-    """Returns the combinations that are told of each recording alone."""
+    """Returns the combinations that are reported for each recording alone."""
     return frozenset({*combinations().values(), "speed per volt"})
 
 
@@ -70,18 +70,18 @@ class Change:
     """One difference between two recordings.
 
     Attributes:
-        recording: where it shows: the name of the later one.
+        recording: the name of the later recording, in which it shows.
         what: an effect, a combination of constants (kV, kA, dry friction in volts) or a constant.
-        mechanism: as of an effect.
+        mechanism: its mechanism, as for an effect.
         side: "left" or "right"; None: it belongs to both, or to the whole machine.
         parameter: the value of the model that differs.
         unit: of `before`, `after` and `change`.
         before, after: the values.
         change: after less before.
-        percent: the same in percent of `before`; None where there was nothing before, or its sign is not sure.
+        percent: `change` in percent of `before`; None if `before` was nothing, or its sign is not sure.
         since: None: from the start of the recording, as far as the data show.
         rivals: other explanations that the data do not rule out, each as the names of its differences.
-        weight: of the explanations that hold this difference, 0..1.
+        weight: the weight of the explanations that hold this difference, 0..1.
         words: a sentence.
         advice: what to do about it, a sentence.
     """
@@ -108,8 +108,8 @@ class FitPercent:
     """How much of a signal free runs explain, in percent; None: it was not measured there.
 
     Attributes:
-        old_model_before, old_model_after: by the model of BEFORE alone.
-        explained_after: with what changed.
+        old_model_before, old_model_after: in BEFORE and AFTER, by the model of BEFORE alone.
+        explained_after: in AFTER, by the model with the changes.
     """
 
     old_model_before: float | None
@@ -119,7 +119,7 @@ class FitPercent:
 
 @dataclass(frozen=True)
 class Constant:
-    """A combination of constants that one recording alone tells."""
+    """A combination of constants that one recording alone determines."""
 
     recording: str
     what: str
@@ -130,7 +130,7 @@ class Constant:
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """One signal of one run of a later recording, SI: measured, by the old model, and with what changed, (n,) each."""
+    """One signal of one run of a later recording, SI: measured, and by the models before and after, (n,) each."""
 
     run: str
     signal: str
@@ -142,16 +142,16 @@ class Trace:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Changed(Result):
-    """What is different in recordings after another one.
+    """What differs in later recordings from an earlier one.
 
     Attributes:
         before, after: what the recordings are called.
-        dataset: the first later recording: its vehicle and its units.
+        dataset: the first later recording, for its vehicle and units.
         verdict: the strongest of the later recordings' verdicts.
-        verdicts: later recording -> its own.
+        verdicts: later recording -> its own verdict.
         changes: the surest first.
         fits: later recording -> signal -> fit in percent.
-        constants: what each recording alone tells of the machine.
+        constants: the combinations of constants that each recording alone determines.
         traces: later recording -> one signal of one run each, where what changed shows most.
         steps: later recording -> how its verdict came about.
         notes: sentences.
@@ -227,7 +227,7 @@ def _pooled(fits: Mapping[str, Mapping[str, FitPercent]]) -> dict[str, FitPercen
 
 @dataclass(frozen=True)
 class Quantity:
-    """What is told of a difference: its name, unit, and value in a model as it is in a recording."""
+    """The quantity that is reported of a difference: its name, unit, and value in the model of a recording."""
 
     what: str
     unit: str
@@ -235,7 +235,7 @@ class Quantity:
 
 
 def quantity_of(difference: Difference, vehicle: str) -> Quantity:
-    """Returns the form in which a difference is told: the combination that the data determine, or the value itself."""
+    """Returns the quantity by which a difference is reported: the combination that the data determine, or the value."""
     name = difference.what
     formula = next((one for one in FORMULAS[vehicle] if one.name == combinations().get(name)), None)
     if formula is not None:
@@ -253,7 +253,7 @@ def quantity_of(difference: Difference, vehicle: str) -> Quantity:
 
 
 def in_model(formula: Formula, model: Model) -> float:
-    """Returns the value of a combination; 0 for friction that the model has not, NaN where it is undefined."""
+    """Returns the value of a combination; 0 for friction that the model lacks, NaN if it is undefined."""
     known = {f"{effect}.{name}": value for effect, table in model.effects.items() for name, value in table.items()}
     values = dict.fromkeys(combinations(), 0.0) | known | dict(model.parameters)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -273,12 +273,13 @@ def _of_effect(model: Model, key: str) -> float:
 
 
 def sized(value_in: Callable[[Model], float], model: Model, spread: Spread | None, extra_sd: float = 0.0) -> Sized:
-    """Returns a value with its interval, to the first order of a fit's spread about its estimates.
+    """Returns a value with its interval, by first-order propagation of a fit's spread.
 
-    Where the data do not tell single values, they may tell this one: along what they do not tell it does not change.
+    The data may determine this value even if they do not determine single parameters: it is constant along the
+    directions that they leave open.
 
     Args:
-        extra_sd: of the value, beside what the fit tells.
+        extra_sd: further sd of the value, beside that of the fit.
     """
     centre, slopes = value_in(model), []
     if spread is not None:
@@ -298,13 +299,13 @@ def change_of(
     """Returns a difference as a change.
 
     Args:
-        model: of the explanation that holds it.
-        spread: how its values may lie about it.
-        sd: by which its first value differs between recordings of one state, in the value's own unit.
-        before, after: the recordings.
-        alone: what each of them tells alone of a combination, (before, after). A difference that is too small to be
-            named still moves the others; so these are told where they tell surely that there is one.
-        told: the fields that the explanation alone does not say.
+        model: the model of the explanation that holds the difference.
+        spread: the uncertainty of the fitted values of `model`.
+        sd: sd of the difference's first value between recordings of one state, in the value's own unit.
+        before, after: the names of the recordings.
+        alone: combination -> its value by each recording alone, (before, after). A difference that is too small to be
+            named still moves the others; so these values are reported if they surely differ.
+        told: the fields of the change that the explanation alone does not give.
     """
     one = quantity_of(difference, model.vehicle)
 
@@ -346,7 +347,7 @@ def change_of(
 
 
 def _slope(one: Quantity, model: Model, difference: Difference) -> float:
-    """Returns by how much what is told changes for each unit of the first value that differs."""
+    """Returns the change of the reported quantity per unit of the first value that differs."""
     recording, key = difference.recording, difference.free[0]
     step = 1e-3 * difference.rows[key].trial
     value = model.by_run[key][recording]
@@ -358,7 +359,7 @@ def _slope(one: Quantity, model: Model, difference: Difference) -> float:
 
 
 def is_sure(change: Sized) -> bool:
-    """Returns whether the interval of a change holds no 0."""
+    """Returns whether the interval of a change excludes 0."""
     low, high = change.ci95
     return low > 0 or high < 0
 
@@ -397,7 +398,7 @@ _LESS = "Less of it is no fault by itself. If nobody mended it, look for what ca
 
 
 def subject(what: str) -> str:
-    """Returns what differs as a noun phrase: a constant, a value of runs, an effect or "effect.parameter"."""
+    """Returns a noun phrase for what differs: a constant, a value of runs, an effect or "effect.parameter"."""
     if what in CONSTANTS:
         return CONSTANTS[what].words
     if what in RUN_KINDS:

@@ -1,8 +1,8 @@
 """What may differ between two recordings of one machine: parts of an explanation, and where a search finds them.
 
-A difference belongs to one recording, AFTER: what the machine has there beside what both recordings share. It is a
-size that the machine has anyway, such as its friction, its load or the delay of its link; or an effect of the library
-that the other recording does not show.
+A difference belongs to one recording, AFTER: it is what the machine has there beside what both recordings share. It is
+a change of a size that the machine always has, such as its friction, its load or the delay of its link; or it is an
+effect of the library that the other recording does not show.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ from brickpilot.vehicle.replay import ADDED, RUN_KINDS, in_recording
 Array = NDArray[np.float64]
 Infos = Mapping[str, ParameterInfo]
 
-MOST_DIFFERENCES = 3  # of an explanation
+MOST_DIFFERENCES = 3  # most differences of an explanation
 _NEW = 10  # effects of the library that are fitted beside the machine's own sizes
-_LEAST = 0.1  # of a usual size: a difference is tried at no less
-_MOST = 3.0  # usual changes: a larger one of what hardly changes is another machine
-_SHARES = (-0.95, 20.0)  # by which a constant may differ: next to nothing is left, or twenty times as much is added
-_STARTS = (0.5, -0.5)  # of a usual size, from which each of the machine's own is fitted
+_LEAST = 0.1  # share of a usual size: a difference is tried at no smaller size
+_MOST = 3.0  # sd of the usual change: a larger change of a constant that hardly varies means another machine
+_SHARES = (-0.95, 20.0)  # range of a constant's relative change: almost nothing is left, or twenty times it is added
+_STARTS = (0.5, -0.5)  # shares of a usual size from which each of the machine's own sizes is fitted
 
 
 @dataclass(frozen=True)
@@ -47,10 +47,10 @@ class Constant:
     """A nominal value that may change from one recording to the next.
 
     Attributes:
-        odds: prior odds that it did.
+        odds: prior odds that it changed.
         sd: a usual change, as a share of the value; 0: it may be of any size.
-        mechanism: as of an effect.
-        words: the subject of a sentence.
+        mechanism: its mechanism, as for an effect.
+        words: its name, as the subject of a sentence.
     """
 
     odds: float
@@ -68,14 +68,14 @@ CONSTANTS = {
     "wheel_radius": Constant(numbers.RARE, numbers.RULER, "tyre", "the radius of the wheels"),
     "half_track": Constant(numbers.RARE, numbers.RULER, "tyre", "the width of the track"),
 }
-"""What may change of a machine by itself. A motor stays what it is: its windings and magnets are not among it."""
+"""The constants of a machine that may change. A motor's windings and magnets do not change, so they are absent."""
 
-_OWN_OF_RUNS = ("supply_gain", "delay")  # a late start of a recording says nothing of a machine
+_OWN_OF_RUNS = ("supply_gain", "delay")  # a late start of a recording says nothing about the machine
 
 
 @cache
 def always() -> Mapping[str, str]:
-    """Returns effect -> the name of its size, of those that every machine has: dry friction, which is told in volts."""
+    """Returns effect -> the name of its size, for the effects of every machine: dry friction, reported in volts."""
     rows = ((one.name, row) for one in catalogue.effects() for row in one.parameters)
     return {effect: row.name for effect, row in rows if row.in_volts}
 
@@ -85,11 +85,11 @@ class Difference(Part):
     """One thing that is different in one recording. `effect` names it, and `free` are its keys in `Model.by_run`.
 
     Attributes:
-        recording: where it differs.
+        recording: the recording that differs.
         what: the nominal parameter, the kind of value of runs, the "effect.parameter" or the effect.
         odds: the prior odds.
         rows: key -> its row, with the range of a difference.
-        known: key -> what is known of it before any data.
+        known: key -> the prior of the difference.
         sort: the mechanism.
         held: the names of the parts whose law this one contains.
     """
@@ -166,7 +166,7 @@ class Difference(Part):
 
 
 def own_differences(model: Model, nominal: Collection[str], recording: str) -> Iterator[Difference]:
-    """Yields what may differ of all that a machine has anyway: constants, values of runs and sizes of its effects.
+    """Yields the possible differences of what every machine has: constants, values of runs, and sizes of its effects.
 
     Args:
         nominal: the nominal parameters that the vehicle's equations use.
@@ -196,9 +196,9 @@ def own_differences(model: Model, nominal: Collection[str], recording: str) -> I
 
 
 def no_further(model: Model, recording: str) -> Model:
-    """Returns a model in which no size differs by more than it can: where one is gone, a larger difference is none.
+    """Returns a model with each difference cut to the range of its size: a size that is gone cannot fall further.
 
-    Beyond that end a difference changes nothing, so that the data would tell nothing of it there.
+    Beyond this bound a difference has no effect, so the data cannot determine it.
     """
     by_run = {key: dict(table) for key, table in model.by_run.items()}
     there = in_recording(model, recording, ("",))
@@ -223,7 +223,7 @@ def _own(
     key: str, recording: str, row: ParameterInfo, ends: tuple[float, float], size: float, odds: float, sort: str,
     known: Mapping[str, Nominal],
 ) -> Difference:  # fmt: skip
-    """Returns a difference of one value within `ends`, in steps of `size`."""
+    """Returns a difference of one value within `ends`, tried at `size`."""
     info = dataclasses.replace(
         row, name=key, minimum=ends[0], maximum=ends[1], preset=0.0, trial=size, role="size", scan=(), limits="",
         arm_of="", optional=False,
@@ -234,8 +234,8 @@ def _own(
 def new_differences(model: Model, measured: Collection[str], recording: str) -> Iterator[Difference]:
     """Yields the effects of the library that the machine may have in one recording alone.
 
-    Laws whose phase a fit has to find are left out, and those that one of the machine's own sizes says: a delay, and a
-    nominal parameter by another name.
+    Laws whose phase a fit has to find are left out. So are laws that say the same as one of the machine's own sizes: a
+    delay, and a nominal parameter by another name.
     """
     for part in library_parts(model, measured):
         row = catalogue.effect(part.effect)
@@ -260,14 +260,14 @@ def new_differences(model: Model, measured: Collection[str], recording: str) -> 
 class Differences:
     """All that may differ in a recording, as a `Source` of a search.
 
-    The machine's own sizes are all fitted, each from two starts, whatever the screen says: it is linear, and a size
-    that is nearly nothing in one recording may be the largest in another.
+    The machine's own sizes are all fitted, each from two starts, whatever the screen says: the screen is linear, and a
+    size near 0 in one recording may be the largest in another.
 
     Args:
         nominal: the nominal parameters that the vehicle's equations use.
         recording: the later one, in which the machine's own sizes differ.
         new_in: the recordings that may have an effect which the other one lacks.
-        most: differences of an explanation.
+        most: most differences of an explanation.
     """
 
     word, width = "difference", Width(rough=40, fine=12, least=12, paired=12, swapped=0)
@@ -279,7 +279,7 @@ class Differences:
         self.most = most
 
     def screened(self, problem: Problem, point: Array, deadline: Deadline) -> list[Trial]:
-        """Returns the machine's own sizes, and then what is new and explains most beside them."""
+        """Returns trials of the machine's own sizes, and then of the new effects that explain most beside them."""
         base = problem.plan.at(point)
 
         def lacks(one: Difference) -> bool:

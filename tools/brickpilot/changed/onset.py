@@ -1,9 +1,9 @@
-"""Since when a difference is there: the moment in a recording from which on it explains what is measured.
+"""The onset of a difference: the moment in a recording from which on it explains the measurements.
 
-A sum of gains from a moment to the end is largest where they turn from losses to gains (Page 1954, Biometrika 41: the
-CUSUM of a change point). First the gain is that of a larger error: up to the moment, the old model is right. Then it
-is that of the differences that explain what comes behind it: a machine at rest, which every model explains, tells
-nothing of when they began.
+The sum of gains from a moment to the end is largest at the moment at which losses turn into gains (Page 1954,
+Biometrika 41: the CUSUM of a change point). First, the gain is that of a larger error: before the moment, the old model
+is right. Then it is the gain of the differences that explain the data after the moment. A machine at rest, which every
+model explains, tells nothing of when they began.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
 
-_STEP_S = 0.1  # a moment is told to so much
-_FAR = 5.0  # scales: an error beyond counts as so far
+_STEP_S = 0.1  # resolution of a moment
+_FAR = 5.0  # scales: a larger error is clipped to this
 
 
 @dataclass(frozen=True)
@@ -33,8 +33,8 @@ class Onset:
 
     Attributes:
         run: its name in the joint data set.
-        at_s: on the clock of the run.
-        ci95: the moments that the data cannot tell from it, of the same run.
+        at_s: the moment, on the clock of the run.
+        ci95: first and last moment of the same run that the data cannot tell from it.
     """
 
     run: str
@@ -43,7 +43,7 @@ class Onset:
 
 
 def suspected(data: Residual, old: Model, recording: str) -> Onset | None:
-    """Returns the moment from which on the old model leaves more of a recording than is usual; None: there is none.
+    """Returns the moment from which on the old model leaves a larger error of a recording than usual; None: none.
 
     Args:
         data: its floors say how much error is usual.
@@ -63,7 +63,7 @@ def onset(data: Residual, old: Model, changed: Model, recording: str) -> Onset |
 
     Args:
         data: its floors say how much error is usual.
-        changed: the model of what comes behind the change.
+        changed: the model of the data after the change.
     """
     error = data.error(old)
     by_value = Judge(data, np.arange(len(error)), len(error), 0.0)
@@ -72,7 +72,7 @@ def onset(data: Residual, old: Model, changed: Model, recording: str) -> Onset |
 
 
 def _correlated(data: Residual, error: Array, recording: str) -> float:
-    """Returns after how many values the old model's error outside a recording is another one: the longest of signals.
+    """Returns the correlation time, in values, of the old model's error outside a recording: the longest of signals.
 
     In the recording the error is correlated because of the change itself.
     """
@@ -88,7 +88,7 @@ def _correlated(data: Residual, error: Array, recording: str) -> float:
 
 
 def _onset(data: Residual, gains: Array, recording: str) -> Onset | None:
-    """Returns the moment from which on the sum of gains (values,) is largest, if it is surely no other's luck."""
+    """Returns the moment from which on the sum of gains (values,) is largest, if this is surely not chance."""
     stretch, count = data.stretches(_STEP_S)
     here = data.rows_of(recording)
     total = np.bincount(stretch[here], gains[here], count)
@@ -104,7 +104,7 @@ def _onset(data: Residual, gains: Array, recording: str) -> Onset | None:
         return None
     rest = np.cumsum(total[moments][::-1])[::-1]  # from each moment to the end
     best = int(np.argmax(rest))
-    if rest[best] - rest[0] < numbers.CHANCE_NATS + np.log(len(moments)):  # any of so many moments may be it
+    if rest[best] - rest[0] < numbers.CHANCE_NATS + np.log(len(moments)):  # any of the moments may win by chance
         return None
     run, at_s = place[moments[best]]
     near = [

@@ -10,13 +10,13 @@ from brickpilot.data.motion import run_of
 from brickpilot.errors import InputError
 from brickpilot.fit.residual import Residual
 
-_SEP = ": "  # between a recording and its run
+_SEP = ": "  # between the names of a recording and of its run
 
 
 def together(recordings: Mapping[str, Dataset]) -> Dataset:
-    """Returns the runs of all recordings, all to be fitted, as one data set that is else like the first one.
+    """Returns the runs of all recordings as fit runs of one data set, which is otherwise like the first recording.
 
-    Other nominal values of a later recording are left out: what is different is asked of the data. A note says so.
+    Other nominal values of a later recording are left out, because the data have to show what differs. A note says so.
 
     Args:
         recordings: name -> data set. A name holds no "@" and no ": ", and is no name of a run.
@@ -50,16 +50,16 @@ def own_name(run: str) -> str:
 
 
 def run_by_run(data: Residual) -> Residual:
-    """Returns the same values, in which each run is a recording of its own, of its own name."""
+    """Returns the same values, with each run as a recording of its own, which has the name of the run."""
     runs = tuple(dataclasses.replace(run, recording=run_of(run.name)) for run in data.replay.dataset.runs)
     dataset = dataclasses.replace(data.replay.dataset, runs=runs)
     return data.with_inputs(dataclasses.replace(data.replay, dataset=dataset))
 
 
 def since(joint: Dataset, before: str, after: str, run: str, at_s: float) -> Dataset:
-    """Returns the recordings with what comes before a moment of a run of `after` as part of `before`.
+    """Returns the recordings, with all samples of `after` before a moment of `run` moved to `before`.
 
-    That run is cut in two. The second part starts from what was measured at the moment.
+    That run is cut in two. The second part starts from the measured state at the moment.
     """
     found: list[Run] = []
     begun = False

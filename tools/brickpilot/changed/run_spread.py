@@ -1,4 +1,4 @@
-"""By how much a size differs between runs of one recording: two recordings of one state differ by as much."""
+"""The spread of a size between runs of one recording: two recordings of one state differ by as much."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from brickpilot.fit.residual import Residual
 
 Array = NDArray[np.float64]
 
-_LEAST_DEGREES = 2  # runs beside the first of each recording
+_LEAST_DEGREES = 2  # least degrees of freedom: runs beside the first of each recording
 
 
 def sd_between_recordings(data: Residual, best: Explanation, part: Difference, correlated: float) -> float:
     """Returns the sd of the difference of two recordings of one state, in the unit of the first value of `part`.
 
-    Each run gets a value of its own. What these scatter by beyond their own uncertainty is the spread between runs
-    (the random effects of DerSimonian & Laird 1986, Controlled Clinical Trials 7), and a recording has the mean of its
-    runs. 0 where there are too few runs, or the value has one sign only.
+    Each run gets a value of its own. The scatter of these values beyond their own uncertainty is the spread between
+    runs (the random effects of DerSimonian & Laird 1986, Controlled Clinical Trials 7). A recording has the mean of its
+    runs. The sd is 0 if there are too few runs, or if the value has one sign only.
 
     Args:
-        data: of both recordings.
-        correlated: after how many values the residual is another one.
+        data: the residual of both recordings.
+        correlated: the correlation time of the residual, in values.
     """
     key, own = part.free[0], run_by_run(data)
     info = part.rows[key]

@@ -3,12 +3,12 @@
     _structure   -> Parts       what the engine names in the first recording: all share it
     _joint       -> Joint       both recordings as one data set, and one explanation of both without a difference
     _begun       -> Onset       the moment at which the later recording changes, if it does               (onset.py)
-    _verdict     -> Verdict     the engine's verdict on explanations with differences: in what the machine has anyway
-                                and, where one recording is left more than the other, in what is new (differences.py)
+    _verdict     -> Verdict     the engine's verdict on explanations with differences: in what the machine always has;
+                                if one recording keeps more residual than the other, in new effects (differences.py)
     _changes     -> Change      each difference in the machine's words, with its interval                 (change.py)
 
-The criterion is that of `discover`, with its numbers. Nothing is held out: evidence is what stretches say that an
-explanation was not fitted to, and the spread between runs of one recording bounds what counts as a change.
+The criterion is that of `discover`, with its numbers. Nothing is held out: the evidence comes from stretches that an
+explanation was not fitted to. A change has to exceed the spread between runs of one recording.
 """
 
 from __future__ import annotations
@@ -71,8 +71,8 @@ BEFORE = "before"
 _LEFT = "Whatever may differ leaves {:.2g} nats a value more of one recording than of the other: something is missing."
 _RUNS = "Runs of one recording differ among themselves by as much."
 _DRAWN = 2  # signals with a plot
-_MOST_NAMED = 2  # effects of BEFORE beside the dry friction of every machine
-_LITTLE = 0.03  # of a usual size: from there the friction that every machine has is fitted
+_MOST_NAMED = 2  # most effects of BEFORE beside the dry friction of every machine
+_LITTLE = 0.03  # share of a usual size, from which the friction of every machine is fitted
 
 
 Alone = Mapping[str, tuple[Prepared, Explanation]]
@@ -84,10 +84,10 @@ class Joint:
     """Two recordings as one data set, ready for fits.
 
     Attributes:
-        base: what explains both with no difference.
-        alone: recording -> it alone, ready for fits, and what explains it, of the same parts.
-        recording: the later one.
-        old: the model of what was before.
+        base: the explanation of both recordings without a difference.
+        alone: recording -> this recording alone, ready for fits, and its explanation by the same parts.
+        recording: the name of the later one.
+        old: the model of the state before.
     """
 
     dataset: Dataset
@@ -102,11 +102,11 @@ class Joint:
         return self.prepared.coarse
 
     def rests(self, model_of: Mapping[str, Model], size: Callable[[Array, float], float]) -> Rests:
-        """Returns recording -> signal -> the size of what a model leaves of it, SI.
+        """Returns recording -> signal -> the size of a model's residual, SI.
 
         Args:
             model_of: recording -> model.
-            size: of an error (values,), no less than the sensor's floor, SI.
+            size: takes an error (values,) and its floor, SI, and returns the size of the error, at least the floor.
         """
         data, found = self.data, dict[str, dict[str, float]]()
         for name, model in model_of.items():
@@ -118,7 +118,7 @@ class Joint:
         return found
 
     def worse(self, model_of: Mapping[str, Model]) -> dict[str, float]:
-        """Returns recording -> by how many nats a value the worst of its signals is left more than in the other one."""
+        """Returns recording -> by how many nats a value its worst signal has more residual than in the other one."""
         rests = self.rests(model_of, scale_of_rest)
         names = list(rests)
         return {
@@ -133,17 +133,17 @@ class Joint:
 
     @cached_property
     def left_more(self) -> tuple[str, ...]:
-        """The recordings of which their own explanation leaves surely more than the other one's does of that."""
+        """The recordings whose own explanation leaves a surely larger residual than that of the other recording."""
         worse = self.worse(self.models_alone)
         return tuple(name for name, nats in worse.items() if nats > numbers.UNEXPLAINED_NATS)
 
     def usual(self) -> dict[str, float]:
-        """Returns signal -> the error that is usual, SI: what a recording that is explained well alone is left."""
+        """Returns signal -> the usual error, SI: the residual of recordings that are explained well alone."""
         rests = self.rests(self.models_alone, _robust)
         return _largest([rest for name, rest in rests.items() if name not in self.left_more] or list(rests.values()))
 
     def weighed(self, floors: Mapping[str, float]) -> Joint:
-        """Returns the same with these floors, signal -> SI: what is below them is no change."""
+        """Returns the same recordings with these floors, signal -> SI: an error below its floor is no change."""
         noise = {name: max(floors.get(name, 0.0), one.noise) for name, one in self.data.scales.items()}
         coarse = self.data.with_floors(noise)
         base = (refine(coarse, [self.base], self.prepared.jobs) or [self.base])[0] if self.base.plan.free else self.base
@@ -169,10 +169,10 @@ def what_changed(
     before: Dataset | Model, after: Mapping[str, Dataset], *, seed: int = 0, jobs: int = 2,
     progress: Progress | None = None,
 ) -> Changed:  # fmt: skip
-    """Finds what is different in recordings after another one of the same machine.
+    """Finds what differs in later recordings of a machine from an earlier one.
 
     Args:
-        before: a recording; or a model, for what is different from it.
+        before: the earlier recording; or a model, from which the recordings then differ.
         after: name -> a later recording. No name is "before", and none holds "@".
         seed: seed of the random starts. They are used where nominal values are not given.
         jobs: number of fits at the same time.
@@ -206,11 +206,11 @@ def _structure(dataset: Dataset, seed: int, jobs: int) -> Parts:
 def _compared(
     before: Dataset | Model, name: str, after: Dataset, parts: Parts, seed: int, jobs: int, tell: Stages
 ) -> Compared:
-    """Compares two recordings, again from the moment on at which the later one changes, where it shows one."""
+    """Compares two recordings. If the later one changes at some moment, both are cut there and compared again."""
     recordings = ({} if isinstance(before, Model) else {BEFORE: before}) | {name: after}
     dataset = with_known_timing(together(recordings), None, seed=seed, jobs=jobs)
     joint = _joint(dataset, name, before if isinstance(before, Model) else None, parts, seed, jobs)
-    if not joint.alone:  # a model was before, which leaves nothing
+    if not joint.alone:  # `before` is a model, which leaves no residual
         verdict = weigh(_search(joint, (name,), tell))
         return Compared(joint, verdict, verdict.steps, None)
     begun = _begun(joint, parts, seed, jobs, tell)
@@ -219,7 +219,7 @@ def _compared(
         return Compared(ready, verdict, verdict.steps, None)
     first, cut = begun
     ready, verdict = _verdict(cut, tell)
-    # `_begun` fits what is behind the moment without what is new: other values stand in for it, and fit a rest worse.
+    # `_begun` fits the data after the moment without new effects: other values stand in for these and fit a rest worse.
     moment = onset(joint.weighed(joint.usual()).data, joint.old, verdict.best.model, name)
     if moment is None:
         return Compared(ready, verdict, verdict.steps, None)
@@ -246,7 +246,7 @@ def _begun(joint: Joint, parts: Parts, seed: int, jobs: int, tell: Stages) -> tu
         return None
     cut = at(moment)
     whole, longer = (one.rests({BEFORE: one.models_alone[BEFORE]}, scale_of_rest)[BEFORE] for one in (joint, cut))
-    # What comes before the moment has to be as it was: else it is a part of the change, too.
+    # The data before the moment have to be as in BEFORE: else they are a part of the change, too.
     grown = max(math.log(longer[signal] / size) for signal, size in whole.items())
     return (moment, cut) if grown <= numbers.UNEXPLAINED_NATS else None
 
@@ -258,11 +258,11 @@ def _joint(
     """Returns two recordings ready for fits, with the explanation that both share.
 
     Args:
-        innovations: whether a loop biases free runs. None: it does if the noise of each recording has a memory; what is
-            new in one of them has one, too.
+        innovations: whether a loop biases free runs. None: it does if the noise of both recordings is correlated in
+            time. In one recording alone, a new effect may look like such noise.
     """
     prepared, _ = prepare(dataset, model, seed=seed, jobs=jobs)
-    # Each constant may differ by itself and fall as far as it reaches in the shared model, so none is held.
+    # Each constant may differ by itself, and fall by no more than its value in the shared model, so none is held.
     plan = dataclasses.replace(prepared.plan, free=prepared.plan.uncertain, held=())
     prepared, nominal = calibrate(dataclasses.replace(prepared, plan=plan))
     if model is not None:
@@ -297,20 +297,21 @@ def _shared(nominal: Explanation, parts: Parts) -> Explanation:
 
 
 def _alone(dataset: Dataset, base: Explanation, seed: int, jobs: int) -> tuple[Prepared, Explanation]:
-    """Returns one recording alone, ready for fits, and what explains its free runs, of the same parts."""
+    """Returns one recording alone, ready for fits, and the explanation of its free runs by the parts of `base`."""
     prepared, _ = prepare(dataset, None, seed=seed, jobs=jobs)
     prepared, _ = calibrate(prepared)
     return prepared, (refine(prepared.coarse, [base], jobs) or [base])[0]
 
 
 def _verdict(joint: Joint, tell: Stages) -> tuple[Joint, Verdict]:
-    """Returns the engine's verdict on what differs, and the recordings as they were weighed for it.
+    """Returns the recordings as they were weighed, and the engine's verdict on what differs.
 
-    What the explanation of a recording alone leaves of it is no change: a model's error counts as noise here. A
-    recording that alone is left surely more than the other may have something new. Then the other one says how much
-    error is usual. If nothing new is found, the machine's own sizes are the answer; but where several differ, one new
-    effect may say it all, and does if nothing has a better score. A gyro that reads 10 % more looks like a narrower
-    robot that turns more easily, which fits a recording alone as well. Either may leave too much.
+    The residual of a recording under its own explanation is no change: a model's error counts as noise here. If this
+    residual is surely larger in one recording than in the other, the recording may have a new effect. Then the other
+    recording says how much error is usual. If no new effect is found, the machine's own sizes are the answer. But if
+    several sizes differ, one new effect may explain them all, and is the answer if it has the best score. A gyro that
+    reads 10 % more looks like a narrower robot that turns more easily, which fits a recording alone as well. Either
+    answer may leave too much.
     """
     ready, verdict = joint, None
     if joint.left_more:
@@ -327,7 +328,7 @@ def _verdict(joint: Joint, tell: Stages) -> tuple[Joint, Verdict]:
     left, gap = (
         max(joint.worse(dict.fromkeys(joint.alone, model)).values()) for model in (verdict.best.model, joint.old)
     )
-    if joint.left_more and left > max(numbers.UNEXPLAINED_NATS, gap / 2):  # more is left than gone
+    if joint.left_more and left > max(numbers.UNEXPLAINED_NATS, gap / 2):  # more error is left than gone
         verdict = verdict.turned(Step("adequacy", "unknown", _LEFT.format(left)))
     return ready, verdict
 
@@ -337,7 +338,7 @@ def _robust(error: Array, floor: float) -> float:
 
 
 def _largest(rests: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    """Returns signal -> the largest of what is left of it."""
+    """Returns signal -> the largest of its residuals."""
     return {name: max(one.get(name, 0.0) for one in rests) for name in dict.fromkeys(k for one in rests for k in one)}
 
 
@@ -346,14 +347,14 @@ def _search(joint: Joint, new_in: Sequence[str], tell: Stages, most: int = MOST_
     nominal = [one.name for one in prepared.plan.uncertain if one.effect is None]
     source = Differences(nominal, joint.recording, prepared.excitation, new_in, most)
     search = Search(prepared.coarse, joint.base, source, prepared.excitation, prepared.jobs, NO_LIMIT, tell)
-    # The laws are the same in both recordings, and the floors hold what their shape leaves of each.
+    # The laws are the same in both recordings, and the floors hold the error of their shape.
     return search.run(Judge.of(prepared.coarse, prepared.seed, shape=0.0))
 
 
 def _told(before: Dataset | Model, found: Sequence[Compared], seed: int) -> Changed:
-    """Returns what is told of all comparisons.
+    """Returns the result of all comparisons.
 
-    A change that is no larger than what runs of one recording differ by is none.
+    A difference that is no larger than the spread between runs of one recording is no change.
     """
     verdicts, steps = dict[str, Answer](), dict[str, tuple[Step, ...]]()
     changes, constants = list[Change](), dict[tuple[str, str], Constant]()
@@ -439,7 +440,7 @@ def _fits(compared: Compared) -> dict[str, FitPercent]:
 
 
 def _traces(compared: Compared) -> list[Trace]:
-    """Returns the run and the signal in which what changed explains most, at most one of each signal."""
+    """Returns the traces of the runs in which the changes explain most, at most one trace of each signal."""
     joint, name = compared.joint, compared.joint.recording
     later = only(joint.dataset, name)
     after = in_recording(compared.verdict.best.model, name, [run.name for run in later.runs])
@@ -466,7 +467,7 @@ def _fit_percent(dataset: Dataset, model: Model) -> dict[str, float | None]:
 
 
 def _told_alone(joint: Joint) -> dict[str, dict[str, tuple[str, Sized]]]:
-    """Returns recording -> combination of constants -> its unit, and what the recording alone tells of it."""
+    """Returns recording -> combination of constants -> its unit, and its value by the recording alone."""
     found: dict[str, dict[str, tuple[str, Sized]]] = {}
     for name, (own, explanation) in joint.alone.items():
         spread = assess(own.coarse, explanation.model, explanation.plan.uncertain).spread

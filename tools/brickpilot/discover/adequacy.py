@@ -1,8 +1,8 @@
-"""Adequacy: whether what an explanation leaves is still predictable, or too much.
+"""Adequacy: whether the residual of an explanation is still predictable, or too large.
 
-A machine is never explained to its sensors' noise. So a black box that knows no law looks at what is left: a ridge
-regression on random features of the inputs and of the simulated states (Rahimi & Recht 2007, NIPS), which predicts runs
-that it has not seen. What it predicts, a law could have explained; what nobody can predict is not missing.
+No model explains a machine down to its sensors' noise. So a black box without laws is fitted to the residual: a ridge
+regression on random features of the inputs and of the simulated states (Rahimi & Recht 2007, NIPS). It predicts runs
+that it has not seen. A law could explain what it predicts; a residual that nobody can predict shows no missing law.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ Indices = NDArray[np.int64]
 
 _FOLDS = 4
 _FEATURES = 200
-_WIDTH = 0.3  # of the kernel that the random features stand for, on standardised columns
+_WIDTH = 0.3  # kernel of the random features: exp(-_WIDTH d^2 / columns), on standardised columns
 _ALPHAS = (1.0, 10.0, 100.0)  # penalties that are tried on standardised columns; the larger, the smoother
-_TAUGHT_ROWS = 3000  # at most so many rows teach: the rest of a long log says the same again
-_BEYOND = 0.1  # a column may leave the range that was taught by this share of it
-_FAR = 5.0  # scales: a residual beyond counts as so far
-_NEXT_TO_NOTHING = 1e-300  # what is not there is gone, and what comes is left
-_FILTERS_S = (0.1, 0.5, 2.0)  # time constants: a motor, a body, what is slow
-_STANDSTILL_SHARE = 0.03  # of the largest speed: below, a direction fades out
+_TAUGHT_ROWS = 3000  # most rows that train the black box: more rows of a long log add nothing new
+_BEYOND = 0.1  # share of a column's range in training by which it may leave that range
+_FAR = 5.0  # scales: a larger residual is clipped to this
+_NEXT_TO_NOTHING = 1e-300  # least divisor: where no error was before, all of it counts as gone, and a new one as left
+_FILTERS_S = (0.1, 0.5, 2.0)  # time constants of filters: for a motor, a body, and slow changes
+_STANDSTILL_SHARE = 0.03  # share of the largest speed or voltage: below it, the sign fades out
 _SETTLING_S = 0.3
 
 
@@ -44,7 +44,7 @@ class Adequacy:
 
     Attributes:
         predictable: signal -> the share of its squared residual that a black box predicts on runs that it has not seen.
-        left: signal -> what is left above noise, nats a value.
+        left: signal -> log of the residual over its noise floor, nats a value.
         explained: signal -> the share of the nominal model's squared error above noise that is gone, 0..1.
     """
 
@@ -63,18 +63,18 @@ class Adequacy:
 
     @property
     def unexplained(self) -> str | None:
-        """The signal of which most is left, of those with more than noise and more than is gone; None: none is."""
+        """The signal with most error left, among those with more left than noise and than is gone; None: none."""
         some = [one for one, left in self.left.items() if left > numbers.UNEXPLAINED_NATS and self.explained[one] < 0.5]
         return max(some, key=lambda one: self.left[one], default=None)
 
     @property
     def is_adequate(self) -> bool:
-        """Whether nothing more that could be named is left."""
+        """Whether the residual holds nothing more that could be named."""
         return self.most_predictable <= numbers.SHARED_REST and self.unexplained is None
 
     @property
     def sentence(self) -> str:
-        """Returns why more is missing, for a reader; empty where nothing is."""
+        """Returns a sentence for a reader on why more is missing; empty if nothing is missing."""
         if self.most_predictable > numbers.SHARED_REST:
             signal = max(self.predictable, key=lambda name: self.predictable[name])
             return (
@@ -104,9 +104,9 @@ def adequacy(judge: Judge, best: Evidence, nothing: Evidence, seed: int) -> Adeq
 def predictable(judge: Judge, model: Model, nominal: Model, seed: int) -> dict[str, float]:
     """Returns signal -> the share of its squared residual that is predicted on runs left out, 0..1.
 
-    Only what is above noise and the error of every simulator counts: a black box that predicts a part of less shows how
-    a sensor rounds, and no law that is missing. Nor does one that predicts no more than the error of the laws in
-    `model`, which are right to a share of what they explain beyond the `nominal` model.
+    Only the residual above noise and above the error of every simulator counts: a prediction below that shows how a
+    sensor rounds, and no missing law. The error of the laws in `model` does not count either. It is a share of what
+    they explain beyond the `nominal` model.
     """
     data = judge.data
     error, before = data.measured - data.predict([model, nominal])
@@ -127,10 +127,10 @@ def predictable(judge: Judge, model: Model, nominal: Model, seed: int) -> dict[s
 
 
 def rows_of(data: Residual, outputs: Mapping[str, Outputs], error: Array, signal: str) -> tuple[Array, Array, Indices]:
-    """Returns what a black box learns of a signal: columns (rows, columns), the error of it (rows,), and (rows,) folds.
+    """Returns the training data of a signal: its columns (rows, columns), its error (rows,), and the folds (rows,).
 
     Args:
-        outputs: run -> what is simulated.
+        outputs: run -> simulated signals.
         error: (values,).
     """
     blocks = [one for one in data.blocks if one.signal == signal]
@@ -145,9 +145,9 @@ class Unseen:
     """What a black box predicts of rows that it has not seen.
 
     Attributes:
-        value: (rows,), scaled down by as much as it proved too bold there.
-        best: the number of the penalty that predicts best.
-        boldness: the factor, 0..1, by which it was scaled.
+        value: (rows,), the prediction, scaled by `boldness`.
+        best: the index of the penalty that predicts best.
+        boldness: the factor, 0..1, that fits the prediction to unseen rows best; 1: it is not too large.
     """
 
     value: Array
@@ -196,7 +196,7 @@ def taught_by(columns: Array, target: Array, seed: int) -> Callable[[Array], Arr
 
 
 def folds_of(runs: Sequence[str], times: Array) -> Indices:
-    """Returns (rows,) the fold of each row: whole runs, the longest first to the emptiest; of one run, its parts."""
+    """Returns (rows,) the fold of each row. Whole runs go to the emptiest fold, the longest first; one run is cut."""
     names, number = np.unique(np.array(runs), return_inverse=True)
     if len(names) == 1:
         cut = np.floor(2 * _FOLDS * (times - times.min()) / max(float(np.ptp(times)), 1e-9)).astype(np.int64)
@@ -210,9 +210,9 @@ def folds_of(runs: Sequence[str], times: Array) -> Indices:
 
 
 def columns_of(replay: Replay, outputs: Mapping[str, Outputs], run: str, at: Array) -> Array:
-    """Returns (rows, columns): what the simulator is told and what it makes of it, at some times of a run.
+    """Returns (rows, columns): inputs and outputs of the simulator, with filters of them, at some times of a run.
 
-    No measurement is among it.
+    No measured value is among them.
     """
     time = next(one.time for one in replay.dataset.runs if one.name == run)
     step = float(np.median(np.diff(time)))

@@ -1,9 +1,9 @@
 """Composes a law without a name, where no effect of the library explains what is left.
 
-A law is a sum of few terms of a fixed basis. They are searched like effects (a sparse regression by forward selection
-with refits, FROLS: Chen, Billings & Luo 1989), on signatures from simulation and not on derivatives, and are weighed by
-the same evidence. The atoms are terms with the settings that shape them. Periods come from the spectra of the residual
-along time, a wheel's angle and the position, so that no term is tried at a period that is not there.
+A law is a sum of few terms of a fixed basis. Terms are searched like effects (a sparse regression by forward selection
+with refits, FROLS: Chen, Billings & Luo 1989), on signatures from simulation and not on derivatives. The same evidence
+weighs them. An atom is a term with the settings that shape it. Periods come from the spectra of the residual along
+time, a wheel's angle and the position, so that no term is tried at a period that the residual lacks.
 """
 
 from __future__ import annotations
@@ -46,17 +46,17 @@ from brickpilot.vehicle.model import Model
 Array = NDArray[np.float64]
 
 _OUTPUTS = ("wheel_angle_left", "wheel_angle_right", "angle", "x", "position")
-_TINY = 1e-8  # of a coefficient's range: large enough for the arithmetic, small enough to be linear
-_SIMULATED = 24  # atoms that are simulated at the sizes that suit them
-_SIZES = (1.0, 0.3)  # of the linear estimate, at which they are: few terms are linear
-_NEARBY = 8  # atoms at and beside a fitted period that are fitted
-_ALIKE = 2  # trials of the same terms with different settings, at most
+_TINY = 1e-8  # step as a share of a coefficient's range: large enough for the arithmetic, small enough to be linear
+_SIMULATED = 24  # best atoms of the linear screen, which are also simulated
+_SIZES = (1.0, 0.3)  # shares of the linear estimate at which they are simulated: few terms are linear
+_NEARBY = 8  # most atoms that are fitted at and beside a fitted period
+_ALIKE = 2  # most trials of the same terms with different settings
 _STRIP_TERMS = ("surge_loss_patch", "yaw_loss_patch", "floor_add_patch")
-_CELLS, _LEAST_CELL = 24, 4e-3  # cells of the travel, to look for strips, and the least of one, m
-_STRIPS = 2  # that are tried
+_CELLS, _LEAST_CELL = 24, 4e-3  # number of cells of the travel in the search for strips, and least width of a cell, m
+_STRIPS = 2  # most strips that are tried
 _MOST_TERMS = 3  # the basis is large, and a law that a reader can check is short
-_SLOWEST_SWING_HZ = 0.5  # a pendulum of a metre swings so, and no robot here carries a longer one
-_SPRUNG_HZ = (1.0, 2.0, 4.0)  # tried for a sprung mass, beside the peaks of the spectrum
+_SLOWEST_SWING_HZ = 0.5  # frequency of a pendulum of a metre: no robot here carries a longer one
+_SPRUNG_HZ = (1.0, 2.0, 4.0)  # frequencies tried for a sprung mass, beside the peaks of the spectrum
 _SENSOR_SIGNALS = {
     "encoder": {
         f"wheel_{kind}_{side}" for kind in ("speed", "angle", "travel", "velocity") for side in ("left", "right")
@@ -72,8 +72,8 @@ class Atom(Part):
     """One term, or the sine and the cosine of one period, with the settings that shape them.
 
     Attributes:
-        slowest: Hz, the least frequency. What repeats less than once in a run, or is slower than any load swings, is
-            a drift or a loss: it would pass for any of them.
+        slowest: Hz, the least frequency. A term that repeats less than once in a run, or more slowly than any load
+            swings, could stand in for any drift or loss.
     """
 
     terms: tuple[Basis, ...]
@@ -103,11 +103,11 @@ class Atom(Part):
 
     @property
     def tuned(self) -> tuple[str, ...]:
-        """The settings that are fitted: all but the clock, which is one of two."""
+        """The settings that are fitted: all but the clock, which is chosen and not fitted."""
         return tuple(name for name, _ in self.settings if name != "clock")
 
     def joins(self, table: Mapping[str, float]) -> bool:
-        """Returns whether terms at the values of `table` lack it, and have no other settings."""
+        """Returns whether the terms in `table` lack this atom, and have no settings that differ from its own."""
         there = [one.basis for one in terms_of(table)]
         shaping = settings_of(there, table)
         lacks = not {one.name for one in there} & {*self.names}
@@ -158,7 +158,7 @@ def with_terms(model: Model, values: Mapping[str, float]) -> Model:
 
 
 def find_atoms(vehicle: str, segments: Sequence[Segment], residual: Array) -> list[Atom]:
-    """Returns every term, the periodic ones at the periods that `residual` (N,), a projected one, shows.
+    """Returns every term, the periodic ones at the periods in `residual` (N,), which is projected.
 
     Terms on a strip of the floor are left out: see `compose.TermSource`.
     """
@@ -179,7 +179,7 @@ def find_atoms(vehicle: str, segments: Sequence[Segment], residual: Array) -> li
 
 
 def family(near: Atom, settings: Mapping[str, float], vehicle: str, segments: Sequence[Segment]) -> list[Atom]:
-    """Returns all atoms that the same settings shape, and this one at neighbouring settings."""
+    """Returns all atoms with the settings of `near`, and `near` itself at neighbouring settings."""
     kept = tuple((name, settings[name]) for name, _ in near.settings)
     groups = _visible_groups(vehicle, segments)
     found = [atom(terms, kept, near.slowest) for terms in groups if terms[0].tuned == near.terms[0].tuned]
@@ -206,8 +206,8 @@ def _visible_groups(vehicle: str, segments: Sequence[Segment]) -> list[tuple[Bas
 def _groups() -> list[tuple[Basis, ...]]:
     """Returns every term alone, but the sine and the cosine of one period together.
 
-    Sine and cosine of the heading stand alone: their phase is known. Each rotation sensor also has a size of its own:
-    a fault of one of them is a common term and a difference, and neither of these alone explains anything.
+    Sine and cosine of the heading stand alone: their phase is known. Rotation sensors also get a group of two terms,
+    common and difference: a fault of one sensor is the sum of both, and neither term alone explains it.
     """
     by_name = {term.name: term for term in basis()}
     found: list[tuple[Basis, ...]] = []
@@ -250,9 +250,9 @@ class Composed:
 
 
 def compose(prepared: Prepared, judge: Judge, verdict: Verdict, tell: Tell) -> Composed | None:
-    """Returns the law of few terms that explains the fit runs best, beside no effect or beside the best names.
+    """Returns the law of few terms that explains the fit runs best, alone or beside the best named effects.
 
-    None where no term is sure: each holds 95 % of the weight beside its base.
+    None if no term is sure. A sure term holds 95 % of the weight beside its base.
     """
     deadline = prepared.deadline.until(COMPOSED)
     if not deadline.allows("a composed term"):
@@ -303,9 +303,9 @@ class TermSource:
         return self._best(problem, current.point, near)[:_NEARBY]
 
     def _best(self, problem: Problem, point: Array, atoms: Sequence[Atom]) -> list[Trial]:
-        """Returns the atoms that could leave least beside the model of `problem` at `point`, the best first.
+        """Returns the atoms that could reduce the residual of `problem` at `point` most, the best first.
 
-        All are compared by their signatures at the base model. The best of them are then simulated beside that model.
+        All are compared by their signatures at the base model. The best are then simulated beside the model at `point`.
         """
         model, projection = problem.plan.at(point), Projection(problem, point)
         table, linear = model.effects.get(EFFECT, {}), []
@@ -337,7 +337,7 @@ class TermSource:
         self._changes |= self._changes_by([one for one in atoms if one not in self._changes and one.joins(table)])
 
     def _add_strips(self, projection: Projection, rest: Array) -> None:
-        """Adds terms on a strip across x, on those strips that a loss in narrow cells points at."""
+        """Adds terms on a strip across x, on the strips whose narrow cells explain most of the residual."""
         narrow = _cells(self._segments)
         for name in _STRIP_TERMS if narrow else ():
             alone = [strip_atom(name, *cell) for cell in narrow]
@@ -362,7 +362,7 @@ class TermSource:
 
 
 def _best_coefficients(one: Atom, signatures: Array, rest: Array, table: Mapping[str, float]) -> Array:
-    """Returns the coefficients within their ranges that remove most; 0 where an atom does nothing."""
+    """Returns the coefficients within their ranges that remove most of `rest`; 0 for an atom without a signature."""
     strength = np.linalg.norm(signatures, axis=0)
     if not np.all(strength > 0):
         return np.zeros(len(one.terms))
@@ -402,7 +402,7 @@ def _best_windows(slopes: Array, residual: Array) -> list[tuple[int, int]]:
     """Returns the first and last cell of the strips that explain most; none overlaps a better one.
 
     Args:
-        slopes: (N, cells): what each cell does to `residual` (N,).
+        slopes: (N, cells): the signature of each cell in `residual` (N,).
     """
     own, along = slopes.T @ slopes, slopes.T @ residual
     gains = {
@@ -419,7 +419,7 @@ def _best_windows(slopes: Array, residual: Array) -> list[tuple[int, int]]:
 
 
 def segments(data: Residual, model: Model) -> list[Segment]:
-    """Returns the blocks of a residual with the outputs of `model`, that terms may depend on, at their times."""
+    """Returns the blocks of a residual, each with the outputs of `model` at its times; terms may depend on these."""
     outputs = data.replay.simulate([model], threads=data.threads)[0]
     runs = {run.name: (run.time, age) for run, age in data.replay.aged}
     found = []

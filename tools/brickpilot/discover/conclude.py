@@ -1,4 +1,4 @@
-"""The last stage: puts together the finding, from models as their files say and simulations of them."""
+"""The last stage: puts the finding together, from the models as read back from their files and their simulations."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ from brickpilot.vehicle.composed_terms import PLACES, equation
 from brickpilot.vehicle.model import Model, unit_on
 from brickpilot.vehicle.replay import RUN_KINDS, Replay
 
-_EFFECT_SHOWN = 1.0  # noise sd, rms over a tenth of a second: from there an effect shows in a signal
-_LAGS = 20  # bins of an autocorrelation
-_BEYOND = 4  # of them may leave the bound where the page calls a residual white
-_LARGEST_LOG = 700.0  # of a double
-_ERROR_SHOWN = 1.5  # the same for an error without an explanation, which has the noise on it: noise alone has 1
+_EFFECT_SHOWN = 1.0  # in noise sd, rms over a tenth of a second: a larger effect shows in a signal
+_LAGS = 20  # longest lag of an autocorrelation, in bins
+_BEYOND = 4  # lags that may leave the bound while the page still calls the residual white
+_LARGEST_LOG = 700.0  # largest logarithm of a double
+_ERROR_SHOWN = 1.5  # the same for an error without an explanation, which includes the noise: noise alone gives 1
 
 
 @dataclasses.dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Conclusion:
 
     @property
     def kind(self) -> VerdictKind:
-        """The verdict behind the seal."""
+        """The verdict after the seal was opened."""
         return self.steps[-1].verdict
 
     @property
@@ -83,14 +83,14 @@ class Conclusion:
         return {one.explanation.key: one.total for one in self.verdict.ranked}
 
     def removed(self, one: Explanation) -> float:
-        """Returns the share of the way from the nominal model to noise that an explanation goes, in evidence, 0..1."""
+        """Returns how far an explanation goes from the nominal model to noise, as a share of the evidence, 0..1."""
         nothing = self.totals[self.verdict.nominal.key]
         way, gone = self.judge.top - nothing, self.totals.get(one.key, nothing) - nothing
         return float(np.clip(gone / way, 0.0, 1.0)) if way > 0 else 0.0
 
 
 def conclude(prepared: Prepared, found: Conclusion) -> Finding:
-    """Returns the finding. Its `elapsed_s` is 0; the pipeline knows the time."""
+    """Returns the finding. Its `elapsed_s` is 0; the pipeline sets it."""
     verdict, proof, model = found.verdict, found.proof, found.written.model
     effects, adequacy = _effects(found), verdict.adequacy
     mechanism = None if found.kind == "none" or found.composed is None else found.composed.mechanism
@@ -143,7 +143,7 @@ def conclude(prepared: Prepared, found: Conclusion) -> Finding:
 
 
 def _whiteness(data: Residual, model: Model) -> dict[str, finding.Whiteness]:
-    """Returns the autocorrelation of what a model leaves, in scales, by signal."""
+    """Returns signal -> the autocorrelation of a model's residual, in scales."""
     left, found = data.scaled(model), {}
     for signal in data.signals:
         parts = [part - part.mean() for part in data.parts(left, signal) if len(part) > 2 * _LAGS]
@@ -157,7 +157,7 @@ def _whiteness(data: Residual, model: Model) -> dict[str, finding.Whiteness]:
 
 
 def _mechanisms(one: Explanation) -> tuple[str, ...]:
-    """Returns the mechanisms of the parts, each once; an effect's own with its fitted values."""
+    """Returns the mechanisms of the parts, each once; that of an effect depends on its fitted values."""
     tables = one.model.effects
     found = (
         catalogue.mechanism(part.effect, tables[part.effect]) if type(part) is Part else part.mechanism
@@ -167,9 +167,9 @@ def _mechanisms(one: Explanation) -> tuple[str, ...]:
 
 
 def _effects(found: Conclusion) -> tuple[finding.Effect, ...]:
-    """Returns the effects of the best explanation, the one that most explanations share first.
+    """Returns the effects of the best explanation, the effect with most weight first.
 
-    They are claimed where they are written: of `named` and `ambiguous`, and beside a term; else the best names.
+    They are claimed if they are written: for `named` and `ambiguous`, and beside a term. Else they are the best names.
     """
     beside = found.composed is not None and bool(found.written.explanation.effects)
     best = found.written if beside else found.best
@@ -195,7 +195,7 @@ def _effects(found: Conclusion) -> tuple[finding.Effect, ...]:
 
 
 def _shares(found: Conclusion) -> dict[str, float]:
-    """Returns part -> the share of the explanations of the set that say it, by weight."""
+    """Returns part -> the weight of the held explanations that say it, as a share of all of them, 0..1."""
     held = {one.explanation.key: one.weight for one in found.verdict.held}
     table = [one for one in found.verdict.ranked if one.explanation.key in held]
     weights = np.array([held[one.explanation.key] for one in table])
@@ -219,7 +219,7 @@ def _equivalents(found: Conclusion) -> tuple[finding.Equivalent, ...]:
 
 
 def _parameter(model: Model, effect: str, name: str, estimates: Mapping[str, Estimate]) -> Parameter:
-    """Returns a parameter of an effect, with its interval where it has an estimate; an identified form has its sign."""
+    """Returns a parameter of an effect, with its interval if there is an estimate; an identified form gets its sign."""
     known = estimates.get(f"{effect}.{name}")
     unit = unit_on(model, next(one for one in catalogue.effect(effect).parameters if one.name == name))
     if known is None:
@@ -231,7 +231,7 @@ def _parameter(model: Model, effect: str, name: str, estimates: Mapping[str, Est
 
 
 def _run_values(best: Settled) -> tuple[finding.RunValues, ...]:
-    """Returns what differs from run to run, each kind that the best explanation holds."""
+    """Returns the values that differ from run to run, for each kind that the best explanation holds."""
     made = []
     for part in best.explanation.parts:
         if isinstance(part, RunPart):
@@ -263,7 +263,7 @@ def _rank(one: Evidence, found: Conclusion) -> finding.Rank:
 
 
 def _places(prepared: Prepared, found: Conclusion) -> tuple[gap.Place, ...]:
-    """Returns where what was added to the model shows; where nothing was, where the nominal model leaves an error."""
+    """Returns where the added effects show; if none was added, where the nominal model leaves an error."""
     dataset, noise_sd, proof = found.proof.opened.whole, prepared.fine.sample_noise, found.proof
     if found.kind == "none":
         return ()
@@ -312,14 +312,14 @@ def _nominal_changes(plan: Plan, model: Model) -> dict[str, finding.NominalChang
 
 
 def _nominal_findings(prepared: Prepared, found: Conclusion) -> tuple[finding.NominalFinding, ...]:
-    """Returns the nominal values that the model had to move beyond what is stated of them, where the data tell them.
+    """Returns the identifiable nominal values that the fit had to move beyond what is stated of them.
 
-    Where effects are claimed that leave them as stated, they are no finding: without these, the nominal model moves its
-    values to stand in for them. A value of which the data tell a combination alone is none either: the combination
-    moved, and nobody knows by which of its values.
+    If claimed effects leave the values as stated, no value is a finding: without the effects, the nominal model moves
+    its values to stand in for them. A value is no finding either if the data tell only a combination that contains it:
+    the combination moved, and which of its values moved is unknown.
     """
     verdict = found.verdict
-    is_rival = verdict.nominal in verdict.rivals  # whether an effect is missing or a value is stated wrongly
+    is_rival = verdict.nominal in verdict.rivals  # then either an effect is missing or a value is stated wrongly
     settled = found.written if found.claims and not is_rival else found.nominal
     others = verdict.rivals if found.kind == "none" else (verdict.best,) if is_rival else ()
     told, rivals = settled.estimates, tuple(" + ".join(one.names) for one in others)

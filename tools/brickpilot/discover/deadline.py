@@ -1,4 +1,4 @@
-"""How long a discovery may take, what it leaves out so as to keep to that, and how long it will take."""
+"""The time of a discovery: the limit, the work that is left out to keep it, and an estimate beforehand."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ class Deadline:
 
     Attributes:
         budget_s: None: no limit.
-        share: the part of the budget after which the stage has to be done.
-        began: s of `time.perf_counter`.
-        left_out: what there was no time for, in order; all stages share it.
+        share: the share of the budget after which the stage has to be done.
+        began: the start, s of `time.perf_counter`.
+        left_out: the work that there was no time for, in order; all stages share this record.
     """
 
     budget_s: float | None = None
@@ -55,17 +55,17 @@ class Deadline:
 NO_LIMIT = Deadline()
 
 _COARSE, _FINE = 90, 300
-"""A unit of work, in simulations of all fit runs: for each candidate on the coarse grid, and at measured samples."""
+"""Simulations of all fit runs in a unit of work: on the coarse grid for each candidate, and at measured samples."""
 
 _UNITS = ((1.3, 0.2, 0.5), (4.0, 0.4, 1.5), (math.inf, 1.5, 8.0))
-"""Up to how many times the cost of noise the nominal model leaves; units of work that a discovery then takes, from and
-to. What noise explains ends the search, and what does not go away makes it search again in windows and with terms.
+"""Rows: the largest cost of the nominal model over that of noise; the least and most units of work that a discovery
+then takes. A residual that noise explains ends the search; one that stays starts it again in windows and with terms.
 Set on fifteen data sets, seven of them measured; one of them took 16 units."""
 
 _YARDSTICK_S = (3.0, 12.0)
-"""Work of the black box that says what is attainable, in s of one processor; of the same sets, one took 22."""
+"""Least and most time of the black box that says what is attainable, s of one processor; one of these sets took 22."""
 
-_MOST_PASSED = 0.95  # of the time: nothing is done before it is done
+_MOST_PASSED = 0.95  # largest share of the time that is reported before the end
 
 
 @dataclass(frozen=True)
@@ -84,16 +84,16 @@ class Span:
 
 
 def estimate(prepared: Prepared, nominal: Explanation, *, times: float = 1.0) -> Span:
-    """Returns how long a discovery takes, from simulations that are timed here and from the error that is there.
+    """Returns how long a discovery takes, from simulations timed here and from the nominal model's error.
 
     Args:
         nominal: the calibrated nominal model.
-        times: how many times as many samples as are prepared here the discovery takes.
+        times: the number of samples of the discovery over that of the samples prepared here.
     """
     models = [nominal.model] * 4
 
     def timed(predict: Callable[..., object]) -> float:
-        """Returns the s of one model. The first call fills caches."""
+        """Returns the time of one model, s. The first call fills caches."""
         predict(models)
         began = time.perf_counter()
         predict(models)
@@ -118,7 +118,7 @@ class Stages:
             self._progress(round(100 * share), 100, text)
 
     def expect(self, estimated: Span) -> None:
-        """Reports how long it will take, as a line that is no stage: 0 of 0."""
+        """Reports the estimated time, as a line of its own that is no stage: 0 of 0."""
         self._expected_s = time.perf_counter() - self._began + estimated.middle
         if self._progress is not None:
             self._progress(0, 0, f"estimate: {estimated}")

@@ -1,14 +1,13 @@
-"""Evidence: what stretches of time that an explanation was not fitted to say about it. It alone ranks explanations.
+"""Evidence: how well an explanation predicts stretches of time that it was not fitted to. It alone ranks explanations.
 
-1. Each stretch is predicted without itself: one Gauss-Newton step from the fit to all runs, with the stretch's rows
-   deleted (the infinitesimal jackknife; Giordano and others 2019, AISTATS). Where the step is long, or changes the
-   stretch by more than its residual, its end is simulated; it is shortened until it fits the others no worse.
-2. Its density is hyperbolic, with a scale that the other stretches set, signal by signal, and never below what noise
-   and the error of every simulator make. So each signal sets its own yardstick, machines included that no model
-   explains to the noise.
-3. Values of a residual are not independent, and no law is exact: so many nats count as one; see `temperature`.
+1. Each stretch is predicted by a fit without it: one Gauss-Newton step from the fit to all runs, with the stretch's
+   rows deleted (the infinitesimal jackknife; Giordano and others 2019, AISTATS). A step that is long, or changes the
+   stretch by more than its residual, is simulated at its end, and shortened until it fits the others no worse.
+2. The density of its residual is hyperbolic. Signal by signal, the other stretches set the scale, which is never below
+   noise and the error of every simulator. So a signal that no model explains down to the noise has a larger scale.
+3. Values of a residual are not independent, and no law is exact: `temperature` gives the nats that count as one.
 4. Weights are those of a Bayesian bootstrap over the stretches, times prior odds (BB-pseudo-BMA of Yao, Vehtari,
-   Simpson & Gelman 2018, Bayesian Analysis 13). A difference that one stretch makes does not count as sure.
+   Simpson & Gelman 2018, Bayesian Analysis 13). A difference that one stretch alone makes is not sure.
 """
 
 from __future__ import annotations
@@ -30,16 +29,16 @@ from brickpilot.fit.robust import correlation_time, pseudo_huber_loss
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-_Moved = tuple[Indices, Array]  # the values of a stretch, and where the fit goes without it or what is left there
+_Moved = tuple[Indices, Array]  # the values of a stretch; the step of the fit without it, or its residual there
 
 _LOG_NORM = float(np.log(2 * numbers.KNEE * k1e(numbers.KNEE**2)))
-_DRAWS = 1000  # of the bootstrap
-_ROUNDS, _SETTLED = 20, 1e-3  # of the most likely scale: rounds at most, and the relative change that is the last
+_DRAWS = 1000  # draws of the bootstrap
+_ROUNDS, _SETTLED = 20, 1e-3  # search for the most likely scale: most rounds, and the relative change that ends it
 _LEAST_STRETCHES = 10
-_LEAST_RUNS = 4  # parts that are left out in turn for a predictor, where there are fewer runs
-_DAMPED = 4.0  # times more, until a step is short enough
-_HALVINGS = 5  # of a long step, at most
-_FAR = 3.0  # scales: a residual beyond counts as so far, in its correlation
+_LEAST_RUNS = 4  # least parts that are left out in turn for a predictor: fewer runs are cut
+_DAMPED = 4.0  # factor by which the damping grows until a step is short enough
+_HALVINGS = 5  # lengths at which a long step is tried, each half of the one before
+_FAR = 3.0  # scales: a larger residual is clipped to this, for its correlation
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +49,7 @@ class Evidence:
         by_stretch: (stretches,) log density of each stretch, predicted without itself.
         left_out: (values,) the residual of that prediction, SI.
         away: (priors,) how far its values are from what was known of them, in sd.
-        away_slopes: (priors, parameters) their derivative.
+        away_slopes: (priors, parameters) the derivative of `away`.
         information: (parameters, parameters) second derivative of the cost of the data.
     """
 
@@ -66,7 +65,7 @@ class Evidence:
             values.flags.writeable = False
 
     def __reduce__(self) -> tuple[type[Evidence], tuple[Any, ...]]:
-        """Returns what a pickle holds: what is read back is made anew, and its arrays are not written to either."""
+        """Returns what a pickle holds. Unpickling calls the constructor, so the arrays are read-only again."""
         return Evidence, tuple(getattr(self, one.name) for one in dataclasses.fields(self))
 
     @property
@@ -74,19 +73,19 @@ class Evidence:
         return float(self.by_stretch.sum())
 
     def log_weight(self, temperature: float) -> float:
-        """Returns the log of the weight, but for a constant: evidence, prior odds, and what its values surprise by.
+        """Returns the log of the weight up to a constant: evidence, prior odds, and the cost of values far from priors.
 
-        A prior holds no law's error, so it is not divided by the temperature. But the error of a law also moves values
-        in the fit. So they are taken where a fit would leave them in which the data count by the temperature less.
+        A prior contains no error of a law, so it is not divided by the temperature. But the error of a law also moves
+        the fitted values. So the values are those of a fit in which the data are divided by the temperature.
         """
         return self.total / temperature + self.log_prior(temperature)
 
     def nat(self, temperature: float) -> float:
-        """Returns the cost that counts as one nat: costs are in the scales of the fit, densities in the residual's."""
+        """Returns the cost that counts as one nat: costs have the fit's scales, densities the residual's scales."""
         return temperature * max(2 * self.explanation.cost / max(len(self.left_out), 1), 1.0)
 
     def log_prior(self, temperature: float) -> float:
-        """Returns what of `log_weight` is not the evidence."""
+        """Returns the part of `log_weight` that is not evidence."""
         nat = self.nat(temperature)
         pulled = self.away_slopes.T @ self.away  # at the fit, the data pull as much the other way
         step = _solved(self.information / nat + self.away_slopes.T @ self.away_slopes, -pulled * (1 - 1 / nat))
@@ -101,8 +100,8 @@ class Judge:
 
     Attributes:
         stretch: (values,) the stretch of each compared value.
-        top: the evidence that noise alone would have.
-        shape: the share of what a law removes that its own wrong shape may have left; 0: the floors hold that error.
+        top: the evidence if the residual were noise alone.
+        shape: the error that a law's wrong shape may leave, as a share of what the law removes; 0: the floors hold it.
     """
 
     data: Residual
@@ -121,15 +120,15 @@ class Judge:
         return cls(data, stretch, count, top, shape)
 
     def leaving_out_runs(self) -> Judge:
-        """Returns the judge that predicts each whole run without itself; of few runs, each quarter of all of them."""
+        """Returns the judge that leaves out whole runs in turn; if they are few, pieces of a quarter of all data."""
         stretch, count = self.data.stretches(np.inf, _LEAST_RUNS)
         return dataclasses.replace(self, stretch=stretch, count=count)
 
     def changes(self, before: Array, after: Array) -> Array:
-        """Returns (1 + draws,): the log of how many times as large the rms of a residual (values,) becomes.
+        """Returns (1 + draws,): the log of the rms of the residual `after` over that of `before`, (values,) each.
 
-        It is the mean over the signals: first over all stretches alike, then by a Bayesian bootstrap over them. An rms
-        below a signal's floor counts as the floor.
+        It is the mean over the signals. The first entry weighs all stretches alike, the others by a Bayesian bootstrap.
+        An rms below a signal's floor counts as the floor.
         """
         weights = np.vstack([np.ones(self.count), _bootstrap(self.count)])
         total = np.zeros(len(weights))
@@ -156,7 +155,8 @@ class Judge:
     def rises(self, before: Array, after: Array) -> Array:
         """Returns (stretches,): by how much the log density rises from one residual (values,) to another.
 
-        Both are judged by the scale of the first: a model that predicts most stretches better makes no other one worse.
+        Both are judged by the scale of `before`. A scale of `after` would be smaller where a model predicts most
+        stretches better, and so make the other stretches look worse.
         """
         total = np.zeros(self.count)
         for signal in self.data.signals:
@@ -175,7 +175,7 @@ class Judge:
         count, moved = len(self.data.measured), problem.sensitivity(found.point)
         left_out = self.data.measured - problem.simulated(found.point)
         reach = np.array([one.reach for one in found.plan.free])
-        normal = slopes.T @ slopes + np.diag(1 / np.maximum(reach, 1e-12) ** 2)  # what no data tell stays where it is
+        normal = slopes.T @ slopes + np.diag(1 / np.maximum(reach, 1e-12) ** 2)  # a parameter without data stays
         bounds = np.array([one.bounds() for one in found.plan.free]).reshape(-1, 2)
         ends = np.cumsum(np.bincount(self.stretch, minlength=self.count))
         far: list[_Moved] = []
@@ -183,7 +183,7 @@ class Judge:
             own = slopes[:count][here]
             step, is_long = _step(normal - own.T @ own, own.T @ rows[:count][here], reach, bounds.T - found.point)
             change = moved[here] @ step
-            outweighs = change @ change > left_out[here] @ left_out[here]  # all other stretches: leverage > 1/2
+            outweighs = change @ change > left_out[here] @ left_out[here]  # its leverage is above 1/2
             if is_long or outweighs:
                 far.append((here, step))
             if not outweighs:
@@ -195,14 +195,14 @@ class Judge:
         return Evidence(found, self.density(left_out), left_out, away, away_slopes, information)
 
     def _beyond(self, problem: Problem, point: Array, far: Sequence[_Moved]) -> Iterator[_Moved]:
-        """Yields stretches with the residuals that are simulated at the end of steps.
+        """Yields each stretch with its residual, simulated at the end of its step.
 
         A step is halved as long as it fits the other stretches worse: it has left a curved valley that a fit without
-        this stretch would follow. Where the shortest does, too, nothing is yielded: the linear model is better there
-        because it stays in the valley; or the fit, where slopes promise more than the whole residual.
+        this stretch would follow. If the shortest step is also worse, nothing is yielded. The caller then keeps the
+        linear model, which stays in the valley; or the fit, if the step changes the stretch by more than its residual.
 
         Args:
-            far: stretches, and the step (parameters,) to where each is not fitted.
+            far: stretches, each with the step (parameters,) to the fit without it.
         """
         weight, taus = self.data.weight(), self.data.taus()
 
@@ -225,7 +225,7 @@ class Judge:
                 break
 
     def correlation(self, evidence: Evidence) -> float:
-        """Returns after how many values the residual is another one: the mean over signals, by their values."""
+        """Returns the residual's correlation time, in values: the mean over signals, weighted by their values."""
         total = 0.0
         for signal in self.data.signals:
             parts = self.data.parts(evidence.left_out, signal)
@@ -235,14 +235,14 @@ class Judge:
         return total / len(self.data.measured)
 
     def temperature(self, best: Evidence, nothing: Evidence) -> float:
-        """Returns the nats that count as one: the residual's correlation time; or more, as no law is exact."""
+        """Returns the nats that count as one: the residual's correlation time, or `law_error` if that is larger."""
         return max(self.correlation(best), self.law_error(best, nothing))
 
     def law_error(self, best: Evidence, nothing: Evidence) -> float:
-        """Returns the nats that count as one, as no law is exact; at least 1.
+        """Returns the nats that count as one because no law is exact; at least 1.
 
-        A share of what the best explanation gains is its own laws' error. Of the squared error above noise that it
-        leaves, another law might share a part, and would gain so many nats by that. Less than these decides nothing.
+        A share of the best explanation's gain is the error of its own laws. Another law might remove a share of the
+        squared error above noise that is left, and would gain nats by that. A difference below either decides nothing.
         """
         own_error, shared = numbers.LAW_ERROR * (best.total - nothing.total), 0.0
         for signal in self.data.signals:
@@ -253,13 +253,13 @@ class Judge:
     def excess(self, evidence: Evidence, least: float = 1.0) -> Array:
         """Returns (signals,): the squared error above noise that is left, in squares of each signal's floor.
 
-        `least`: a smaller share of the floor counts as this one. Below 1, a signal below its floor is negative.
+        `least`: the least scale, as a share of the floor. Below 1, a signal below its floor is negative.
         """
         squares = {one: self.squares(evidence, one, least) / self.data.floor(one) ** 2 for one in self.data.signals}
         return np.array([self.counts[signal] * (square - 1) for signal, square in squares.items()])
 
     def squares(self, evidence: Evidence, signal: str, least: float = 1.0) -> float:
-        """Returns the square of the scale of what an explanation leaves of a signal, at least so much of the floor."""
+        """Returns the squared scale of a signal's residual; the scale is at least `least` times the floor."""
         left = np.concatenate(self.data.parts(evidence.left_out, signal))
         return scale_of_rest(left, least * self.data.floor(signal)) ** 2
 
@@ -270,19 +270,19 @@ class Judge:
 
 
 def _step(matrix: Array, pull: Array, reach: Array, room: Array) -> tuple[Array, bool]:
-    """Returns the Gauss-Newton step (parameters,) to where a stretch is not fitted, and whether it had to be shortened.
+    """Returns the Gauss-Newton step (parameters,) to the fit without a stretch, and whether it had to be shortened.
 
     Args:
         matrix: (parameters, parameters) the normal matrix without the stretch.
-        pull: (parameters,) the gradient that the stretch held up.
+        pull: (parameters,) the gradient of the stretch, which balances the others at the fit.
         reach: (parameters,) how far the linear model holds: a longer step is damped to it (Levenberg 1944).
-        room: (2, parameters) how far the range of each parameter goes, down and up.
+        room: (2, parameters) the distance to the ends of each parameter's range, down and up.
     """
     damping, is_long = 0.0, False
     while np.any(np.abs(step := _solved(matrix + damping * np.diag(reach**-2.0), pull)) > reach):
         damping, is_long = max(_DAMPED * damping, 1.0), True
     stopped = (step < room[0]) | (step > room[1])
-    if stopped.any():  # what stops at an end of its range no longer makes up for the others
+    if stopped.any():  # a parameter that stops at its bound no longer makes up for the others
         step = np.where(stopped, np.clip(step, *room), 0.0)
         others = ~stopped
         rest = pull[others] - matrix[others][:, stopped] @ step[stopped]
@@ -296,10 +296,10 @@ def _solved(matrix: Array, right: Array) -> Array:
 
 
 def surprise(away: Array) -> float:
-    """Returns the nats that values cost which are so many sd, (parameters,), away from what was known of them.
+    """Returns the cost, in nats, of values that are `away` (parameters,) sd from what was known of them.
 
-    What was stated may be plainly wrong, as often as a machine has a common effect, and then by any factor alike: so
-    many times further away is so many times less likely (Jeffreys 1961, sec. 3.1).
+    A stated value may be plainly wrong, as often as a machine has a common effect. Then all factors are equally likely:
+    a value n times further away is n times less likely (Jeffreys 1961, sec. 3.1).
     """
     wrong = -np.log(numbers.COMMON)
     further = np.log(np.maximum(np.abs(away) / np.sqrt(2 * wrong), 1.0))

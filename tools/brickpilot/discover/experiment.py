@@ -1,4 +1,4 @@
-"""What to drive next, the manoeuvre that separates the rivals; and how small an effect the runs would show."""
+"""The next experiment: the manoeuvre that separates the rivals; and the smallest effect that the runs would show."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ from brickpilot.vehicle.plant import OpenLoopRun
 
 Array = NDArray[np.float64]
 
-_STEP_S = 0.01  # between the samples of a simulated manoeuvre
-_SEPARATES_NOISE_SD = 0.5  # rms, in noise sd: ten seconds of samples show it clearly
-_SEPARATES_SIGNAL_SHARE = 0.02  # of a signal's rms: an ordinary sensor shows that
-_NO_FLOOR = 1e-3  # of a floor
-_BLACK_BOX_FINDS = 0.5  # of the squares that a law explains, about: measured near the sizes that are named
+_STEP_S = 0.01  # time between the samples of a simulated manoeuvre
+_SEPARATES_NOISE_SD = 0.5  # rms difference of rivals, in noise sd: ten seconds of samples show it clearly
+_SEPARATES_SIGNAL_SHARE = 0.02  # the same, as a share of a signal's rms: an ordinary sensor shows it
+_NO_FLOOR = 1e-3  # share of a floor that stands for none
+_BLACK_BOX_FINDS = 0.5  # rough share of a law's squares that it predicts: measured near the sizes that are named
 _CAN_MEASURE = frozenset(catalogue.outputs()) - {"x", "y", "surge", "sway", "force"}
 
 
@@ -96,7 +96,7 @@ def as_run(manoeuvre: Manoeuvre, vehicle: str) -> OpenLoopRun:
 
 
 def _separation(outputs: Sequence[Mapping[str, Array]], sizes: Mapping[str, float]) -> tuple[float, str]:
-    """Returns by how much even the nearest two rivals differ, rms over `sizes`, and in which signal that is most."""
+    """Returns the rms difference of the nearest two rivals over `sizes`, and the signal in which it is largest."""
     return max(
         (
             (min(rms_of([one[name] - other[name]]) for one, other in combinations(outputs, 2)) / size, name)
@@ -108,11 +108,11 @@ def _separation(outputs: Sequence[Mapping[str, Array]], sizes: Mapping[str, floa
 
 
 def smallest_sizes(prepared: Prepared, judge: Judge, nominal: Explanation, best: Explanation) -> dict[str, Visible]:
-    """Returns effect -> the size at which it would be named beside `best`: what a verdict of `none` is worth.
+    """Returns effect -> the least size that would be named beside `best`: what a verdict of `none` rules out.
 
-    It would be named if it predicted better by what counts as sure, and its prior odds; and if it removed as much as
-    would still be left, or a black box found it in a signal: see `verdict`. The size is extrapolated from the nearest
-    simulated size. Effects that nothing here excites are left out.
+    An effect is named if it surely predicts better in spite of its prior odds, and if it removes as much as is still
+    left, or a black box finds it in a signal: see `verdict`. The size is extrapolated from the nearest simulated size.
+    Effects that the runs do not excite are left out.
 
     Args:
         judge: of the coarse residual.
@@ -138,13 +138,13 @@ def smallest_sizes(prepared: Prepared, judge: Judge, nominal: Explanation, best:
 
 
 def _times(strength: Array, hidden: Array, needed: float) -> float:
-    """Returns the least x for which x `strength` is `needed` nats above `hidden`, both (signals,), in all signals."""
+    """Returns the least x for which max(x `strength` - `hidden`, 0), both (signals,), sums to `needed` nats."""
     order = np.argsort(hidden / strength)
     return float(np.min((needed + np.cumsum(hidden[order])) / np.cumsum(strength[order])))
 
 
 def size_named(part: Part, size: float, strength: float, temperature: float) -> float:
-    """Returns the size at which a part surely predicts better: from `size`, which shows with so many nats."""
+    """Returns the size at which a part surely predicts better, from `size`, at which it gains `strength` nats."""
     return size * math.sqrt(temperature * (numbers.CHANCE_NATS - part.log_odds) / max(strength, 1e-12))
 
 
@@ -154,7 +154,7 @@ def size_of(part: Part) -> ParameterInfo:
 
 
 def nearest_sizes(tried: Iterable[tuple[Part, float, float]]) -> list[tuple[Part, float]]:
-    """Returns for each effect a part and the size that it needs: of (part, size tried, size needed) the nearest two."""
+    """Returns each effect's part and needed size, from the (part, size tried, size needed) with the nearest sizes."""
     found: dict[str, tuple[float, Part, float]] = {}
     for part, size, needed in tried:
         away = abs(math.log(needed / size)) if size > 0 and needed > 0 else math.inf

@@ -1,4 +1,4 @@
-"""An explanation: a set of parts with one fit. All are fitted here, by one optimiser."""
+"""An explanation: a set of parts with one fit. One optimiser in this module fits all explanations."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
 
 ROUGH, FINE = 1e-3, 1e-4
-"""Relative change of cost at which a descent ends, of a proposal and of what is judged."""
+"""Relative change of cost at which a descent ends: of a proposal, and of an explanation that is judged."""
 
-_DESCENTS, _LEAST_GAIN_SHARE = 6, 3e-4  # descents of one fine fit, at most; one that gains less is the last
-_AT_BOUND = 1e-3  # of a parameter: this near to another end of its range than these, it stands at it
-_WHOLE = (0, 1)  # nothing and all of it: values that machines have
-_LIMIT_OVER_READING = 0.9  # a sensor never reads beyond its limit; readings have noise on them
-_LEAST_BASE_SHARE = 0.1  # of what is added to a parameter: dry friction remains after a breakaway
+_DESCENTS, _LEAST_GAIN_SHARE = 6, 3e-4  # most descents of a fine fit; a descent with less gain is the last
+_AT_BOUND = 1e-3  # share of a parameter: this near to an end of its range (but those of `_WHOLE`), it stands at the end
+_WHOLE = (0, 1)  # ends of ranges that machines do have: nothing, and all of it
+_LIMIT_OVER_READING = 0.9  # least limit over the largest reading: a sensor stays within its limit, but for noise
+_LEAST_BASE_SHARE = 0.1  # least parameter, as a share of what is added to it: dry friction remains after a breakaway
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,10 +41,10 @@ class Explanation:
     """One model fitted to the fit runs.
 
     Attributes:
-        parts: what it has beside what the nominal model holds.
+        parts: its parts beside those of the nominal model.
         plan: its free parameters, the nominal ones first.
-        point: their fitted coordinates.
-        cost: half of all squared residuals and priors, in scales.
+        point: the fitted coordinates of these parameters.
+        cost: half the sum of the squared residuals and priors, in scales.
     """
 
     parts: tuple[Part, ...]
@@ -86,11 +86,11 @@ class Explanation:
         return tuple(one for one in self.parts if type(one) is Part)
 
     def says(self, part: Part) -> bool:
-        """Returns whether it holds a part, a law that contains it, or the laws that it is made of."""
+        """Returns whether this explanation holds a part, a law that contains it, or the laws that it is made of."""
         return part.name in self._said or (bool(part.made_of) and self._said.issuperset(part.made_of))
 
     def contains(self, other: Explanation) -> bool:
-        """Returns whether it says all that `other` says, and more or in more words."""
+        """Returns whether this explanation says all that `other` says, with other laws and no fewer parts."""
         if self.laws == other.laws or len(self.parts) < len(other.parts):
             return False
         if len(self.parts) > len(other.parts):
@@ -104,9 +104,9 @@ class Explanation:
 
     @cached_property
     def laws(self) -> frozenset[str]:
-        """The names of its laws; one that is made of others is these where one of them is held beside it.
+        """The names of its laws. A law made of others is replaced by these if one of them is also a part.
 
-        Friction in one direction beside a constant offset is dry friction and another offset.
+        For example, friction in one direction beside a constant offset is dry friction and another offset.
         """
         split = [one for one in self.parts if self.key.intersection(one.made_of)]
         return self.key.difference(one.name for one in split).union(*(one.made_of for one in split))
@@ -115,7 +115,7 @@ class Explanation:
 def fit(
     base: Problem, parts: Sequence[Part], plan: Plan, point: Array, tolerance: float, threads: int = 1
 ) -> Explanation | None:
-    """Returns the end of a descent from `point`, simulated on so many threads; None where the plant diverges there."""
+    """Returns the fit at the end of a descent from `point`; None if the plant diverges at `point`."""
     problem = base.of(plan, threads)
     try:
         end = descend(problem, point, tolerance)
@@ -125,13 +125,13 @@ def fit(
 
 
 def refine(data: Residual, fits: Sequence[Explanation], jobs: int, deadline: Deadline = NO_LIMIT) -> list[Explanation]:
-    """Fits each explanation to the end, with sensitivities of its own, and returns them, the least cost first.
+    """Fits each explanation to the end, with its own sensitivities, and returns the fits, the least cost first.
 
-    Sensitivities of nominal parameters cost most. They are computed once per descent, and descents are repeated until
-    one gains nothing.
+    Sensitivities of nominal parameters take most time. So each descent computes them only once, and descents are
+    repeated until one gains almost nothing.
     """
 
-    threads = jobs if len(fits) == 1 else 1  # one fit alone shares out its models, several the fits
+    threads = jobs if len(fits) == 1 else 1  # a single fit runs its models in parallel, several fits each other
 
     def one(found: Explanation) -> Explanation | None:
         for _ in range(_DESCENTS):
@@ -176,7 +176,7 @@ def before(
 ) -> list[_Result | None]:
     """Returns the results of `work` in the order of `items`, `jobs` at a time.
 
-    The first item is always worked on; those behind it only before the deadline, and are None after it.
+    The first item is always worked on. Later items are worked on only before the deadline; after it they are None.
     """
     numbered = list(enumerate(items))
     return side_by_side(lambda one: None if one[0] and deadline.passed else work(one[1]), numbered, jobs)
@@ -185,9 +185,9 @@ def before(
 def is_possible(found: Explanation, excitation: Excitation) -> bool:
     """Returns whether the fitted values are possible for effects of these names.
 
-    No fitted parameter stands at the end of its range: there the data ask for another law. A periodic effect has at
-    least about one period. A sensor never reads beyond its limit. A parameter that adds to another, as a breakaway
-    torque adds to dry friction, does not replace it. None is below `least_of`.
+    No fitted parameter stands at an end of its range: there the data ask for another law. A periodic effect has at
+    least about one period. A sensor never reads beyond its limit. A parameter that adds to another does not replace it,
+    as a breakaway torque adds to dry friction. No fitted size is below `least_of`.
     """
     tables = found.model.effects
     for one in found.effects:

@@ -1,4 +1,4 @@
-"""What discovery found. verdict.json and the report are written from it."""
+"""The finding of a discovery. verdict.json and the report are written from it."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ class Parameter:
 
     Attributes:
         ci95: (low, high); None if the data do not determine it.
-        identified: then, the form in which they do, such as the voltage that makes up for a friction torque, with the
-            sign of the value; None: in none.
+        identified: if `ci95` is None, a combination that the data do determine, with the sign of the value, such as the
+            voltage that makes up for a friction torque; None: there is none.
     """
 
     value: float
@@ -49,7 +49,7 @@ class Parameter:
     identified: Combination | None = None
 
     def to_json(self) -> dict[str, Any]:
-        """Returns the entry of verdict.json, where the form's name is its quantity."""
+        """Returns the entry of verdict.json, in which the name of `identified` is called "quantity"."""
         form = self.identified
         return vars(self) | {"identified": form and _without(form, "name") | {"quantity": form.name}}
 
@@ -61,8 +61,8 @@ class Equivalent:
     Attributes:
         name: an effect, several joined by " + ", or `NOMINAL_VALUES`.
         parameters: parameter -> value; the key is "effect.parameter" if there are several effects.
-        worse_by: how much worse it predicts than the best one; 3 is sure.
-        nominal, effects: every value of its model, SI, those that the data set states included.
+        worse_by: nats by which it predicts worse than the best one; 3 is sure.
+        nominal, effects: every value of its model, SI, including those that the data set states.
     """
 
     name: str
@@ -78,10 +78,10 @@ class Effect:
 
     Attributes:
         mechanism: the kind of cause; see `EffectInfo.mechanism`.
-        law: what its law is called, as in "FAMILY, but DIFFERENCE"; see `catalogue.law`.
-        confidence: the weight of the explanations that hold it, of those that hold 95 % together, 0..1.
-        removed: the share of the way from the nominal model to noise that the explanation goes on the fit runs, 0..1.
-        claimed: the verdict says that it is there. False: it explains the fit runs best, and nothing proves it.
+        law: the name of its law, as in "FAMILY, but DIFFERENCE"; see `catalogue.law`.
+        confidence: its share of the weight of the explanations that hold 95 % together, 0..1.
+        removed: how far the explanation goes from the nominal model to noise on the fit runs, as a share, 0..1.
+        claimed: whether the verdict says that it is there. False: it explains the fit runs best, without proof.
         equivalents: the explanations that the data cannot tell from it.
     """
 
@@ -98,15 +98,15 @@ class Effect:
 
 @dataclass(frozen=True)
 class Evidence:
-    """What proves the augmented model. It is measured last, on the model as its file says.
+    """What proves the augmented model. It is measured last, on the model as read back from its file.
 
     Attributes:
         kind: "held_out": the held-out runs confirm the model. "fitted_only": only fit runs show what it adds.
-        removed_fit, removed_held_out: the share of the cost above that of noise that it removes, at most 1; below 0
-            the model is worse. None: no such runs, or no cost above noise.
-        draws: how often the held-out runs are predicted better when stretches of them are weighed anew, 0..1; None: no
+        removed_fit, removed_held_out: the share of the cost above that of noise that the model removes, at most 1;
+            below 0 it is worse. None: no such runs, or no cost above noise.
+        draws: the share of bootstrap draws of stretches in which the held-out runs are predicted better, 0..1; None: no
             such runs.
-        contradicted: held-out runs would show what it adds, and rather speak against it.
+        contradicted: whether the held-out runs excite what the model adds, and speak against it.
         sentence: what this means, for a reader.
     """
 
@@ -139,7 +139,7 @@ class Step:
 
     Attributes:
         stage: "weigh", "adequacy", "runs", "samples" or "seal": see `pipeline`.
-        verdict: what it is behind this stage.
+        verdict: the verdict after this stage.
         why: a sentence.
     """
 
@@ -171,7 +171,7 @@ class RunValues:
         kind: its key in verdict.json.
         words: what differs, as the subject of a sentence.
         unit: SI; 1 is a share.
-        runs: fit run -> value and its 95 % interval. A held-out run has 0: its own is not known.
+        runs: fit run -> value and its 95 % interval. A held-out run has 0, as its own value is not known.
     """
 
     kind: str
@@ -202,8 +202,8 @@ class Budget:
 
     Attributes:
         estimated_s: what a discovery without a limit takes on this machine, as estimated before the search.
-        exhausted: something was left out to keep to it.
-        skipped: what was left out, in order.
+        exhausted: whether work was left out to keep the limit.
+        skipped: the work that was left out, in order.
     """
 
     seconds: float
@@ -219,9 +219,9 @@ class Rank:
     Attributes:
         names: its effects.
         parameters: "effect.parameter" -> value, SI.
-        prediction_error: how many times noise its error is on stretches left out, by their density; no gap, which is
-            an rms over whole runs.
-        removed: the share of the way from the nominal model to noise that it goes, 0..1.
+        prediction_error: its error over noise on left-out stretches, from their density. It is no gap: a gap is an rms
+            over whole runs.
+        removed: how far it goes from the nominal model to noise, as a share, 0..1.
         why: a sentence on why it was taken or lost.
     """
 
@@ -255,7 +255,7 @@ class Experiment:
         advice: sentences for the user.
         separates: the rivals.
         separation: rms difference between the rivals in `signal`, in noise sd.
-        signal: where they differ most, or the signal to measure as well.
+        signal: the signal in which the rivals differ most, or a further signal to measure.
         manoeuvre: None where no manoeuvre helps; `advice` says what does.
     """
 
@@ -292,7 +292,7 @@ class NominalFinding:
 
     Attributes:
         stated, fitted: SI.
-        sd_away: how many sd of the stated value lie between them.
+        sd_away: the distance between both, in sd of the stated value.
         rivals: effects that explain the data as well, with the value as it was stated; several joined by " + ".
     """
 
@@ -330,28 +330,28 @@ class Finding(Result):
 
     Attributes:
         effects: the named effects; for `ambiguous` the best explanation, with its rivals in `equivalents`; for
-            `unknown` the best names, which are not claimed, or those beside a term, which are.
+            `unknown` the best names, which are not claimed, or the effects beside a term, which are claimed.
         mechanism: the kind of cause that explains most; None if nothing is missing or nothing points at one.
-        law_differs: what the claimed effects leave of some signal is more than noise: their laws are not quite right,
-            or something smaller is missing too. None: no effect is claimed, or a term stands beside those that are.
+        law_differs: whether the claimed effects leave more than noise in some signal: their laws are not quite right,
+            or something smaller is missing too. None: no effect is claimed, or a term stands beside the claimed ones.
         evidence: None if no effect and no term was added.
         gap: "fit", "held_out" -> gap. `by_signal` is over all runs.
         nominal_model: the calibrated nominal model.
         augmented: the model that is written to model.toml.
         simulated: "nominal", "augmented" -> run -> outputs.
         ranking: every explanation that was weighed, the best first.
-        power: effect -> the smallest size that would have been named. Effects that nothing here excites are absent.
+        power: effect -> the smallest size that would have been named. Effects that the runs do not excite are absent.
         notes: sentences on what was assumed, left out or not identifiable.
         held_out_stretches: fit run -> first and last time of the samples that were held out of it, s on its clock.
         yardstick: fit in percent before, after and attainable.
         explanations: those that hold 95 % of the weight, the heaviest first.
-        steps: how the verdict came about; the last one is `verdict`.
-        predictable_left: signal -> the share of what the best explanation leaves that a black box predicts.
+        steps: how the verdict came about; the last step gives `verdict`.
+        predictable_left: signal -> the share of the best explanation's residual that a black box predicts.
         predictor: the best predictor; None: it was not asked for.
         closed_loop: a feedback loop around the data; None: the commands follow no output.
-        disturbances: signal -> a disturbance with a period of its own in time, looked for in a loop.
-        run_values: what differs from run to run, each kind once.
-        spread: how the fitted parameters may lie about their estimates, all together; None: nothing was fitted.
+        disturbances: signal -> a disturbance with its own period in time; searched for only in a feedback loop.
+        run_values: the values that differ from run to run, each kind once.
+        spread: the joint uncertainty of all fitted parameters; None: nothing was fitted.
     """
 
     dataset: Dataset
@@ -422,7 +422,7 @@ _AS_THEY_ARE = (
 
 
 def verdict_json(found: Finding) -> dict[str, Any]:
-    """Returns the object of verdict.json: see report/verdict.schema.json. What is no finite number is None."""
+    """Returns the object of verdict.json: see report/verdict.schema.json. A number that is not finite becomes None."""
     experiment, manoeuvre = found.next_experiment, found.next_experiment and found.next_experiment.manoeuvre
     made: dict[str, Any] = valid(
         {name: getattr(found, name) for name in _AS_THEY_ARE}
@@ -447,5 +447,5 @@ def verdict_json(found: Finding) -> dict[str, Any]:
 
 
 def _without(record: object, *names: str) -> dict[str, Any]:
-    """Returns the fields of a record but for some."""
+    """Returns the fields of a record without those of `names`."""
     return {key: value for key, value in vars(record).items() if key not in names}

@@ -25,7 +25,7 @@ from brickpilot.vehicle.plant import OpenLoopRun, State
 from brickpilot.vehicle.replay import RUN_KINDS
 
 _COMMAND = "voltage"  # the limited signal that is a command, not a reading
-_UNSCALED = frozenset({"order", "phase", "phase_difference", "frequency", "wavelength"})  # have no usual size
+_UNSCALED = frozenset({"order", "phase", "phase_difference", "frequency", "wavelength"})  # without a usual size
 _ODDS = {"common": numbers.COMMON, "usual": numbers.USUAL, "rare": numbers.RARE}
 
 
@@ -39,7 +39,7 @@ class Part:
 
     @property
     def name(self) -> str:
-        """What tells it from other parts."""
+        """The name that tells it from other parts."""
         return self.effect
 
     @property
@@ -58,7 +58,7 @@ class Part:
 
     @property
     def log_odds(self) -> float:
-        """The log of the prior odds that a machine has it and its simulator lacks it."""
+        """The log of the prior odds that a machine has this effect and its simulator lacks it."""
         return math.log(_ODDS[catalogue.effect(self.effect).prior])
 
     @property
@@ -72,7 +72,7 @@ class Part:
 
     @property
     def made_of(self) -> tuple[str, ...]:
-        """The names of the parts that together are its law, with its first parameter alone."""
+        """The names of the parts that together are its law, if only its first parameter is free."""
         info = catalogue.effect(self.effect)
         return info.made_of if self.free == (info.parameters[0].name,) else ()
 
@@ -153,8 +153,8 @@ def library_parts(base: Model, measured: Collection[str] | None = None) -> list[
     """Returns every effect that `base` lacks, once for each set of parameters worth freeing.
 
     Args:
-        measured: the signals that are compared. An effect on sensors that gave none of them is no part; several that
-            change them alike are one law, and the part is the one with the widest reach. None: all are parts.
+        measured: the signals that are compared. An effect on sensors that gave none of these signals is left out. Of
+            several effects that change them alike, the part is the one that changes most signals. None: all are parts.
     """
     found, read = [], set[frozenset[tuple[str, bytes]]]()
     has_current_loop = any(base.parameters.get(name, 0.0) != 0.0 for name in ("force_per_volt", "torque_per_volt"))
@@ -175,19 +175,19 @@ def library_parts(base: Model, measured: Collection[str] | None = None) -> list[
 
 
 def run_parts(runs: Sequence[str]) -> list[RunPart]:
-    """Returns the values of runs, for data of several fit runs: of one run alone, a value of its own is the model's."""
+    """Returns the values of runs as parts, for three fit runs or more: with fewer, a run's value is the model's."""
     return [RunPart(kind, tuple(runs), {}) for kind in RUN_KINDS] if len(runs) > 2 else []
 
 
 def _adds_something(one: ParameterInfo, base: Model) -> bool:
-    """Returns whether a parameter can say more than `base` does: it has two sides, and nothing that does the same."""
+    """Returns whether a parameter adds something to `base`, which has its sides and no parameter that does the same."""
     sided = base.vehicle != "motor" or not one.odd
     return sided and not (one.same_as and base.parameters.get(one.same_as, 0.0) != 0)
 
 
 @cache
 def readings_of(effect: str, vehicle: str) -> Mapping[str, bytes]:
-    """Returns signal -> its samples in a lively run of the compiled plant, for what an effect on sensors changes."""
+    """Returns signal -> its samples in a lively run of the compiled plant, for each signal that `effect` changes."""
     time = np.arange(0.0, 1.0, 0.01)
     wave = 9.0 * np.sign(np.sin(9.0 * time))
     inputs = np.column_stack([wave, -0.3 * wave])[:, : 1 if vehicle == "motor" else 2]
@@ -204,8 +204,8 @@ def readings_of(effect: str, vehicle: str) -> Mapping[str, bytes]:
 def _sets_of_parameters(usable: list[ParameterInfo]) -> list[tuple[str, ...]]:
     """Returns the sets of an effect's parameters that are freed together.
 
-    An optional parameter is freed beside the others, and alone where it needs none of them. Where one effect holds
-    three laws, each is tried alone.
+    An optional parameter is freed together with the others, and alone if it needs none of them. If one effect holds
+    three laws, each law is tried alone.
     """
     main = tuple(one.name for one in usable if not one.optional and one.role != "switch")
     optional = [one.name for one in usable if one.optional]
@@ -222,9 +222,9 @@ def is_signed(one: ParameterInfo) -> bool:
 
 
 def least_of(info: ParameterInfo) -> float:
-    """Returns the least size that is named, SI: of a delay or a lag a step of the simulation; of all others 0.
+    """Returns the least size that is named, SI: one step of the simulation for a delay or a lag; 0 for all others.
 
-    What is faster, as a tyre that gives, no model here has, and a delay of nearly nothing would stand in for it.
+    No model here has faster dynamics, such as a tyre's compliance, and a very short delay would stand in for them.
     """
     return MOTOR_STEP_S if info.unit == "s" and info.role == "size" and info.minimum == 0 else 0.0
 
@@ -235,7 +235,7 @@ def read_limits(part: Part) -> list[tuple[str, str]]:
 
 
 def limit_of(part: Part) -> ParameterInfo | None:
-    """Returns the parameter that is the end of a range; None if the effect has none."""
+    """Returns the parameter that is a limit; None if the effect has none."""
     return next((one for one in part.infos.values() if one.role == "limit"), None)
 
 
@@ -250,7 +250,7 @@ def switch_settings(part: Part) -> list[dict[str, float]]:
 
 
 def _natural_size(info: ParameterInfo, model: Model) -> float:
-    """Returns a usual size of an effect's parameter on this vehicle, SI; 0 where there is none to speak of."""
+    """Returns a usual size of an effect's parameter on this vehicle, SI; 0 if it has none."""
     if info.role == "place" and info.unit == "m" and not info.arm_of:
         return 2 * _sizes(model)["m"] / DECADE  # a place lies within about a track width, not within a decade of that
     if info.name in _UNSCALED or info.role in ("place", "limit", "switch") or info.arm_of:
@@ -268,7 +268,7 @@ def scale_of(unit: str, model: Model) -> float:
 
 
 def _sizes(model: Model) -> dict[str, float]:
-    """Returns what is large for a vehicle, by unit: at stall, or at the speed that it reaches without a load."""
+    """Returns unit -> a large value of it for a vehicle: at stall, or at its no-load speed."""
     known, robot = {**catalogue.presets(model.vehicle), **model.parameters}, rcx().parameters
     volts = known["battery_voltage"] or robot["battery_voltage"]
     direct = known["force_per_volt"] or known["torque_per_volt"]
@@ -300,7 +300,7 @@ class Excitation:
         largest: the largest command, under "voltage", and the largest reading of each signal.
         orders: orders (periods per turn) at which the wheels' acceleration repeats.
         least_order: an effect of a lower order is not periodic: it shows less than about one period.
-        windowed: simulations start from the measured state every short window, and the wheels keep their phase.
+        windowed: whether each short window is simulated from its measured state, so that wheels keep their phase.
     """
 
     largest: Mapping[str, float]

@@ -1,18 +1,18 @@
 """`brickpilot discover`: from a data set to a finding.
 
-Each stage is a function in a module beside this one. What it makes is a frozen record that the next stages take.
+Each stage is a function in a module beside this one. It returns a frozen record that the next stages take.
 
-    with_known_timing -> Dataset      what the inputs do between two rows, where the data set does not know
+    with_known_timing -> Dataset      what the inputs do between two rows, where the data set does not say
     prepare          -> Prepared, Sealed   the fit runs and their residual; what is held out, sealed
-    calibrate        -> Explanation   the calibrated nominal model, which explains with nothing
-    in_closed_loop   -> Prepared      innovations take the residual's place, where a loop around the data biases free
-                                      runs; what the noise is may be known only behind a first search
+    calibrate        -> Explanation   the calibrated nominal model: the explanation without parts
+    in_closed_loop   -> Prepared      innovations in place of the residual, where a feedback loop biases free runs;
+                                      the noise may be known only after a first search
     Search.run       -> Found         every explanation that was fitted, with its evidence           (search.py)
     weigh            -> Verdict       none, named or ambiguous, by the evidence alone                (verdict.py)
-    adequate         -> Verdict       of those that leave nothing predictable; if none: `unknown`    (verdict.py)
-    prepare_windows  -> Prepared      for `unknown`: all of it again in short windows, which count if periodic
+    adequate         -> Verdict       the same without those that leave too much; if none: `unknown` (verdict.py)
+    prepare_windows  -> Prepared      for `unknown`: the search again in short windows, for periodic effects
     compose          -> Composed      still `unknown`: a law of few terms without a name             (compose.py)
-    confirmed        -> Verdict       what the measured samples leave of a name                      (verdict.py)
+    confirmed        -> Verdict       whether the measured samples confirm a name                    (verdict.py)
     settle           -> Settled       the last fit, with intervals, as read back from its file       (settle.py)
     best_predictor   -> Settled       where it is asked for: what predicts best, claimed or not      (settle.py)
     prove            -> Proof         the seal is opened, once: held-out runs may take a name back   (seal.py)
@@ -20,9 +20,9 @@ Each stage is a function in a module beside this one. What it makes is a frozen 
     measure          -> Yardstick     fit in percent before, after and attainable                    (yardstick.py)
     conclude         -> Finding       effects with intervals, gaps, places, ranking                  (conclude.py)
 
-The verdict changes behind `weigh` in three places: `adequate`, by what is left, or where time ran out; `confirmed`,
-where only runs differ, or the measured samples do not show what was named; and `_prove`, where the seal does not
-confirm it: `ambiguous` with the nominal model, or `unknown` if it contradicts. `Finding.steps` says which of them did.
+After `weigh`, the verdict changes in three places: in `adequate`, by what is left, or because time ran out; in
+`confirmed`, if only runs differ or the measured samples do not show what was named; and in `_prove`, if held-out runs
+do not confirm it (`ambiguous` with the nominal model) or contradict it (`unknown`). `Finding.steps` says which of them.
 Every number that decides a verdict stands in numbers.py, with its reason.
 """
 
@@ -60,7 +60,7 @@ _NO_TIME = "The time was up before everything was searched."
 
 @dataclass(frozen=True, eq=False)
 class Explained:
-    """Prepared data with all that was found in them, and the verdict on it."""
+    """Prepared data, the explanations that were found in them, and the verdict."""
 
     prepared: Prepared
     found: Found
@@ -83,8 +83,8 @@ def discover(
         model: the search starts from this model and its effects. None: from the data set's nominal values.
         seed: seed of the random starts. They are used where nominal values are not given.
         jobs: number of fits at the same time.
-        budget_s: the answer is the best one so far after this time. What has to be done at any rate may take longer.
-            None: no limit.
+        budget_s: after this time the answer is the best one so far. Work that cannot be left out may take longer. None:
+            no limit.
         predictor: also find the best predictor, `Finding.predictor`. It is no explanation: its parts are not claimed.
         progress: called with (done, total, text).
 
@@ -100,7 +100,7 @@ def discover(
         known: Dataset = with_known_timing(dataset, model, seed=seed, jobs=jobs)
         prepared, sealed = prepare(known, model, seed=seed, jobs=jobs, deadline=deadline)
         tell = Stages(progress)
-        tell("preparing the data")  # after it, so that bad input gets one line and no other
+        tell("preparing the data")  # after `prepare`, so that bad input gives its error line and no other
         tell("calibrating the nominal model")
         prepared, nominal = calibrate(prepared)
         sampled = with_known_sampling(known, prepared, nominal)
@@ -112,7 +112,7 @@ def discover(
 
 
 def _find(prepared: Prepared, nominal: Explanation, sealed: Sealed, tell: Stages, *, predictor: bool) -> Finding:
-    """Runs the stages behind `calibrate`."""
+    """Runs the stages after `calibrate`."""
     estimated: Span = estimate(prepared, nominal)
     tell.expect(estimated)
     explained: Explained = explain_in_loop(prepared, nominal, tell)
@@ -148,10 +148,10 @@ def explain(prepared: Prepared, nominal: Explanation, tell: Stages, most: int = 
 
 
 def explain_in_loop(prepared: Prepared, nominal: Explanation, tell: Stages, most: int = MOST_PARTS) -> Explained:
-    """Explains free runs; and again by innovations, where a feedback loop biases free runs.
+    """Explains free runs; if a feedback loop biases them, explains the data again by innovations.
 
-    Only the likeliest explanation of free runs shows what the noise is: what others leave is also the law they lack. It
-    is the one of the best score: which of many parts fits best would hang on where a fit ends.
+    Only the residual of the likeliest explanation shows the noise: that of others also contains the law that they lack.
+    The likeliest is the one with the best score: which of many fits is best depends on where each descent ends.
     """
     free_runs = explain(prepared, nominal, tell, most)
     if prepared.loop is None or prepared.innovations:
@@ -164,10 +164,10 @@ def explain_in_loop(prepared: Prepared, nominal: Explanation, tell: Stages, most
 
 
 def _explain_in_windows(whole: Explained, tell: Stages) -> Explained:
-    """Explains the runs again, cut into short windows; returns `whole` unless that names a periodic effect.
+    """Explains the runs again, cut into short windows; returns `whole` unless a periodic effect is named in them.
 
-    An effect that depends on the angle of a wheel makes two simulations drift apart over a whole run, so that no phase
-    of it fits there. It does over a window of one or two turns, which starts from the measured state.
+    With an effect that depends on a wheel's angle, two simulations drift apart over a whole run, so no phase fits. A
+    phase does fit over a window of one or two turns, which starts from the measured state.
     """
     windows = prepare_windows(whole.prepared)
     if windows is None or not windows.deadline.until(SEARCHED).allows("the search in short windows"):

@@ -1,7 +1,7 @@
 """The first stage: makes a data set ready for fits, and seals what is held out.
 
-What later stages get holds no measured value of a held-out run or stretch: of those only the inputs are left, because
-heat and charge carry over from run to run. What was taken away lies in the `Sealed` that is returned beside it.
+Later stages get no measured value of a held-out run or stretch. They get only its inputs, because heat and charge carry
+over from run to run. The `Sealed` that is also returned keeps the measured values.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ from brickpilot.vehicle.replay import Replay
 Array = NDArray[np.float64]
 
 _MOTOR_WINDOW_S = 1.0
-_WINDOW_S = 0.6  # a wheel turns once or twice in it
-_NOISE_ROUNDS = 2  # of noise model and nominal model in turn
-_HIGHEST_ORDER = 8  # of a noise model, in bins: a quarter of a second
-_SEARCHED_WINDOWS = 80  # at most; all windows are fitted after the search
-_PERIODS_PER_TURN, _PERIODS_OVER_TRAVEL = 0.9, 1.5  # a periodic effect has at least so many
+_WINDOW_S = 0.6  # a wheel turns once or twice in a window
+_NOISE_ROUNDS = 2  # rounds in which noise model and nominal model are fitted in turn
+_HIGHEST_ORDER = 8  # highest order of a noise model, in bins: a quarter of a second
+_SEARCHED_WINDOWS = 80  # most windows in the search; all windows are fitted after it
+_PERIODS_PER_TURN, _PERIODS_OVER_TRAVEL = 0.9, 1.5  # least periods of a periodic effect: in a turn, over the travel
 
 SD_SHARE = {
     "mass": numbers.RULER,
@@ -59,7 +59,7 @@ SD_SHARE = {
     "rolling_friction": numbers.GUESS,
     "drag_area": numbers.GUESS,
 }
-"""Nominal parameter -> default sd as a share. What is absent is a constant, or says that the drive commands a force."""
+"""Nominal parameter -> default sd as a share. An absent one is a constant, or says that the drive commands a force."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,9 +67,9 @@ class Prepared:
     """A data set ready for fits. All stages up to the verdict work on it.
 
     Attributes:
-        dataset: the fit runs with an sd on every nominal value and with averaged start states; of what is held out the
+        dataset: the fit runs with an sd on every nominal value and with averaged start states; of held-out data the
             inputs alone.
-        measured: the fit runs as they were measured: a motor's position is blank in `dataset`, which has its velocity.
+        measured: the fit runs as they were measured; `dataset` has a motor's velocity in place of its position.
         compared: the runs that are simulated and compared: those of `dataset`, or windows of them.
         windows: the fit runs of a vehicle cut into short windows; None where no wheel was measured.
         roles: which runs are fitted and which are held out.
@@ -80,8 +80,8 @@ class Prepared:
         seed: seed of random starts.
         jobs: number of fits at the same time.
         deadline: of the whole discovery.
-        loop: a feedback loop around the data; None: the commands follow no output, or nobody has looked.
-        innovations: whether the residuals are innovations of a noise model, as the loop biases free runs.
+        loop: a feedback loop around the data; None: the commands follow no output, or the loop was not looked for.
+        innovations: whether the residuals are innovations of a noise model, because the loop biases free runs.
     """
 
     dataset: Dataset
@@ -153,9 +153,9 @@ def prepare(
 
 
 def prepare_windows(prepared: Prepared) -> Prepared | None:
-    """Returns the same data cut into short windows, each from the measured state: wheels keep their phase in them.
+    """Returns the same data cut into short windows, each started from the measured state, so that wheels keep phase.
 
-    None if they are in windows already, no wheel was measured, or the samples are too far apart for a window.
+    None if the data are in windows already, no wheel was measured, or the samples are too far apart for a window.
     """
     windows = prepared.windows
     if windows is None or not any(run.outputs for run in windows.runs):
@@ -181,7 +181,7 @@ def _residuals(ready: Dataset, compared: Dataset, plan: Plan, jobs: int) -> tupl
 
 
 def _with_whole_inputs(data: Residual, ready: Dataset) -> Residual:
-    """Returns the residual of windows that know the inputs of their whole runs, for values of runs."""
+    """Returns the residual of windows, with the inputs of their whole runs, which values of runs need."""
     whole = {run.name: (run.time, motor_inputs(run, ready)) for run in ready.runs}
     of = {run.name: whole[run_of(run.name)] for run in data.replay.dataset.runs}
     return data.with_inputs(dataclasses.replace(data.replay, whole=of))
@@ -190,8 +190,8 @@ def _with_whole_inputs(data: Residual, ready: Dataset) -> Residual:
 def calibrate(prepared: Prepared) -> tuple[Prepared, Explanation]:
     """Returns the prepared data with settled weights, and the calibrated nominal model.
 
-    It is fitted from several starts if some nominal value is not stated. The noise floors of both residuals rise to
-    what the rough fit leaves from bin to bin.
+    It is fitted from several starts if some nominal value is not stated. The noise floors of both residuals rise to the
+    changes from bin to bin that the rough fit leaves.
 
     Raises:
         InputError: the plant diverges with the nominal values.
@@ -213,16 +213,16 @@ def calibrate(prepared: Prepared) -> tuple[Prepared, Explanation]:
 
 
 def in_closed_loop(prepared: Prepared, nominal: Explanation, best: Explanation | None) -> tuple[Prepared, Explanation]:
-    """Returns the data and the nominal model as they are right in a feedback loop; the same where free runs are right.
+    """Returns the data and the nominal model, corrected for a feedback loop if it biases free runs.
 
-    A simulation from the commands alone is biased there if the noise has a memory: the commands follow what it was, and
-    so tell what it will be. Noise without a memory biases nothing, whatever the loop does (Ljung 1999, sec. 13.4), nor
-    does a loop that says next to nothing of the commands. Elsewhere a model of the noise makes innovations of the
-    residual, and all that follows works on them: the direct method. Noise model and nominal model are fitted in turn.
+    In a loop, a simulation from the commands alone is biased if the noise is correlated in time: the commands follow
+    past noise, and so predict later noise. White noise causes no bias, whatever the loop does (Ljung 1999, sec. 13.4),
+    nor does a loop with little influence on the commands. Otherwise a noise model turns the residual into innovations,
+    and all later stages work on these: the direct method. Noise model and nominal model are fitted in turn.
 
     Args:
-        best: what it leaves of the output that the commands follow is the noise. None: no explanation is known, and
-            only a disturbance with a period of its own, a fifth of what is left or more, is surely noise.
+        best: its residual of the output that the commands follow is taken as the noise. None: no explanation is known,
+            and only a disturbance with its own period, a fifth of the residual or more, is surely noise.
     """
     fitted, plain = tuple(run for run in prepared.dataset.runs if run.outputs), prepared.coarse
     loop = prepared.loop or follows_outputs(dataclasses.replace(prepared.dataset, runs=fitted), numbers.STRICT)
@@ -246,9 +246,9 @@ def in_closed_loop(prepared: Prepared, nominal: Explanation, best: Explanation |
 
 
 def disturbances(prepared: Prepared, model: Model) -> dict[str, periods.Period]:
-    """Returns signal -> a disturbance with a period of its own in what free runs of the fit runs leave, in a loop.
+    """Returns signal -> a disturbance with its own period in the residual of free runs, if there is a feedback loop.
 
-    Without one the commands' own periods would be taken for it.
+    Without a loop, periods of the commands would be taken for a disturbance.
     """
     if prepared.loop is None:
         return {}
@@ -266,14 +266,14 @@ def disturbances(prepared: Prepared, model: Model) -> dict[str, periods.Period]:
 
 
 def _memory(left: Sequence[Array]) -> float:
-    """Returns the share of what is left of a signal, by run, that the past of it tells, 0..1; 1 where nothing is."""
+    """Returns the share of a signal's residual, by run, that its own past predicts, 0..1; 1 if the residual is 0."""
     parts, model = [one - one.mean() for one in left], noise_model(left, _HIGHEST_ORDER)
     new = sum(float(np.sum((whitening(model, len(one)) @ one) ** 2)) for one in parts)
     return 1 - new / max(sum(float(one @ one) for one in parts), 1e-300)
 
 
 def _innovations(data: Residual, models: Mapping[str, Array]) -> Residual:
-    """Returns a residual behind the noise models of its signals: signal -> (order,)."""
+    """Returns the innovations of a residual by the noise models of its signals: signal -> (order,)."""
     filters = {
         (block.run, block.signal): whitening(models.get(block.signal, np.empty(0)), len(block.measured))
         for block in data.blocks
@@ -327,7 +327,7 @@ def _windows(whole: Dataset, roles: holdout.Roles, inputs: Mapping[str, Array], 
 
 
 def _starting_from(dataset: Dataset, model: Model) -> Dataset:
-    """Returns `dataset` with the values and effects of `model` as what is known. Stated sds stay.
+    """Returns `dataset` with the values and effects of `model` as its nominal ones. Stated sds stay.
 
     Raises:
         InputError: the model is of another vehicle.

@@ -1,14 +1,13 @@
-"""Finds what a row of a log means, where the data set does not know: what inputs do between two rows, and whether an
-accelerometer gives the instant or the mean over a sample. What the runs surely tell is taken, and said in a note.
+"""Finds what a row of a log means, where the data set does not say: what inputs do between two rows, and whether an
+accelerometer gives the instant or the mean over a sample. An answer of which the runs are sure is used, and noted.
 
-Inputs hold or go in a straight line.
-The nominal model is fitted with either, and with inputs behind a delay or a first-order lag: held inputs lie near to
-linear ones that are late by half a row, and a lag makes a slope of each step. Which of two models is nearer to the
-truth, and how sure that is, says the test of Vuong (1989, Econometrica 57): the mean difference of their losses over
-stretches of time, against its own scatter.
+Between two rows, inputs are held or linear. The nominal model is fitted with either, and also with a delay or a
+first-order lag of the inputs: held inputs resemble linear ones that are late by half a row, and a lag turns each step
+into a slope. The test of Vuong (1989, Econometrica 57) says which of two models is nearer to the truth, and how sure
+that is: it compares the mean difference of their losses over stretches of time with its scatter.
 
-The instant and the mean of an acceleration are half a sample apart, which a fit would make up for by a motor that is
-slower or faster than it is. The same test decides.
+The instant and the mean of an acceleration are half a sample apart. A fit would make up for that by a slower or faster
+motor. The same test decides.
 """
 
 from __future__ import annotations
@@ -40,16 +39,16 @@ from brickpilot.vehicle.replay import Replay
 Array = NDArray[np.float64]
 TIMINGS: tuple[Timing, ...] = ("held", "linear")
 
-_FOLLOWABLE_ROW_S = 0.008  # in a log with shorter rows bins hide what inputs do between them
+_FOLLOWABLE_ROW_S = 0.008  # s: if rows are shorter, bins hide what inputs do between them
 _TOLERANCE = 1e-5  # relative change of cost at which a fit ends
 _ROWS: dict[Kind, tuple[float, ...]] = {"lag": (0.5, 1.0, 2.0, 4.0), "delay": (0.5, 1.0, 2.0)}  # tried first
-_LEAST, _MOST = 0.5, {"lag": 2.0, "delay": 1.5}  # of the best of these: where it is then looked for
-_TRIALS = 6  # there
-_SURELY = 0.999  # no test is said to be surer
+_LEAST, _MOST = 0.5, {"lag": 2.0, "delay": 1.5}  # bounds of the search that follows, as multiples of the best of these
+_TRIALS = 6  # most trials of that search
+_SURELY = 0.999  # the largest certainty that a note states
 
 
 def with_known_timing(dataset: Dataset, model: Model | None, *, seed: int, jobs: int) -> Dataset:
-    """Returns a data set whose input timing is known: `dataset` itself, or with what its fit runs tell, and a note.
+    """Returns `dataset` with a known input timing: as it states it, or else as its fit runs tell it, with a note.
 
     Raises:
         InputError: as `prepare` does.
@@ -71,7 +70,7 @@ def _found(prepared: Prepared, logged: Dataset, row_s: float) -> tuple[Timing, s
     """Returns what the inputs do between two rows, "held" where the runs do not tell, and the sentence for the user.
 
     Args:
-        prepared: the fit runs, which are those of `logged` with more rows.
+        prepared: the fit runs of `logged`, with more rows.
     """
     prepared, nominal = calibrate(prepared)
     stretch, _ = prepared.fine.stretches(CORRELATED_S)
@@ -101,9 +100,9 @@ class _Tried:
     """What inputs of one kind explain.
 
     Attributes:
-        plain: (stretches,) the losses behind nothing.
-        behind: behind which delay or lag they explain most.
-        least: (stretches,) the losses behind that.
+        plain: (stretches,) the losses without delay or lag.
+        behind: the delay or lag with which they explain most.
+        least: (stretches,) the losses with that delay or lag.
     """
 
     plain: Array
@@ -112,7 +111,7 @@ class _Tried:
 
 
 def _tried(losses: Callable[[Behind], Array], row_s: float) -> _Tried:
-    """Returns what inputs explain behind nothing, and behind delays and lags ever nearer to what explains most."""
+    """Returns the losses without delay or lag, and with the best delay or lag that a search finds."""
     tried = {Behind(): losses(Behind())}
 
     def total(seconds: float, kind: Kind) -> float:
@@ -154,13 +153,13 @@ def _with_inputs(prepared: Prepared, logged: Dataset, timing: Timing, behind: Be
 
 
 def with_known_sampling(dataset: Dataset, prepared: Prepared, nominal: Explanation) -> Dataset | None:
-    """Returns a data set that says that its accelerometers give the instant; None: they do not, or nobody can tell.
+    """Returns a data set that says that its accelerometers give the instant; None: they do not, or this is not sure.
 
     Args:
         prepared: made of `dataset`.
         nominal: the calibrated nominal model.
 
-    What a sample is, a data set may state. Else the mean is taken, unless the fit runs are sure of the instant.
+    A data set may state what a sample is. Else the mean is taken, unless the fit runs are sure of the instant.
     """
     measured = {name for run in dataset.runs for name in run.outputs if name.startswith("accel_")}
     names = sorted(name for name in measured if name not in dataset.signals or dataset.signals[name].sampling is None)
@@ -184,9 +183,9 @@ def _sampled(dataset: Dataset, names: Sequence[str], kind: input_timing.Sampling
 
 
 def _sampled_losses(prepared: Prepared, nominal: Explanation, compared: Dataset) -> Array:
-    """Returns (stretches,) half the squares left by one step of least squares, over samples: bins hide half a sample.
+    """Returns (stretches,) half the squared residuals after one step of least squares, at samples: bins hide half one.
 
-    The parameters so adapt to either.
+    By the step, the parameters adapt to either kind of sample.
     """
     runs = list(dict.fromkeys(block.run for block in prepared.fine.blocks))
     data = of_samples(Replay(compared), nominal.plan.model, runs, threads=prepared.jobs)

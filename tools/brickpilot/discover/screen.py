@@ -1,7 +1,7 @@
 """Screens parts: how well each could explain the residual, from few simulations and without a fit.
 
-A simulation shows the signature of a part: how it changes the residual. From both, everything is projected out that the
-parameters of the model could still take up (a score test, Rao 1948).
+A simulation shows the signature of a part: how it changes the residual. All that the parameters of the model could
+still take up is projected out of residual and signature (a score test, Rao 1948).
 """
 
 from __future__ import annotations
@@ -42,14 +42,14 @@ _INVISIBLE = 1e-3  # scales: a signature that is smaller everywhere shows nothin
 
 # Sizes are shares of the preset, scaled to the vehicle.
 _SMALL = 0.1  # for effects that are smooth in their size
-_SIZES = (0.03, 0.2, 1.0, 3.0)  # for effects that are not
-_LIMIT_SHARES = (0.95, 0.85, 0.7, 0.5)  # of the largest command or reading: where a limit may be
-_LONGEST_STEP = 20.0  # times the size of the probe: a line is followed no further
-_LEAST_STEP, _LARGEST_STEP = 0.1, 2.0  # the same where the sign is fixed
+_SIZES = (0.03, 0.2, 1.0, 3.0)  # for effects that are not smooth
+_LIMIT_SHARES = (0.95, 0.85, 0.7, 0.5)  # shares of the largest command or reading at which a limit may be
+_LONGEST_STEP = 20.0  # largest amplitude, in sizes of the probe, to which a signature is extrapolated
+_LEAST_STEP, _LARGEST_STEP = 0.1, 2.0  # range of the amplitude if its sign is fixed
 
 _USUAL_ORDERS = (1.0, 2.0, 4.0, 6.0, 8.0, 12.0)  # periods per turn, tried beside those that the wheels show
-_PHASES = ((0.0, 0.0), (np.pi / 2, 0.0), (0.0, np.pi), (np.pi / 2, np.pi))  # (phase, phase_difference): span the others
-_WHEELS = np.array([[1, 1j, 1j, -1], [1, 1j, -1j, 1]])  # phasors of the left and the right wheel at these
+_PHASES = ((0.0, 0.0), (np.pi / 2, 0.0), (0.0, np.pi), (np.pi / 2, np.pi))  # (phase, phase_difference): span all others
+_WHEELS = np.array([[1, 1j, 1j, -1], [1, 1j, -1j, 1]])  # phasors of the left and the right wheel at these phases
 _LARGE = (1.0, 3.0)  # sizes at which a periodic effect holds the wheels or throws them over: not linear
 _PHASES_A_WHEEL = 6
 _GRID_OF_PHASES = tuple(
@@ -61,13 +61,13 @@ _GRID_OF_PHASES = tuple(
 
 @dataclass(frozen=True)
 class Trial:
-    """One part from one size.
+    """One part, started from one size.
 
     Attributes:
         values: where a fit of it starts.
-        left: half the squared residual that the model can come down to with the part, priors included.
-        gain: by how much half the squared residual of the data comes down.
-        prior_gain: by how much half the squares of what was known before come down.
+        left: half the squared residual that the model can reach with the part, priors included.
+        gain: the decrease of half the squared residual of the data.
+        prior_gain: the decrease of half the squares of the priors.
     """
 
     part: Part
@@ -78,7 +78,7 @@ class Trial:
 
     @classmethod
     def of(cls, part: Part, values: Mapping[str, float], before: Array, after: Array, count: int) -> Trial:
-        """Returns a trial from what is left without and with the part, (values + parameters,) with `count` values."""
+        """Returns a trial from the residuals without and with the part, (values + parameters,) with `count` values."""
         gains = (before**2 - after**2) / 2
         return cls(part, values, float(np.sum(after**2)) / 2, float(gains[:count].sum()), float(gains[count:].sum()))
 
@@ -91,13 +91,13 @@ def screen(
     excitation: Excitation,
     deadline: Deadline = NO_LIMIT,
 ) -> list[Trial]:
-    """Returns every part from each of its sizes, the best first, without those that change nothing.
+    """Returns trials of every part from each of its sizes, the best first, without those that change nothing.
 
     Args:
-        problem: with the plan of the model, and its sensitivities kept at `point`.
+        problem: has the plan of the model, and its sensitivities kept at `point`.
         point: where the fit of that plan ended.
         excitation: how far the vehicle was driven.
-        deadline: the parts behind it are left out.
+        deadline: parts that come after it are left out.
     """
     here = _Here.of(problem, point)
 
@@ -112,9 +112,9 @@ def screen(
 
 
 def _of_runs(part: RunPart, tried: Sequence[tuple[Probe, Array]], residual: Array) -> tuple[Probe, Array]:
-    """Returns the probes of one kind of values of runs as one: each run at the value that alone explains it best.
+    """Returns the probes of one kind of values of runs as one probe: each run at the value that alone explains it best.
 
-    At a small value a late start shows nothing, and a fit from there would lead nowhere.
+    A small value of a late start shows nothing, and a fit from a small value would lead nowhere.
     """
     signatures = np.array([one for _, one in tried])
     along = np.maximum(residual @ signatures, 0.0)
@@ -128,8 +128,8 @@ def signature_strengths(
 ) -> list[tuple[Part, Mapping[str, float], Array]]:
     """Returns parts with one free size, its values, and (signals,) half the squares of their signature, in floors.
 
-    The arguments are those of `screen`. Parts that come and go with their size are left out: one size says nothing of
-    another there.
+    The arguments are those of `screen`. Parts that come and go with their size are left out: one of their sizes says
+    nothing about another.
     """
     few = [one for one in chosen if len(one.free) == 1 and scanned_parameter(one) is None]
     here, data = _Here.of(problem, point), problem.data
@@ -173,7 +173,7 @@ class _Here:
             changes = np.array([self.scaled - next(simulated) for _ in probe.values])
             if not np.isfinite(changes).all() or np.abs(changes).max() < _INVISIBLE:
                 continue
-            if isinstance(part, RunPart):  # one simulation with the values of all runs shows what each run's does
+            if isinstance(part, RunPart):  # one simulation changes all runs: each shows its own value's effect
                 changes = np.array([np.where(self.data.rows_of(run), changes[0], 0.0) for run in part.free])
                 if np.abs(changes).max(axis=1).min() < _INVISIBLE:
                     continue
@@ -181,7 +181,7 @@ class _Here:
         return found
 
     def trial(self, probe: Probe, signatures: Array) -> Trial:
-        """Returns a probe's trial, with its signatures (rows, simulations) as many times as explain the residual."""
+        """Returns a probe's trial, at the amplitudes of its signatures (rows, simulations) that fit the residual."""
         amplitudes = _fit_amplitudes(probe, signatures, self.residual)
         after = self.residual - signatures @ amplitudes
         values = _values_at(probe, amplitudes.tolist())
@@ -193,9 +193,9 @@ class Probe:
     """Simulations of a part whose signatures are combined.
 
     Attributes:
-        values: each is simulated, and its signature taken a_k times.
+        values: each is simulated, and its signature is multiplied by an amplitude a_k.
         free_sign: whether a_k may be negative.
-        moved: the parameters that a_k multiplies, one for each of `values`; empty: a_k does not say where they are.
+        moved: the parameters that a_k multiplies, one for each of `values`; empty: a_k does not set a parameter.
     """
 
     part: Part
@@ -207,8 +207,8 @@ class Probe:
 def probes_of(part: Part, base: Model, excitation: Excitation) -> list[Probe]:
     """Returns the probes of a part beside `base`.
 
-    An effect that is smooth in its size is tried at one size and extrapolated. One that is not, such as a deadband, is
-    tried at several.
+    An effect that is smooth in its size is tried at one size and extrapolated. An effect that is not smooth, such as a
+    deadband, is tried at several.
     """
     if isinstance(part, RunPart):
         starts = RUN_KINDS[part.effect].tried or (RUN_KINDS[part.effect].sd,)
@@ -267,7 +267,7 @@ def _periodic(part: Part, natural: Values, excitation: Excitation) -> list[Probe
 
 
 def _fit_amplitudes(probe: Probe, signatures: Array, residual: Array) -> Array:
-    """Returns (simulations,): how many times each signature explains the residual best.
+    """Returns (simulations,): the amplitudes of the signatures that explain the residual best.
 
     Args:
         signatures: (rows, simulations) changes of the residual.

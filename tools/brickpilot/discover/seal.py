@@ -1,6 +1,6 @@
 """The seal: held-out runs are opened once, after the last choice, on the model as read back from its file.
 
-What they say may take a name back, or leave it beside the nominal model. It chooses nothing: no value, effect or rival.
+They may take a name back, or leave it ambiguous with the nominal model. They choose no value, effect or rival.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_DRAWS = 1000  # of the bootstrap
+_DRAWS = 1000  # draws of the bootstrap
 _CONFIRMED = "Held-out runs confirm it."
 _NO_RUNS = "No run was held out, so only the fit runs show it."
 _NOT_EXCITED = "The held-out runs do not excite it, so only the fit runs show it."
@@ -50,7 +50,7 @@ class Opened:
     Attributes:
         measured: as read, without channels that contradict the model.
         whole: `measured` with an sd on every nominal value and with averaged start states.
-        plain: the same runs as `compare` and `calibrate` take them: the headline numbers are of these.
+        plain: the same runs as `compare` and `calibrate` use them, for the headline numbers.
     """
 
     measured: Dataset
@@ -112,8 +112,8 @@ def prove(
     Args:
         nominal: the calibrated nominal model.
         written: the model of the last choice, as read back from its file.
-        by_run: what was fitted of single runs beside it, as `Model.by_run`. No file holds that. It is true of a
-            held-out stretch of the same run, and nothing is known of a run that is held out as a whole.
+        by_run: the fitted values of single runs, as `Model.by_run`. No file holds them. They also hold for a held-out
+            stretch of the same run; the value of a run that is held out as a whole is not known.
     """
     opened = sealed.open()
     outputs = Replay(opened.whole).simulate([nominal, written], threads=prepared.jobs)
@@ -126,7 +126,7 @@ def prove(
 
 
 def unproved(proof: Proof, nominal: Model) -> Proof:
-    """Returns the proof of the nominal model alone, where what was added to it did not hold."""
+    """Returns the proof of the nominal model alone, for use if the held-out runs contradict the augmented model."""
     return dataclasses.replace(
         proof,
         simulated={one: proof.simulated["nominal"] for one in ("nominal", "augmented")},
@@ -136,7 +136,7 @@ def unproved(proof: Proof, nominal: Model) -> Proof:
 
 
 def _evidence(prepared: Prepared, opened: Opened, nominal: Model, written: Model, *, grows: bool) -> Evidence:
-    """Returns what proves the written model. `grows`: the gap of the held-out runs does, in free runs."""
+    """Returns what proves the written model. `grows`: whether the gap of the held-out runs grows, in free runs."""
     removed_fit = _removed(prepared.fine, nominal, written)
     held_out = _held_out(prepared, opened)
     if held_out is None:
@@ -149,7 +149,7 @@ def _evidence(prepared: Prepared, opened: Opened, nominal: Model, written: Model
     claimed = float(pseudo_huber_loss((after - before) * held_out.weight()).sum())
     shown = claimed > numbers.CHANCE_NATS
     confirmed = shown and draws >= numbers.SURE and not grows
-    contradicted = shown and (grows or float(np.median(drawn)) <= 0)  # they rather speak for the nominal model
+    contradicted = shown and (grows or float(np.median(drawn)) <= 0)  # they favour the nominal model
     kind: EvidenceKind = "held_out" if confirmed else "fitted_only"
     against = _CONTRADICTED.format(_GROWS if grows else _RATHER.format(100 * draws))
     sentence = against if contradicted else _WEAK if shown else _NOT_EXCITED

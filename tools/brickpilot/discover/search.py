@@ -1,10 +1,9 @@
-"""Searches for explanations. The search proposes and decides nothing: `verdict` weighs all that it fitted.
+"""Searches for explanations. The search proposes and decides nothing: `verdict` weighs all explanations that it fitted.
 
-Singles, pairs of the best, then one part more beside the best two and beside what fits best, each as long as the last
-ones surely predict better. Each part of what fits best gives way once to other laws of its mechanism. Rivals are
-searched as hard as the winner: each part of the best explanation is forbidden once, and what is best without it is
-found from there. An explanation that comes out worse than one that it contains is a failed fit and is fitted again from
-there.
+It fits single parts, pairs of the best, then one more part beside the best two and beside the best fit, as long as more
+parts surely predict better. Each part of the best fit is replaced once by other laws of its mechanism. Rivals are
+searched as hard as the winner: each part of the best explanation is forbidden once, and the search goes on without it.
+An explanation that fits worse than one that it contains is a failed fit, and is fitted again from the contained one.
 """
 
 from __future__ import annotations
@@ -43,15 +42,15 @@ from brickpilot.side_by_side import side_by_side
 Array = NDArray[np.float64]
 Tell = Callable[[str], None]
 
-_PROMISED = 0.3  # of what a part has to gain: one that promises less in the screen, which saw few sizes, is not fitted
-_NEAR = 6.0  # nats that count as one: what fits worse than the best by more is not fitted to the end
-_STARTS = 3  # of a periodic part, at so many orders
+_PROMISED = 0.3  # share of the needed gain: a part that promises less in the screen, which saw few sizes, is not fitted
+_NEAR = 6.0  # in nats that count as one: a fit that is worse than the best by more is not finished
+_STARTS = 3  # starts of a periodic part, each from another order
 _BEAM = 2
 MOST_PARTS = 4
 PARTS_IN_WINDOWS = 2  # robots' runs are cut for a periodic effect, which stands alone or beside one other
-_ORDER_OFFSETS = np.linspace(-0.08, 0.08, 161).tolist()  # shares of an order by which it may be wrong
-_LOWER = 0.98  # of the cost: another order is worth a descent below it
-_WORSE = 0.5  # of the cost: an explanation that is worse than what it contains by more has a failed fit
+_ORDER_OFFSETS = np.linspace(-0.08, 0.08, 161).tolist()  # errors of an order that are tried, as shares of it
+_LOWER = 0.98  # share of the cost: an order that comes below it is worth a descent
+_WORSE = 0.5  # in cost: an explanation that is worse by more than one that it contains has a failed fit
 
 
 @dataclass(frozen=True)
@@ -59,9 +58,9 @@ class Width:
     """How wide a search is.
 
     Attributes:
-        rough, fine, least: how many of one screen are fitted; how many of these to the end, at most and at least.
-        paired: of so many of the best singles all pairs are fitted, half of `fine` to the end.
-        swapped: so many other laws of the library are tried in the place of one; 0 where parts are no laws of it.
+        rough, fine, least: trials of one screen that are fitted; fits of these that are finished, at most and at least.
+        paired: best singles of which all pairs are fitted, half of `fine` to the end.
+        swapped: other laws of the library that are tried in place of one; 0 if the parts are not laws of the library.
     """
 
     rough: int = 12
@@ -75,8 +74,8 @@ class Source(Protocol):
     """Where parts come from: the library and values of runs, or terms without a name.
 
     Attributes:
-        word: what one is called.
-        most: so many are added at most.
+        word: the name of a part in messages.
+        most: the most parts that are added.
     """
 
     word: str
@@ -114,7 +113,7 @@ class Library:
         return found
 
     def nearby(self, problem: Problem, current: Explanation, fits: Sequence[Explanation]) -> list[Trial]:
-        """Returns a second phase for each fit that gave both wheels one, from where that ended.
+        """Returns, for each fit with one phase for both wheels, the part with a second phase, started from that fit.
 
         The linear screen cannot find two phases at once: it starts from no effect, where wheels stop and slip in turn.
         """
@@ -133,8 +132,8 @@ class Found:
 
     Attributes:
         nothing: the calibrated nominal model.
-        screens: explanation -> what the screen proposed beside it.
-        tried: explanations, and the parts that were fitted beside them: the same fit would end at the same values.
+        screens: explanation -> the trials that the screen proposed beside it.
+        tried: explanations, and the parts that were fitted beside them: a repeated fit would end at the same values.
     """
 
     judge: Judge
@@ -144,7 +143,7 @@ class Found:
     tried: set[tuple[Explanation, str, tuple[str, ...]]] = field(default_factory=set)
 
     def add(self, fits: Sequence[Explanation], jobs: int) -> None:
-        """Keeps what fits better than what is known of the same parts."""
+        """Keeps each fit that costs less than the known fit of the same parts."""
         best: dict[frozenset[str], Explanation] = {}
         for one in fits:
             known = best.get(one.key) or (self.table[one.key].explanation if one.key in self.table else None)
@@ -160,7 +159,7 @@ class Found:
         return self.judge.temperature(max(self.table.values(), key=lambda one: one.total), self.nothing)
 
     def is_sure(self, one: Explanation) -> bool:
-        """Returns whether the data alone, without stated values and prior odds, surely tell that more is needed."""
+        """Returns whether the data alone, without stated values and prior odds, surely ask for `one`."""
         return self.table[one.key].total - self.nothing.total > self.temperature * numbers.CHANCE_NATS
 
     def keeps_stated(self, one: Explanation) -> bool:
@@ -171,12 +170,12 @@ class Found:
         return moves and not still
 
     def without_laws(self, one: Evidence) -> Evidence:
-        """Returns the evidence of an explanation's values of runs alone; of nothing, where these were not fitted."""
+        """Returns the evidence of an explanation's values of runs alone, or that of the nominal model if not fitted."""
         laws = {part.name for part in one.explanation.effects} - self.nothing.explanation.key
         return self.table.get(one.explanation.key - laws) or self.table[self.nothing.explanation.key]
 
     def ranked(self, parts: int | None = None, forbidden: Collection[str] = ()) -> list[Evidence]:
-        """Returns what was found, the best score first: of so many parts, and without some of them."""
+        """Returns the explanations, the best score first: those of `parts` parts, without the `forbidden` ones."""
         temperature = self.temperature
         chosen = [
             one for key, one in self.table.items() if (parts is None or len(key) == parts) and not key & set(forbidden)
@@ -186,10 +185,10 @@ class Found:
 
 @dataclass(frozen=True)
 class Search:
-    """What a search works on.
+    """A search, with all that it works on.
 
     Attributes:
-        base: what each explanation begins with: the calibrated nominal model.
+        base: the explanation that each one begins with: the calibrated nominal model.
     """
 
     data: Residual
@@ -201,7 +200,7 @@ class Search:
     tell: Tell
 
     def run(self, judge: Judge) -> Found:
-        """Returns everything that was found worth weighing."""
+        """Returns every explanation that is worth weighing."""
         nothing = judge.of_explanation(self.base)
         found = Found(judge, nothing, {self.base.key: nothing})
         base = len(self.base.parts)
@@ -227,9 +226,9 @@ class Search:
         return found
 
     def _parents(self, found: Found, count: int) -> list[Evidence]:
-        """Returns what is searched beside: the best so far of so many parts, and what fits best whatever its odds.
+        """Returns the explanations to extend: the best so far of `count` parts, and the best fit whatever its odds.
 
-        Three odd parts that only together explain a machine are reached through two that look unlikely.
+        Three rare parts that explain a machine only together are reached through two that look unlikely.
         """
         ranked = found.ranked(count)
         fitting = sorted(ranked, key=lambda one: _information(one.explanation))[:1]
@@ -237,11 +236,11 @@ class Search:
         return best[:_BEAM] + fitting
 
     def _as_expected(self) -> Explanation | None:
-        """Returns the base at stated and usual values, where these are not near: it may stand in for an effect.
+        """Returns the base at stated and usual values, if its fit is far from these and may stand in for an effect.
 
-        A descent from there would not come back: a resistance of nearly nothing is a lag, and a robot of a huge yaw
-        inertia does not turn. What is not stated is fitted within decades of a usual value, to data that are weighed by
-        what the base leaves of them.
+        A descent from that fit would not come back: a resistance near 0 is a lag, and a robot of a huge yaw inertia
+        does not turn. Values that are not stated are fitted within decades of a usual value, to data that are weighed
+        by the residual of the base.
         """
         plan, fitted = self.base.plan, self.base.point
         stated = np.array([one.known is not None for one in plan.free], dtype=bool)
@@ -260,32 +259,32 @@ class Search:
 
     @staticmethod
     def _gained(found: Found, count: int) -> bool:
-        """Returns whether so many parts surely predict better than fewer do, whatever their odds."""
+        """Returns whether `count` parts surely predict better than fewer parts do, whatever their odds."""
         fewer = max(one.total for key, one in found.table.items() if len(key) < count)
         most = max((one.total for key, one in found.table.items() if len(key) == count), default=fewer)
         return most - fewer > found.temperature * numbers.CHANCE_NATS
 
     def _may_gain(self, found: Found) -> bool:
-        """Returns whether one part more could score better than the best so far, if it left white noise alone."""
+        """Returns whether one more part could score better than the best so far, if only white noise were left."""
         best = found.ranked()[0]
         temperature = found.judge.law_error(max(found.table.values(), key=lambda one: one.total), found.nothing)
         surprise = best.explanation.log_odds - best.log_prior(temperature)
-        possible = max(found.judge.top - best.total, 0.0) / temperature + surprise  # noise may leave less than `top`
+        possible = max(found.judge.top - best.total, 0.0) / temperature + surprise  # noise may give less than `top`
         return bool(possible > -np.log(numbers.COMMON))
 
     def beside(
         self, found: Found, parent: Evidence, forbidden: Collection[str] = (), *, every: bool = False
     ) -> list[Explanation]:
-        """Returns the best parts fitted beside an explanation: those that may score better than the best so far.
+        """Returns the best fits of an explanation and one more part: parts that may score better than the best so far.
 
-        `every`: not only the first of the screen, which is linear and misleads far from any that fits.
+        `every`: tries all parts of the screen, not only the first: the linear screen misleads far from a good fit.
         """
         current, temperature, best = parent.explanation, found.temperature, found.ranked()[0]
         here = Problem(self.data, current.plan).keeping(current.point, len(current.point))
         behind = best.log_weight(temperature) - parent.log_weight(temperature)
 
         def promises(trial: Trial) -> bool:
-            gain = trial.gain / temperature + max(trial.prior_gain, 0.0)  # a fit finds values that surprise less
+            gain = trial.gain / temperature + max(trial.prior_gain, 0.0)  # a fit finds values nearer to their priors
             return gain > _PROMISED * (behind - trial.part.log_odds)
 
         def start(trial: Trial) -> Explanation | None:
@@ -310,7 +309,7 @@ class Search:
             return []
         rough += self._at_better_order(min(rough, key=_information))
         rough.sort(key=_information, reverse=True)
-        rough = sorted({one.key: one for one in rough}.values(), key=_information)  # the best of each start
+        rough = sorted({one.key: one for one in rough}.values(), key=_information)  # the best fit of each set of parts
         least = min(rough[0].cost, best.explanation.cost)
         worth = sum(one.cost < least + _NEAR * best.nat(temperature) for one in rough)
         count = min(max(worth, self.source.width.least), self.source.width.fine)
@@ -332,7 +331,7 @@ class Search:
         return sorted(self._possible(before(self.deadline, one, starts, self.jobs)), key=_information)
 
     def _pairs(self, singles: Sequence[Explanation]) -> list[Explanation]:
-        """Returns the best pairs of singles, each fitted from where both stood alone: two are not taken for a third."""
+        """Returns the best pairs of singles, each fitted from both single fits, so two do not pass for a third."""
         pairs = [self._joined(*pair) for pair in itertools.combinations(singles, 2)]
         return self._refined(self._rough(pairs)[: self.source.width.fine // 2])
 
@@ -346,7 +345,7 @@ class Search:
         return Explanation(both.parts, both.plan, point)
 
     def _rivals(self, found: Found) -> None:
-        """Searches on with each part forbidden that would be named, and with it the laws that contain it."""
+        """Searches on with each part forbidden that would be named, together with the laws that contain the part."""
         best, ranked = found.ranked()[0].explanation, found.ranked()
         sure = evidence.held_by(ranked, evidence.weigh(ranked, found.temperature))
         for part in best.parts[len(self.base.parts) :]:
@@ -365,7 +364,7 @@ class Search:
                     found.add(self.beside(found, start, forbidden), self.jobs)
 
     def _prune(self, found: Found) -> None:
-        """Fits what fits best without each of its parts: alone, one may have been fitted badly or never."""
+        """Fits the best fit without each of its parts: the smaller set may have been fitted badly or never."""
         best = min((one.explanation for one in found.table.values()), key=lambda one: one.cost)
         if len(best.parts) > len(self.base.parts) + 1:
             fewer = [without(best, part) for part in best.parts[len(self.base.parts) :]]
@@ -398,9 +397,9 @@ class Search:
         return starts
 
     def _repair(self, found: Found) -> None:
-        """Fits again each explanation that came out worse than one that it contains, from there.
+        """Fits each explanation again that came out worse than one that it contains, from the values of that one.
 
-        One that still gains nothing stays as it is: the smaller one speaks for it.
+        An explanation that still gains nothing stays as it is: the smaller one speaks for it.
         """
         starts, reached = [], {}
         for key, one in found.table.items():
@@ -413,10 +412,10 @@ class Search:
         found.add(self._refined(again), self.jobs)
 
     def _at_better_order(self, found: Explanation) -> list[Explanation]:
-        """Returns `found`, with a periodic effect, fitted from the best order near its own; nothing if that is best.
+        """Returns `found`, with a periodic effect, fitted from the best order near its own; nothing if its own is best.
 
-        Near the right order lie others that differ by one turn over the travel. Each has a valley that a descent stays
-        in.
+        Near the right order lie others that differ by one turn over the travel. Each has a local minimum in which a
+        descent stays.
         """
         orders = [k for k, one in enumerate(found.plan.free) if one.info.name == "order"]
         axes = np.eye(len(found.point))[orders]
@@ -428,7 +427,7 @@ class Search:
 
 
 def _different(ranked: Sequence[Evidence]) -> list[Evidence]:
-    """Returns those that contain no better one, and vary no better one's laws: what joins one joins the other."""
+    """Returns those that neither contain a better one nor vary its laws: the same parts would join both."""
     families = [frozenset(map(catalogue.family, one.explanation.names)) for one in ranked]
     return [
         one
@@ -439,17 +438,17 @@ def _different(ranked: Sequence[Evidence]) -> list[Evidence]:
 
 
 def _information(one: Explanation) -> float:
-    """Returns the cost with one unit for each parameter of its parts (Akaike 1974)."""
+    """Returns the cost plus 1 for each parameter of its parts (Akaike 1974)."""
     return one.cost + one.parameter_count
 
 
 def _from_part(smaller: Explanation, larger: Explanation) -> Explanation:
-    """Returns `larger` with the values of `smaller` for what both have: it contains that."""
+    """Returns `larger` with the values of `smaller` for the parameters of both; `larger` contains `smaller`."""
     values = dict(zip((one.name for one in smaller.plan.free), smaller.point.tolist(), strict=True))
     point = [values.get(one.name, x) for one, x in zip(larger.plan.free, larger.point.tolist(), strict=True)]
     added = [part for part in larger.parts if part.name not in smaller.key]
     for index, free in enumerate(larger.plan.free):
         if any(part.owns(free) for part in added) and free.info.role == "size":
-            # A tenth of a size: a fit goes on from nearly nothing, but feels its slope.
+            # A tenth of a size: the fit starts near 0, but where the cost still has a slope.
             point[index] = 0.1 * point[index] if free.signed else point[index] - float(np.log(10.0))
     return Explanation(larger.parts, larger.plan, np.array(point))

@@ -1,11 +1,11 @@
 """The last fit: the explanation that the verdict states, at the measured samples and over whole runs, with intervals.
 
 The search compares short windows and changes, because a wrong force moves a velocity for seconds and a position for
-ever. What is written must also follow a whole run. So the values of the same explanation are fitted again to free runs,
-and kept where the fit runs get better by it. Nothing joins there.
+ever. The written model must also follow a whole run. So the values of the same explanation are fitted again to free
+runs, and kept if they improve the fit runs. No part joins in this fit.
 
-Where it is asked for, the best predictor is settled too: the explanation with every part that surely makes whole runs
-better that are left out, claimed or not. It is for those who want to predict and do not ask why.
+On request, the best predictor is settled too: the explanation with every part, claimed or not, that surely improves the
+prediction of whole runs that are left out. It is for users who want to predict and not to explain.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ from brickpilot.vehicle.spread import Spread
 
 Array = NDArray[np.float64]
 
-_ROUNDS = 2  # of weighing the signals by their residuals and fitting again
-_MOST_JOINED = 5  # parts of a predictor beside the explanation that it starts from
+_ROUNDS = 2  # rounds of weighing the signals by their residuals and fitting again
+_MOST_JOINED = 5  # most parts that a predictor adds to the explanation that it starts from
 _WHOLE = "The values are those of a fit to whole runs."
 
 
@@ -45,10 +45,10 @@ class Settled:
     """A model that is written.
 
     Attributes:
-        explanation: what of it was fitted.
+        explanation: the explanation as it was fitted.
         model: as read back from its file, with the basis of each value.
         estimates: of all fitted parameters, by name.
-        spread: how the fitted parameters may lie about their estimates, all together; None: nothing was fitted.
+        spread: the joint uncertainty of all fitted parameters; None: nothing was fitted.
         notes: on how it was fitted, one sentence each.
     """
 
@@ -60,9 +60,9 @@ class Settled:
 
 
 def settle(prepared: Prepared, found: Explanation) -> Settled:
-    """Returns an explanation fitted to the end at the measured samples, or to whole runs where these get better.
+    """Returns an explanation fitted to the end at the measured samples, or to whole runs if that improves these.
 
-    Where a feedback loop biases free runs, whole ones are not fitted.
+    If a feedback loop biases free runs, whole runs are not fitted.
     """
     found = (refine(prepared.fine, [found], prepared.jobs) or [found])[0]
     whole = None if prepared.innovations else whole_runs(prepared)
@@ -76,9 +76,9 @@ def settle(prepared: Prepared, found: Explanation) -> Settled:
 
 
 def at_samples(prepared: Prepared, nominal: Explanation, best: Explanation) -> Found:
-    """Returns what the fit runs say at the measured samples of both, and of the best less each of its parts.
+    """Returns the evidence at the measured samples of both explanations, and of `best` without each of its parts.
 
-    The search compared them on a coarse grid, whose own error a second part may have explained.
+    The search compared them on a coarse grid. A second part may have explained only the error of that grid.
     """
     judge, added = Judge.of(prepared.fine, prepared.seed), best.parts[len(nominal.parts) :]
     fewer = [without(best, part) for part in added] if len(added) > 1 else []
@@ -119,7 +119,7 @@ def whole_runs(prepared: Prepared) -> Residual | None:
 
 
 def follow(whole: Residual, found: Explanation, jobs: int) -> tuple[Residual, Explanation]:
-    """Returns whole runs weighed by what is left of each signal, and the explanation fitted to them.
+    """Returns whole runs weighed by the residual of each signal, and the explanation fitted to them.
 
     Raises:
         SimulationError: the plant diverges over whole runs.
@@ -134,7 +134,7 @@ def follow(whole: Residual, found: Explanation, jobs: int) -> tuple[Residual, Ex
 
 
 def error_changes(prepared: Prepared, before: Model, after: Model) -> dict[str, float]:
-    """Returns signal -> how many times as large its squared error in free runs becomes, on the fit runs.
+    """Returns signal -> its squared error in free runs of the fit runs, with `after` over that with `before`.
 
     Raises:
         SimulationError: a model diverges.
@@ -155,9 +155,9 @@ def _is_better(prepared: Prepared, model: Model, than: Model) -> bool:
 def best_predictor(prepared: Prepared, start: Explanation, tell: Tell) -> Settled:
     """Returns the best predictor that grows from an explanation, chosen by the error in whole runs that are left out.
 
-    Nothing in it is a finding: parts that no evidence tells apart stand in it side by side, and no prior odds hold them
-    back. A loop around the data biases its values, but not what is simulated with them. A periodic part joins only
-    where the angle is measured: of a new run nobody knows the phase.
+    Nothing in it is a finding: it may hold several parts that the evidence cannot tell apart, and prior odds do not
+    count. A feedback loop biases its values, but not the simulations with them. A periodic part joins only if the angle
+    is measured: else the phase of a new run is not known.
     """
     whole = whole_runs(prepared)
     if whole is None:
@@ -187,9 +187,9 @@ def best_predictor(prepared: Prepared, start: Explanation, tell: Tell) -> Settle
 
 
 def better_predictor(prepared: Prepared, grown: Settled, explained: Settled) -> Settled:
-    """Returns what simulates the fit runs with less error: the predictor that grew, or the settled explanation.
+    """Returns the model that simulates the fit runs with less error: the grown predictor, or the settled explanation.
 
-    Parts are joined and fitted to whole runs, where a descent may end in a worse place than the explanation's own.
+    The grown predictor is fitted to whole runs, where a descent may end at worse values than the explanation's own.
     """
     return grown if _is_better(prepared, grown.model, explained.model) else _as_predictor(explained)
 

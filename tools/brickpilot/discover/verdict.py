@@ -1,10 +1,10 @@
 """The verdict: what the evidence says of all explanations that were found. See `pipeline` for what may change it later.
 
-The explanations that hold 95 % of the weight are kept. Those that contain another of them say nothing more within the
-tolerance, so the simpler one speaks for both. An effect in 95 % of the weight is sure. One minimal explanation, all
-sure: `named`. Several: `ambiguous`. The empty one: `none`. An explanation that leaves too much is refuted, see
-`adequacy`: it is no answer, and speaks for no other. Where none stands, the verdict is `unknown`, and held-out runs may
-make it so, see `seal`. An effect that only the stated values speak for is no name: one of them may be wrong instead.
+The explanations that hold 95 % of the weight are kept. One that contains another says nothing more within the
+tolerance, so the simpler one speaks for both. An effect in 95 % of the weight is sure. One minimal explanation of sure
+effects is `named`, several are `ambiguous`, and the empty one is `none`. An explanation that leaves too much is refuted
+(see `adequacy`): it is no answer, and speaks for no other. If all are refuted, the verdict is `unknown`; held-out runs
+may also turn it to `unknown` (see `seal`). An effect is not named if only stated values speak for it: one may be wrong.
 """
 
 from __future__ import annotations
@@ -69,12 +69,12 @@ class Verdict:
     refuted: frozenset[frozenset[str]] = frozenset()
 
     def turned(self, by: Step, **changes: Any) -> Verdict:
-        """Returns the verdict behind a stage that turned it, with what else that changes."""
+        """Returns the verdict after the stage `by` turned it, with the other fields in `changes`."""
         return dataclasses.replace(self, kind=by.verdict, steps=(*self.steps, by), **changes)
 
     @property
     def confidence(self) -> float:
-        """The weight of the explanations that say what the best one says: it, and those that contain it."""
+        """The weight of the best explanation and of those that contain it."""
         return min(1.0, _said(self.best, self.held))
 
 
@@ -84,23 +84,23 @@ def _said(one: Explanation, held: Sequence[Weighed]) -> float:
 
 
 def _least(some: Sequence[Weighed], held: Sequence[Weighed]) -> list[Explanation]:
-    """Returns those of `some` that contain no other of them, what says most of the weight of `held` first."""
+    """Returns those of `some` that contain no other of them; first the one that most of the weight of `held` says."""
     least = [one.explanation for one in some if not any(one.explanation.contains(other.explanation) for other in some)]
     return sorted(least, key=lambda one: -_said(one, held))
 
 
 def weigh(found: Found) -> Verdict:
-    """Returns the verdict of the evidence alone, before what is left is looked at."""
+    """Returns the verdict of the evidence alone, before adequacy is checked."""
     verdict = _among(found, ())
     assert verdict is not None  # nothing is refuted
     return verdict
 
 
 def adequate(found: Found, left_of: Callable[[Explanation], Adequacy]) -> Verdict:
-    """Returns the verdict of the evidence among the explanations that by `left_of` leave no more to name.
+    """Returns the verdict of the evidence among the explanations that are adequate by `left_of`.
 
-    One that leaves an error which a black box predicts is not the whole answer. It is refuted, and the others are
-    weighed again, as long as those that stand hold weight beside it. Where none does, the verdict is `unknown`.
+    An explanation whose residual a black box predicts is not the whole answer. It is refuted, and the others are
+    weighed again if they hold more than 5 % of the weight. Else the verdict is `unknown`.
     """
     first, refuted, fails = (verdict := weigh(found)), set[frozenset[str]](), None
     while failed := [
@@ -122,7 +122,7 @@ def adequate(found: Found, left_of: Callable[[Explanation], Adequacy]) -> Verdic
 
 
 def _among(found: Found, refuted: Collection[frozenset[str]]) -> Verdict | None:
-    """Returns the verdict of the evidence without what is refuted, and what that contains; None: all but 5 % is."""
+    """Returns the verdict without the refuted explanations and those that they contain; None: they hold 95 %."""
     temperature = found.temperature
     fails = {one for one in found.table if any(one <= key for key in refuted)}  # with fewer parts, still more is left
     needed = _needed(found.ranked(), found, fails)
@@ -141,7 +141,7 @@ def _among(found: Found, refuted: Collection[frozenset[str]]) -> Verdict | None:
     # Held-out runs can prove what the data tell, and not what stated values alone speak for.
     data_tell, called = found.is_sure(best), " + ".join(best.names)
     if any(one.key == nothing.key for one in least):
-        # A value that it had to move was stated wrongly, or something is missing: no data tell which.
+        # A value that the nominal model moved was stated wrongly, or something is missing: the data do not tell which.
         least = [*_least([one for one in held if found.keeps_stated(one.explanation)], held), nothing]
         best = least[0]
         said = Step("weigh", "ambiguous", _STATED) if len(least) > 1 else Step("weigh", "none", _NOTHING)
@@ -155,10 +155,10 @@ def _among(found: Found, refuted: Collection[frozenset[str]]) -> Verdict | None:
 
 
 def confirmed(verdict: Verdict, samples: Found, enough: float) -> Verdict:
-    """Returns the verdict that the measured samples leave of one.
+    """Returns `verdict` as the measured samples confirm or turn it.
 
     Args:
-        samples: what they say of the best explanation, of it less each of its parts, and of the nominal model.
+        samples: their evidence for the best explanation, for it without each of its parts, and for the nominal model.
         enough: nats that the nominal model may leave above noise, for `none`.
     """
     if verdict.kind not in ("named", "ambiguous"):
@@ -182,9 +182,9 @@ def confirmed(verdict: Verdict, samples: Found, enough: float) -> Verdict:
 
 
 def best_so_far(found: Found) -> Explanation:
-    """Returns what is reported where no explanation is needed by weight, and yet something is missing.
+    """Returns what is reported if the weight asks for no explanation, although something is missing.
 
-    It is the part that alone predicts best; the nominal model where none surely predicts better.
+    It is the single part that predicts best, or the nominal model if no part surely predicts better.
     """
     nothing = found.nothing
     alone = found.ranked(len(nothing.explanation.parts) + 1)
@@ -196,13 +196,13 @@ def best_so_far(found: Found) -> Explanation:
 def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozenset[str]]) -> dict[Evidence, Evidence]:
     """Returns the explanations that are weighed, each with the evidence that it is weighed by.
 
-    One is left out where a simpler one says as much that is neither refuted nor left out itself. An explanation that
-    contains a simpler one has to remove at least what it leaves of what that one leaves, of the squared error above
-    noise and of how far values are from what was stated. What the shape of the simpler one's laws may have left of a
-    signal does not count, a share of what they removed beside its values of runs; and more than that has to go surely.
-    Where it does not, no part is missing, and the simpler one is weighed by the likelier evidence of both. No
-    explanation has more parts than one that is no worse in anything: there are the more sets of parts, the larger they
-    are, and many outweigh a name.
+    An explanation is left out if a simpler one, neither refuted nor left out itself, says as much. If it contains a
+    simpler one, it has to remove at least as much of that one's error as it leaves itself: squared error above noise,
+    and distance of values from what was stated. Error that the wrong shape of the simpler one's laws may leave in a
+    signal does not count: it is a share of what these laws removed beside the values of runs. More than this error has
+    to be removed surely. If it is not, no part is missing, and the simpler one is weighed by the likelier evidence of
+    both. An explanation is also left out if one with fewer parts is no worse in evidence and prior: large sets of parts
+    are many, and together outweigh a name.
     """
     temperature = found.temperature
     prior = {one: one.log_prior(temperature) for one in ranked}
@@ -211,7 +211,7 @@ def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozen
     moved = {one: temperature * evidence.surprise(one.away) for one in ranked}
     best, stands, left_out = {one: one for one in ranked}, list[Evidence](), set[Evidence]()
     contained = {one: sum(map(one.explanation.contains, (each.explanation for each in ranked))) for one in ranked}
-    for other in sorted(ranked, key=lambda one: (len(one.explanation.parts), contained[one])):  # what it contains first
+    for other in sorted(ranked, key=lambda one: (len(one.explanation.parts), contained[one])):  # contained ones first
         for one in stands:
             if other.explanation.contains(one.explanation):
                 gone, own = excess[one] - excess[other], shape[one]

@@ -2,7 +2,8 @@
 
 A real machine is never simulated to the noise of its sensors, so multiples of noise say little about it. Two other
 bounds are measured from the data: how much of the nominal model's error the black box of `adequacy` predicts on runs
-that it has not seen, and how far repeats of the same inputs differ. It is measured behind the seal and decides nothing.
+that it has not seen, and how far repeats of the same inputs differ. It is measured with the seal open, and decides
+nothing.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from brickpilot.vehicle.model import Model
 Array = NDArray[np.float64]
 
 HORIZONS: Mapping[str, float] = {**AHEAD, "0.2_s": 0.2}
-"""Name -> s, how far a prediction reaches, beside the free run."""
+"""Name -> how far ahead a prediction reaches, s, beside the free run."""
 
 _NOTHING = together([])
 
@@ -40,12 +41,12 @@ _NOTHING = together([])
 class Fit:
     """How well one signal is simulated at one horizon, in percent of the signal: see `data.agreement`.
 
-    It is over all samples of all runs of a role. None: there is no such run, or the signal is no more than its noise.
+    The fit is over all samples of all runs of a role. None: no such run, or the signal is no more than its noise.
 
     Attributes:
         before, after: of the calibrated nominal model and of the augmented model.
-        attainable: what a model could reach at least: of the nominal model with a black box beside it that predicts
-            runs that it has not seen, or of `before` or `after` if that is more.
+        attainable: the fit that a model could at least reach: that of the nominal model with a black box beside it, on
+            runs that the black box has not seen; or `before` or `after` if that is more.
         numbers_before, numbers_after: the other headline numbers of the two models.
     """
 
@@ -72,8 +73,8 @@ class SignalFit:
     """One signal at one horizon.
 
     Attributes:
-        repeatability: fit in percent of a perfect model, as far as repeats of the same inputs tell: two repeats differ
-            by what no model can know. None: nothing was repeated.
+        repeatability: fit in percent of a perfect model, from repeats of the same inputs: no model can predict what
+            differs between them. None: nothing was repeated.
     """
 
     fit: Fit
@@ -89,8 +90,8 @@ class Predictable:
     """How much of the nominal model's squared error in free runs a black box predicts, on runs that it has not seen.
 
     Attributes:
-        share, held_out: on the fit runs, and on the held-out runs from the fit runs alone; each signal in units of its
-            own variance, 0..1. None: no such runs.
+        share, held_out: this share on the fit runs, and on the held-out runs from the fit runs alone; each signal in
+            units of its own variance, 0..1. None: no such runs.
         removed, removed_held_out: the share of the predictable error that the augmented model takes away; negative
             where it makes the error larger, 1 if it takes away more than the black box. None: nothing is predictable.
     """
@@ -110,7 +111,7 @@ class Predictable:
 
 @dataclass(frozen=True)
 class Yardstick:
-    """What a real machine can be held to.
+    """The yardstick of two models of a real machine.
 
     Attributes:
         signals: signal -> horizon -> fit.
@@ -139,7 +140,7 @@ class Yardstick:
 
 
 def measure(prepared: Prepared, proof: Proof, nominal: Model, augmented: Model) -> Yardstick:
-    """Returns the record of two models: the calibrated nominal one, and the one that is written."""
+    """Returns the yardstick of two models: the calibrated nominal one, and the one that is written."""
     plain = proof.opened.plain
     compared = track(plain.measured, plain.started, nominal, HORIZONS)
     simulated = simulated_at(compared, [nominal, augmented], threads=prepared.jobs, may_diverge=True)
@@ -171,7 +172,7 @@ def as_predictor(prepared: Prepared, proof: Proof, found: Settled) -> Predictor:
 
 
 def _fit(before: Agreement, after: Agreement, share: float) -> Fit:
-    """Returns the figures of a signal; `share`: of its squared error, predicted by the black box."""
+    """Returns the figures of a signal; `share`: the share of its squared error that the black box predicts."""
     known = [one.fit_percent for one in (before, after) if one.fit_percent is not None]
     if not known:
         return Fit(None, None, None)
@@ -189,7 +190,7 @@ def _predictable(signals: Mapping[str, Mapping[str, SignalFit]]) -> Predictable:
 
 
 def _shares(fits: Sequence[Fit]) -> tuple[float | None, float | None]:
-    """Returns the share of the squared error that is predictable, and that of it which the augmented model removes."""
+    """Returns the predictable share of the squared error, and the share of this that the augmented model removes."""
     known = np.array([(one.before, one.after, one.attainable) for one in fits], dtype=np.float64).reshape(-1, 3)
     known = known[np.isfinite(known).all(axis=1)]
     if not len(known):
@@ -201,7 +202,7 @@ def _shares(fits: Sequence[Fit]) -> tuple[float | None, float | None]:
 
 
 def _unseen_shares(prepared: Prepared, proof: Proof, nominal: Model) -> dict[tuple[str, str], float]:
-    """Returns (signal, role) -> the share of its squared error in free runs that a black box predicts unseen."""
+    """Returns (signal, role) -> the share of its squared error in free runs that a black box predicts, unseen."""
     whole = proof.opened.whole
     names = [run.name for run in whole.runs if run.outputs]
     data = of_bins(whole, nominal, names, width_s=numbers.BIN_S, as_measured=True, threads=prepared.jobs)

@@ -21,8 +21,8 @@ from brickpilot.vehicle.replay import Replay
 
 Array = NDArray[np.float64]
 
-_JUMP = 0.05  # of the largest command: a smaller change from sample to sample is a ramp
-_LONGEST_HOLE = 3.0  # usual distances of bins: the change over a longer hole, as a held-out stretch leaves, is left out
+_JUMP = 0.05  # share of the largest command: a smaller change from sample to sample is a ramp
+_LONGEST_HOLE = 3.0  # usual distances of bins: the change over a longer hole, such as a held-out stretch, is left out
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Block:
 
     Attributes:
         place: its part of the stacked residual.
-        measured: their values, SI.
+        measured: the compared values, SI.
         middle: s on the run's clock, the time of each value.
         picked: (values, simulated samples): the matrix that takes the simulated signal to these values.
         count: samples in a value, on average.
@@ -118,7 +118,7 @@ def blocks(dataset: Dataset, model: Model, fitted: set[str], bins: Bins = SAMPLE
 
 
 def _reach(run: Run, rows: NDArray[np.intp], bins: Bins, *, covers: float, instant: bool) -> csr_array:
-    """Returns (rows, simulated samples): what takes a simulated signal to the measured samples `rows`."""
+    """Returns (rows, simulated samples): the matrix that takes a simulated signal to the measured samples `rows`."""
     time, grid = run.time[rows], bins.grids.get(run.name)
     if instant:
         return _instants(time, run.time, _jumps(run)) if grid is None else _instants(time, grid)
@@ -133,7 +133,7 @@ def _means(
     """Returns the matrix (values, samples) that averages over bins, the time of each value, and the samples in one.
 
     Args:
-        covers: s before a sample over which it is the mean; it lies in the bin that holds the middle of that time.
+        covers: time before a sample, s, over which the sample is a mean; its middle decides the bin of the sample.
         change: a value is the change from bin to bin.
     """
     time, rows = run.time[samples], np.arange(len(samples))
@@ -165,7 +165,7 @@ def _interpolation(time: Array, grid: Array) -> csr_array:
 
 
 def _between(left: NDArray[np.intp], of_left: Array, of_right: Array, length: int) -> csr_array:
-    """Returns (times, length): so much of the point `left` of a grid, and so much of the point after it."""
+    """Returns (times, length): weight `of_left` on the point `left` of a grid, and `of_right` on the point after it."""
     rows, columns = np.arange(len(left)), np.concatenate([left, left + 1])
     return csr_array((np.concatenate([of_left, of_right]), (np.tile(rows, 2), columns)), shape=(len(left), length))
 
@@ -180,10 +180,10 @@ def _jumps(run: Run) -> NDArray[np.bool_]:
 
 
 def _instants(time: Array, simulated: Array, jumps: NDArray[np.bool_] | None = None) -> csr_array:
-    """Returns (times, simulated): accelerations at `time`, from the plant's, which are means since the sample before.
+    """Returns (times, simulated): accelerations at `time`, from those of the plant: means since the sample before.
 
-    A mean stands for the middle of that time, and between two middles the acceleration is taken as linear: exact to the
-    second order. A sample at which a command jumps, (simulated,) `jumps`, was taken before: the mean stands for it.
+    A mean holds at the middle of its interval. Between two middles the acceleration is taken as linear, which is exact
+    to the second order. A sample at which a command jumps, (simulated,) `jumps`, was taken before it: it gets the mean.
     """
     middles = simulated - np.append(0.0, np.diff(simulated)) / 2
     if jumps is None:
@@ -202,9 +202,9 @@ def _overlap(time: Array, span: float, grid: Array) -> csr_array:
 
 
 def _fitted_signals(run: Run, names: Sequence[str], rates: Mapping[str, Array], bins: Bins) -> dict[str, Array]:
-    """Returns the measured signals that are compared; of a motor's position, its velocity, unless `as_measured`.
+    """Returns the measured signals that are compared; a motor's velocity replaces its position, unless `as_measured`.
 
-    A position sums up the velocity's error over the run: the same data, with an error that only grows.
+    A position sums up the velocity's error over the run: it holds the same data, with an error that only grows.
     """
     fitted = {name: run.outputs[name] for name in names if name in run.outputs}
     if bins.as_measured:
@@ -227,7 +227,7 @@ _STEPS_PER_BIN = 3
 def on_coarse_grid(dataset: Dataset, width_s: float) -> tuple[Replay, Bins]:
     """Returns the runs on a grid of a third of a bin, and bins that compare its simulation with the measured samples.
 
-    It is simulated three times as fast as the measured samples, and near enough for a search.
+    A simulation on this grid is three times as fast as at the measured samples, and exact enough for a search.
     """
     full = Replay(dataset)
     step = width_s / _STEPS_PER_BIN

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 _COARSE_STEP = 0.003  # s: the motor step of all descents but the last, which uses the plant's own
-_ROUNDS = 3  # of weighing the signals by their residuals and fitting again
+_ROUNDS = 3  # rounds of weighing the signals by their residuals and fitting again
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Gap:
 
     Attributes:
         before, after: the norm of the error over that of the signal: 1 - `fit_percent` / 100 (see `data.agreement`).
-            None where that has no value; `before` is also None where the plant diverges with the values of the start.
+            None where `fit_percent` has no value; `before` is also None where the plant diverges with the start values.
         time: (n,) s.
         measured, simulated: (n,) SI, for a plot; `unfitted`: simulated before the fit, None where the plant diverges.
     """
@@ -74,15 +74,15 @@ class Calibration(Result):
         model: the model with the fitted values, as written to model.toml.
         parameters: by name, "mass" or "effect.parameter".
         cannot_tell_apart: groups of parameters of which only combinations are identifiable.
-        combinations: those combinations that have a physical meaning.
+        combinations: identifiable combinations that have a physical meaning.
         scales: how each signal was weighed.
-        before, after: how much of each signal the model explains, with the values of the start and with the fitted
-            ones; `before` is empty where the plant diverges.
+        before, after: how much of each signal the model explains, with the start values and with the fitted values;
+            `before` is empty where the plant diverges.
         units: signal -> how the data set states it.
-        frame: of the data set, in words; empty for a motor.
+        frame: the coordinate frame of the data set, in words; empty for a motor.
         notes: sentences on what was assumed, what was left out, and what is not identifiable.
         stated: what the data set states of the fitted parameters.
-        spread: how they may lie about their estimates, all together; None where nothing was fitted.
+        spread: the joint uncertainty of the fitted parameters; None where nothing was fitted.
     """
 
     dataset: str
@@ -104,7 +104,7 @@ class Calibration(Result):
 
     @property
     def correlation(self) -> tuple[tuple[float, ...], ...]:
-        """Of the fitted parameters in their order, (parameters, parameters); empty where nothing was fitted."""
+        """Correlation of the fitted parameters in their order, (parameters, parameters); empty if none was fitted."""
         return () if self.spread is None else tuple(tuple(row) for row in self.spread.correlation.tolist())
 
     def to_frame(self) -> pandas.DataFrame:
@@ -153,7 +153,7 @@ def calibrate(
 ) -> Calibration:
     """Fits the free parameters by simulation from the inputs alone, all fit runs together.
 
-    A plain value of [nominal] stays; {value, sd} is fitted with that prior; what is absent is fitted with a wide prior.
+    A plain value of [nominal] stays; {value, sd} is fitted with that prior; an absent one is fitted with a wide prior.
     The same data set, options and seed give the same result.
 
     Args:
@@ -185,7 +185,7 @@ def calibrate(
     20.0
     """
     nominal, chosen = plan(dataset, free=free), plan(dataset, effects=effects, free=free)
-    compared_signals(dataset, chosen.model)  # refuses what is no measurement before anything is made of it
+    compared_signals(dataset, chosen.model)  # refuses a signal that is no measurement, before further work
     ready = comparable(dataset)
     notes = [ready.roles.note, *chosen.notes, *ready.measured.notes]
     notes += compared_signals(ready.measured, chosen.model).notes
@@ -211,7 +211,7 @@ def calibrate(
 
 
 def _residual(ready: Comparable, fitted: Plan, threads: int, motor_step: float = 0.0) -> Residual:
-    """Returns the residual of what is fitted: runs from their estimated starts against the samples as measured."""
+    """Returns the residual of the fit: runs simulated from their estimated starts, against the samples as measured."""
     replay = Replay(ready.started, motor_step=motor_step)
     return of_samples(replay, fitted.model, ready.roles.fit(), measured=ready.part("fit"), threads=threads)
 
@@ -219,7 +219,7 @@ def _residual(ready: Comparable, fitted: Plan, threads: int, motor_step: float =
 def _coarse_fit(
     ready: Comparable, nominal: Plan, tried: Sequence[Plan], random: np.random.Generator, threads: int, count: Count
 ) -> tuple[Plan, Array, tuple[Start, ...]]:
-    """Fits with a coarse motor step: first the nominal plan, then each one with effects where it has more parameters.
+    """Fits with a coarse motor step: first the nominal plan, then each plan with effects that has more parameters.
 
     Returns the best of the plans, its best point and the starts that were followed.
     """
@@ -267,7 +267,7 @@ def _result(
     scales: Mapping[str, Scale] = MappingProxyType({}),
     starts: tuple[Start, ...] = (),
 ) -> Calibration:
-    """Returns the result; `known` is what the fit tells."""
+    """Returns the result; `known` is the uncertainty of the fit."""
     compared = track(ready.measured, ready.started, after)
     (fitted,) = simulated_at(compared, [after])
     try:

@@ -42,9 +42,9 @@ class RunComparison:
     """The errors of one run as integrals over time (eq. 20); the headline numbers stand in `Comparison.headline`.
 
     Attributes:
-        signals: by measured signal, over the whole run.
-        windows: by rate, over open-loop windows; empty where there are none.
-        traces: by signal, for plots.
+        signals: measured signal -> its error over the whole run.
+        windows: rate -> its error over open-loop windows; empty where there are none.
+        traces: signal -> its trace, for plots.
     """
 
     name: str
@@ -61,7 +61,7 @@ class Comparison(Result):
     Attributes:
         headline: how much of each signal the model explains.
         units: signal -> how the data set states it.
-        frame: of the data set, in words; empty for a motor.
+        frame: the coordinate frame of the data set, in words; empty for a motor.
         window_s: length of a motor's open-loop windows, s; 0 where none were made.
         notes: sentences on what the program chose (roles, fitted parameters, signals left out) and on faults in the
             data set.
@@ -84,7 +84,7 @@ class Comparison(Result):
     def share(self, role: str, signal: str, *, windows: bool = False) -> float | None:
         """Returns the norm of the error over that of the signal, over all runs of `role` ("fit" or "held_out").
 
-        It is 1 - `fit_percent` / 100; None where that has no value. See `data.agreement`.
+        It is 1 - `fit_percent` / 100; None where `fit_percent` has no value. See `data.agreement`.
         """
         return self.headline.of(signal, role, self.horizon if windows else FREE_RUN).share
 
@@ -174,7 +174,7 @@ def compare(
     if window_s:
         check_window(dataset, window_s)
     model, remarks = (model, []) if model is not None else _nominal(dataset, seed, threads, progress)
-    compared_signals(dataset, model)  # refuses what is no measurement before anything is made of it
+    compared_signals(dataset, model)  # refuses a signal that is no measurement, before further work
     ready = comparable(dataset)
     notes = [ready.roles.note, *ready.measured.notes, *remarks]
     compared = compared_signals(ready.measured, model)
@@ -189,7 +189,7 @@ def compare(
 
 
 def horizon_name(length_s: float) -> str:
-    """Returns the name of a horizon of so many s, as the headline numbers have it."""
+    """Returns the name of a horizon of `length_s` s in the headline numbers."""
     return f"{length_s:g}_s"
 
 
@@ -233,13 +233,13 @@ def _nominal(dataset: Dataset, seed: int, threads: int, progress: Progress | Non
     some, note = enough_to_fit(dataset)
     fitted = calibrate(some, seed=seed, threads=threads, progress=progress)
     first = f"The data set does not fix {', '.join(fitted.parameters)}: fitted on the fit runs first."
-    notes = list(fitted.notes if note is None else [note, *fitted.notes[1:]])  # roles of `some` are no news
+    notes = list(fitted.notes if note is None else [note, *fitted.notes[1:]])  # without the note on roles in `some`
     return fitted.model, [first, *notes]
 
 
 def _errors(
     time: Array, measured: Mapping[str, Array], simulated: Outputs
 ) -> tuple[dict[str, SignalError], dict[str, Trace]]:
-    """Returns the error of each measured signal, and what of it is drawn."""
+    """Returns the error of each measured signal, and its trace for a plot."""
     errors = {n: signal_error(time, simulated[n], values, relative=n in SUMMED) for n, values in measured.items()}
     return errors, {name: Trace(time, simulated[name], values) for name, values in measured.items()}

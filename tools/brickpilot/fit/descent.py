@@ -18,13 +18,13 @@ Progress = Callable[[int, int, str], None]
 Count = Callable[[str], None]
 
 _SCREENED = 32  # random starts that are only evaluated
-FOLLOWED = 2  # the best random starts, from which a descent is made, beside both systematic starts
-_EVALUATIONS = 20  # of the residual, at most, in one descent
+FOLLOWED = 2  # number of best random starts that get a descent, beside both systematic starts
+_EVALUATIONS = 20  # most evaluations of the residual in one descent
 ROUGH, FINE = 1e-4, 1e-7  # tolerance: the relative change of cost at which a descent ends
-_STEP_TOLERANCE = 1e-2  # of the tolerance: the relative length of a step at which a descent ends
+_STEP_TOLERANCE = 1e-2  # share of the tolerance: relative length of a step at which a descent ends
 _SPREAD = 1.5  # sd of the random starts, in coordinates
 VISIBLE = (0.03, 0.1, 0.3)  # changes of the signals, over their rms, at the starting sizes of an effect
-_SIZES = 21  # sizes tried to find those, over so many decades below and above the effect's preset
+_SIZES = 21  # sizes tried to find these changes, over `_DECADES` below and above the effect's preset
 _DECADES = 5.0
 
 
@@ -37,12 +37,12 @@ class Start:
 
 
 def most_starts(added: int) -> int:
-    """Returns how many starts `search` follows at most, and so many calls of `search_sizes` after it."""
+    """Returns the most starts that `search` and `added` calls of `search_sizes` after it follow."""
     return 2 + FOLLOWED + 2 * len(VISIBLE) * added
 
 
 def counted(progress: Progress | None, total: int) -> Count:
-    """Returns what reports the start of each of `total` stages of a fit to `progress`, and counts them."""
+    """Returns a function that reports the start of each of `total` stages of a fit to `progress`, and counts them."""
     done = itertools.count()
     return lambda text: progress(next(done), total, text) if progress is not None else None
 
@@ -50,7 +50,7 @@ def counted(progress: Progress | None, total: int) -> Count:
 def natural_start(problem: Problem) -> Array:
     """Returns the plan's start with other values for parameters that may be zero and are not stated.
 
-    Each gets the size at which it changes the signals by their rms.
+    Each of these parameters gets the size at which it changes the signals by their rms.
     """
     free, start = problem.plan.free, problem.plan.start()
     rms = problem.data.by_signal(problem.data.rms)[:, np.newaxis]
@@ -60,7 +60,7 @@ def natural_start(problem: Problem) -> Array:
 
 
 def search(problem: Problem, random: np.random.Generator, count: Count) -> tuple[Array, tuple[Start, ...]]:
-    """Returns the best end of several descents: from two systematic starts and the best of many random ones near."""
+    """Returns the best end of several descents: from two systematic starts and the best of many random ones nearby."""
     starts = np.array([problem.plan.start(), natural_start(problem)])
     spread = np.array([_SPREAD if one.known is None else 0.0 for one in problem.plan.free])
     between = random.uniform(size=(_SCREENED, len(spread)))

@@ -33,7 +33,7 @@ _EXACT = 1e-6
 # A parameter that may be zero also has a logarithmic coordinate; at this share of its natural size it has no effect.
 _FLOOR = 1e-9
 
-# Parameters that make a phase when multiplied by the path or the time: a hundredth is turns after a few revolutions.
+# Reach of parameters that make a phase when multiplied by path or time: a small change adds up to whole turns.
 _TURNING = {"order": 1e-2, "frequency": 1e-2, "wavelength": 1e-2}
 
 
@@ -44,12 +44,12 @@ class Free:
     Attributes:
         name: "mass", "effect.parameter", or "kind@run" for a value that one run has of its own.
         known: its value and sd in the data set; None: not stated, and the prior is wide.
-        unit: of its coordinate, SI, where the caller knows a better one than the stated value or the preset; 0: none.
-        keeps_sign: it moves in the logarithm of its share of `unit`, and has the sign of that. Where the data do not
-            say how heavy a vehicle is, all forces grow with it, and only in logarithms is that valley straight.
-        centred: values of its kind, each of one run, lie about 0.
-        natural: SI, a usual size on this vehicle, for a parameter of which nothing is stated: a prior of a decade about
-            it holds its logarithm, or as many times it hold its value. 0: no such prior.
+        unit: unit of its coordinate, SI, if the caller knows a better one than the stated value or the preset; else 0.
+        keeps_sign: its coordinate is the logarithm of its ratio to `unit`, whose sign it keeps. If the data do not tell
+            the mass of a vehicle, all forces grow with it, and this valley of the cost is straight only in logarithms.
+        centred: whether the values of its kind, one for each run, have a mean of about 0.
+        natural: SI, a usual size on this vehicle, for a parameter that is not stated. The prior sd is a decade about
+            `natural` for its logarithm, or ten times `natural` about 0 for its value. 0: no such prior.
     """
 
     name: str
@@ -67,7 +67,7 @@ class Free:
 
     @cached_property
     def run(self) -> str:
-        """The run that a value of its own belongs to; empty: it belongs to the model."""
+        """The run to which the value belongs; empty: it belongs to the model."""
         return self.name.partition("@")[2]
 
     @property
@@ -99,7 +99,7 @@ class Free:
         return self.signed or self.name in catalogue.loads()
 
     def away(self, coordinate: float) -> float | None:
-        """Returns how many sd a coordinate is from what is known before any data; None where nothing is."""
+        """Returns how many sd a coordinate is from the prior of the parameter; None if it has no prior."""
         if self.known is not None and self.known.sd is not None:
             return (self.to_value(coordinate) - self.known.value) / self.known.sd
         if self.natural == 0.0:
@@ -132,8 +132,8 @@ class Plan:
     Attributes:
         model: every fixed value, and the start of every free one.
         notes: sentences on choices that a user should know of.
-        held: parameters that no data of such signals tell from the free ones. A fit needs no coordinates for them, and
-            would go astray along them; their values are as uncertain as the others'.
+        held: parameters that data of these signals cannot tell from the free ones. They get no coordinates, as a fit
+            would drift along these; their values are as uncertain as those of the free ones.
     """
 
     model: Model

@@ -14,9 +14,9 @@ from brickpilot.fit.residual import Residual
 
 Array = NDArray[np.float64]
 
-_EFFECT_STEP, _NOMINAL_STEP = 1e-2, 1e-4  # of finite differences, in coordinates
+_EFFECT_STEP, _NOMINAL_STEP = 1e-2, 1e-4  # steps of finite differences, in coordinates
 _ANCHOR_SD = 30.0  # in coordinates: a prior so weak that it holds only what the data leave open
-_COMMON_SD = 0.01  # in coordinates: what values of runs may have in common
+_COMMON_SD = 0.01  # in coordinates: sd of the mean of the runs' values
 _NOTHING_KEPT: Mapping[int, Array] = MappingProxyType({})
 
 
@@ -31,9 +31,9 @@ class Problem:
     Where the plant diverges the residual is NaN. Its derivative is 0 where only the neighbouring value diverges.
 
     Args:
-        holds_priors: False while the scale of the residual is not known. A prior would otherwise be held against the
-            data: the gap that it leaves would count as the model's error.
-        kept: coordinate -> (values,) its sensitivity where it was computed last.
+        holds_priors: False while the scale of the residual is not known. Otherwise the error that a prior leaves in the
+            data would count as the model's error.
+        kept: coordinate -> (values,) its sensitivity at the point of the last computation.
     """
 
     def __init__(
@@ -45,8 +45,9 @@ class Problem:
     def keeping(self, point: Array, count: int) -> Problem:
         """Returns the problem with sensitivities of the first `count` coordinates kept as they are at `point`.
 
-        Those of nominal parameters cost most of a descent, and change little from one candidate to the next where the
-        values are stated. One that nothing is known of may go far, and is not kept where such are few.
+        Sensitivities of nominal parameters take most time of a descent. If the values are stated, they change little
+        between candidates. That of a parameter without a prior may change much: it is not kept if such parameters are
+        few.
         """
         few = bool(self.plan.held)
         which = [k for k, one in enumerate(self.plan.free[:count]) if one.known or one.effect or not few]
@@ -54,11 +55,11 @@ class Problem:
         return Problem(self.data, self.plan, holds_priors=self._holds_priors, kept=kept)
 
     def of(self, plan: Plan, threads: int = 1) -> Problem:
-        """Returns the problem of a longer plan on so many threads, with the kept sensitivities."""
+        """Returns the problem of a longer plan on `threads` threads, with the kept sensitivities."""
         return Problem(self.data.on_threads(threads), plan, holds_priors=self._holds_priors, kept=self._kept)
 
     def residual(self, point: Array) -> Array:
-        """Returns (values + parameters,): the robust residual and the prior's."""
+        """Returns (values + parameters,): the robust residual and that of the priors."""
         found = self._robust(point)
         return np.concatenate([found.value / self.data.taus() ** 0.5, self.prior(point)])
 
@@ -99,8 +100,8 @@ class Problem:
     def columns(self, point: Array, which: Sequence[int]) -> Array:
         """Returns (values, which): finite differences of the simulated signals along some coordinates.
 
-        The value of a run touches the samples of that run alone, so one simulation with the values of all runs changed
-        gives the slopes along all of one kind.
+        A run's own value changes the samples of that run alone. So one simulation, with all values of one kind changed,
+        gives the slopes along all of them.
         """
         moves: dict[str, tuple[Array | None, Array]] = {}
         for index in which:
@@ -134,10 +135,10 @@ class Problem:
         return moved
 
     def prior(self, point: Array) -> Array:
-        """Returns (parameters + kinds,): how far each parameter is from what is known of it, in sd.
+        """Returns (parameters + kinds,): how far each parameter is from its prior, in sd.
 
-        Values of one kind that runs have of their own lie about 0: what they have in common belongs to the model, and a
-        held-out run has that alone.
+        The runs' own values of one kind have a mean of about 0: their common part belongs to the model, and a held-out
+        run has only this part.
         """
         centre = self.plan.start()
         terms = []
@@ -167,8 +168,8 @@ class Problem:
     def _difference_ends(self, point: Array, index: int) -> tuple[Array | None, Array]:
         """Returns the points between which one coordinate's difference is taken; low None is `point` itself.
 
-        The difference of an effect reaches far, because the moment a wheel crosses its backlash is only known to a
-        step. It reaches to both sides, because a slope that is slightly wrong does not lead down a narrow valley.
+        The step of an effect is long, because the moment when a wheel crosses its backlash is known only to a time
+        step. It goes to both sides, because a slope that is slightly wrong does not lead down a narrow valley.
         """
         free = self.plan.free[index]
         length = _EFFECT_STEP * free.reach if free.effect is not None else _NOMINAL_STEP
@@ -183,7 +184,7 @@ class Problem:
 
 
 class Projection:
-    """Removes from a whitened residual what the parameters of a problem can take up, from `point`: linear, with priors.
+    """Removes from a whitened residual what a problem's parameters can take up, linearised at `point`, with priors.
 
     Source: score test, Rao 1948.
     """
@@ -194,7 +195,7 @@ class Projection:
         self._basis, _ = np.linalg.qr(np.vstack([whitened, problem.prior_slopes(point)]))
 
     def remainder(self, residual: Array) -> Array:
-        """Returns (values + parameters,) from (values,). The rows of the priors come last."""
+        """Returns the projected residual (values + parameters,) of (values,). The rows of the priors come last."""
         return self._project(np.concatenate([residual, self._prior]))
 
     def signatures(self, changes: Sequence[Array] | Array) -> Array:

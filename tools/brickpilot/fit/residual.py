@@ -4,13 +4,13 @@ The residual of signal s at sample k is e = (measured - simulated) / scale_s. Le
 
 - phi is the pseudo-Huber loss (`robust`), so that a collision or a dropout pulls no harder than a residual at the Huber
   threshold.
-- scale_s is what one unit of error is: at samples the size of the residual itself, never below the noise; of bins the
-  noise of a mean together with a share of the signal, as no simulator matches a real machine better.
+- scale_s is the unit of the error. At samples it is the size of the residual itself, never below the noise. For bins it
+  is the noise of a mean together with a share of the signal, as no simulator matches a real machine better.
 - tau_s is the correlation time of the residual in samples: n samples of a slow model error count as n / tau_s.
 
-There are two views of the same runs: samples as they were measured, and means over bins of time. No model here has fast
+The same runs are compared in two ways: at the measured samples, and by means over bins of time. No model here has fast
 dynamics such as tyres, compliance and vibration. They would dominate a test over the full band; bins keep what lies
-below about 15 Hz. A residual never changes: each stage that weighs it anew gets another one.
+below about 15 Hz. A residual never changes: a stage that weighs it anew gets a new one.
 """
 
 from __future__ import annotations
@@ -45,11 +45,11 @@ MOTOR_STEP_S = 0.003
 """The longest motor step of a simulation that is compared with bins, s."""
 
 LEAST_NOISE_SHARE = 1e-3
-"""The least noise of a sample, as a share of the signal's rms: a smoother signal was filtered, its noise with it."""
+"""The least noise of a sample, as a share of the signal's rms: a smoother signal was filtered, and so was its noise."""
 
-_LEAST_KEPT, _KEPT_VALUES = 32, 2_000_000  # models whose simulated values are remembered, and numbers in all
+_LEAST_KEPT, _KEPT_VALUES = 32, 2_000_000  # least models whose simulated values are kept, and most values of all
 _CHUNK = 24  # models that are simulated at once: their outputs take memory
-_FIRST_SCALE = 0.2  # of the signal's rms: the scale of samples before any residual is known
+_FIRST_SCALE = 0.2  # share of the signal's rms: the scale of samples before any residual is known
 _LEAST_RMS = 1e-30  # SI: a signal with a smaller rms counts as zero
 
 
@@ -71,7 +71,7 @@ class Scale:
 
 
 class _Memory:
-    """What the latest models gave. A fit often comes back to a point at which another stage has been."""
+    """The simulated values of the latest models. A fit often comes back to a point that another stage has simulated."""
 
     def __init__(self) -> None:
         self._kept: dict[object, Array] = {}
@@ -81,11 +81,11 @@ class _Memory:
         """Returns key -> (values,) of what is still known of `keys`."""
         with self._lock:
             found = {key: self._kept.pop(key) for key in dict.fromkeys(keys) if key in self._kept}
-            self._kept |= found  # what was asked for last goes last
+            self._kept |= found  # the latest request goes last
             return found
 
     def keep(self, made: Mapping[object, Array]) -> None:
-        """Keeps key -> (values,), and forgets what was not asked for longest."""
+        """Keeps key -> (values,), and drops the least recently used values."""
         with self._lock:
             self._kept |= made
             most = max(_LEAST_KEPT, _KEPT_VALUES // max(len(next(iter(self._kept.values()))), 1))
@@ -102,18 +102,18 @@ def _key(model: Model) -> object:
 
 @dataclass(frozen=True, eq=False)
 class Residual:
-    """Measured runs beside a simulator, and how each compared value is weighed. See the module's page.
+    """Measured runs beside a simulator, and how each compared value is weighed. See the module's docstring.
 
     Attributes:
         replay: the runs, as they are simulated.
-        runs: the names of those that are compared.
+        runs: the names of the compared runs.
         blocks: one signal of one run each, in the order of the stacked values.
         measured: (values,) what is compared, SI.
         picked: (values, simulated samples) the matrix that takes a row of `Replay.stacked` to the compared values.
         scales: signal -> weights.
         rms: signal -> rms of its compared values, 1 for a signal that is zero.
         notes: a sentence for each signal that was left out.
-        matched: no value of a fit is trusted more than to this share of it, however little noise there is; 0: no limit.
+        matched: the least relative sd of a fitted value, however little noise there is; 0: no limit.
     """
 
     replay: Replay
@@ -143,7 +143,7 @@ class Residual:
         return {name: one.sample_noise for name, one in self.scales.items()}
 
     def on_threads(self, threads: int) -> Residual:
-        """Returns the same residual, simulated on so many threads."""
+        """Returns the same residual, simulated on `threads` threads."""
         return dataclasses.replace(self, threads=threads)
 
     def predict(self, models: Sequence[Model]) -> Array:
@@ -182,7 +182,7 @@ class Residual:
         return self.error(model) * self.weight()
 
     def scaled_by(self, models: Sequence[Model]) -> Iterator[Array]:
-        """Yields (values,): the residual of each model, in scales. Simulates as it goes on."""
+        """Yields (values,): the residual of each model, in scales. Simulates while it is iterated."""
         for first in range(0, len(models), _CHUNK):
             yield from (self.measured - self.predict(models[first : first + _CHUNK])) * self.weight()
 
@@ -221,9 +221,9 @@ class Residual:
         return float(np.hypot(self.scales[signal].noise, self.matched * self.rms[signal]))
 
     def weighed_by_size(self, model: Model, *, correlated: bool = False) -> Residual:
-        """Returns each signal weighed by the robust size of its residual under `model`: none swamps another.
+        """Returns each signal weighed by the robust size of its residual under `model`: no signal dominates.
 
-        `correlated`: and by the correlation time of that residual.
+        `correlated`: also by the correlation time of its residual.
         """
         error, scales = self.error(model), {}
         for signal, one in self.scales.items():
@@ -238,14 +238,14 @@ class Residual:
         return dataclasses.replace(self, scales=scales)
 
     def with_floors(self, noise: Mapping[str, float]) -> Residual:
-        """Returns the residual weighed by its floors, with this noise of a value, signal -> SI."""
+        """Returns the residual weighed by its floors; `noise`: signal -> noise sd of a value, SI."""
         noisy = {signal: dataclasses.replace(one, noise=noise[signal]) for signal, one in self.scales.items()}
         found = dataclasses.replace(self, scales=noisy)
         sizes = {signal: dataclasses.replace(one, size=found.floor(signal)) for signal, one in noisy.items()}
         return dataclasses.replace(found, scales=sizes)
 
     def with_raised_floors(self, model: Model) -> Residual:
-        """Returns bins that take what changes from bin to bin under `model` for noise: no effect is a vibration."""
+        """Returns bins whose noise includes the changes from bin to bin under `model`: no effect is a vibration."""
         error, noise = self.error(model), {signal: one.noise for signal, one in self.scales.items()}
         for signal in self.signals:
             changes = [np.diff(part, 2) for part in self.parts(error, signal) if len(part) > 3]
@@ -260,10 +260,10 @@ class Residual:
         return dataclasses.replace(self, scales=scales)
 
     def coloured(self, filters: Mapping[tuple[str, str], csr_array]) -> Residual:
-        """Returns the innovations: each block behind a filter of its own, (run, signal) -> (values, values).
+        """Returns the innovations: each block passes a filter of its own, (run, signal) -> (values, values).
 
-        Measured and simulated values pass the same filter, so all that works on a residual works on innovations. Noise
-        of a signal that was white passes it too, and its sd grows by the norm of the filter.
+        Measured and simulated values pass the same filter, so all that works on a residual works on innovations. White
+        noise of a signal passes it too, and its sd grows by the norm of the filter.
         """
         whole = csr_array(block_diag([filters[block.run, block.signal] for block in self.blocks], format="csr"))
         measured, picked = np.asarray(whole @ self.measured), csr_array(whole @ self.picked)
@@ -284,8 +284,8 @@ class Residual:
         """Returns the pull psi(e) / (scale tau) and the stiffness psi'(e) / (scale^2 tau) at `model`, (values,) each.
 
         psi is the derivative of the loss. Pull times sensitivity is a value's score; stiffness weighs its information.
-        A signal's residual counts as large as its scale at least: the part of a scale that is model error goes into the
-        parameters and leaves no trace in the residual.
+        A signal's residual counts as at least as large as its scale: the model error in a scale goes into the
+        parameters and does not show in the residual.
         """
         size, tau = 1 / self.weight(), self.taus()
         scaled = self.error(model) / size
@@ -329,7 +329,7 @@ class Residual:
         return np.array(moved)
 
     def rows_of(self, run: str, signal: str = "") -> NDArray[np.bool_]:
-        """Returns (values,) whether a value is of a run, a window of it or a recording; "": of any signal."""
+        """Returns (values,) whether a value is of `run`, a window of it or a recording; `signal` "": of any signal."""
         rows = np.zeros(len(self.measured), dtype=np.bool_)
         recordings = {one.name: one.recording for one in self.replay.dataset.runs}
         for block in self.blocks:
@@ -418,7 +418,7 @@ def _weighed(
 
 
 def _noise(dataset: Dataset, own: Sequence[Block], rms: float) -> tuple[float, float]:
-    """Returns the sd of a sample's noise and of a compared value's, by the noise's colour, SI."""
+    """Returns the noise sd of a sample and of a compared value, SI; the latter depends on the noise's colour."""
     fitted, signal = {block.run for block in own}, own[0].signal
     described = dataset.signals.get(signal)
     stated = (described.noise_sd if described is not None else None) or 0.0

@@ -1,6 +1,6 @@
 """Statistics of a residual: the pseudo-Huber loss, a size without outliers, correlation in time, and a noise model.
 
-Source of the model of the noise: Ljung (1999), System Identification, 2nd ed., ch. 13.
+Source of the noise model: Ljung (1999), System Identification, 2nd ed., ch. 13.
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ Array = NDArray[np.float64]
 HUBER_THRESHOLD = 2.0
 """In units of the residual's scale: beyond it residuals count linearly, not as squares."""
 
-_SIZE_THRESHOLD = 2.5  # of Huber's proposal 2, in units of the size
+_SIZE_THRESHOLD = 2.5  # threshold of Huber's proposal 2, in units of the size
 _SIZE_EFFICIENCY = 0.9775  # mean square of a normal residual limited to that threshold
 
 
 @dataclass(frozen=True)
 class RobustResidual:
-    """The residual phi of which least squares make the pseudo-Huber loss, and d phi / d e. Both (n,)."""
+    """The residual phi, half of whose square is the pseudo-Huber loss, and d phi / d e. Both (n,)."""
 
     value: Array
     slope: Array
 
 
 def pseudo_huber(scaled: Array) -> RobustResidual:
-    """Returns phi of the residual e over its scale (Charbonnier 1997).
+    """Returns phi of the residuals e, (n,), in units of their scale (Charbonnier 1997).
 
     phi^2 / 2 = h^2 (sqrt(1 + (e / h)^2) - 1), with the Huber threshold h.
     """
-    with np.errstate(over="ignore", invalid="ignore"):  # where the plant runs away the cost is infinite
+    with np.errstate(over="ignore", invalid="ignore"):  # if the plant diverges, the cost is infinite
         root = np.sqrt(1 + (scaled / HUBER_THRESHOLD) ** 2)
         shrink = np.sqrt(2 / (1 + root))
         return RobustResidual(scaled * shrink, 1 / (root * shrink))
@@ -80,10 +80,10 @@ def correlation_time(parts: Sequence[Array], *, about_mean: bool = True) -> floa
 def noise_model(residuals: Sequence[Array], highest_order: int) -> Array:
     """Returns (p,): c with r[t] = c[0] r[t-1] + ... + c[p-1] r[t-p] + innovation; p = 0..`highest_order` by BIC.
 
-    In a loop the input contains the noise of the past. Output error takes the noise of one sample for independent of
-    the input, which it is not; the error of a prediction one sample ahead is, whatever the loop does, if the noise has
-    the right model: fit the innovations (the direct method, Ljung 1999, sec. 13.4). Burg's
-    recursion (1975), its sums taken over all runs, gives a stable model however short they are.
+    In a feedback loop the input depends on past noise. Output error wrongly assumes that noise and input are
+    independent. With the right noise model, the one-step prediction error is independent of the input, whatever the
+    loop does. So the innovations are fitted (the direct method, Ljung 1999, sec. 13.4). Burg's recursion (1975), with
+    sums over all runs, gives a stable model however short the runs are.
 
     Args:
         residuals: one signal's, a run each: (n,), even in time, without NaN. Their means are removed.
@@ -111,7 +111,7 @@ def noise_model(residuals: Sequence[Array], highest_order: int) -> Array:
 
 
 def whitening(coefficients: Array, length: int) -> csr_array:
-    """Returns (n, n), lower banded: times a residual (n,) it gives innovations, all of the same variance.
+    """Returns a matrix (n, n), lower banded, that turns a residual (n,) into innovations of equal variance.
 
     The first p samples are predicted by the lower orders of the same model (Levinson's recursion backwards), scaled to
     the variance of the later ones: exact for a stationary residual, and no row is zero.

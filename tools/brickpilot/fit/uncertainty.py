@@ -30,19 +30,19 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _KNOWN_SD = 0.5  # in the parameters' units: a direction with a larger sd is not identifiable
-_SMALL_SD = 0.05  # of the natural size: with this sd, a parameter that may be zero is known to be small
-_NARROWED = 0.9  # of the prior's sd: below it, the data have added information
-_FAR = 0.3  # of the natural size: from here on a parameter is far above zero
-_MEMBER = 0.02  # share of a parameter that lies in directions that are not identifiable
-_STEP = 3e-3  # of a parameter, either way: dry friction and backlash are not smooth on smaller steps
-_SLOPE_ERROR = 1e-2  # relative: of finite differences of a plant with dry friction
-_LARGEST_LOG = 700.0  # of a double; an interval ends at the parameter's range long before
-_FORMULA_STEP = 1e-4  # of a parameter in a formula, which is smooth
-_LEAST_REST = 1e-3  # of what is known of a direction, from all stretches but one: less may be rounding
-_STRETCHES = 20  # of time, at least, whose spread gives the intervals
+_SMALL_SD = 0.05  # share of the natural size: with this sd, a parameter that may be zero is known to be small
+_NARROWED = 0.9  # share of the prior's sd: below it, the data have added information
+_FAR = 0.3  # share of the natural size: from here on a parameter is far above zero
+_MEMBER = 0.02  # least share of a group's member in directions that are not identifiable
+_STEP = 3e-3  # share of a parameter, either way: dry friction and backlash are not smooth on smaller steps
+_SLOPE_ERROR = 1e-2  # relative error of finite differences of a plant with dry friction
+_LARGEST_LOG = 700.0  # largest logarithm of a double; an interval ends at the parameter's range long before
+_FORMULA_STEP = 1e-4  # step as a share of a parameter in a formula, which is smooth
+_LEAST_REST = 1e-3  # least share of the information on a direction without one stretch: less may be rounding
+_STRETCHES = 20  # least stretches of time whose scatter gives the intervals
 
 CORRELATED_S = 1.0
-"""Residuals are taken for correlated over so many seconds, as a part of a manoeuvre lasts: it widens intervals."""
+"""Time, s, over which residuals count as correlated, as long as a part of a manoeuvre: it widens intervals."""
 
 
 @dataclass(frozen=True)
@@ -63,8 +63,8 @@ class Estimate:
     Attributes:
         ci95: (low, high); None where the parameter is neither identifiable nor stated.
         basis: "data", "data and prior", "prior alone" (the data add nothing), or "not narrowed by the data".
-        identified: where the data do not determine the value of an effect's parameter, the form in which they do;
-            None: there is none.
+        identified: if the data do not determine an effect's parameter, a combination that they do determine; None:
+            there is none.
     """
 
     value: float
@@ -107,7 +107,7 @@ NOTHING_FITTED = Uncertainty({}, (), (), (), None)
 
 
 def assess(data: Residual, model: Model, free: tuple[Free, ...]) -> Uncertainty:
-    """Returns the intervals at `model`, the fit's result. None is narrower than `data.matched` allows."""
+    """Returns the intervals at `model`, the fit's result. No interval is narrower than `data.matched` allows."""
     values = np.array([value_of(model, one.name) for one in free])
     prior_sd = np.array([one.known.sd if one.known and one.known.sd is not None else np.inf for one in free])
     slopes = _slopes(data, model, free, values)
@@ -137,12 +137,12 @@ def assess(data: Residual, model: Model, free: tuple[Free, ...]) -> Uncertainty:
 def _assessed(
     model: Model, free: tuple[Free, ...], spread: Spread, sizes: Array, information: Array, degrees: int
 ) -> Uncertainty:
-    """Returns what a spread says of each parameter, of groups of them, and of combinations.
+    """Returns the uncertainty of each parameter, of groups of parameters, and of combinations.
 
     Args:
         sizes: the unit in which each parameter is measured, SI.
-        information: (parameters, parameters) what data and stated priors know, in those units.
-        degrees: of freedom of the intervals.
+        information: (parameters, parameters) information of data and stated priors, in those units.
+        degrees: degrees of freedom of the intervals.
     """
     covariance, sd = spread.covariance, np.sqrt(np.diag(spread.covariance))
     quantile = float(student_t.ppf(0.975, degrees))
@@ -174,7 +174,7 @@ def _without_errors(slopes: Array, stiffness: Array) -> Array:
 
     Where only combinations of parameters change the signals, their slopes cancel along one direction. Finite
     differences across the stops of dry friction do not cancel exactly, and on many samples the remainder would look
-    like knowledge.
+    like information.
     """
     information = slopes.T @ (slopes * stiffness[:, np.newaxis])
     size = np.sqrt(np.maximum(np.diag(information), 1e-300))
@@ -188,10 +188,10 @@ def _scatter(
 ) -> tuple[Array, int]:
     """Returns how the estimate scatters, as a covariance in the parameters' sizes, and its degrees of freedom.
 
-    The scatter comes from sums over stretches of time, so the residual may be correlated in time and between
-    signals. Each stretch counts as far as the estimate would move without it (the jackknife CV3 of MacKinnon, Nielsen
-    & Webb 2023, J. Econometrics 232(2)): the fit follows a stretch that alone tells a parameter, so its residual is
-    too small there.
+    The scatter comes from sums over stretches of time, so the residual may be correlated in time and between signals.
+    Each stretch counts as far as the estimate would move without it (the jackknife CV3 of MacKinnon, Nielsen & Webb
+    2023, J. Econometrics 232(2)): if one stretch alone tells a parameter, the fit follows it, and its residual is too
+    small.
     """
     parameters = scores.shape[1]
     numbers, count = data.stretches(CORRELATED_S, _STRETCHES + 2 * parameters)

@@ -1,8 +1,7 @@
 """What to drive next: the manoeuvres that tell more than the runs do.
 
 Each manoeuvre is simulated with the calibrated nominal model, with every parameter a little off and with every effect.
-What it tells is added to what the runs tell, as information adds up (Atkinson, Donev & Tobias 2007, Optimum
-experimental designs, ch. 9).
+Its information is added to that of the runs (Atkinson, Donev & Tobias 2007, Optimum experimental designs, ch. 9).
 """
 
 from __future__ import annotations
@@ -31,10 +30,10 @@ from brickpilot.vehicle.manoeuvres import Manoeuvre, manoeuvres
 
 Array = NDArray[np.float64]
 
-_WINDOW_S = 1.0  # of a motor, as `prepare` cuts its runs
-_MANOEUVRES = 3  # advised, at most
+_WINDOW_S = 1.0  # length of a motor's windows, as in `prepare`
+_MANOEUVRES = 3  # most manoeuvres that are advised
 _SHARPER = 0.5  # a manoeuvre tells of a parameter if the interval becomes narrower by this factor
-_UNKNOWN = 0.1  # and was wider than this, sd, in the logarithm or as a share of what is stated
+_UNKNOWN = 0.1  # and if its sd was larger than this, in the logarithm or as a share of the stated value
 
 
 @dataclass(frozen=True)
@@ -42,8 +41,8 @@ class Advice:
     """One manoeuvre that would tell more.
 
     Attributes:
-        effects: those that it would show at a usual size, which neither the runs nor the manoeuvres before it do.
-        parameters: those whose intervals it would make less than half as wide.
+        effects: effects that it would show at a usual size, but neither the runs nor the manoeuvres before it show.
+        parameters: parameters whose intervals it would make less than half as wide.
     """
 
     manoeuvre: Manoeuvre
@@ -54,13 +53,13 @@ class Advice:
 def advise(
     prepared: Prepared, nominal: Explanation, visible: Mapping[str, Visible], temperature: float
 ) -> tuple[tuple[Advice, ...], tuple[str, ...]]:
-    """Returns the manoeuvres that would tell most beside the runs, and the effects that no size of shows in the runs.
+    """Returns the manoeuvres that would tell most beside the runs, and the effects that the runs show at no size.
 
-    An effect that neither the runs nor any manoeuvre changes the measured signals by is left out: it is of another
-    vehicle or of another sensor.
+    An effect is left out if it changes the measured signals neither in the runs nor in any manoeuvre: it belongs to
+    another vehicle or another sensor.
 
     Args:
-        nominal: fitted to the fit runs.
+        nominal: the nominal model, fitted to the fit runs.
         visible: effect -> the smallest size that the runs show.
         temperature: the nats that count as one.
     """
@@ -90,15 +89,15 @@ def advise(
 
 @dataclass(frozen=True)
 class _Asked:
-    """What is asked of runs: how well they tell the nominal parameters, and which effects they show at a usual size.
+    """Computes how well runs determine the nominal parameters, and which effects they show at a usual size.
 
-    What runs tell is their information, (parameters + probes, parameters + probes): the products of how the residual
-    changes with each parameter and with each probe. It adds up over runs.
+    The information of runs is a matrix, (parameters + probes, parameters + probes): the products of the changes of the
+    residual with each parameter and with each probe. It adds up over runs.
 
     Attributes:
-        probes: of every effect of one size that can be extrapolated.
+        probes: a probe of every effect with one size that can be extrapolated.
         usual: effect, parameter -> a usual size on this vehicle: that of the catalogue, scaled to it.
-        prior: (parameters, parameters) information of what is stated of the parameters.
+        prior: (parameters, parameters) information of the parameters' priors.
         temperature: the nats that count as one.
     """
 
@@ -123,7 +122,7 @@ class _Asked:
         return cls(plan, probes, usual, prior_slopes.T @ prior_slopes, temperature)
 
     def information(self, problem: Problem, point: Array) -> Array:
-        """Returns what the runs of `problem` tell, at the coordinates `point` of the nominal parameters."""
+        """Returns the information of the runs of `problem`, at the coordinates `point` of the nominal parameters."""
         data = problem.data
         plain = data.predict([self.plan.model])[0]
         models = [probe.part.starting(self.plan, probe.values[0]).model for probe in self.probes]
@@ -134,7 +133,7 @@ class _Asked:
         return np.asarray(moved.T @ moved)
 
     def shown(self, known: Array) -> set[str]:
-        """Returns the effects of which what the parameters cannot take up is large enough at a usual size."""
+        """Returns the effects whose signature at a usual size is large enough, less what parameters can take up."""
         count = len(self.prior)
         cross = known[:count, count:]
         taken = np.linalg.solve(known[:count, :count] + self.prior, cross)
@@ -147,7 +146,7 @@ class _Asked:
         return {part.effect for part, size in nearest_sizes(tried) if size <= self.usual[part.effect, part.free[0]]}
 
     def sharper(self, before: Array, after: Array) -> tuple[str, ...]:
-        """Returns the parameters that are badly known by some information, and much better by more of it."""
+        """Returns the parameters that are badly known by the information `before`, and much better by `after`."""
         count = len(self.prior)
         wide, narrow = (np.sqrt(np.diag(np.linalg.inv(one[:count, :count] + self.prior))) for one in (before, after))
         better = (narrow < _SHARPER * wide) & (wide > _UNKNOWN)
@@ -155,7 +154,7 @@ class _Asked:
 
 
 def _driven(prepared: Prepared, nominal: Explanation, manoeuvre: Manoeuvre) -> Problem | None:
-    """Returns the nominal parameters beside a manoeuvre that is driven; None where no signal tells of them."""
+    """Returns the problem of the nominal parameters on a simulated manoeuvre; None if it gives no runs to compare."""
     dataset = prepared.dataset
     driven = as_run(manoeuvre, dataset.vehicle)
     sides = ("voltage",) if dataset.vehicle == "motor" else ("voltage_left", "voltage_right")

@@ -1,7 +1,7 @@
 """`brickpilot check`: what a data set is worth before a discovery: its timing, noise and faults, and what it can tell.
 
-One fit of the nominal model is all that it takes, to some of the runs where there are many. What the runs tell of a
-parameter is its interval in that fit; what they tell of an effect is the smallest size of it that would be named.
+The check needs one fit of the nominal model, to some of the runs if there are many. What the runs tell of a parameter
+is its interval in this fit. What they tell of an effect is its smallest size that would be named.
 """
 
 from __future__ import annotations
@@ -43,12 +43,12 @@ class Check(Result):
         explained: how much of each signal the model with these parameters explains.
         units: signal -> how the data set states it.
         parameters: nominal parameters that are fitted, with 95 % intervals.
-        cannot_tell_apart: groups of them of which only combinations are known; `combinations` has those with a meaning.
+        cannot_tell_apart: groups of them of which only combinations are known; `combinations` has the physical ones.
         visible: effect -> the smallest size that would be named.
-        invisible: effects that no size within their range would show.
+        invisible: effects that would show at no size within their range.
         advice: manoeuvres that would tell more, the best first.
-        discover_s: how long `discover` will take, s: the middle of the range, by ratios.
-        discover_range_s: from and to how many s, by the error that is there to be explained.
+        discover_s: how long `discover` will take, s: the geometric middle of the range.
+        discover_range_s: the least and the longest time, s, by the error that is there to be explained.
         notes: one sentence each.
     """
 
@@ -75,7 +75,7 @@ class Check(Result):
 
         Args:
             table: "parameters": the fitted nominal values with the ends of their 95 % intervals, NaN where there is
-                none. "signals": the facts of each. "effects": the smallest size of each effect that would be named.
+                none. "signals": facts of each signal. "effects": the smallest size of each effect that would be named.
         """
         import pandas
 
@@ -87,7 +87,7 @@ class Check(Result):
         return estimates_frame(self.parameters)
 
     def to_json(self) -> dict[str, Any]:
-        """Returns the object that `check --json` prints. What is no finite number is None."""
+        """Returns the object that `check --json` prints. A number that is not finite becomes None."""
         kept = {name: value for name, value in vars(self).items() if name not in ("explained", "units")}
         made: dict[str, Any] = valid(kept | {"headline": self.explained})
         return made
