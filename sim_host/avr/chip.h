@@ -63,8 +63,8 @@ struct chip {
     avr_uart_t *uart;
     avr_adc_t *adc;
     avr_twi_t *twi;
-    avr_regbit_t converter_enable; /* adc->aden, while a stuck converter hides it */
-    avr_regbit_t bus_enable;       /* twi->twen, while a device holds the bus */
+    avr_regbit_t converter_enable; /* copy of adc->aden, while a stuck converter hides it */
+    avr_regbit_t bus_enable;       /* copy of twi->twen, while a device holds the bus */
     bool clock_was_low;            /* of the bus, by its pin */
     int clocks;                    /* its pulses since the bus was held */
 

@@ -53,7 +53,7 @@ static void sense(world_t *world)
 {
     const imu_config_t *imu = &world->imu_config;
     const double *out = world->output;
-    /* Output of the battery over its nominal value: what effects of the supply have taken. */
+    /* Battery voltage over its nominal value: the share that the effects of the supply leave. */
     const double supply = out[OUTPUT_BATTERY_VOLTAGE] / world->plant.vehicle.parameter[PARAMETER_BATTERY_VOLTAGE];
 
     world->measured =

@@ -77,7 +77,7 @@ static double clock_time(const composed_t *given, const memory_t *kept, double s
     return since + given->clock * kept->start_age;
 }
 
-/* Multiplies each voltage by a gain within 0 to 2, and adds to it. */
+/* Multiplies each voltage by a gain, limited to 0..2, and adds a voltage to the product. */
 static void drive(const double *value, double *memory, vehicle_t *vehicle)
 {
     const composed_t *given = (const composed_t *)value;

@@ -1,7 +1,7 @@
 #include "effects/effect.h"
 
-/* The plant's wheel carries the rotor's inertia J_m and feels the torque K_t i. Let the rotor be ahead of the wheel by
- * the speed `slip`. Then the wheel must feel K_t i - J_m slip' instead. In contact nothing changes; in the play the
+/* The plant's wheel carries the rotor's inertia J_m and feels the torque K_t i. Let the rotor turn faster than the wheel
+ * by `slip`. Then the wheel must feel K_t i - J_m slip' instead. In contact nothing changes; in the play the
  * motor drives the rotor alone; and momentum is kept when the rotor meets the tooth. */
 typedef struct {
     real_t play;  /* rad by which the rotor is ahead of the wheel, from the middle of the play */

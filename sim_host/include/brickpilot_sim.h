@@ -25,8 +25,8 @@ enum {
     BP_ROLE_FIXED     /* a nominal parameter that is never fitted */
 };
 
-/* How often an effect is what the simulator of a wheeled robot or a motor lacks, before any data. 0 is no prior: it
- * stands for a row that does not say. */
+/* Prior: how often the simulator of a wheeled robot or a motor lacks this effect, judged before any data. 0 means that
+ * the row states no prior. */
 enum {
     BP_PRIOR_COMMON = 1, /* nearly every cheap geared robot has it, and plain simulators leave it out */
     BP_PRIOR_USUAL,      /* well known, on a part of the machines */

@@ -31,7 +31,7 @@ CANNOT = {
 }
 
 
-BYTE_S = 0.0005  # a pseudo-terminal has no baud rate
+BYTE_S = 0.0005  # s for each byte: a pseudo-terminal has no baud rate
 STACK, RECORDER_STACK = 344, 256
 SPARE = 300  # bytes of what brickOS leaves a program
 

@@ -31,7 +31,7 @@ CARRY_ERROR = 1e-5  # error of charge and heat from one run to the next, as a sh
 
 
 class Roughness:
-    """Small slopes of the ground under each wheel, by the distance that it has rolled: a load of the plant."""
+    """Forces from small slopes of the ground under each wheel, by the distance rolled; one of `plant.loads`."""
 
     def __init__(self, plant: Plant, seeds: Sequence[np.random.SeedSequence], scale: float) -> None:
         length = ROUGH_CELLS * ROUGH_CELL_M

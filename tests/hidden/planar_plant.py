@@ -3,9 +3,9 @@
 State: currents, wheel speeds, velocity of the axle's middle, wheel angles, heading, and the stretch of the tyres'
 brushes (with backlash also the rotors). All that is linear - windings, tyres, losses, masses - is advanced exactly by
 one matrix exponential a step, for all runs at once; the rest enters as torques and forces held over the step
-(exponential Euler method, Hochbruck & Ostermann 2010, Acta Numerica 19). A tyre is a spring that rolls away (brush
-model, Pacejka 2012, ch. 3): under load it creeps by less than a thousandth of its speed. Dry friction is a stiff spring
-that yields (Prandtl 1928), so it holds at rest.
+(exponential Euler method, Hochbruck & Ostermann 2010, Acta Numerica 19). A tyre is a spring whose stretch the rolling
+wheel carries away (brush model, Pacejka 2012, ch. 3): under load it creeps by less than a thousandth of its speed. Dry
+friction is a stiff spring that yields (Prandtl 1928), so it holds at rest.
 """
 
 from __future__ import annotations

@@ -109,7 +109,7 @@ def _encoder_one_side(r: Readings, p: Parameters, _: Track) -> None:
 
 
 def _speed_signed_by_command(r: Readings, p: Parameters, track: Track) -> None:
-    """One light barrier on each wheel: the program gives its counts the sign of the command, and keeps it at zero."""
+    """Each wheel has one light barrier. Its counts get the sign of the command; at command zero the last sign holds."""
 
     def told(true: Floats, command: Floats) -> Floats:
         last = np.maximum.accumulate(np.where(command != 0, np.arange(len(command)), 0))

@@ -165,7 +165,7 @@ def _on_avr(folder: Path, name: str, steps: int) -> tuple[NDArray[np.int64], NDA
 
 
 def _on_h8(folder: Path, name: str, steps: int) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """Counts the states of each call of control_law() in the simulator's trace."""
+    """Counts the clock cycles ("states") of each call of control_law() in the simulator's trace."""
     trace = folder / "trace"
     done = subprocess.run(
         [script_output("hal/h8sim/simulator"), folder / name],

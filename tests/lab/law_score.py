@@ -155,7 +155,7 @@ def _by_signal(spans: Sequence[Mapping[str, Any]]) -> dict[tuple[str, str], NDAr
 
 
 def condition_share(result: Result) -> tuple[float, int]:
-    """Returns how many places give the condition of the known region that they overlap most, and how many overlap."""
+    """Returns how many of the places that overlap a known region state its condition, and how many overlap one."""
     right = counted = 0
     for place in result["where"]:
         near = [one for one in result["regions"] if (one["run"], one["signal"]) == (place["run"], place["signal"])]

@@ -2,9 +2,10 @@
 
     python tests/lab/parts.py DATASET... [--parts 2] [--jobs 1] [--out parts.jsonl]
 
-Each run is cut into as many stretches of equal length, and part k holds stretch k of every run. Two parts agree if one
-mechanism stands in an explanation of each that holds 95 % of the weight, or if both say that nothing is missing. An
-`unknown` agrees with `unknown`. Each part is kept when it is done, so an interrupted call goes on where it stopped.
+Each run is cut into as many stretches of equal length, and part k holds stretch k of every run. Each part keeps its
+likeliest explanations, which together hold 95 % of the weight. Two parts agree if one mechanism occurs among those of
+both, or if both say that nothing is missing. An `unknown` agrees with `unknown`. Each part is saved when it is done, so
+an interrupted call goes on where it stopped.
 """
 
 from __future__ import annotations

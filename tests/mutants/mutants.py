@@ -184,7 +184,7 @@ def quiet(command: list[str], folder: Path) -> bool:
 
 
 def drawn(mutants: list[Mutant], count: int, workers: int) -> Iterator[tuple[Mutant, str]]:
-    """Yields the first mutants that build to other code, with what becomes of each."""
+    """Yields the first `count` mutants whose compiled code differs, each with its outcome."""
     known = tomllib.loads(Path(__file__).with_name("equivalent.toml").read_text(encoding="utf-8"))["equivalent"]
     equivalent = {(one["file"], one["was"], becomes) for one in known for becomes in one["becomes"]}
     left = (m for m in mutants if (m.file, m.was.strip(), m.becomes.strip()) not in equivalent)

@@ -59,7 +59,7 @@ def alarms(root: Path) -> set[Alarm]:
 
 
 def excluded() -> dict[Alarm, str]:
-    """Returns alarm -> proof, of eva.toml. Each proof has to take the alarm's file in."""
+    """Returns alarm -> proof, of eva.toml. Each proof has to include the source file of its alarm."""
     rows, proofs = tomllib.loads((HERE / "eva.toml").read_text(encoding="utf-8")), table("proofs.toml")
     found = {}
     for source, row in rows.items():

@@ -148,7 +148,7 @@ class RcxBrick:
             self.heard += len(data)
             if self._on and not self._away:
                 self._hear(data)
-            last = time.monotonic()  # a slow device makes no silence on the line
+            last = time.monotonic()  # the device's own work does not count as silence on the line
 
     @property
     def _away(self) -> bool:

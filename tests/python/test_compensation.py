@@ -45,7 +45,7 @@ def test_every_effect_that_is_undone_flies_above() -> None:
 
 
 def test_a_battery_that_sags_a_little_is_undone_by_measuring_it() -> None:
-    """What is left for the compensation is a battery below the floor that the mixer reckons with.
+    """The mixer never assumes less than `battery_floor`: the compensation is needed only for a battery below that.
 
     A part of that is learnt as a friction (firmware/estimator/friction.h). A third of the error is left.
     """

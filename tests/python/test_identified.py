@@ -1,4 +1,4 @@
-"""Where no mass and no motor constant is known, the size of an effect is given in what the data identify."""
+"""If no mass and no motor constant is known, an effect's size has a unit that the data determine, such as V."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a result of a quick suite counts, on verdicts made by hand; the regions of the truth; the suites themselves."""
+"""How a result of a quick suite is scored, with verdicts made by hand; the true regions; the suites themselves."""
 
 from __future__ import annotations
 
@@ -175,7 +175,7 @@ def test_the_regions_of_a_sensors_error_are_its_signal_alone() -> None:
     recipe = Recipe("set", {"encoder_one_side": {"error": 0.05}}, engine="planar", runs=runs)
     (region,) = measure.shown(recipe).regions
     assert (region["run"], region["signal"]) == ("ahead", "wheel_speed_left")
-    assert 0.45 <= region["from_s"] <= 0.7  # once the wheel is faster than its noise lets the error hide
+    assert 0.45 <= region["from_s"] <= 0.7  # from the speed on at which the error is larger than the noise
     assert region["to_s"] == pytest.approx(2.0, abs=0.01)
     assert (region["share"], region["when"]) == (1.0, "at high speed")
     assert measure.shown(replace(recipe, hidden={})).regions == []

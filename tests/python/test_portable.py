@@ -61,7 +61,7 @@ print(opened.call_args.args[0])
 
 
 def test_a_console_without_greek_letters_gets_a_question_mark(tmp_path: Path) -> None:
-    """A pipe on Windows has a code page with 256 letters, and of motors the unit of resistance is not among them."""
+    """A pipe on Windows has a code page of 256 characters, without the ohm sign of a motor's resistance."""
     program = "import sys; sys.stdout.reconfigure(encoding='cp1252')\n" + (
         "from brickpilot.cli import main\n"
         "@main.cli.command()\n"

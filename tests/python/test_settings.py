@@ -31,7 +31,7 @@ ROW = (
 NAMED = {
     "firmware/simulate.py",  # the cruise speed that scales the mission
     "firmware/robot.py",  # the rules by which the gains of another robot follow, and the cruise speed that they use
-    "firmware/params_header.py",  # the floor that the range of a battery depends on, and checks of defaults
+    "firmware/params_header.py",  # battery_floor, on which the range of the battery voltage depends; checks of defaults
     "vehicle/settings.py",  # defaults that follow from other values
     "gen/value_headers.py",  # those that the reference controller in floating point has not
     "hil/fly.py",  # what a flight needs

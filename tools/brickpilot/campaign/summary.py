@@ -156,7 +156,7 @@ class Table:
         return pq.read_table(self._path, columns=[name]).column(0)
 
     def numbers(self, name: str) -> Array:
-        """Returns a column as numbers (runs,): NaN where a value is missing, true as 1, texts by their order."""
+        """Returns a column as numbers (runs,): NaN where a value is missing, true as 1, texts by first appearance."""
         column = self.column(name)
         if pa.types.is_string(column.type):
             codes: Array = pc.dictionary_encode(column).combine_chunks().indices.to_numpy(zero_copy_only=False)

@@ -64,7 +64,7 @@ class Agreement:
 
     @property
     def r2(self) -> float | None:
-        """R2 about the mean: 1 is perfect, 0 is as good as the mean. None: as `fit_percent`, but by `spread`."""
+        """R2 about the mean: 1 is perfect, 0 is as good as the mean. None: `spread` does not exceed the noise."""
         if not self._exceeds_noise(self.spread):
             return None
         found = 1 - self.error / self.spread

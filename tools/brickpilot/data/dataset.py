@@ -322,7 +322,7 @@ class OwnUnit:
     sign: float = 1.0
 
     def value(self, si: float) -> float:
-        """Returns a value in SI and the paper's frame as the data set would state it."""
+        """Converts a value from SI and the paper's frame to the data set's unit and sign."""
         return self.sign * self.per_si * si
 
     def size(self, si: float) -> float:

@@ -26,7 +26,7 @@ class Place:
     """Where the gap was: a time span of one signal of one run.
 
     Attributes:
-        share_of_gap: share of the squared change, in noise sd, that the additions to the model make anywhere, 0..1.
+        share_of_gap: this place's share, 0..1, of all squared changes by the additions to the model, in noise sd.
         when: what the vehicle was doing.
     """
 

@@ -113,7 +113,7 @@ def joined(rows: Iterable[Sequence[str]]) -> str:
 
 
 def parse_rows(rows: str, delimiter: str, width: int) -> tuple[pyarrow.Table, list[tuple[int, int]]]:
-    """Returns the cells as text, and the rows of another width, which the table does not hold: (row from 0, its cells).
+    """Returns the cells as text; and of each row of another width, which is left out, (index from 0, number of cells).
 
     Args:
         rows: a line each, without quotes. An empty line has no cells.

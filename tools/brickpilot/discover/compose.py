@@ -196,7 +196,7 @@ def strip_atom(name: str, middle: float, half_width: float) -> Atom:
 
 
 def _visible_groups(vehicle: str, segments: Sequence[Segment]) -> list[tuple[Basis, ...]]:
-    """Returns the groups of terms whose place the vehicle has and, for a sensor, whose signal was logged."""
+    """Returns the groups of terms that act on a part of this vehicle; on a sensor only if its signal was logged."""
     if vehicle == "motor":
         return [terms for terms in _groups() if terms[0].place in OF_A_MOTOR and not terms[0].sided]
     signals = {segment.signal for segment in segments}
@@ -337,7 +337,7 @@ class TermSource:
         self._changes |= self._changes_by([one for one in atoms if one not in self._changes and one.joins(table)])
 
     def _add_strips(self, projection: Projection, rest: Array) -> None:
-        """Adds terms on a strip across x, on the strips whose narrow cells explain most of the residual."""
+        """Adds terms that act on a strip across x, for the strips that explain most of the residual."""
         narrow = _cells(self._segments)
         for name in _STRIP_TERMS if narrow else ():
             alone = [strip_atom(name, *cell) for cell in narrow]

@@ -205,7 +205,7 @@ class Probe:
 
 
 def probes_of(part: Part, base: Model, excitation: Excitation) -> list[Probe]:
-    """Returns the probes of a part beside `base`.
+    """Returns the probes that test a part as an addition to the model `base`.
 
     An effect that is smooth in its size is tried at one size and extrapolated. An effect that is not smooth, such as a
     deadband, is tried at several.

@@ -138,7 +138,7 @@ def _among(found: Found, refuted: Collection[frozenset[str]]) -> Verdict | None:
     sure = frozenset(name for name, share in held_by.items() if share >= numbers.SURE)
     least, nothing = _least(held, held), found.nothing.explanation
     best = next((one for one in least if one.effects), least[0])  # runs that differ are no missing law
-    # Held-out runs can prove what the data tell, and not what stated values alone speak for.
+    # Held-out runs can confirm what the data support, but not what the stated values alone support.
     data_tell, called = found.is_sure(best), " + ".join(best.names)
     if any(one.key == nothing.key for one in least):
         # A value that the nominal model moved was stated wrongly, or something is missing: the data do not tell which.

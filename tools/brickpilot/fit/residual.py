@@ -383,8 +383,8 @@ def of_bins(
     Args:
         coarse: simulates on a grid of a third of a bin, with the mean of the inputs over each step. That is exact
             enough for a search; what is reported is fitted at the measured samples.
-        samples: the data set with only the samples that are compared; None: all of `dataset` are.
-        as_measured: signals that sum up are compared as such, and not by their change from bin to bin.
+        samples: the data set with only the samples that are compared; None: all of `dataset`.
+        as_measured: angles and travels are compared by their values, not by their change from bin to bin.
 
     Raises:
         InputError: the runs hold nothing that the model gives.

@@ -264,7 +264,7 @@ class SimulatedRcx:
     def __init__(self) -> None:
         self.ms = 0.0
         self.driven = (0, 0)
-        self._lock = threading.Lock()  # the thread of a line may use the brick at the same time as the owner
+        self._lock = threading.Lock()  # the thread that serves a serial line uses the brick, too
         simulator, kernel = script_output("hal/h8sim/simulator"), script_output("hal/h8sim/kernel")
         self._process = subprocess.Popen(
             [simulator, kernel],

@@ -167,7 +167,7 @@ def with_events(columns: Mapping[str, Vector], events: Mapping[str, Vector]) -> 
 
 
 _STANDING = 0.5  # share of the rows: if the time repeats in more rows, these are kept
-_FIRST_STEP = 100.0  # times the usual step: a first row farther from the second has a cut-off time
+_FIRST_STEP = 100.0  # usual steps: a first row farther from the second lost digits of its time
 
 
 @dataclass(frozen=True)

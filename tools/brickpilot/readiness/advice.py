@@ -91,8 +91,8 @@ def advise(
 class _Asked:
     """Computes how well runs determine the nominal parameters, and which effects they show at a usual size.
 
-    The information of runs is a matrix, (parameters + probes, parameters + probes): the products of the changes of the
-    residual with each parameter and with each probe. It adds up over runs.
+    The information of runs is the matrix J' J, (parameters + probes, parameters + probes). The columns of J are the
+    changes of the residual by each parameter and by each probe. It adds up over runs.
 
     Attributes:
         probes: a probe of every effect with one size that can be extrapolated.

@@ -76,7 +76,7 @@ def page(finding: Finding, command: str) -> str:
 
 
 def _gaps(finding: Finding) -> dict[str, Any]:
-    """Returns the gaps before and after, by role and by signal, as text and as a chart."""
+    """Returns the gaps of the nominal and of the augmented model, by role and signal, as text and as a chart."""
     return {
         "gaps": [(label, *_pair(finding.gap.get(name))) for name, label in _ROLE_ROWS],
         "by_signal": [(say(name), *_pair(gap)) for name, gap in finding.by_signal.items()],

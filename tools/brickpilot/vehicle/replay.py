@@ -361,7 +361,7 @@ def by_recording(
 
 
 def in_recording(model: Model, recording: str, runs: Collection[str]) -> Model:
-    """Returns a model as it is in a recording with these runs. An effect whose sizes are all 0 there is off."""
+    """Returns the model as it is in `recording`, which has `runs`. An effect whose sizes are all 0 there is off."""
     own = {kind: table[recording] for kind, table in model.by_run.items() if recording in table}
     kept = {kind: table for kind, table in model.by_run.items() if kind in RUN_KINDS and recording not in table}
     parameters, effects = dict(model.parameters), {name: dict(table) for name, table in model.effects.items()}
