@@ -17,9 +17,9 @@ class BootLoader:
     """A board with the boot loader, in a thread; `port` is its serial port and `flash` its memory.
 
     Args:
-        chip: of SIGNATURES.
-        silent: it answers nothing.
-        worn: it keeps another byte than it was sent.
+        chip: a key of SIGNATURES.
+        silent: whether the loader answers nothing.
+        worn: whether the flash keeps another byte than it was sent.
     """
 
     def __init__(self, chip: str = "atmega328p", *, silent: bool = False, worn: bool = False) -> None:
@@ -63,17 +63,17 @@ class BootLoader:
             return
 
     def _answer(self, command: int) -> bytes | None:
-        """Reads the rest of a command, and returns its answer without frame; None: it is none."""
+        """Reads the rest of a command, and returns its answer without frame; None: not a command."""
         if command == 0x41:  # a parameter
             self._bytes(2)
             return b"\x03"
-        if command in (0x42, 0x45):  # the device's own values: 20 bytes, or 4 to 5 after their number
+        if command in (0x42, 0x45):  # parameters of the device: 20 bytes, or 4 to 5 after their number
             self._bytes(21 if command == 0x42 else self._byte())
             return b""
         if command == 0x55:  # the address, in words
             self._address = 2 * int.from_bytes(self._bytes(3)[:2], "little")
             return b""
-        if command == 0x56:  # an instruction for a programmer in the circuit
+        if command == 0x56:  # an in-circuit programming instruction
             self._bytes(5)
             return b"\0"
         if command == 0x64:  # a page
@@ -89,6 +89,6 @@ class BootLoader:
         if command == 0x75:
             self._byte()
             return self._signature
-        if command in (0x30, 0x50, 0x51):  # in step? begin, end
+        if command in (0x30, 0x50, 0x51):  # synchronise, begin, end
             return b"" if self._byte() == END else None
         return None

@@ -1,4 +1,4 @@
-"""The boot loaders of Arduino's core, put behind an image of this project as a board holds both in its flash.
+"""The boot loaders of Arduino's core, behind an image of this project, as in a board's flash.
 
 The loaders are those of Debian's package arduino-core-avr. Optiboot is built from its source there: the package's own
 file has more than the 512 bytes of its section, so it does not start. The others are the package's files.
@@ -24,8 +24,8 @@ class Loader:
     """A board's loader.
 
     Attributes:
-        target: of `AVR_TARGETS`, the image that it starts.
-        fuses: low, high, extended: the board's, whose high one says that a reset begins in the loader.
+        target: key of `AVR_TARGETS`: the image that the loader starts.
+        fuses: low, high, extended, of the board; the high one says that a reset begins in the loader.
         file: the loader in `FOLDER`; a C file is compiled to begin at `at`.
     """
 
@@ -37,20 +37,20 @@ class Loader:
 
 LOADERS: Mapping[str, Loader] = MappingProxyType(
     {
-        # boards.txt has 0xDE for a section of 512 bytes; 0xDC is the same with 1 KB.
+        # high fuse: boards.txt has 0xDE, for a loader section of 512 bytes; 0xDC gives a section of 1 KB.
         "uno": Loader("avr:328p-imu", (0xFF, 0xDC, 0xFD), "optiboot/optiboot.c", 0x7C00),
         "old nano": Loader("avr:328p-imu", (0xFF, 0xDA, 0xFD), "atmega/ATmegaBOOT_168_atmega328.hex", 0x7800),
         "mega": Loader("avr:2560", (0xFF, 0xD8, 0xFD), "stk500v2/stk500boot_v2_mega2560.hex", 0x3E000),
     }
 )
-"""Board -> its loader. A new Nano has that of the Uno. Fuses: boards.txt of the core."""
+"""Board -> its loader. A new Nano has the loader of the Uno. Fuses: boards.txt of the core."""
 
 OPTIBOOT_FLAGS = (
     *("-mmcu=atmega328p", "-DF_CPU=16000000L", "-DLED_START_FLASHES=3", "-DBAUD_RATE=115200"),
     *("-Os", "-fno-inline-small-functions", "-fno-split-wide-types", "-w"),
     *("-Wl,--relax", "-Wl,--gc-sections", "-nostartfiles", "-nostdlib"),
 )
-"""What Optiboot's Makefile compiles with, for an Uno."""
+"""The flags of Optiboot's Makefile for an Uno."""
 
 
 def _run(*command: object) -> None:

@@ -1,7 +1,7 @@
-"""A good data set, and a table of ways to spoil it with the place that must be named.
+"""A good data set, and a table of ways to spoil it, each with the place that the message must name.
 
-Each entry spoils one thing. `marker` is a piece of the line to blame (the last one that has it), so that expected line
-numbers are counted from the spoilt file itself.
+Each entry spoils one thing. `marker` is a piece of the faulty line (the last line that has it), whose number is counted
+in the spoilt file.
 """
 
 # ruff: noqa: E501 - one row of the table a line
@@ -62,7 +62,7 @@ def write_good(folder: Path) -> Path:
 
 @dataclass(frozen=True)
 class Bad:
-    """One spoilt data set: what must be named (file, a piece of the line or None, field or None) and said."""
+    """One spoilt data set: what the message must name (file, a piece of the line or None, field or None) and say."""
 
     name: str
     spoil: Callable[[Path], None]
@@ -72,12 +72,12 @@ class Bad:
     says: str
 
     def write(self, folder: Path) -> Path:
-        """Writes it into `folder` and returns that."""
+        """Writes the spoilt data set into `folder` and returns `folder`."""
         self.spoil(write_good(folder))
         return folder
 
     def place(self, folder: Path) -> str:
-        """How the message must begin."""
+        """Returns how the message must begin."""
         path = folder / self.file
         line = self.marker
         if isinstance(line, str):

@@ -1,4 +1,4 @@
-"""Functions that the tests of campaigns give to workers: those of a test itself stand in a module with fixtures."""
+"""Functions that tests of campaigns give to workers; a function in a test file would be in a module with fixtures."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def table(seed: int) -> pa.Table:
 
 
 def slow_table(seed: int) -> pa.Table:
-    """Returns the same, after a while."""
+    """Returns `table(seed)` after 0.1 s."""
     time.sleep(0.1)
     return table(seed)
 
@@ -46,7 +46,7 @@ def too_late(_: Any) -> None:
 
 
 def dies_once(argument: tuple[int, str]) -> int:
-    """Returns the number; the first worker that gets it kills itself, and leaves a mark."""
+    """Returns the number; the first worker that gets a number with a mark leaves the mark and kills itself."""
     number, mark = argument
     if mark and not Path(mark).exists():
         Path(mark).touch()
@@ -55,7 +55,7 @@ def dies_once(argument: tuple[int, str]) -> int:
 
 
 def dies(argument: int) -> int:
-    """Returns the number, but for 3, which kills every worker."""
+    """Returns the number; the number 3 kills its worker."""
     if argument == 3:
         os.kill(os.getpid(), signal.SIGKILL)
     return argument
@@ -84,7 +84,7 @@ def awkward(argument: Any) -> None:
 
 
 def long_answer(size: int) -> bytes:
-    """Returns so many bytes, more than a pipe holds."""
+    """Returns `size` bytes: more than a pipe holds."""
     return b"x" * size
 
 

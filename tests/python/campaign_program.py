@@ -20,7 +20,7 @@ TABLE = "results.parquet"
 def main(folder: Path, where: str, *, slow: bool = False) -> None:
     """Runs the parts that are not there yet, and merges all of them.
 
-    `slow` leaves time for a signal, and changes no byte.
+    `slow` makes each part last longer, so that a signal can arrive; the bytes are the same.
     """
     crew = workers.local(int(where)) if where.isdecimal() else workers.cluster(where)
     with Parts(folder, {"seeds": len(KEYS)}) as kept:

@@ -1,4 +1,4 @@
-"""The robot of the blind tests in closed form: what an engine has to give where no other law acts."""
+"""The robot of the blind tests in closed form: what an engine has to give if no other law acts."""
 
 from __future__ import annotations
 
@@ -17,5 +17,5 @@ def hold(left: float, right: float, seconds: float = 3.0) -> Manoeuvre:
 
 
 def balance(volts: float, load) -> float:
-    """rad/s at which a wheel's motor is in balance with load(w), N m, beside its own losses."""
+    """Returns the speed w, rad/s, at which a wheel's motor balances load(w), N m, and its own losses."""
     return brentq(lambda w: CONDUCTANCE * volts - DAMPING * w - load(w), -60, 60, xtol=1e-12)

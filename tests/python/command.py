@@ -39,7 +39,7 @@ def brickpilot(
 
 
 def lab(*arguments: str, cwd: Path, timeout: float = 300.0) -> subprocess.CompletedProcess[str]:
-    """Runs `sh tests/lab/run ARGUMENTS` in `cwd`, likewise."""
+    """Runs `sh tests/lab/run ARGUMENTS` in `cwd`; raises as `brickpilot` does."""
     return _copied([str(LAB), *arguments], cwd, timeout)
 
 
@@ -60,11 +60,11 @@ def _copied(command: list[str], cwd: Path, timeout: float) -> subprocess.Complet
 
 
 class Copy:
-    """A command that has begun to run, in a process `pid`. It prints to the files `out` and `err`.
+    """A command that runs in the process `pid`. It prints to the files `out` and `err`.
 
     Args:
-        room: the most bytes of a file that it may write; None: no limit.
-        in_group: it leads a process group of its own.
+        room: the largest file that the command may write, in bytes; None: no limit.
+        in_group: whether the command leads a process group of its own.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class Copy:
         socket.send_fds(talk, [len(request).to_bytes(4, "big")], [out, err])
         talk.sendall(request)
         self._answers = talk.makefile("rb", buffering=0)
-        talk.close()  # the file keeps it open
+        talk.close()  # `_answers` keeps the connection open
         self.pid = int(self._answers.readline())
         self._status: int | None = None
 
@@ -92,7 +92,7 @@ class Copy:
 
 
 def _address() -> Path:
-    """Where the process listens that has loaded the package; starts it at the first call."""
+    """Returns the socket of the process that has loaded the package; the first call starts this process."""
     global _loaded
     with _starting:
         if _loaded is None:
@@ -134,7 +134,7 @@ def _load() -> None:
 
 
 def _serve(address: str, told: int) -> list[str]:
-    """Makes a copy of this process for each request, and returns in the copy, with the command that it has to run."""
+    """Makes a copy of this process for each request. Returns only in a copy: the command that the copy has to run."""
     import gc
 
     _load()
@@ -157,7 +157,7 @@ def _serve(address: str, told: int) -> list[str]:
 
 
 def _watched(talk: socket.socket) -> list[str] | None:
-    """Reads one request and makes the process that runs it. Returns the command there, and None here at its end."""
+    """Reads one request and forks a process for it. Returns the command in that process, and None here at its end."""
     size, files, _, _ = socket.recv_fds(talk, 4, 2)
     request = json.loads(talk.makefile("rb").read(int.from_bytes(size, "big")))
     process = os.fork()

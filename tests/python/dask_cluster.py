@@ -16,7 +16,7 @@ Worker = subprocess.Popen[bytes]
 
 
 class Cluster:
-    """A scheduler, for a `with`; all of its programs end there. A part may end two workers, not four as by default."""
+    """A scheduler for a `with` block, which ends all programs. A part may end two workers, not four as by default."""
 
     def __init__(self, scratch: Path) -> None:
         self._scratch = scratch
@@ -32,12 +32,12 @@ class Cluster:
 
     def __exit__(self, *_: object) -> None:
         for program in self._programs:
-            program.kill()  # a worker that loses its scheduler would look for it for a while
+            program.kill()  # or a worker would look for its lost scheduler for a while
         for program in self._programs:
             program.wait(20)
 
     def add_worker(self, name: str, *, path: Path | None = None) -> Worker:
-        """Starts a worker; `path` comes first where it looks for modules."""
+        """Starts a worker, which looks for modules in `path` first."""
         places = [str(one) for one in (path, *Path(__file__).parents[:2]) if one is not None]
         options = ["--nthreads", "1", "--no-nanny", "--local-directory", str(self._scratch)]
         environment = {"PYTHONPATH": os.pathsep.join(places), "OPENBLAS_NUM_THREADS": "1"}
@@ -55,7 +55,7 @@ class Cluster:
 
 
 def _content(file: Path, program: subprocess.Popen[bytes]) -> str:
-    """Returns the content of a file that a program will write, once it is whole JSON."""
+    """Waits until a program has written complete JSON into a file, and returns the content."""
     until = time.monotonic() + _START_S
     while time.monotonic() < until and program.poll() is None:
         try:

@@ -1,4 +1,4 @@
-"""Flies an image of a robot's firmware on the simulator of the RCX's processor, over the pipes of that program."""
+"""Flies an image of a robot's firmware on the simulator of the RCX's processor, over the simulator's pipes."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ ENCODERS, IMU = "imu+encoders", "imu"
 
 
 def effect(name, *others, **parameters):
-    """Returns one effect of a verdict. A parameter is its value, or (value, low, high)."""
+    """Returns one effect of a verdict. Each parameter is given as its value, or as (value, low, high)."""
     values = {
         key: {"value": one[0], "ci95": list(one[1:])} if isinstance(one, tuple) else {"value": one, "ci95": None}
         for key, one in parameters.items()
@@ -77,7 +77,7 @@ def _quick(name, group, law, verdict, *effects, mechanism=None, cpu_s, after=1.2
 
 
 def scaling_results() -> scaling.Scaling:
-    """Returns figures of `brickpilot bench --scaling`: linear work, work that grows with the square, three workers."""
+    """Returns figures of `brickpilot bench --scaling`: linear work, quadratic work, three workers."""
     sizes = (10, 20, 40, 80)
     sweeps = []
     for name, power in (("linear", 1.0), ("square", 2.0)):

@@ -33,16 +33,16 @@ from brickpilot.vehicle.model import rcx
 STEP_S = 0.003
 CAUSES = ("watchdog", "stuck interrupt", "brown-out", "reset pin")
 OFF_S = 0.036
-"""Motors may go on for so long after a program hangs: the watchdog's time, and a step."""
+"""Seconds that motors may go on after a program hangs: the watchdog's time, and a step."""
 
 WATCH_S = 4.5
-"""Motors are watched for so long: the slowest loader takes 1.3 s, and an image rests for 2 s."""
+"""Seconds that motors are watched: the slowest loader takes 1.3 s, and an image rests for 2 s."""
 
 MOST_START_S = 6.0
-"""After power-on a mission begins within a loader's time and the rest."""
+"""Seconds after power-on until which a mission begins: a loader's time and the rest."""
 
 SUPPLY_V = 2.0
-"""Battery in a brown-out: below what every detector of an Arduino is set to."""
+"""Battery voltage in a brown-out: below the threshold of every detector of an Arduino."""
 
 
 @dataclass(frozen=True)
@@ -50,11 +50,11 @@ class Outcome:
     """What a reset led to.
 
     Attributes:
-        resets: of the chip; the loader's own are among them.
-        off_s: from the cause until no motor was driven; None: one was driven until the end.
-        driven_s: for so long a motor was driven after that and after `OFF_S`.
+        resets: number of resets of the chip, with the loader's own.
+        off_s: seconds from the cause until no motor was driven; None: a motor was driven until the end.
+        driven_s: seconds for which a motor was driven after that and after `OFF_S`.
         obeys: whether the robot drives when a host tells it to afterwards.
-        said: why the chip started, bits of the message BOARD; -1: nothing.
+        said: why the chip started, bits of the message BOARD; -1: no message.
     """
 
     loader: str
@@ -68,23 +68,23 @@ class Outcome:
 
 
 class Flight:
-    """A robot whose duties are looked at after each control step."""
+    """A flying robot whose motor duties are read after each control step."""
 
     def __init__(self, robot: AvrRobot) -> None:
         self.robot = robot
 
     def drives(self) -> bool:
-        """Flies one step, and returns whether a motor was driven at its end."""
+        """Flies one control step, and returns whether a motor was driven at its end."""
         self.robot.fly()
         return bool(np.any(np.nan_to_num(np.array(tuple(self.robot.tell().duty))) != 0))
 
     def for_s(self, seconds: float) -> list[bool]:
-        """Returns `drives` of each step of so long."""
+        """Flies `seconds` and returns, for each control step, whether a motor was driven."""
         return [self.drives() for _ in range(round(seconds / STEP_S))]
 
 
 def _cause(flight_: Flight, cause: str) -> list[bool]:
-    """Brings a reset about, and returns what the motors did from its cause on."""
+    """Causes a reset, and returns, for each control step from the cause on, whether a motor was driven."""
     robot = flight_.robot
     name, value, held_s = {
         "watchdog": ("MAIN_HELD", 1.0, None),
@@ -125,7 +125,7 @@ class InSteps:
         """Does nothing."""
 
     def session(self, other: Callable[[int, bytes], None] = lambda _identifier, _data: None) -> Session:
-        """Returns a host's session over this line, which takes no time but the robot's."""
+        """Returns a host's session over this line; its clock is the robot's time."""
         return Session(self, "avr", other, clock=lambda: self.now_s)
 
 
@@ -162,7 +162,7 @@ def _outcome(flight_: Flight, loader: str, cause: str, at_s: float) -> Outcome:
 
 
 def in_child(work: Callable[[], Any]) -> Any:
-    """Returns what `work` gives, as JSON holds it, in a copy of this process, which itself does not go on."""
+    """Runs `work` in a copy of this process and returns its result, as JSON holds it; this process does not change."""
     reading, writing = os.pipe()
     child = os.fork()
     if child == 0:
@@ -180,7 +180,7 @@ def in_child(work: Callable[[], Any]) -> Any:
 
 
 def planned(target: str, last_s: float) -> flight.Plan:
-    """Returns the plan of the packaged mission for a target, so long that all that comes after a reset has room."""
+    """Returns the plan of the packaged mission for a target, long enough for all that follows a reset."""
     sensors = AVR_TARGETS[target].sensors[0]
     plan = flight.plan(scenario.load(scenario.packaged()["mission"]), rcx(), profile="coupled", sensors=sensors)
     return dataclasses.replace(plan, steps=round((last_s + WATCH_S + 10) / STEP_S))

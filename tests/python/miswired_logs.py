@@ -1,4 +1,4 @@
-"""Logs of two robots of engines that are not the plant, with wiring faults made on purpose. Also a program.
+"""Logs of two robots with planted wiring faults, simulated by engines that are not the plant. Also a program.
 
 PYTHONPATH=tests:tests/python python -m miswired_logs [LOGS]     # prints the table: fault, robots, named, false
 """
@@ -24,8 +24,8 @@ Vector = NDArray[np.float64]
 Log = dict[str, Vector]
 """Signal -> values of one run, in SI and the paper's frame; time is one of them."""
 
-COUNTS = 960  # of a turn
-FULL_V = 9.0  # at full duty
+COUNTS = 960  # per turn
+FULL_V = 9.0  # V at full duty
 ROBOTS = {
     "mujoco": Vehicle(),
     "planar": Vehicle(mass=2.4, yaw_inertia=0.02, half_track=0.11, wheel_radius=0.035, wheel_inertia=2e-3,
@@ -35,7 +35,7 @@ DRIVES = ("forward_half", "spin_right", "curve_left", "left_alone", "ramp_throug
 
 
 def nominal(robot: str) -> dict[str, float]:
-    """What the experimenter measured of it."""
+    """Returns what the experimenter measured of the robot, SI."""
     return {
         "wheel_radius": ROBOTS[robot].wheel_radius,
         "half_track": ROBOTS[robot].half_track,
@@ -55,7 +55,7 @@ def logs(robot: str, seed: int, hidden: Mapping[str, Mapping[str, float]] | None
         runs, measure.tracks(recipe), measure.sense(measure.tracks(recipe), recipe), strict=True
     ):
         _, left, right = run.held(recipe.sample_s)
-        keep = slice(None, None, 3)  # a log of every 9 ms or so
+        keep = slice(None, None, 3)  # a row about every 9 ms
         every_step = max(1, round(recipe.sample_s / track.oversample_s))
         log: Log = {
             "time": track.time[::every_step][keep],
@@ -112,7 +112,7 @@ FAULTS: dict[str, Callable[[Log], Log]] = {
     "PWM taken as volts": _as_voltage,
     "left PWM of another scale": _scaled("duty_left", by=0.25),
 }
-"""What is wrong -> what it does to each run."""
+"""Fault -> function that puts it into each run."""
 
 WORDS = {
     "encoders swapped": "encoder are swapped", "left encoder dead": "left encoder stands still",
@@ -124,7 +124,7 @@ WORDS = {
     "time in ms": "1000 times too long", "time in us": "1e+06 times too long", "PWM taken as volts": "PWM of 255",
     "left PWM of another scale": "full drive",
 }  # fmt: skip
-"""Words of the sentence, for faults that are named and not, or not only, mended."""
+"""Fault -> words of its sentence, for faults that are named instead of, or as well as, corrected."""
 
 
 def channels(log: Log) -> Channels:
@@ -139,7 +139,7 @@ def dataset(runs: Sequence[Log], robot: str) -> Dataset:
 
 
 def _mirrored(log: Log) -> Iterator[Log]:
-    """The log, and what nothing tells from it: the robot driven backwards, its mirror image, and both."""
+    """Yields the log, and logs that no check can tell from it: the robot driven backwards, mirrored, and both."""
     sides = [name for name in log if name.endswith(("_left", "_right"))]
     turned = _swapped("duty")(_swapped("wheel_angle")(_scaled("yaw_rate")(log)))
     for one in (log, turned):
@@ -148,7 +148,7 @@ def _mirrored(log: Log) -> Iterator[Log]:
 
 
 def is_right(truth: Sequence[Log], found: Sequence[Miswired], faults: Sequence[str], spoilt: Sequence[Log]) -> bool:
-    """Whether each fault is named, or the log is mended as sure as that."""
+    """Whether each fault is named, or the log is corrected, with enough certainty."""
     said = " ".join(one.text for one in found)
     worded = [fault for fault in faults if fault in WORDS and fault != "encoders swapped"]
     if not all(WORDS[fault] in said for fault in worded):
@@ -166,7 +166,7 @@ def is_right(truth: Sequence[Log], found: Sequence[Miswired], faults: Sequence[s
 
 
 def _same(wanted: Log, found: Mapping[str, Vector]) -> bool:
-    """Whether all channels but those that stand still are the same, up to a positive factor."""
+    """Whether all channels are equal up to a positive factor. Channels that stand still are not compared."""
     for name, values in found.items():
         other = wanted.get(name, wanted.get(name.replace("voltage", "duty")))
         if other is None or not np.any(other) or np.ptp(values) == 0.0:
@@ -183,9 +183,9 @@ def spoil(runs: Sequence[Log], faults: Sequence[str]) -> list[Log]:
 
 
 def pairs() -> list[tuple[str, str]]:
-    """Two faults that a log shows both: not two of one channel's scale, nor one of an encoder that counts nothing.
+    """Pairs of faults that a log shows both: not two scales of one channel, nor another fault of a dead encoder.
 
-    With a dead encoder nothing tells the unit of the gyro.
+    With a dead encoder nothing determines the unit of the gyro.
     """
     scales = [{"gyro in degrees", "gyro in rpm"}, {"time in ms", "time in us"},
               {"1440 counts taken as 960", "wheel radius half of it"}]  # fmt: skip

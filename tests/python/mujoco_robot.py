@@ -1,4 +1,4 @@
-"""An exported robot in MuJoCo: driven by voltages, or at the plant's end of a link. Frame of Brickpilot."""
+"""An exported robot in MuJoCo: driven by voltages, or in place of the plant on a link. Frame of Brickpilot."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 X, Y, YAW = 0, 1, 3
-"""Places of the joints of a robot; its wheels follow."""
+"""Indices of the joints of a robot; the joints of its wheels follow."""
 
 
 def load(text: str) -> tuple[Any, Any]:
@@ -27,7 +27,7 @@ def load(text: str) -> tuple[Any, Any]:
 
 
 def drive(text: str, volts: Array, step: float = STEP_S) -> dict[str, Array]:
-    """Returns what the robot does under voltages that are held for `step` each, at the start of each."""
+    """Returns the robot's motion at the start of each voltage; each voltage is held for `step` s."""
     model, data = load(text)
     count, motors = round(step / model.opt.timestep), volts.shape[1]
     assert count * model.opt.timestep == np.float64(step) or math.isclose(count * model.opt.timestep, step)

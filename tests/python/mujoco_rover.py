@@ -1,7 +1,7 @@
 """A rover with four wheels in MuJoCo, and its logs: skid steering with contacts that are not the plant's.
 
 Lengths, masses and the floor's friction are those of the Clearpath Jackal (jackal_description/urdf/jackal.urdf.xacro of
-github.com/jackal/jackal); its motors are not published, and these are ours: two equal ones turn the wheels of a side.
+github.com/jackal/jackal); its motors are not published. The motors here are invented: two equal ones a side.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ EMF, RESISTANCE, ROTOR, VISCOUS = 1.0, 3.0, 0.1, 0.05  # of each of the four mot
 BATTERY = 24.0
 ROW_S = 0.02
 _STEP_S = 5e-4
-_SOLREF = "0.01 1"  # of the contacts, s and 1: stiffer than the preset
+_SOLREF = "0.01 1"  # time constant in s and damping ratio of the contacts: stiffer than the preset
 _LEFT, _RIGHT = ("front_left", "rear_left"), ("front_right", "rear_right")
 
 NOMINAL: dict[str, Any] = {
@@ -34,13 +34,13 @@ NOMINAL: dict[str, Any] = {
     "resistance": RESISTANCE / 2, "emf_constant": EMF, "torque_constant": EMF, "battery_voltage": BATTERY,
     "viscous_friction": {"value": 0.15, "sd": 0.1}, "rolling_friction": 0.0,
 }  # fmt: skip
-"""What its builder knows: the motors of a side in parallel, and nothing of the contacts but where they are."""
+"""The builder's values: the motors of a side in parallel; of the contacts only their places."""
 
 
 @dataclass(frozen=True)
 class Hidden:
-    """What the rover has beyond its plan: dry friction of the left and the right wheels, N m a side; added viscous
-    friction, N m s/rad a side."""
+    """What the nominal values lack: dry friction of the left and the right wheels, N m a side; added viscous friction,
+    N m s/rad a side."""
 
     dry: tuple[float, float] = (0.0, 0.0)
     viscous: float = 0.0
@@ -83,7 +83,7 @@ def drive(volts: Array, hidden: Hidden, friction: float = 0.5) -> Array:
     row of `volts` (n, 2)."""
     model: Any = mujoco.MjModel.from_xml_string(text(hidden, friction))
     data = mujoco.MjData(model)
-    mujoco.mj_step(model, data, 1000)  # it settles on its wheels
+    mujoco.mj_step(model, data, 1000)  # the rover settles on its wheels
     rows = np.empty((len(volts), 3))
     for k, (left, right) in enumerate(volts):
         wheel = data.qvel[6:]

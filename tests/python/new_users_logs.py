@@ -1,4 +1,4 @@
-"""Logs as new users write them, with the columns of an Arduino, of robots of engines that are not the plant."""
+"""Logs of robots as new users write them, with columns of an Arduino; simulated by engines that are not the plant."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ MANY = (
 )
 
 WEAK_RIGHT = {"motor_asymmetry": {"difference": 2 * 0.12 / (2 - 0.12)}}
-"""The right motor gets 12 % less than the left, and their mean is as it was."""
+"""The right motor gets 12 % less than the left; their mean does not change."""
 
 
 def stated(robot: str) -> list[str]:
-    """The options with which a user states what he measured of his robot."""
+    """Returns the options with which a user states the measured values of the robot."""
     known = ROBOTS[robot]
     values = {name: getattr(known, name) for name in ("wheel_radius", "half_track", "mass", "resistance")}
     return [word for name, value in values.items() for word in ("--nominal", f"{name}={value}")]
@@ -41,7 +41,7 @@ def stated(robot: str) -> list[str]:
 def write_log(
     file: Path, robot: str, runs: Sequence[Manoeuvre], hidden: Mapping[str, Mapping[str, float]], seed: int = 1
 ) -> None:
-    """Writes one log of all runs, one behind the other: ms, PWM of 255, counts of 960 a turn, gyro in deg/s (FRD)."""
+    """Writes one log of all runs in sequence: ms, PWM of up to 255, counts (960 per turn), gyro in deg/s (FRD)."""
     recipe = Recipe(name="user", engine=robot, vehicle=ROBOTS[robot], runs=tuple(runs), hidden=hidden, seed=seed)
     random = np.random.default_rng(seed)
     rows, began, counted = ["millis,pwm_left,pwm_right,enc_left,enc_right,gz_dps"], 0.0, np.zeros(2)
@@ -61,7 +61,7 @@ def write_log(
 
 
 def rewire(file: Path, change: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> None:
-    """Changes the two columns of counts in a log, as (rows, 2): what another wiring, or another encoder, writes."""
+    """Changes the two columns of counts in a log, given as (rows, 2), to those of another wiring or encoder."""
     head, *rows = file.read_text().splitlines()
     cells = [row.split(",") for row in rows]
     counts = change(np.array([[float(one[3]), float(one[4])] for one in cells]))

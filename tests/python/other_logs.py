@@ -1,4 +1,4 @@
-"""Logs of other programs, each written by its own library, or for ULog and dataflash by parts of that library.
+"""Logs of other programs, each written by its own library; ULog and dataflash logs by parts of their libraries.
 
 A ULog file is written by `ULog.write_ulog`, a dataflash log by the buffers of `DFReader_binary`.
 
@@ -284,13 +284,13 @@ TURN = 0.5  # unitsPerRotation of the logs below
 
 
 def old_row(time: float, autospeed: float, left: float, right: float, gyro: float) -> list[float]:
-    """A row of frc-characterization: the battery at 12 V, voltages without sign, `left` and `right` in rotations."""
+    """A row of frc-characterization: battery at 12 V, absolute voltages, `left` and `right` in rotations."""
     volts = abs(12.0 * autospeed)
     return [time, 12.0, autospeed, volts, volts, left, right, math.copysign(1.0, left), math.copysign(1.0, right), gyro]
 
 
 def old_log(**changes: Any) -> dict[str, Any]:
-    """Straight on, then on the spot to the left: left wheel backward, right wheel forward, the gyro counting up."""
+    """A log: straight on, then a left turn on the spot (left wheel backward, right wheel forward, gyro counts up)."""
     straight = [old_row(10 + 0.005 * k, 0.5, 0.01 * k + 1, 0.01 * k + 1, 0.0) for k in range(20)]
     spot = [old_row(20 + 0.005 * k, 0.25, -0.01 * k - 1, 0.01 * k + 1, 0.02 * k) for k in range(20)]
     log = {

@@ -7,7 +7,7 @@ import re
 from typing import Any
 
 HOSTILE = "<script>alert(1)<!--"
-"""A name that is no file name by its slash, and markup by all else."""
+"""A hostile name: its slash makes it no file name, and the rest is markup."""
 
 FAULTY = """
 kind = "mission"
@@ -19,7 +19,7 @@ rate = 0.02
 from_s = 1.0
 to_s = 1.2
 """
-"""A scenario, but for its name: a short flight with damaged messages."""
+"""A scenario without its name: a short flight with damaged messages."""
 
 _PLOT = re.compile(r'<div class="plot"[^>]*aria-label="([^"]*)"[^>]*><script type="application/json">(.*?)</script>')
 
@@ -37,9 +37,9 @@ def curves(figure: dict[str, Any]) -> dict[str, list[float | None]]:
 
 
 def assert_self_contained(page: str) -> None:
-    """Fails if the page loads anything, or has other scripts than its library, its own, and its figures."""
+    """Fails if the page loads anything, or has scripts other than the library, its own script and its figures."""
     assert not re.search(r"<(?:link|img|iframe|object|embed|base)\b", page)
-    outside = page.split("<script>\n")[0]  # what follows are the library and the page's own script
+    outside = page.split("<script>\n")[0]  # the library and the page's own script follow
     assert not re.search(r'\b(?:src|srcset|poster|data|action)="', outside)
     assert not re.search(r'href="(?!#|[\w.]+")', outside)
     assert not re.search(r"url\((?!#)|@import", page)

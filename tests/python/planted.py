@@ -1,4 +1,4 @@
-"""Plants faults in copies of measured data sets: in columns, as a wrong unit or clock does, or in rows."""
+"""Plants faults in copies of measured data sets: in columns (a wrong unit or clock), or in rows."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ undamaged = functools.cache(read)
 
 
 def thin(folder: Path, every: int) -> None:
-    """Keeps the first of every so many samples of each run: discovery and fits of long logs take less time."""
+    """Keeps the first of each `every` samples of each run, so that discovery and fits of long logs take less time."""
     for file in folder.glob("*.csv"):
         header, *rows = file.read_text(encoding="utf-8").splitlines(keepends=True)
         file.write_text(header + "".join(rows[::every]), encoding="utf-8")

@@ -10,14 +10,14 @@ from brickpilot.link.lnp import BRICK, HOST
 from rcx_lnp import LnpDevice, Packet
 
 HEARTBEAT = 0x180
-"""The first id that is no reply."""
+"""The first message id that is no reply."""
 
 
 class Autopilot(LnpDevice):
     """A brick that obeys requests; a device for `rcx_brick.RcxBrick`.
 
     Args:
-        telemetry_after: the brick sends a message of telemetry before every so many replies; 0: never.
+        telemetry_after: the brick sends a telemetry message before every `telemetry_after` replies; 0: never.
     """
 
     def __init__(self, telemetry_after: int = 0) -> None:

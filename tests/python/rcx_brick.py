@@ -38,10 +38,10 @@ class Device(Protocol):
     """The software on the brick. It takes bytes and returns the bytes that it sends."""
 
     def silence(self, quiet_s: float) -> None:
-        """The line was quiet for so long, which is longer than the receiver waits."""
+        """The line was quiet for `quiet_s`, longer than the receiver waits."""
 
     def damaged(self) -> None:
-        """A byte came with wrong parity."""
+        """A byte arrived with wrong parity."""
 
     def byte(self, value: int) -> bytes: ...
 
@@ -75,7 +75,7 @@ class RcxBrick:
         brickos: True: brickOS runs already; False: the ROM runs until it starts an image.
         tower: whether there is a tower, which echoes.
         on: whether the brick is switched on.
-        vanish_after: number of bytes after which the brick receives nothing more, or nothing until `back_after` bytes.
+        vanish_after: number of bytes after which the brick receives nothing, for ever or until `back_after` bytes.
         broken_sums: number of blocks whose checksum the ROM finds wrong.
         lego: the started image replies in the ROM's protocol, as LEGO's firmware does; otherwise it is brickOS.
         lose_replies: numbers of the brick's replies that are lost, counted from 1.

@@ -1,6 +1,6 @@
-"""The program loader of brickOS 0.9 behind its LNP receiver, after its headers and its disassembled kernel.
+"""The program loader of brickOS 0.9 behind its LNP receiver, modelled on its headers and its disassembled kernel.
 
-It acknowledges only commands that it obeyed; tools/brickpilot/flash/program.py lists those without a reply.
+The loader acknowledges only commands that it obeyed; tools/brickpilot/flash/program.py lists those without a reply.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ RECEIVED, TASKS, SYSTEM_TASKS, PROGRAMS = 0xAD72, 0xAD34, 0xAD38, 0xAC30
 """Addresses in Debian's kernel. RECEIVED is 0 between two packets; PROGRAMS begins with the first program's address."""
 
 _REPLY_MS = 300
-"""A kernel whose tasks all wait replies sooner."""
+"""ms; a kernel whose tasks all wait replies sooner."""
 _STEP_MS = 10
 
 
@@ -21,16 +21,16 @@ class Kernel(SimulatedRcx):
         return self
 
     def silence(self, quiet_s: float) -> None:
-        """Lets that time pass too, because a brick that sends telemetry hears nothing until that is sent."""
+        """Lets `quiet_s` pass in the brick, too: a brick that sends telemetry receives nothing until it has sent it."""
         self.run(max(2 * _STEP_MS, round(1000 * quiet_s)))
 
     def damaged(self) -> None:
         self.bring(0, wrong=True)
 
     def byte(self, value: int) -> bytes:
-        """Brings a byte. If it ends a packet, lets time pass for the reply, and returns that."""
+        """Brings a byte to the brick. If the byte ends a packet, lets time pass, and returns the reply."""
         before = self.word(RECEIVED) != 0
-        sent = self.bring(value) + self.run(2)  # its interrupt copies a whole packet for up to a ms
+        sent = self.bring(value) + self.run(2)  # the interrupt takes up to 1 ms to copy a whole packet
         receiving = self.word(RECEIVED) != 0
         if receiving or not before:
             return sent

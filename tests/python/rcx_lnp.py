@@ -1,4 +1,4 @@
-"""Receives LNP byte by byte as brickOS's kernel does, after its disassembly.
+"""Receives LNP byte by byte as brickOS's kernel does, by its disassembly.
 
 It shares no code with `brickpilot.link.lnp`, which it tests.
 """
@@ -31,7 +31,7 @@ class Receiver:
         self._packet = bytearray()
 
     def forget(self) -> None:
-        """Starts anew, after a silence or a byte with wrong parity."""
+        """Waits for a new packet, after a silence or a byte with wrong parity."""
         self._packet.clear()
 
     def byte(self, value: int) -> Packet | None:

@@ -1,8 +1,8 @@
-"""The RCX's ROM as a receiver of firmware, byte by byte, after brickEmu's replacement of it and RCX Internals.
+"""The RCX's ROM as a receiver of firmware, byte by byte, modelled on brickEmu's replacement ROM and RCX Internals.
 
-A sender has to know these rules. Data are written to memory as they arrive, before their complement. The same index
-again goes back to the start of that block. The same opcode again repeats the last reply and does nothing else. The
-index counts on even if a block's checksum was wrong. A wrong complement, a wrong parity or 30 ms of silence discard an
+A sender has to know these rules. Data are written to memory as they arrive, before their complement. A repeated index
+goes back to the start of that block. A repeated opcode repeats the last reply and does nothing else. The index
+increases even if a block's checksum was wrong. A wrong complement, a wrong parity or 30 ms of silence discard an
 incomplete packet, and the next bytes are read as another packet.
 """
 
@@ -36,7 +36,7 @@ class Rom:
         self.silence(0.0)
 
     def silence(self, _quiet_s: float) -> None:
-        """Starts anew after a silence."""
+        """Waits for a new packet, after a silence."""
         self._state, self._previous, self._complement = _OPCODE, 0xFF, False
 
     def damaged(self) -> None:
@@ -109,7 +109,7 @@ class Rom:
             self._state = _BLOCK_SUM
 
     def _handle(self) -> bytes | None:
-        """Handles a complete packet. Returns the reply, or None for none."""
+        """Handles a complete packet. Returns the reply, or None if there is none."""
         packet = bytes(self._packet)
         self.requests.append(packet)
         opcode = packet[0]

@@ -47,7 +47,7 @@ def _air(p: Mapping[str, float], speed: float) -> float:
 
 
 def coupled(p: Mapping[str, float]) -> Slope:
-    """Wheel torques go through the tyre forces F_l, F_r, which are solved for so that the wheels do not slip."""
+    """Wheel torques act through the tyre forces F_l, F_r, whose values keep the wheels from slipping."""
     radius, track = p["wheel_radius"], p["half_track"]
     # Unknowns w_l', w_r', F_l, F_r: two wheel equations, the body's surge and its yaw.
     matrix = np.array(
@@ -81,7 +81,7 @@ def coupled(p: Mapping[str, float]) -> Slope:
 
 
 def paper(p: Mapping[str, float]) -> Slope:
-    """Eq. 1 to 19 as they are read, with the direction of motion meaningless below 0.1 mm/s."""
+    """Eq. 1 to 19 of the paper; below 0.1 mm/s the direction of motion is undefined."""
 
     def thrust(voltage: float, speed: float) -> float:
         if math.isnan(voltage):
@@ -111,7 +111,7 @@ def paper(p: Mapping[str, float]) -> Slope:
 
 
 def solve(slope: Slope, time: Array, inputs: Array, start: Array | None = None) -> dict[str, Array]:
-    """Solves with each input held from its sample to the next; a floating motor loses its current at once."""
+    """Solves the equations, with each input held until the next sample; a floating motor loses its current at once."""
     rows = [np.zeros(len(COLUMNS)) if start is None else start]
     changes = [0, *(np.flatnonzero(np.any(~_same(inputs[1:], inputs[:-1]), axis=1)) + 1), len(time) - 1]
     for begin, end in pairwise(changes):

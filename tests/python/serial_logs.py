@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 HEADER = "millis,pwmL,pwmR,encL,encR,gx,gy,gz"
 DRIVES = ((1, 3, 180, 180), (5, 7, -120, 120), (9, 11, -200, -200), (13, 15, 200, 90))  # from s, to s, left, right
-COUNTS = 960  # of a turn
+COUNTS = 960  # per turn
 
 MAPPING = [
     "time=millis:ms", "duty_left=pwmL*1/255", "duty_right=pwmR*1/255", "wheel_angle_left=encL*1/960:rotation",

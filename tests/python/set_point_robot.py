@@ -1,6 +1,6 @@
 """Logs of robots under a digital speed controller: set points and wheel speeds, and no voltage.
 
-Nothing here is the plant's: an Euler integration of 0.1 ms, and a controller that acts every 10 ms.
+It does not use the plant: it integrates by Euler steps of 0.1 ms, with a controller that acts every 10 ms.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def logs(controller: Controller, dry_friction: float = 0.0, seed: int = 1) -> di
 
 
 def _driven(velocity: Vector, yaw_rate: Vector, controller: Controller, dry_friction: float) -> Vector:
-    """Returns (runs, rows, 2) rad/s: the wheels' speeds, for set points (runs, rows)."""
+    """Returns the wheel speeds in rad/s, (runs, rows, 2), for set points of shape (runs, rows)."""
     forward, turn = _MASS * RADIUS**2 / 4, _YAW_INERTIA * RADIUS**2 / (4 * HALF_TRACK**2)
     both = np.array([[_INERTIA + forward + turn, forward - turn], [forward - turn, _INERTIA + forward + turn]])
     per_torque, every = np.linalg.inv(both), round(_CONTROL_S / _STEP_S)

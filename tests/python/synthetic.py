@@ -1,4 +1,4 @@
-"""Data sets whose truth is known: the plant's outputs with seeded noise, written as a user would have logged them."""
+"""Data sets whose truth is known: outputs of the plant with seeded noise, written as a user would log them."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def motor(**values: float) -> Model:
 
 
 def steps(left: float, right: float, *, seconds: float = 2.0, period: float = 0.01, jitter_seed: int | None = None):
-    """Time (n,) and voltages (n, 2): rest, the step, then both motors shorted. With a seed: irregular samples."""
+    """Time (n,) and voltages (n, 2): rest, the step, then both motors shorted. `jitter_seed`: samples are irregular."""
     time = np.arange(0.0, seconds, period)
     if jitter_seed is not None:
         time = time + np.random.default_rng(jitter_seed).uniform(-0.4, 0.4, len(time)) * period
@@ -62,12 +62,12 @@ def write(
     """Writes a data set and returns its folder.
 
     Args:
-        signals: outputs and the sd of the noise put on each, SI; 0 plus noise where the vehicle has no such output.
+        signals: output -> sd of its noise, SI; an output that the vehicle lacks is noise about 0.
         nominal: the lines below [nominal].
-        units: signal -> (unit, how many of it are one SI unit).
+        units: signal -> (unit, number of these units in one SI unit).
         start: the state every run truly starts from.
-        initial: what the file states of it, the inside of a TOML table.
-        spoil: called with (run name, table of columns) before it is written, to damage it; NaN is written as a blank.
+        initial: the start that the file states, as the inside of a TOML table.
+        spoil: damages a run: called with (run name, table of columns) before it is written; NaN is written as a blank.
     """
     random = np.random.default_rng(seed)
     folder.mkdir(parents=True)

@@ -45,7 +45,7 @@ def to_ten_bits(table: Table) -> None:
 
 
 def plant(folder: Path, damage: Spoil, *, jitter: bool = False, seed: int = 3) -> Dataset:
-    """Two runs of 2 s at 100 Hz, noise and ten bits on every signal; `damage` is done to the one named "curve"."""
+    """Two runs of 2 s at 100 Hz, noise and ten bits on every signal; `damage` is applied to the run "curve"."""
 
     def spoil(run: str, table: Table) -> None:
         to_ten_bits(table)
@@ -234,9 +234,9 @@ def test_the_lego_motors_angle_that_stands_is_found_by_its_speed(measured: Path)
 
 @needs_data
 def test_the_micromouse_loses_what_its_sensors_lost_and_what_follows_a_collision(measured: Path) -> None:
-    """The gyro ends at 2000 deg/s less its bias; the battery drops to 0 V; an encoder leaps by 12 mm and back.
+    """The gyro saturates at 2000 deg/s less its bias; the battery drops to 0 V; an encoder leaps by 12 mm and back.
 
-    Three straight runs end at a wall. What their accelerometer measures of the blow stays among the raw values.
+    Three straight runs end at a wall. The raw values keep what their accelerometer measures of the collision.
     """
     dataset = read(measured / "micromouse")
     assert found(dataset) == {
@@ -326,7 +326,7 @@ def test_a_range_clipped_in_a_measured_set_is_found(
     dataset = planted.plant(measured / name, tmp_path / "s", [column], clip, run)
     (found,) = planted.new_faults(dataset, planted.undamaged(measured / name))
     assert found[:2] == (run, signal)
-    assert found[2] in {"clipped", "frozen"}  # half of what a motor runs at in all of a run: it never leaves it
+    assert found[2] in {"clipped", "frozen"}  # a motor that always runs beyond the clipped range looks frozen
     outputs = next(one for one in dataset.runs if one.name == run)
     raw = outputs.raw_outputs[signal]
     assert np.isnan(outputs.outputs[signal][np.abs(raw) >= 0.9999 * np.abs(raw).max()]).mean() > 0.9

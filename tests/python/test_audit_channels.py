@@ -1,4 +1,4 @@
-"""Channels with a wrong sign or unit are told from physics, by the other channels of a run or by other runs."""
+"""Wrong signs and units of channels are found by physics: from other channels of the run, or from other runs."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SOME = {**synthetic.MANOEUVRES, "pivot": (5.0, 0.0), "right": (-5.0, 6.0)}
 
 
 def robot(folder: Path, factors: dict[str, float], *runs: str, noise: dict[str, float] = NOISE, **options) -> Dataset:
-    """A synthetic set with some columns times a factor, in `runs` or in all."""
+    """A synthetic set with some columns multiplied by a factor, in `runs` or, if none is given, in all."""
 
     def spoil(run: str, table: dict[str, np.ndarray]) -> None:
         if not runs or run in runs:
@@ -42,7 +42,7 @@ def robot(folder: Path, factors: dict[str, float], *runs: str, noise: dict[str, 
 
 
 def is_mended(dataset: Dataset) -> bool:
-    """Whether a fault is one of the wiring, of which the channel is turned or scaled back."""
+    """Whether the data set has a wiring fault whose channel is corrected in sign or scale."""
     return any(one.is_mended for one in dataset.wiring)
 
 
@@ -62,7 +62,7 @@ def test_a_wrong_unit_beyond_the_stated_range_is_no_clipping(runs: tuple[str, ..
     toml.write_text(text.replace(before, f"{before} range = [-12, 12],"), encoding="utf-8")
     dataset = read(tmp_path / "s")
     found = wrong(dataset)
-    if lone and not runs:  # nothing tells by how much
+    if lone and not runs:  # nothing determines the factor
         assert found == {(run, "yaw_rate"): ("unit", None) for run in SOME}
         assert (
             "all runs: yaw_rate is far beyond its stated range, so it may be in another unit; left out" in dataset.notes
@@ -154,7 +154,7 @@ def test_the_only_channel_is_turned_back_and_not_lost(tmp_path: Path) -> None:
 
 
 def test_a_channel_that_states_its_error_is_no_fault(tmp_path: Path) -> None:
-    """Counts without a sign disagree with the drives and the other sensors in each turn backward."""
+    """Counts without a sign disagree with the drives and the other sensors whenever a wheel turns backward."""
     sensor = next(one for one in catalogue.effects() if one.stated_by and one.acts_on == "sensor")
     truth = dataclasses.replace(synthetic.robot(), effects={sensor.name: {}})
     assert {kind for kind, _ in wrong(robot(tmp_path / "s", {}, truth=truth)).values()} == {"sign"}
@@ -169,9 +169,9 @@ def test_a_channel_that_states_its_error_is_no_fault(tmp_path: Path) -> None:
 @pytest.mark.parametrize("effect", [effect.name for effect in catalogue.effects() if not effect.stated_by])
 @pytest.mark.parametrize("size", [1.0, 2.5])
 def test_no_effect_is_taken_for_a_fault(effect: str, size: float, tmp_path: Path) -> None:
-    """Clearly visible effects, and larger ones, with coarse geometry and with none.
+    """Clearly visible effects, and larger ones, with roughly known geometry and with none.
 
-    What a channel can state of its sensor is wrong in the data: a reading without a sign has the wrong one backward.
+    Effects that a channel can state (`stated_by`) are left out: a reading without a sign is wrong in backward motion.
     """
     info = next(one for one in catalogue.effects() if one.name == effect)
     sizes = [size if number == 0 else 1.0 for number in range(len(info.parameters))]
@@ -239,7 +239,7 @@ def test_wrong_columns_planted_in_measured_sets_are_found(
     expected = {(run.name, signal, kind) for run in sound.runs for signal in signals if not runs or run.name in runs}
     found = planted.new_faults(dataset, sound)
     assert found <= expected
-    # what was found frozen already may have nothing to say any more
+    # a channel that was already found frozen may show no second fault
     assert {(run, signal) for run, signal, _ in expected - found} <= standing
     named = [fault.factor for fault in dataset.faults if fault.kind == kind]
     np.testing.assert_allclose(named, factor, rtol=0.03)

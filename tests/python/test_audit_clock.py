@@ -1,4 +1,4 @@
-"""Clocks that drift, run fast or leap are found in the runs they do it in; lost rows and other rates are none."""
+"""Clocks that drift, run fast or leap are found in their runs; lost rows and other sample rates are no clock faults."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ NOISE = {
 
 
 def drift(by: float) -> Callable[[Column], Column]:
-    """A clock that is right at first, and at the end fast by twice `by`."""
+    """A clock with the right rate at first, and a rate higher by the share 2 `by` at the end."""
     return lambda time: time + by * (time - time[0]) ** 2 / (time[-1] - time[0])
 
 
@@ -37,7 +37,7 @@ def leap(by: float) -> Callable[[Column], Column]:
 
 @pytest.fixture(scope="module")
 def sets(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
-    """A measured set's folder by its name; FRC's logs are imported once."""
+    """Returns the folder of a measured set by its name; the logs of FRC are imported once."""
     folder = tmp_path_factory.mktemp("frc") / "frc"
 
     def path(name: str) -> Path:
@@ -73,7 +73,7 @@ def test_a_wrong_clock_planted_in_a_measured_set_is_found(
     found = planted.plant(sets(name), tmp_path / "s", [column], change, *runs)
     expected = {(run.name, "time", "clock") for run in sound.runs if not runs or run.name in runs}
     assert planted.new_faults(found, sound) == expected
-    for run, before in zip(found.runs, sound.runs, strict=True):  # after a collision a run is blank in any case
+    for run, before in zip(found.runs, sound.runs, strict=True):  # a run is blank after a collision, with any clock
         known, was_known = (any(np.isfinite(one[-1]) for one in each.outputs.values()) for each in (run, before))
         assert known == (was_known and (run.name, "time", "clock") not in expected)
 

@@ -1,4 +1,4 @@
-"""A collision is found where the speed is lost at a constant command, and only there; rests start no horizon."""
+"""A collision is found only where speed is lost at a constant command; no window starts at rest."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ AHEAD = {"ahead": (6.0, 6.0), "back": (-5.0, -5.0)}
 
 
 def stop(table: Table, at: float, *, over: float = 0.03, left: float = 0.1, sides: tuple[str, ...] = ("left", "right")):
-    """The wheels keep the share `left` of their speed from `at` s on, `over` s later."""
+    """The wheels slow down from `at` s on: `over` s later they keep the share `left` of their speed."""
     share = np.interp(table["t"], [at, at + over], [1.0, left])
     for side in sides:
         table[f"wheel_speed_{side}"] *= share

@@ -1,4 +1,4 @@
-"""A velocity that is behind its travel is told, and nothing is left out for it."""
+"""A velocity that lags behind its travel is reported, and no sample is left out for it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ RATES = ("wheel_velocity_left", "wheel_velocity_right")
 
 
 def written(folder: Path, behind: dict[str, float], *, filtered: bool = False) -> Dataset:
-    """Rates that are so many s behind, by a pure delay or by a mean over twice the time."""
+    """Rates late by `behind` s each: by a pure delay, or (`filtered`) by a mean over twice the time."""
 
     def spoil(_: str, table: Table) -> None:
         for name, seconds in behind.items():

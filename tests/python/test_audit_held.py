@@ -20,7 +20,7 @@ WHEELS = ["wheel_speed_left", "wheel_speed_right", "wheel_travel_left", "wheel_t
 
 
 def hold(table: Table, names: list[str], rows: float, *, phase: int = 0) -> np.ndarray:
-    """Repeats each sample of `names` for so many rows; returns the rows of the samples."""
+    """Holds each sample of the columns `names` for `rows` rows; returns the rows of the new samples."""
     place = np.arange(len(table["t"]))
     taken = np.maximum(np.floor((place - phase) / rows) * rows + phase, 0).astype(int)
     for name in names:
@@ -119,7 +119,7 @@ def test_a_frozen_stretch_is_longer_than_a_held_sample(tmp_path: Path) -> None:
 
 
 def still(seconds: float) -> Callable[[str, Table], None]:
-    """Wheels that stand for so long after power-on, whose encoders give speeds without noise there."""
+    """Wheels that stand for `seconds` after power-on; their encoders then give speeds without noise."""
 
     def spoil(_: str, table: Table) -> None:
         for side in ("left", "right"):
@@ -159,7 +159,7 @@ def test_a_speed_that_is_zero_in_full_motion_is_frozen(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("blank", [True, False])
 def test_a_drive_that_floats_at_no_command_is_no_fault(blank: bool, tmp_path: Path) -> None:
-    """The wheels coast on: they turn without a command, and a blank command is a floating motor."""
+    """The wheels coast: they turn without a command. A blank command means a floating motor."""
 
     def coast(_: str, table: Table) -> None:
         last = int(np.flatnonzero(table["voltage_left"])[-1])
@@ -182,7 +182,7 @@ def test_the_wheels_of_a_mouse_stand_before_they_start() -> None:
 
 
 def test_windows_of_a_held_motor_start_from_its_measured_motion(tmp_path: Path) -> None:
-    """The first row of a window seldom holds a sample: its state comes from the samples near it."""
+    """The first row of a window seldom has a new sample, so its state comes from the samples near it."""
     truth = synthetic.motor(resistance=5.0, torque_constant=0.3, emf_constant=0.3, wheel_inertia=0.01)
     true: dict[str, np.ndarray] = {}
 

@@ -1,4 +1,4 @@
-"""Channels that nothing measured beside them denies, but the nominal model does."""
+"""Wrong channels that contradict no other channel, but the nominal model."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from test_dataset import measured
 
 DEGREES, RPM = 180 / pi, 30 / pi
 NOMINAL = {
-    "lego_ev3_motor": "emf_constant = 0.468\nresistance = 6.69",  # published of this motor, at its shaft
+    "lego_ev3_motor": "emf_constant = 0.468\nresistance = 6.69",  # published for this motor, at its shaft
     "linear_axis": "mass = 95\nviscous_friction = 200",
 }
 STATED = """\
@@ -39,7 +39,7 @@ def contradictions(dataset: Dataset) -> tuple[Fault, ...]:
 
 
 def lone(source: Path, folder: Path, signal: str, nominal: str) -> Path:
-    """A copy of a motor's set that measures nothing but `signal`, with nominal values."""
+    """Returns a copy of a motor's set with nominal values, in which `signal` is the only output."""
     shutil.copytree(source, folder)
     toml = folder / "dataset.toml"
     others = "|".join(sorted({"angle", "speed", "position"} - {signal}))
@@ -73,7 +73,7 @@ def test_a_lone_wrong_channel_is_found_by_the_other_runs_or_the_model(
     assert {(fault.run, fault.signal, fault.kind) for fault in found} == {
         (run.name, signal, "sign" if factor < 0 else "unit") for run in dataset.runs if not runs or run.name in runs
     }
-    # half of the motion is lost to friction: inches would fit as well where the unit is not one of the signal's own
+    # friction takes half of the motion: if the unit is unusual for the signal, inches would fit as well
     if runs or factor < 0 or max(factor, 1 / factor) in usual_factors(signal):
         np.testing.assert_allclose([fault.factor for fault in found], factor, rtol=0.03)
 

@@ -1,4 +1,4 @@
-"""The peers of `brickpilot bench`: SciPy's robot is the plant's, at its accuracy, and MuJoCo does no idle work."""
+"""The peers of `brickpilot bench`: SciPy solves the plant's robot as accurately, and MuJoCo does no idle work."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from brickpilot.vehicle.model import Model, rcx
 
 
 def shortened(name: str) -> speed.Manoeuvre:
-    """The first second, which drives a curve, and for held inputs the two others too."""
+    """Returns the first second of a manoeuvre, which is a curve; with held inputs, all three seconds."""
     manoeuvre: speed.Manoeuvre = getattr(speed, name)()
     return manoeuvre if name == "held" else dataclasses.replace(manoeuvre, voltages=manoeuvre.voltages[:200])
 

@@ -255,7 +255,7 @@ def test_a_maker_that_makes_no_set_ends_the_benchmark_and_a_single_missing_set_d
 
 
 class Backwards:
-    """Workers of this process of which the one that began last is the first to be done."""
+    """Workers of this process: the one that began last finishes first."""
 
     def __init__(self) -> None:
         self.given = []
@@ -377,7 +377,7 @@ def test_a_small_complete_run(small, tmp_path) -> None:
 
 
 def test_sets_are_made_and_deleted(tmp_path, monkeypatch) -> None:
-    """What discovery makes of a set is another test's."""
+    """Another test checks what discovery finds in a set."""
     judged = []
 
     def run_one(task, folder, *_):

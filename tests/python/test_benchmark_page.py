@@ -26,7 +26,7 @@ def bodies(page):
 
 
 def markdown_rows(lines):
-    """Returns the cells of the rows of Markdown tables, without marks of code, without heads."""
+    """Returns the cells of the rows of Markdown tables, without code marks and header rows."""
     rows = [
         [cell.strip().replace("`", "") for cell in line.strip("|").split("|")] for line in lines if line.startswith("|")
     ]

@@ -1,4 +1,4 @@
-"""The table of firmware/README.md that puts the bricks side by side is what its script writes of its figures."""
+"""The table that compares the bricks in firmware/README.md is the one that its script writes from the figures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A discovery that has to end early says what it left out, and claims nothing that it did not compare."""
+"""A discovery that has to end early reports what it left out, and names nothing that it did not compare."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
 
 @pytest.fixture(scope="module")
 def whole(data: Dataset) -> tuple[Finding, float]:
-    """What is found without a budget, and the seconds that it took."""
+    """The finding without a budget, and the seconds that it took."""
     began = time.perf_counter()
     return pipeline.discover(data, jobs=1), time.perf_counter() - began
 

@@ -1,4 +1,4 @@
-"""Calibration on data whose truth is known, and what it says where the data cannot tell."""
+"""Calibration on data whose truth is known, and what it reports where the data cannot determine a value."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from synthetic import motor, robot, write
 WHEELS = {"wheel_speed_left": 0.1, "wheel_speed_right": 0.1, "yaw_rate": 0.02}
 IMU = {"accel_surge": 0.03, "yaw_rate": 0.014}
 
-# All but three values, so that wheel speeds and voltage tell those three.
+# All but three values, so that wheel speeds and voltage determine those three.
 KNOWN = """
 rolling_friction = 0.015
 half_track = 0.07
@@ -52,7 +52,7 @@ def test_perturbed_parameters_are_recovered_from_noisy_data(tmp_path):
 
 @pytest.mark.parametrize("initial", ["", "wheel_speed_left = 0.0, wheel_speed_right = 0.0, yaw_rate = 0.0"])
 def test_intervals_cover_the_truth_as_often_as_they_say(tmp_path, initial):
-    """51 or more of 60 intervals of 95 % hold the truth with a chance of 99.9 %, from a noisy start or a stated one."""
+    """With a probability of 99.9 %, 51 or more of 60 intervals (95 %) hold the truth; the start is noisy or stated."""
     covered = 0
     for seed in range(20):
         found = fitted(tmp_path / str(seed), robot(), seed=seed, initial=initial)
@@ -308,7 +308,7 @@ def test_a_value_stated_at_the_edge_of_what_is_physical_is_taken(tmp_path):
 
 
 def diverges_where(monkeypatch, condition):
-    """Makes the plant diverge for some models. Returns the list of those it was asked for."""
+    """Makes the plant diverge for some models. Returns a list that collects these models when they are simulated."""
     simulate, asked = Replay._simulated, []
 
     def some(self, models, *options):
@@ -325,7 +325,7 @@ def diverges_where(monkeypatch, condition):
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize(("low", "high"), [(0.21, 0.3), (0.15, 0.235)])
 def test_candidates_under_which_the_plant_diverges_are_passed_over(tmp_path, monkeypatch, low, high):
-    """Random candidates beyond 0.21..0.3; with 0.15..0.235 also the values the fit starts from."""
+    """The plant diverges for random candidates outside low..high; with 0.15..0.235 also for the start of the fit."""
     asked = diverges_where(monkeypatch, lambda model: not low < model.parameters["emf_constant"] < high)
     data = reading.read(write(tmp_path / "set", robot(emf_constant=0.22), WHEELS, KNOWN))
     found = calibrate(data)

@@ -1,4 +1,4 @@
-"""`brickpilot campaign`: the same runs whatever flies them, each flown again on demand, and one line for each fault."""
+"""`brickpilot campaign`: the same runs on any workers, each run flown again on demand, and one line for each fault."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def test_one_worker_or_two_stopped_or_not_give_the_same_bytes(folder: Path) -> N
     flown(folder, "trial.toml", "--jobs", "2", "--out", "two")
     assert contents(folder / "one") == contents(folder / "two")
     parts = sorted((folder / "two" / "parts").iterdir())
-    assert len(parts) == 14  # of 3 runs
+    assert len(parts) == 14  # parts of 3 runs
     for name in ("runs.parquet", "summary.json", "report.html"):
         (folder / "two" / name).unlink()
     for path in parts[3:9]:

@@ -1,4 +1,4 @@
-"""Campaigns on a real Dask scheduler with two workers, and what is said where something is wrong with them."""
+"""Campaigns on a real Dask scheduler with two workers, and the message for each fault of theirs."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def cluster(scheduler: Cluster) -> Cluster:
 def results(
     address: str, function: Callable[[Any], Any], arguments: Iterable[Any], then: Callable[[], Any] = lambda: None
 ) -> dict[str, Any]:
-    """Returns what the cluster makes of arguments, by key; `then` is called after the first."""
+    """Returns the cluster's results, by key; `then` is called after the first result."""
     kept: dict[str, Any] = {}
 
     def keep(part: Part, result: Any) -> None:
@@ -56,7 +56,7 @@ def results(
 
 
 def refused(address: str, **more: Any) -> str:
-    """Returns the one line that a campaign ends with."""
+    """Returns the one line of the error that ends a campaign."""
     with pytest.raises((InputError, WorkFailedError)) as raised:
         results(address, more.pop("function", campaign_parts.squared), more.pop("arguments", [1]), **more)
     assert "\n" not in str(raised.value)
@@ -76,7 +76,7 @@ def test_a_missing_library_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_scheduler_that_does_not_answer_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     assert dask_crew.CONNECT_S <= 5
     monkeypatch.setattr(dask_crew, "CONNECT_S", 0.5)
-    with socket.create_server(("127.0.0.1", 0)) as other:  # takes connections and says nothing
+    with socket.create_server(("127.0.0.1", 0)) as other:  # accepts connections and sends nothing
         began = time.monotonic()
         address = f"tcp://127.0.0.1:{other.getsockname()[1]}"
         assert refused(address) == f"--scheduler {address}: no Dask scheduler answers there within 0.5 s"
@@ -141,7 +141,7 @@ def test_a_worker_that_is_killed_in_mid_run_loses_nothing(cluster: Cluster) -> N
 
 
 def altered(folder: Path) -> Path:
-    """Returns a folder with a copy of the package of another version, and with another compiled plant."""
+    """Returns a folder with a copy of the package that has another version and another compiled plant."""
     package = Path(brickpilot.__file__).parent
     shutil.copytree(package, folder / "brickpilot", ignore=shutil.ignore_patterns("__pycache__"))
     init = folder / "brickpilot/__init__.py"
@@ -161,7 +161,7 @@ def test_a_worker_of_another_version_is_named_before_anything_runs(
 
     try:
         late = refused(cluster.address, function=campaign_parts.process, arguments=itertools.count(), then=join)
-        monkeypatch.setattr(dask_crew.DaskCrew, "give", None)  # nothing may be given
+        monkeypatch.setattr(dask_crew.DaskCrew, "give", None)  # no part may be given to a worker
         at_start = refused(cluster.address)
     finally:
         other[0].send_signal(signal.SIGKILL)

@@ -28,7 +28,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def flown(folder: Path, out: str, *where: str) -> dict[str, bytes]:
-    """Returns the three files of a campaign that ends."""
+    """Runs a campaign to its end and returns its three files."""
     done = brickpilot(*COMMAND, "--out", out, *where, cwd=folder)
     assert done.returncode == 0, done.stderr
     return contents(folder / out)
@@ -52,7 +52,7 @@ def test_two_processes_and_a_dask_cluster_give_the_bytes_of_one(
 
 
 def killed(folder: Path, out: str, parts: int, pause: float, jobs: int) -> int:
-    """Starts the command, kills its group when so many parts are there and a pause is over; returns its status."""
+    """Starts the command, kills its group `pause` s after `parts` parts are written, and returns its status."""
     program = subprocess.Popen(
         [PROGRAM, *COMMAND, "--out", out, "--jobs", str(jobs)],
         cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, process_group=0,
@@ -70,7 +70,7 @@ def killed(folder: Path, out: str, parts: int, pause: float, jobs: int) -> int:
 
 
 def resumed(folder: Path, out: str, kills: int, seed: int) -> dict[str, bytes]:
-    """Returns the files of a campaign that is killed so many times, the last time while it writes them, or after."""
+    """Returns the files of a campaign that is killed `kills` times, the last time while it writes them or later."""
     drawn = random.Random(seed)
     moments = [(drawn.randrange(RUNS), drawn.uniform(0, 0.02)) for _ in range(kills - 1)]
     moments = [*sorted(moments), (RUNS, drawn.uniform(0, 0.3))]
@@ -89,7 +89,7 @@ def test_a_command_that_is_killed_twenty_times_gives_the_same_bytes(folder: Path
 
 
 def test_sigterm_ends_the_workers_at_once(folder: Path, tmp_path: Path) -> None:
-    """A part of many long runs goes on for longer than the two seconds."""
+    """A part of many long runs takes longer than the two seconds that the workers have to end."""
     command = [str(PROGRAM), "campaign", "trial.toml", "--runs", "20000", "--jobs", "2", "--out", str(tmp_path / "out")]
     program = subprocess.Popen(
         command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, process_group=0
@@ -97,7 +97,7 @@ def test_sigterm_ends_the_workers_at_once(folder: Path, tmp_path: Path) -> None:
     until = time.monotonic() + 60
     while len(children(program.pid)) < 3 and time.monotonic() < until:  # two workers and their resource tracker
         time.sleep(0.05)
-    time.sleep(2.0)  # they fly
+    time.sleep(2.0)  # the workers fly
     begun = children(program.pid)
     assert len(begun) >= 2
     until = time.monotonic() + 2.0

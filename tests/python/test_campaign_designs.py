@@ -1,4 +1,4 @@
-"""What a campaign draws: distributions, designs, and the sensitivity that follows from a design."""
+"""What a campaign draws: distributions, designs, and the sensitivity indices that follow from a design."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def test_the_runs_of_a_block_differ_in_inputs_alone(size: str, block: int, tmp_p
 
 
 def cube(design: str, size: int) -> Campaign:
-    """A campaign of three inputs in -pi..pi, for a figure that is no flight's."""
+    """A campaign of three inputs in -pi..pi, for a figure that needs no flight."""
     law = Distribution("uniform", -np.pi, np.pi, -np.pi, np.pi)
     inputs = tuple(Input(name, "", law) for name in ("one", "two", "three"))
     plain = file.load(Path(__file__).parents[2] / "tools" / "examples" / "tolerances.toml")
@@ -176,12 +176,12 @@ def test_no_two_names_of_inputs_share_their_random_numbers() -> None:
     names += ["scenario", "sensors", "route", "design", "robots"]
     keys = {zlib.crc32(name.encode()) for name in names}
     assert len(keys) == len(names) > 300
-    assert min(keys) > file.MOST_RUNS  # the keys of robots and designs begin with one, and others with a run's number
+    assert min(keys) > file.MOST_RUNS  # keys of robots and designs begin with such a hash, others with a run's number
 
 
 @pytest.mark.parametrize(("alike", "size"), [(False, 1), (True, 1), (False, 8), (True, 8)])
 def test_the_interval_of_a_rate_holds_for_runs_that_are_alike(alike: bool, size: int) -> None:
-    """Of 300 campaigns of 60 blocks, 95 % of the intervals have the true rate, alike or not within a block."""
+    """In 300 campaigns of 60 blocks, 95 % of the intervals hold the true rate, for runs of a block alike or not."""
     draws = np.random.default_rng(0)
     blocks = np.repeat(np.arange(60), size)
     held = 0

@@ -1,4 +1,4 @@
-"""The engine of campaigns: each part once, whatever becomes of the workers, and with the memory of a few."""
+"""The engine of campaigns: each part is kept once, whatever happens to the workers, with memory for a few parts."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def silent(total: int = 1) -> Progress:
 
 
 def results(function: Callable[[Any], Any], arguments: Iterator[Any] | list[Any], jobs: int = 2) -> dict[str, Any]:
-    """Returns what local workers make of arguments, by key."""
+    """Returns the results of local workers, by key."""
     kept: dict[str, Any] = {}
 
     def keep(part: Part, result: Any) -> None:
@@ -71,7 +71,7 @@ def test_few_parts_are_in_flight_at_a_time() -> None:
 
     engine.run(campaign_parts.squared, parts(), keep=keep, workers=workers.local(2), progress=silent())
     assert kept == 200
-    assert ahead <= 2 * 2  # in flight, and finished but not kept yet
+    assert ahead <= 2 * 2  # parts at work, or finished but not kept yet
 
 
 def test_a_worker_that_is_killed_loses_nothing(tmp_path: Path) -> None:

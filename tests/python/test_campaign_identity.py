@@ -1,4 +1,4 @@
-"""What a row of a campaign depends on is part of its identity: where it changes, the folder is refused."""
+"""All that a row of a campaign depends on is part of the campaign's identity: after a change the folder is refused."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def changed(folder: Path, name: str) -> None:
 @pytest.mark.parametrize("name", ["own.toml", "short.toml", "model.toml", "gains.toml", "compensation.toml"])
 def test_a_folder_is_refused_when_a_file_has_another_number(name: str, folder: Path) -> None:
     conducted(folder)
-    conducted(folder)  # as it is, it goes on
+    conducted(folder)  # without a change it continues
     changed(folder, name)
     with pytest.raises(InputError, match="holds another campaign"):
         conducted(folder)

@@ -1,4 +1,4 @@
-"""A campaign that is killed at random moments and resumed gives the bytes of one that was left alone."""
+"""A campaign that is killed at random moments and resumed gives the same bytes as an undisturbed campaign."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PROGRAM = Path(campaign_program.__file__)
 
 @pytest.fixture(scope="module")
 def alone(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    """The table of a campaign on one worker that nobody disturbs."""
+    """The table of an undisturbed campaign on one worker."""
     folder = tmp_path_factory.mktemp("alone")
     campaign_program.main(folder, "1")
     return (folder / campaign_program.TABLE).read_bytes()
@@ -27,7 +27,7 @@ def alone(tmp_path_factory: pytest.TempPathFactory) -> bytes:
 def begun(folder: Path, jobs: int, *more: str) -> subprocess.Popen[str]:
     """Starts the campaign, in a process group of its own, as a terminal does.
 
-    It takes Ctrl-C also where these tests are a background job of a shell, which ignores it.
+    It obeys Ctrl-C even if these tests are a background job of a shell, which ignores Ctrl-C.
     """
     return subprocess.Popen(
         [sys.executable, str(PROGRAM), str(folder), str(jobs), *more],
@@ -62,7 +62,7 @@ def all_gone(group: int) -> bool:
 
 
 def killed_and_resumed(folder: Path, kills: int, seed: int) -> bytes:
-    """Returns the table of a campaign that was killed so many times, at moments spread over its parts."""
+    """Returns the table of a campaign that was killed `kills` times, at moments spread over its parts."""
     drawn = random.Random(seed)
     for kill in range(kills):
         program = begun(folder, drawn.choice((1, 2)))
@@ -95,7 +95,7 @@ def test_ctrl_c_keeps_the_parts_and_ends_the_workers(alone: bytes, tmp_path: Pat
     os.killpg(program.pid, signal.SIGINT)
     _, said = program.communicate(timeout=20)
     assert program.returncode != 0, said
-    assert said.count("Traceback") == 1  # of the program itself; a worker says nothing
+    assert said.count("Traceback") == 1  # from the program itself; workers print nothing
     assert said.strip().endswith("KeyboardInterrupt")
     assert all_gone(program.pid)
     kept = parts_of(tmp_path)

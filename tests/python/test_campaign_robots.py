@@ -1,4 +1,4 @@
-"""A campaign that flies the robots that data allow: `robots = "data"`."""
+"""A campaign of `robots = "data"` flies robots that agree with data."""
 
 from __future__ import annotations
 

@@ -177,7 +177,7 @@ with Parts(folder, {}) as parts:
 
 
 def filling(folder: Path, limit: int) -> list[str]:
-    """Returns what a process says that writes a part and merges when no more can be written."""
+    """Returns the lines of a process that writes a part, fills its space, and then writes and merges again."""
     done = subprocess.run(
         [sys.executable, "-c", FULL, str(folder), str(limit)],
         capture_output=True, text=True, check=True, env={**os.environ, "PYTHONPATH": str(Path(__file__).parent)},

@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture
 def checkout(tmp_path: Path) -> Path:
-    """A checkout whose package has `deep`, used by `middle`, which `top` uses; with tests of each, and a helper."""
+    """A checkout of a package: `deep`, `middle` (uses `deep`), `top` (uses `middle`), with tests and a helper."""
     files = {
         "tools/brickpilot/fit/deep.py": "",
         "tools/brickpilot/fit/middle.py": "from brickpilot.fit import deep\n",

@@ -161,7 +161,7 @@ def test_effects_lists_the_table_of_the_plant(capsys: pytest.CaptureFixture[str]
 def test_bench_reports_values_beside_a_peer(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What the law costs on a brick is measured by tests/gates/test_control_peers.py."""
+    """tests/gates/test_control_peers.py measures what the control law costs on a brick."""
 
     def costs(brick: str) -> dict[str, control_peers.LawCost]:
         cycles = {"ours": 100, "q16": 300, "float": 200}
@@ -174,7 +174,7 @@ def test_bench_reports_values_beside_a_peer(
     host = {"full_loop", "plant", "plant_lanes", "plant_lanes_dry", "lockstep_pty", "full_loop_scipy", "plant_scipy"}
     laws = {f"control_{brick}_{peer}" for brick in ("h8", "avr") for peer in ("q16", "float")}
     assert figures.keys() == host | laws
-    assert figures["lockstep_pty"]["value"] > 2000  # steps/s, the design's promise
+    assert figures["lockstep_pty"]["value"] > 2000  # steps/s, the least that the design states
     for name, figure in figures.items():
         assert {"value", "unit", "peer", "ratio", "machine"} <= figure.keys()
         assert figure["value"] > 0

@@ -1,4 +1,4 @@
-"""A robot's own firmware in process: the motor commands of the same firmware behind a link, bit for bit."""
+"""A robot's own firmware in process gives, bit for bit, the motor commands of the same firmware behind a link."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from brickpilot.vehicle import flight
 from test_firmware import OWN, ROOT, write
 from test_gains import TUNED
 
-STEPS = 1500  # the rest, and 2.5 s of driving
+STEPS = 1500  # the rest at the start, and 2.5 s of driving
 
 
 @pytest.mark.parametrize(("name", "board", "sensors"), [("middle", "rcx", "imu"), ("heavy", "avr", "imu+encoders")])
@@ -48,7 +48,7 @@ def test_a_library_of_another_plant_is_refused(tmp_path: Path) -> None:
 
 
 def test_without_a_checkout_it_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nor what an installed package holds of it."""
+    """The sources in an installed package are missing, too."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(project, "_PACKED", tmp_path / "sources")
     with pytest.raises(InputError, match="needs a checkout of the project"):

@@ -1,4 +1,4 @@
-"""Loops around data, noise and periods: seen where they are, in simulated and measured logs, and not elsewhere."""
+"""Feedback loops, coloured noise and periods are found in the simulated and measured logs that have them only."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ DATA = Path(os.environ.get("BRICKPILOT_DATA", Path(__file__).resolve().parents[3
 
 measured = pytest.mark.skipif(not (DATA / "linear_axis").is_dir(), reason=f"no measured sets in {DATA}")
 
-ROWS, STEP = 600, 0.01  # of a simulated run: samples, s
+ROWS, STEP = 600, 0.01  # samples of a simulated run, and their distance in s
 
 
 def motor(command, rng, *, noise=0.1, disturbance=1.0, resolution=0.0, late=False):
-    """Voltage and speed (n,) of a first-order motor, 2 rad/s per volt, 0.1 s; `command` gets row and reading.
+    """Voltage and speed (n,) of a first-order motor: 2 rad/s per V and 0.1 s; `command` gets row and reading.
 
-    `late`: each row has the reading from after its command acted, as some loggers write it.
+    `late`: each row has the reading taken after its command acted, as some loggers write it.
     """
     speed, load, volts, readings = 0.0, 0.0, np.empty(ROWS), np.empty(ROWS)
 
@@ -138,7 +138,7 @@ def test_loop_of_a_controller(law, reading, lag):
 
 @pytest.mark.parametrize(("disturbance", "innovations"), [(0.0, False), (1.0, True)])
 def test_only_noise_with_a_memory_asks_for_innovations(disturbance, innovations):
-    """White noise of a sensor that a controller follows tells nothing of the next sample; a load on the motor does."""
+    """White sensor noise says nothing about the next sample, even if a controller reacts to it; a motor load does."""
     rng = np.random.default_rng(5)
     runs = [motor(controller(rng, gain=1.5), rng, noise=0.3, disturbance=disturbance) for _ in range(3)]
     prepared, nominal = calibrate(prepare(frames(runs), None, seed=0, jobs=1)[0])
@@ -242,7 +242,7 @@ def test_white_noise_has_no_coefficients_and_needs_no_whitening():
 
 
 def test_whitening_is_exact_from_the_first_sample():
-    """The covariance of an AR(2), from its impulse response, becomes the identity."""
+    """Whitening turns the covariance of an AR(2), computed from its impulse response, into the identity."""
     coefficients, length = np.array([1.5, -0.8]), 6
     response = lfilter([1.0], [1.0, *-coefficients], np.eye(1, 2000)[0])
     acf = np.array([response[: 2000 - lag] @ response[lag:] for lag in range(length)])
@@ -267,7 +267,7 @@ def test_own_period_is_found_and_measured():
 
 @pytest.mark.parametrize("memory", [0.0, 0.9])
 def test_noise_has_no_period_of_its_own(memory):
-    """The level is 1 %; with 100 seeds 4 or more have a chance of 2 %."""
+    """The level is 1 %: 4 or more false periods in 100 seeds have a probability of 2 %."""
     found = 0
     for seed in range(100):
         rng = np.random.default_rng(seed)
@@ -278,7 +278,7 @@ def test_noise_has_no_period_of_its_own(memory):
 
 @pytest.mark.parametrize("timing", ["even", "with a hole", "uneven"])
 def test_the_power_is_that_of_lomb_and_scargle(timing):
-    """As scipy computes it, which takes gigabytes for a long run; here a sample is moved by a 64th of a period."""
+    """scipy takes gigabytes for a long run; this function moves a sample by at most a 64th of a period instead."""
     rng = np.random.default_rng(4)
     time = np.linspace(0.0, 10.0, 1001) + (rng.uniform(-0.004, 0.004, 1001) if timing == "uneven" else 0.0)
     time = np.delete(time, slice(300, 350)) if timing == "with a hole" else time - time[0]
@@ -290,7 +290,7 @@ def test_the_power_is_that_of_lomb_and_scargle(timing):
 
 
 def test_a_long_run_takes_little_memory():
-    """Some GB where each sample meets each frequency."""
+    """A table of all samples and all frequencies would take some GB."""
     time = np.arange(20_000) * 1e-3
     left = np.random.default_rng(5).standard_normal(len(time))
     tracemalloc.start()

@@ -1,4 +1,4 @@
-"""A brick's half of the messages of hal/link, by tables, against the host's half, which is cantools' own."""
+"""The messages of hal/link: a brick's half, which uses tables, agrees with the host's half, which is cantools."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ file = "sweep.csv"
 
 
 def write_axis(folder):
-    """An axis of 100 kg and 250 N s/m, logged for 6 s; solved by hand: first order in the velocity between samples."""
+    """Writes 6 s of an axis of 100 kg and 250 N s/m, from the exact first-order solution between samples."""
     time = np.arange(0.0, 6.0, 0.002)
     volts = 2.0 * np.sign(np.sin(2.0 * time))
     position, velocity, rows = 0.5, 0.0, []
@@ -65,12 +65,12 @@ def test_a_run_starts_from_the_state_its_first_sample_measured(tmp_path):
     start = State(surge=0.3, yaw_rate=0.8, heading=0.4)
     signals = {"wheel_velocity_left": 0.0, "wheel_velocity_right": 0.0, "wheel_travel_left": 0.0, "yaw_angle": 0.0}
     found = compare(reading.read(write(tmp_path / "set", robot(), signals, "", start=start)), robot())
-    # A line through the first samples takes the noise out of the start; the speed's curve costs less than 1 % of it.
+    # A line through the first samples removes noise from the start; the curvature of the speed costs less than 1 %.
     assert all(0 < error.share < 0.005 for run in found.runs for error in run.signals.values())
 
 
 def test_one_wrong_sample_at_the_start_is_no_state(tmp_path):
-    """A robot that starts in motion: a first sample of twice the speed does not move the whole run."""
+    """A robot starts in motion: a first sample of twice the speed does not shift the whole simulated run."""
 
     def jump(name, table):
         table["wheel_speed_left"][0] *= 2
@@ -190,7 +190,7 @@ def test_a_figure_holds_measured_and_simulated_and_their_difference(tmp_path):
 
 
 def torque_drive(folder, signals, nominal="torque_per_volt = { value = 0.02, sd = 0.001 }", **options):
-    """A motor that closes its own current loop, 0.02 N m/V on 1e-4 kg m^2."""
+    """A motor with a current loop of its own: 0.02 N m/V, inertia 1e-4 kg m^2."""
     truth = motor(torque_per_volt=0.02, wheel_inertia=1e-4, viscous_friction=1e-3)
     return reading.read(write(folder, truth, signals, nominal, **options))
 

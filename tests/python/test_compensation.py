@@ -1,4 +1,4 @@
-"""The brick flies another robot as its own: what is worked out, its file, and what it does to the mission."""
+"""The brick flies another robot as its own: the values of the compensation, its file, and its effect on missions."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_every_effect_that_is_undone_flies_above() -> None:
 def test_a_battery_that_sags_a_little_is_undone_by_measuring_it() -> None:
     """The mixer never assumes less than `battery_floor`: the compensation is needed only for a battery below that.
 
-    A part of that is learnt as a friction (firmware/estimator/friction.h). A third of the error is left.
+    The firmware learns a part of the sag as friction (firmware/estimator/friction.h); a third of the error is left.
     """
     firm, little, much = (
         mean(Mission("", (robot({"battery_sag": {"resistance": ohm}}),), "imu", 6.0).fly(False, SEEDS), POSITION)
@@ -156,7 +156,7 @@ def test_what_the_format_cannot_hold_is_cut_and_named() -> None:
 
 
 def test_what_no_setting_carries_is_said() -> None:
-    """Each robot is far off in one value; beside it friction, so that there is something to compensate."""
+    """Each robot has one value that is far off, and friction, so that there is something to compensate."""
 
     def remarks(effects: dict[str, dict[str, float]], **parameters: float) -> tuple[str, ...]:
         friction = {"coulomb_friction": {"torque": 0.001}}
@@ -293,7 +293,7 @@ def test_what_discover_finds_of_another_robot_lets_the_packaged_firmware_fly_it(
     assert "actuator_deadband" in found["found"]
     for sensors in robot_study.SENSORS:
         assert robot_study.missions(found, f"{sensors}, with") == 2
-    assert robot_study.missions(found, "imu+encoders, without") == 0  # with the IMU alone the loss is learnt
+    assert robot_study.missions(found, "imu+encoders, without") == 0  # with the IMU alone the firmware learns the loss
 
 
 def test_run_flies_an_augmented_model_with_its_compensation(tmp_path: Path) -> None:

@@ -61,7 +61,7 @@ class Data:
     base: Explanation
 
     def composed(self) -> Composed | None:
-        """Returns the law that is composed where nothing of the library was found."""
+        """Returns the law that is composed if the search finds no effect of the library."""
         judge = Judge.of(self.prepared.coarse, 0)
         nothing = judge.of_explanation(self.base)
         found = Found(judge, nothing, {self.base.key: nothing})

@@ -1,4 +1,4 @@
-"""Composed terms of what sensors read: found in data of the plant, and written as equations."""
+"""Composed terms in sensor readings: found in data of the plant, and written as equations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Composed terms as C files: what makes none, and that they build into the simulator and give the same numbers."""
+"""Composed terms as C files: terms without effect are refused; the files build into the simulator, same numbers."""
 
 from __future__ import annotations
 

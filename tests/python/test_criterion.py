@@ -2,7 +2,7 @@
 
 The density is hyperbolic, p(x) = exp(-k^2 sqrt(1 + (x / (k s))^2)) / (2 k s K1(k^2)): square near zero and linear
 beyond k scales. Here it is integrated by quadrature, the scale is found as the maximum of a likelihood, and the weights
-are a mean over draws that are looped over one by one.
+are a mean over draws, in a loop.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ OTHERS = (
 
 
 def hyperbolic(x: Array | float, size: float) -> Any:
-    """The density without its norm, of a residual of scale `size`."""
+    """The unnormalised density of a residual of scale `size`."""
     return np.exp(-(KNEE**2) * (np.sqrt(1 + (np.asarray(x) / (KNEE * size)) ** 2) - 1))
 
 
@@ -50,7 +50,7 @@ def log_density(residual: Array, size: float) -> Array:
 
 
 def likeliest_scale(residual: Array, floor: float) -> float:
-    """The scale at which a residual is most likely, by search, and the floor where that is larger."""
+    """The maximum-likelihood scale of a residual, found by a search, or `floor` if this is larger."""
     sizes = (1e-3 * float(np.abs(residual).max()), 10 * float(np.abs(residual).max()))
     found = minimize_scalar(
         lambda x: -log_density(residual, math.exp(x)).sum(), bounds=np.log(sizes), method="bounded",
@@ -60,7 +60,7 @@ def likeliest_scale(residual: Array, floor: float) -> float:
 
 
 def by_stretch(residual: Array, stretch: NDArray[np.int64], count: int, floor: float) -> Array:
-    """The log density of each stretch of one signal, whose scale one round of weights over the others gives."""
+    """The log density of each stretch of one signal; its scale is the weighted rms of the other stretches."""
     size = likeliest_scale(residual, floor)
     weighted = residual**2 / np.sqrt(1 + (residual / (KNEE * size)) ** 2)
     found = np.zeros(count)
@@ -72,7 +72,7 @@ def by_stretch(residual: Array, stretch: NDArray[np.int64], count: int, floor: f
 
 
 def weights_of(table: Array, log_odds: Array, temperature: float, draws: int = 1000) -> Array:
-    """Bayesian bootstrap: stretches are weighed by flat Dirichlet draws, and each draw shares out a weight of 1."""
+    """Bayesian bootstrap: each flat Dirichlet draw weights the stretches and divides a weight of 1 among the models."""
     random = np.random.default_rng(0)
     total = np.zeros(len(table))
     for alpha in random.dirichlet(np.ones(table.shape[1]), draws):
@@ -99,7 +99,7 @@ def given(stretches: int = 12, each: int = 30) -> tuple[Judge, dict[str, slice]]
 
 
 def residuals(seed: int) -> Array:
-    """A residual with outliers, of a scale far above the noise in one signal and below it in the other."""
+    """A residual with outliers: its scale is far above the noise in one signal and below it in the other."""
     random = np.random.default_rng(seed)
     judge, places = given()
     found = np.empty(len(judge.stretch))
@@ -121,7 +121,7 @@ def test_the_density_of_each_stretch_is_that_of_the_reference(seed: int) -> None
 
 
 def test_a_stretch_is_judged_by_the_scale_of_the_others() -> None:
-    """A stretch that is ten times as large counts as far out, though it would be usual for itself."""
+    """A stretch ten times as large as before is judged unlikely, though its own scale would make it usual."""
     judge, _ = given()
     residual = residuals(1)
     base, worse = residual.copy(), residual.copy()
@@ -132,7 +132,7 @@ def test_a_stretch_is_judged_by_the_scale_of_the_others() -> None:
 
 
 def test_a_model_that_predicts_every_stretch_better_makes_none_less_likely() -> None:
-    """By a scale of its own each, the stretch that stays far out would count against the better model."""
+    """If each model had its own scale, the stretch that stays an outlier would count against the better model."""
     judge, _ = given()
     before = residuals(1)
     before[judge.stretch == 4] *= 20
@@ -152,10 +152,10 @@ def test_the_most_likely_scale_is_the_reference_s() -> None:
 
 
 def made(names: str, table: Array, surprise: float = 0.0, cost: float | None = None) -> Evidence:
-    """Returns the evidence of an explanation of effects of the library, whose values surprise by so many nats."""
+    """Returns the evidence of an explanation by library effects, whose values cost `surprise` nats."""
     parts = tuple(Part(name, (catalogue.effect(name).parameters[0].name,), {}) for name in names.split())
     unknown: Any = None
-    away = np.array([50.0] * round(surprise / CHANCE))  # so far away, each costs as much as a common effect
+    away = np.array([50.0] * round(surprise / CHANCE))  # at this distance each value costs as much as a common effect
     found = Explanation(parts, unknown, np.zeros(len(away)), 100.0 - len(parts) if cost is None else cost)
     return Evidence(found, table, np.zeros(0), away, np.zeros((len(away), 0)), np.zeros((0, 0)))
 
@@ -192,7 +192,7 @@ def test_weights_are_those_of_a_loop_over_the_draws(temperature: float) -> None:
 
 @dataclasses.dataclass
 class Settled:
-    """A judge whose temperature is given. Of an error the fourth part is left for each unit of cost that is less."""
+    """A judge whose temperature is given. A cost that is lower by 1 means a quarter of the squared error."""
 
     nats: float
     top: float = 0.0
@@ -218,10 +218,10 @@ def judged(table: list[Evidence], temperature: float) -> verdict.Verdict:
 
 
 def dominates(one: Evidence, other: Evidence, nothing: Evidence) -> bool:
-    """Whether `one` is the simpler one, and no worse in what the data or anything known before say.
+    """Whether `one` is simpler than `other`, and no worse by the data and by the prior.
 
-    It is enough that it is said by the other one, which removes less than half of the squared error that it leaves,
-    but for a twentieth of what it removes itself: that may be its own error.
+    An `other` that contains `one` is also dominated if it removes less than half of the squared error that `one`
+    leaves. A twentieth of what `one` removes is not counted: it may be the error of its own law.
     """
     first, second = one.explanation, other.explanation
     before, left, then = (4.0**each.cost for each in (nothing.explanation, first, second))
@@ -232,13 +232,13 @@ def dominates(one: Evidence, other: Evidence, nothing: Evidence) -> bool:
 
 
 def contains(larger: frozenset[str], smaller: frozenset[str]) -> bool:
-    """Whether each effect of the smaller set is in the larger one, or a law that contains it."""
+    """Whether the larger set has, for each effect of the smaller set, this effect or a law that contains it."""
     said = larger | {name for one in larger for name in catalogue.effect(one).contains}
     return larger != smaller and smaller <= said and len(larger) >= len(smaller)
 
 
 def reference_verdict(table: list[Evidence], temperature: float) -> tuple[str, set[frozenset[str]], set[str]]:
-    """Returns kind, minimal sets among those that hold 95 %, and sure names."""
+    """Returns the kind, the minimal sets among those that hold 95 % of the weight, and the sure names."""
     nothing = table[0]
     best = {one.explanation.key: one for one in table}
     for large in table:
@@ -302,7 +302,7 @@ def test_the_verdict_is_that_of_the_reference(seed: int, temperature: float, gai
 
 
 def test_many_parts_that_say_nothing_do_not_outweigh_a_name() -> None:
-    """Ten explanations of two parts, each as good as the one of one part that they hold."""
+    """Ten explanations have two parts; each is as good as the explanation of one part that they all contain."""
     names = ["coulomb_friction", *(f"gyro_bias {one}" for one in OTHERS)]
     table = tables(0, {"": 0.0, "gyro_bias": 90.0} | dict.fromkeys(names[1:], 89.0))
     equal = [dataclasses.replace(one, by_stretch=table[0].by_stretch + 6.0) for one in table[1:]]
@@ -316,9 +316,9 @@ def test_many_parts_that_say_nothing_do_not_outweigh_a_name() -> None:
 def test_a_part_that_leaves_more_of_the_error_than_it_removes_is_no_name(
     removed: float, names: tuple[str, ...]
 ) -> None:
-    """Whatever it gains in nats: no law is exact, and another one may improve on its error.
+    """A second part is refused whatever it gains in nats: no law is exact, and a second law may fit its error.
 
-    The first removes three quarters of the error, so that 15 % of what it leaves may be its own law's shape.
+    The first part removes three quarters of the error, so 15 % of what it leaves may come from its law's shape.
     """
     flat, cost = np.full(15, -40.0), 99 + math.log(1 - removed, 4)
     base = [made("", flat), made("start_delay", flat + 6.0, cost=99)]
@@ -337,7 +337,7 @@ def test_a_part_that_leaves_more_of_the_error_than_it_removes_is_no_name(
 def test_the_measured_samples_take_back_what_they_do_not_show(
     gain: float, removed: float, enough: float, kind: str, names: tuple[str, ...], stages: list[str]
 ) -> None:
-    """The coarse grid asks for two parts; its own error may have asked for the second, or for both."""
+    """The coarse grid names two parts; the error of the grid itself may have caused the second, or both."""
 
     def table(gain: float, removed: float) -> list[Evidence]:
         flat, cost = np.full(15, -40.0), 98 + math.log(1 - removed, 4)
@@ -353,7 +353,7 @@ def test_the_measured_samples_take_back_what_they_do_not_show(
 
 
 def test_what_only_stated_values_speak_for_is_no_name() -> None:
-    """The data tell nothing; without the effect two stated values would be far off."""
+    """The data cannot tell the models apart; without the effect two stated values would be far off."""
     flat = np.full(15, -40.0)
     nothing, effect = made("", flat, surprise=9.0), made("encoder_scale", flat + 0.01)
     found = judged([nothing, effect], 2.0)
@@ -361,17 +361,17 @@ def test_what_only_stated_values_speak_for_is_no_name() -> None:
     assert [one.names for one in found.rivals] == [()]
     assert judged([nothing, made("encoder_scale", flat + 1.0)], 2.0).kind == "named"
     assert judged([made("", flat), effect], 2.0).kind == "none"
-    either = judged([made("", flat, surprise=CHANCE), effect], 2.0)  # one value that is far off is as likely
+    either = judged([made("", flat, surprise=CHANCE), effect], 2.0)  # one value far off is as likely as the effect
     assert (either.kind, [one.names for one in (either.best, *either.rivals)]) == (
         "ambiguous",
         [("encoder_scale",), ()],
     )
-    assert judged([made("", flat, CHANCE), made("encoder_scale", flat, CHANCE)], 2.0).kind == "none"  # it stays far off
+    assert judged([made("", flat, CHANCE), made("encoder_scale", flat, CHANCE)], 2.0).kind == "none"  # still far off
 
 
 @pytest.mark.parametrize(("gain", "names"), [(5.9, ()), (6.1, ("wheel_slip",))])
 def test_the_best_so_far_is_a_part_that_surely_predicts_better(gain: float, names: tuple[str, ...]) -> None:
-    """A nat is two values here, as the residual is correlated; that another law might share it does not matter."""
+    """One nat counts as two here, because the residual is correlated. The error of a law's shape does not count."""
     flat = np.full(15, -40.0)
     table = [made("", flat), made("cogging", flat + 0.3), made("wheel_slip", flat + gain / 15)]
     table.append(made("wheel_slip cogging", flat + 9.0))
@@ -418,7 +418,7 @@ def test_a_law_that_contains_another_is_no_rival_of_it() -> None:
 
 
 def test_a_difference_that_one_stretch_makes_is_not_sure() -> None:
-    """The same gain, in one stretch of fifteen and in all of them."""
+    """The same total gain, from one stretch of fifteen and from all of them."""
     even, lonely = np.full(15, 20 / 15), np.zeros(15)
     lonely[6] = 20.0
     weight = [
@@ -428,7 +428,7 @@ def test_a_difference_that_one_stretch_makes_is_not_sure() -> None:
 
 
 def test_what_counts_as_one_nat_is_the_largest_of_three(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is left counts by its squares: an explanation far from noise is not held against a law as far from it."""
+    """The residual counts by its squares: an explanation far above the noise does not exclude a law as far above it."""
     judge, places = given()
     monkeypatch.setattr(Judge, "correlation", lambda *_: 4.0)
     gain = 150.0 * 12
@@ -442,11 +442,11 @@ def test_what_counts_as_one_nat_is_the_largest_of_three(monkeypatch: pytest.Monk
         shared = -places["speed"].stop * math.log(1 - 0.2 * above_noise) / 2
         expected = max(large, 0.01 * gain / -math.log(0.05), shared / -math.log(0.05))
         assert judge.temperature(best, nothing) == pytest.approx(expected, rel=2e-3)
-    assert expected < 0.11 * places["speed"].stop / 2.9  # and never more than a fifth of the squares would gain
+    assert expected < 0.11 * places["speed"].stop / 2.9  # at most the gain from a fifth fewer squares
 
 
 def test_the_correlation_time_of_a_residual_is_that_of_its_autocorrelation() -> None:
-    """A first-order residual that keeps a share k from value to value has (1 + k) / (1 - k)."""
+    """An AR(1) residual with the coefficient k has the correlation time (1 + k) / (1 - k)."""
     judge, places = given(stretches=40, each=200)
     random, kept = np.random.default_rng(5), {"speed": 0.8, "yaw_rate": 0.5}
     left = np.empty(len(judge.stretch))
@@ -468,8 +468,8 @@ def test_the_correlation_time_of_a_residual_is_that_of_its_autocorrelation() -> 
     ids=["law", "values of runs"],
 )
 def test_only_a_law_is_weighed_by_what_its_own_shape_may_have_left(first: Part, named: str) -> None:
-    """Beside the first part a gyro's bias removes less than a law's own error: it is not needed. The first part gets
-    the better evidence of both if it is a law, and wins. Values of runs have no shape: the bias is needed there."""
+    """Beside the first part, a gyro's bias removes less than the error that a law's shape may leave. So the bias is not
+    needed if the first part is a law, which then wins. Values of runs have no shape: beside them the bias is needed."""
     gains = {"": 0.0, "coulomb_friction": 60.0, "coulomb_friction gyro_bias": 120.0, "wheel_slip": 80.0}
     costs, table = (100.0, 92.0, 90.0, 91.0), []
     for one, cost in zip(tables(0, gains), costs, strict=True):
@@ -483,8 +483,8 @@ def test_only_a_law_is_weighed_by_what_its_own_shape_may_have_left(first: Part, 
     ("alone", "named"), [(True, "supply_gain wheel_slip gyro_bias"), (False, "supply_gain wheel_slip")]
 )
 def test_what_values_of_runs_removed_is_no_shape_of_the_law_beside_them(alone: bool, named: str) -> None:
-    """Of 4096 squares they alone leave 64, slip beside them 32, and a gyro's bias beside both 8. 5 % of what slip
-    removed do not excuse 24. Where they were not fitted alone, slip may have removed all of 4064."""
+    """The values of runs alone leave 64 of 4096 squares, with slip 32, with slip and a gyro's bias 8. The bias removes
+    24: more than 5 % of what slip removed. If the values were not fitted alone, slip may have removed all 4064."""
     runs = RunPart("supply_gain", ("a", "b", "c"), {})
     gains = {"": 0.0, "coulomb_friction": 60.0, "coulomb_friction wheel_slip": 100.0}
     gains["coulomb_friction wheel_slip gyro_bias"] = 130.0
@@ -495,6 +495,6 @@ def test_what_values_of_runs_removed_is_no_shape_of_the_law_beside_them(alone: b
         if alone or parts != (runs,):
             table.append(dataclasses.replace(one, explanation=found))
     judge: Any = Settled(2.0)
-    nothing = dataclasses.replace(table[0])  # at the measured samples it is weighed twice, and only one is in the table
+    nothing = dataclasses.replace(table[0])  # a copy that is not in the table, as at the measured samples
     weighed = verdict.weigh(Found(judge, nothing, {one.explanation.key: one for one in table}))
     assert " ".join(weighed.best.names) == named

@@ -1,4 +1,4 @@
-"""The criterion on simulated machines: near fits again without a stretch, and nothing that it is given changes."""
+"""The criterion on simulated machines: close to new fits without a stretch, and it changes none of its inputs."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 
 def lacking(data: Residual, stretch: NDArray[np.int64], one: int) -> Residual:
-    """Returns the residual with the values of one stretch at what no fit feels: their scale is huge."""
+    """Returns the residual with a negligible weight for one stretch, so that no fit depends on its values."""
 
     class Without(Residual):
         def weight(self) -> Array:
@@ -32,7 +32,7 @@ def lacking(data: Residual, stretch: NDArray[np.int64], one: int) -> Residual:
 
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory: pytest.TempPathFactory) -> tuple[Judge, Explanation]:
-    """A motor with dry friction, and its nominal model: what that predicts moves with what it was fitted to."""
+    """A motor with dry friction, and its nominal model, whose predictions depend on the data of the fit."""
     truth = dataclasses.replace(motor(battery_voltage=9.0), effects={"coulomb_friction": {"torque": 0.004}})
     volts = {"low": (3.0, 0.0), "high": (6.0, 0.0), "back": (-4.0, 0.0), "fast_back": (-7.0, 0.0), "half": (4.5, 0.0)}
     known = {name: value for name, value in truth.parameters.items() if value and name != "drag_area"}
@@ -46,7 +46,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> tuple[Judge, Explanation]
 def test_on_a_motor_it_is_near_that_of_a_fit_without_the_stretch(
     bench: tuple[Judge, Explanation], name: str | None
 ) -> None:
-    """The change of the prediction by leaving a stretch out, and its density, are those of fits again."""
+    """Leaving a stretch out changes the prediction, and its density, as a new fit without the stretch does."""
     judge, found = bench
     if name is not None:
         part = next(one for one in library_parts(found.model) if one.effect == name)
@@ -59,8 +59,8 @@ def test_on_a_motor_it_is_near_that_of_a_fit_without_the_stretch(
         (fit,) = refine(lacking(judge.data, judge.stretch, one), [found], 1)
         again[here] = (judge.data.measured - judge.data.predict([fit.model])[0])[here]
     moved, expected = left_out - inside, again - inside
-    assert np.linalg.norm(expected) > 0.04 * np.linalg.norm(inside)  # a fit without it is another one
-    # Far from the data, where a law is missing, one step goes the right way and falls short of a fit again.
+    assert np.linalg.norm(expected) > 0.04 * np.linalg.norm(inside)  # a fit without the stretch differs
+    # If a law is missing, the model is far from the data: one step goes the right way, but less far than a new fit.
     short = 0.15 if name is not None else 0.6
     assert np.linalg.norm(moved - expected) < short * np.linalg.norm(expected)
     assert moved @ expected > (1 - short) * 0.9 * (expected @ expected)
@@ -80,7 +80,7 @@ def test_a_robot_s_noise_alone_is_the_top(tmp_path: Path) -> None:
 
 
 def test_weighing_and_judging_twice_gives_the_same_bytes(bench: tuple[Judge, Explanation]) -> None:
-    """In either order, with other work between: nothing that a stage is given changes under it."""
+    """The same in either order, with other work between: no stage changes its inputs."""
     judge, found = bench
     measured = judge.data.measured.tobytes()
     scales = dict(judge.data.scales)

@@ -1,8 +1,8 @@
 """Files of others and of this program, damaged at random: each is read, or refused in one line; nothing else happens.
 
-A text file loses, doubles or swaps lines and gets hostile values; a binary one gets turned bits and lengths of all
-ones, and is cut off. The seed is fixed. `--full` tries 10,500 of each kind, in about an hour. Damaged, a
-.mat file can crash scipy's reader, so it is read in a process of its own, as the importer does; of these 1,500.
+A text file loses, doubles or swaps lines and gets hostile values; a binary file gets flipped bits and lengths of all
+ones, and is cut short. The seed is fixed. `--full` tries 10,500 of each kind, in about an hour. A damaged .mat file can
+crash scipy's reader, so it is read in a process of its own, as in the importer; `--full` tries 1,500 of these.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ TOKEN = re.compile(r"[\w.+-]+|\"[^\"\n]*\"|[][{}=,:;]")
 
 @dataclass(frozen=True)
 class Reader:
-    """A kind of file: what writes a good one into a folder, and what reads it."""
+    """A kind of file: a function that writes a good file into a folder, and one that reads it."""
 
     write: Callable[[Path], Path]
     read: Callable[[Path], Any]
@@ -106,7 +106,7 @@ def saved_model(folder: Path) -> Path:
 
 
 def verdict(folder: Path) -> Path:
-    """An ambiguous one, with a spread about the packaged robot and a rival."""
+    """Writes an ambiguous verdict, with a spread about the packaged robot and a rival."""
     own = model.rcx().parameters
     spread = LENGTHS.to_json() | {"values": [own[name] for name in LENGTHS.names]}
     rival = {"name": "scrub", "nominal": {"mass": 0.9}, "effects": {"yaw_scrub": {"moment": 0.01}}}
@@ -241,7 +241,7 @@ def test_a_damaged_file_is_read_or_refused_in_one_line(kind: str, tmp_path: Path
     reader.read(path)
     good, draw = path.read_bytes(), random.Random(kind)
     around = {one for one in tmp_path.iterdir() if one != folder}
-    Path("/proc/self/clear_refs").write_text("5")  # the peak begins anew (proc_pid_clear_refs(5))
+    Path("/proc/self/clear_refs").write_text("5")  # resets the peak of memory (proc_pid_clear_refs(5))
     read, before = 0, peak_bytes()
     for number in range(count):
         path.write_bytes((damaged_text if reader.is_text else damaged_bytes)(good, draw))
@@ -254,26 +254,26 @@ def test_a_damaged_file_is_read_or_refused_in_one_line(kind: str, tmp_path: Path
                 path.replace(tmp_path / f"damaged-{number}")
                 raise AssertionError(f"{kind} {number}: {type(error).__name__}: {error}") from error
         assert time.perf_counter() - began < LONGEST_S, f"{kind} {number}"
-    assert 0 < read < count  # the faults reach what is read, and are not all refused by the first check
+    assert 0 < read < count  # some damaged files are read, and some are refused
     assert {one for one in tmp_path.iterdir() if one != folder} == around
     assert peak_bytes() - before < MOST_BYTES
 
 
 def peak_bytes() -> int:
-    """Returns the most memory that this program held; the ru_maxrss of a child counts what its parent held before."""
+    """Returns the peak memory of this process in bytes; the ru_maxrss of a child also counts its parent's memory."""
     line = next(one for one in Path("/proc/self/status").read_text().splitlines() if one.startswith("VmHWM:"))
     return 1024 * int(line.split()[1])
 
 
 def as_importer(path: Path) -> tuple[bool, int]:
-    """Reads a .mat file as the importer's process does; returns whether that could be, and this process's bytes."""
+    """Reads a .mat file as the importer's process does; returns whether that succeeded, and the peak bytes."""
     found = mat_file.parse(path)
     return found is not None, peak_bytes()
 
 
 @pytest.mark.parametrize("version", MAT_WRITERS)
 def test_a_damaged_mat_file_is_read_or_refused_in_time_and_memory(version: str, tmp_path: Path, full: bool) -> None:
-    """A crash of the reader is a refusal too, which `mat_file.load` says in one line."""
+    """A crash of the reader counts as a refusal: `mat_file.load` reports it in one line."""
     path, count = tmp_path / "log.mat", 1500 if full else 50
     MAT_WRITERS[version](path)
     good, draw = path.read_bytes(), random.Random(version)
@@ -282,7 +282,7 @@ def test_a_damaged_mat_file_is_read_or_refused_in_time_and_memory(version: str, 
     for number in range(count):
         path.write_bytes(damaged_bytes(good, draw))
         pool = pool or ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn"))
-        pool.submit(peak_bytes).result()  # it has begun, and imported all that it needs
+        pool.submit(peak_bytes).result()  # the process has started and imported all that it needs
         try:
             could, bytes_used = pool.submit(as_importer, path).result(LONGEST_S)
         except BrokenProcessPool:

@@ -61,7 +61,7 @@ t_s,v_left_V,v_right_V,a_surge_mps2,a_sway_mps2,yaw_rate_radps
 
 
 def write_set(folder: Path, signals: str, rows: str, *, top: str = "", nominal: str = "", run: str = "") -> Path:
-    """A data set of one run "r"; `top` overrides the vehicle, a diff_drive in FRD."""
+    """A data set of one run "r"; `top` replaces the default vehicle, a diff_drive in FRD."""
     top = top or 'vehicle = "diff_drive"\nframe = "FRD"'
     toml = (
         f'name = "s"\n{top}\n[signals]\n{signals}\n[nominal]\n{nominal}\n[[runs]]\nname = "r"\nfile = "r.csv"\n{run}\n'
@@ -321,7 +321,7 @@ def test_units_of_outputs_are_those_of_the_plant() -> None:
 
 
 def measured(name: str) -> Path:
-    """A measured data set's folder, or a skip."""
+    """Returns a measured data set's folder; skips the test if there is none."""
     root = os.environ.get("BRICKPILOT_DATA")
     beside = Path(__file__).resolve().parents[3] / "shared" / "data"
     folder = (Path(root) if root else beside) / name

@@ -1,4 +1,4 @@
-"""Random data sets are read back as they were meant; damaged ones are read or refused, never anything else."""
+"""Random data sets are read back with the written values; damaged ones are read or refused, nothing else."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ cell = st.one_of(st.none(), number)
 
 @st.composite
 def layouts(draw: st.DrawFn) -> dict[str, object]:
-    """Everything a file's writer may choose freely."""
+    """Draws everything that the writer of a data set may choose freely."""
     outputs = draw(st.lists(st.sampled_from(OUTPUTS), min_size=1, unique=True))
     signals = draw(st.permutations(["time", "voltage_left", "voltage_right", *outputs]))
     samples = draw(st.integers(2, 12))
@@ -40,7 +40,7 @@ def layouts(draw: st.DrawFn) -> dict[str, object]:
     scales = {
         name: draw(st.sampled_from([1.0, 0.25, 3.0] if name == "time" else [1.0, -2.0, 1e-3])) for name in signals
     }
-    # Steps of 1 ms to 10 s: of faster rows some would become one, see test_decimation.py.
+    # Steps of 1 ms to 10 s: the reader would merge faster rows, see test_decimation.py.
     columns["time"] = (np.cumsum(steps) / (FACTORS["s"][units["time"]] * scales["time"])).tolist()
     return {
         "frame": draw(st.sampled_from(["FLU", "FRD"])),
@@ -87,7 +87,7 @@ def test_a_data_set_reads_back_as_the_values_it_was_written_from(layout: dict) -
 
 
 def read_or_refusal(folder: Path) -> tuple[Dataset | None, str]:
-    """The data set, or None and the one line that refuses it."""
+    """Returns the data set and "", or None and the one line that refuses it."""
     try:
         return read(folder), ""
     except InputError as error:
@@ -105,7 +105,7 @@ FILES = ["dataset.toml", "straight.csv"]
 
 
 def damage(content: bytes, edits: list[tuple[int, str, bytes]]) -> bytes:
-    """`content` with bytes dropped, put in, repeated, or its end cut off."""
+    """Returns `content` with bytes dropped, replaced or repeated, or with its end cut off."""
     for where, what, new in edits:
         at = where % (len(content) + 1)
         if what == "drop":

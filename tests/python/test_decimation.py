@@ -1,4 +1,4 @@
-"""Rows that follow each other faster than the plant moves its motors are taken together, and the user is told."""
+"""Rows that are closer in time than the motor steps of the plant are merged, and the user is told."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def test_three_rows_of_a_tenth_of_a_ms_become_one():
     dataset = read(log(time))
     run = dataset.runs[0]
     assert run.time == pytest.approx(time[::3])
-    assert run.inputs["voltage"] == pytest.approx(1e3 * time[1::3])  # the mean of three rows is that of the middle one
+    assert run.inputs["voltage"] == pytest.approx(1e3 * time[1::3])  # the mean of three rows is the middle one
     assert run.outputs["speed"] == pytest.approx(1e4 * time[::3])
     note = [note for note in dataset.notes if "rows" in note]
     assert note == [

@@ -108,7 +108,7 @@ def test_a_predictor_that_simulates_the_fit_runs_worse_gives_way_to_the_explanat
 
 
 def cogging(signal, noise):
-    """Returns what `prepare` makes of a motor with a torque that repeats each turn, of which one signal is measured."""
+    """Returns what `prepare` makes of a motor's data: one measured signal, and a torque that repeats with each turn."""
     hidden = {"torque": 0.02, "order": 2.0, "phase": 0.3, "phase_difference": 0.0}
     truth = dataclasses.replace(motor(wheel_inertia=1e-3), effects={"cogging": hidden})
     time, random = np.arange(0.0, 4.0, 0.01), np.random.default_rng(0)
@@ -134,7 +134,7 @@ def test_whole_runs_of_a_motor_compare_the_position_that_was_measured():
 
 @pytest.mark.parametrize(("signal", "noise", "is_known"), [("angle", 0.01, True), ("speed", 0.05, False)])
 def test_a_predictor_has_the_phase_of_a_wheel_only_where_its_angle_is_measured(signal, noise, is_known):
-    """Where it is not, the next run begins at another angle, and a phase that fits these runs makes it worse."""
+    """Without a measured angle the next run starts at another angle: a phase fitted to these runs predicts it worse."""
     prepared, nominal = calibrate(cogging(signal, noise))
     grown = best_predictor(prepared, nominal, lambda text: None)
     assert grown.explanation.is_periodic == is_known
@@ -158,7 +158,7 @@ def test_samples_and_bins_have_the_same_noise_of_a_sample(tmp_path):
 
 
 def test_the_coarse_grid_simulates_what_the_measured_samples_do(tmp_path):
-    """For each effect the difference is below a 20th of its signature. Chaotic effects part any two simulations."""
+    """For each effect the difference is below a 20th of its signature. Chaotic effects are left out."""
     full, coarse, plan = errors_of(hidden(tmp_path / "set", {}))
     effects = {one.name: {p.name: p.preset for p in one.parameters} for one in catalogue.effects()}
     chaotic = {"torque_ripple", "cogging", "gear_backlash"}
@@ -229,7 +229,7 @@ def test_the_order_of_a_periodic_effect_is_read_off_the_wheel_speeds(tmp_path):
 
 
 def test_the_difference_step_of_an_order_turns_its_phase_only_a_little(tmp_path):
-    """After the turns of a run a hundredth of the order is another phase, and a difference over it is no slope."""
+    """Over a run, a hundredth more of the order is another phase, so a difference over it is no derivative."""
     plan = errors_of(hidden(tmp_path / "set", {}))[2]
     ripple = next(one for one in library_parts(plan.model) if one.effect == "torque_ripple" and len(one.free) == 4)
     plan = ripple.starting(plan, {"amplitude": 0.3, "order": 8.0, "phase": 1.0, "phase_difference": 0.4})
@@ -309,7 +309,7 @@ def test_an_effect_on_a_sensor_that_was_not_measured_is_no_part(measured, absent
     ],
 )
 def test_effects_that_change_the_measured_signals_alike_are_one_part(measured, parts):
-    """A wheel's delay and that of all sensors are one law where wheels alone are measured; also beside that law."""
+    """If only wheels are measured, a delay of wheels and of all sensors is one law, also beside that law."""
     delays = {"sensor_delay", "speed_delay", "gyro_delay"}
     assert {one.effect for one in library_parts(robot(), measured)} & delays == parts
     late = dataclasses.replace(robot(), effects={"sensor_delay": {"delay": 0.03}})
@@ -334,7 +334,7 @@ def test_optional_parameters_are_freed_one_at_a_time():
 
 
 def test_a_parameter_that_may_not_be_zero_is_no_size():
-    """No model is tried without it: the plant refuses heating without a time constant."""
+    """No model sets such a parameter to zero: the plant refuses heating without a time constant."""
     heating = next(
         one for one in library_parts(dataclasses.replace(robot(), effects={})) if one.effect == "motor_heating"
     )
@@ -357,7 +357,7 @@ def test_friction_is_named_with_its_size(friction):
 
 
 def test_the_gap_closes_on_runs_that_were_not_fitted(friction):
-    assert set(friction.roles.values()) == {"fit"}  # each manoeuvre occurs once: the last of its drive is held out
+    assert set(friction.roles.values()) == {"fit"}  # each manoeuvre occurs once: the end of its drive is held out
     assert any("held out the last of the drive in ahead" in note for note in friction.notes)
     assert friction.gap["held_out"].before > 1.5
     assert friction.gap["held_out"].after == pytest.approx(1.0, abs=0.1)

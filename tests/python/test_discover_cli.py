@@ -61,7 +61,7 @@ class Done:
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The packaged robot with dry friction at its wheels, by the planar engine."""
+    """Data of the packaged robot with dry friction at its wheels, from the planar engine."""
     runs = [
         manoeuvre.steps(name, 4.0, (0.3, left, right), (3.0, 0.0, 0.0))
         for name, left, right in (
@@ -81,7 +81,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A motor with dry friction, for what does not depend on the vehicle: a search takes seconds."""
+    """A motor with dry friction, for tests that do not depend on the vehicle: its search takes seconds."""
     driven = {f"at_{volts:g}": (volts, 0.0) for volts in (2.5, 4.0, 7.0, -3.0, -5.0, -8.0)}
     truth = dataclasses.replace(motor(), effects={"coulomb_friction": {"torque": TORQUE}})
     folder = tmp_path_factory.mktemp("small") / "dry-motor"
@@ -202,12 +202,12 @@ def test_the_compensation_takes_away_most_of_what_the_friction_costs_a_flight(do
     own, without, compensated = flown(), flown(*robot), flown(*robot, "--compensation", str(written))
     assert compensated["waypoints_reached"] == 8
     errors = [one["position_estimate_error_m"] for one in (own, compensated, without)]
-    assert errors[1] - errors[0] < 0.5 * (errors[2] - errors[0])  # the flight learns a part of the friction by itself
+    assert errors[1] - errors[0] < 0.5 * (errors[2] - errors[0])  # the firmware learns a part of the friction in flight
     assert compensated["cross_track_rms_m"] < without["cross_track_rms_m"]
 
 
 def test_progress_goes_to_stderr_and_the_verdict_to_stdout(small: Path, tmp_path: Path) -> None:
-    """One job, and without --out: the other half of the options."""
+    """This run has one job and no --out, unlike the other tests."""
     ended = brickpilot("discover", str(small), "--jobs", "1", cwd=tmp_path)
     assert ended.returncode == 0, ended.stderr
     stages = ended.stderr.splitlines()
@@ -262,7 +262,7 @@ def test_a_folder_with_anything_else_in_it_is_left_alone(data: Path, tmp_path: P
 
 
 def test_its_own_folder_is_replaced(done: Done, tmp_path: Path) -> None:
-    """The second verdict has no effect, so files of the first one have to go."""
+    """The second verdict names no effect, so compensation.toml of the first verdict must be deleted."""
     shutil.copytree(done.out, tmp_path / "out")
     driven = {"go": (4.0, 0.0), "on": (7.0, 0.0)}
     still = write(tmp_path / "still", motor(), {"speed": 0.05}, "battery_voltage = 9.0", manoeuvres=driven)
@@ -283,11 +283,11 @@ def test_ctrl_c_leaves_nothing_behind(stage: str, small: Path, tmp_path: Path) -
     work = subprocess.Popen(
         [str(PROGRAM), "discover", str(small), "--out", "out"],
         cwd=tmp_path, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell's background jobs ignore it
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell's background jobs ignore SIGINT
     )  # fmt: skip
     assert work.stderr is not None
     for line in work.stderr:
-        if line.startswith(stage):  # how long it will take may follow
+        if line.startswith(stage):  # the expected time may follow
             break
     work.send_signal(signal.SIGINT)
     said, complained = work.communicate(timeout=60)

@@ -35,10 +35,10 @@ Table = dict[str, NDArray[np.float64]]
 
 HIDDEN = {"motor_asymmetry": {"difference": 0.07}}
 SAME, NEAR = 0.02, 0.05
-"""How far a parameter may move: for the same data written differently, and for a part of the data."""
+"""Allowed relative change of a parameter: for the same data written differently, and for a part of the data."""
 
 _SECONDS = 4.2
-# Steps stand at even samples of 3 ms, so that half of the samples tells when they were made.
+# Steps are at even samples of 3 ms, so every second sample still shows when a step was made.
 _RUNS = tuple(
     manoeuvre.steps(name, _SECONDS, (0.3, left, right), (3.0, 0.0, 0.0))
     for name, left, right in (
@@ -97,7 +97,7 @@ def found_in(log: Log, folder: Path, *, seed: int = 0, jobs: int = 2) -> Finding
 
 @pytest.fixture(scope="module")
 def found(log: Log, tmp_path_factory: pytest.TempPathFactory) -> Finding:
-    """Two jobs, also where a worker of xdist has one processor."""
+    """The finding with two jobs, even if a worker of xdist has one processor."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(side_by_side, "_processors", lambda: 2)
         return found_in(log, tmp_path_factory.mktemp("as_written") / "data")
@@ -175,7 +175,7 @@ def without_noise_sd(log: Log) -> Log:
 
 
 def with_rows_lost(log: Log) -> Log:
-    """Removes one row in five at random. Rows with a new command stay, as a logger of changes keeps them."""
+    """Removes one row in five at random. Rows with a new command stay, as in a logger that records changes."""
     random = np.random.default_rng(5)
 
     def keep(table: Table) -> NDArray[np.bool_]:
@@ -240,7 +240,7 @@ def test_mirrored_data_give_the_mirrored_effect(log: Log, found: Finding, tmp_pa
 
 
 def test_another_seed_gives_the_same_verdict(log: Log, tmp_path: Path) -> None:
-    """Without nominal values the fit starts at random. The seed changes the way, not the result."""
+    """Without nominal values the fit starts at random. The seed changes this start, not the result."""
     said = copy.deepcopy(log.said)
     for name in ("wheel_inertia", "yaw_inertia", "viscous_friction"):
         del said["nominal"][name]
@@ -252,7 +252,7 @@ def test_another_seed_gives_the_same_verdict(log: Log, tmp_path: Path) -> None:
 
 
 def test_the_same_data_and_seed_give_the_same_bytes_with_any_jobs(log: Log, found: Finding, tmp_path: Path) -> None:
-    """`found` had two jobs."""
+    """`found` was made with two jobs, the other finding with one."""
 
     def text(finding: Finding) -> str:
         return re.sub(r'"elapsed_s": [0-9.]+', "", json.dumps(verdict_json(finding)))

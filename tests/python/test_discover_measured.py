@@ -29,7 +29,7 @@ Found = tuple[Dataset, Finding, Model]
 
 @cache
 def discovered(folder: Path, scratch: Path) -> Found:
-    """Returns the data set, the finding, and the model as its file says."""
+    """Returns the data set, the finding, and the model as read from its file."""
     data = reading.read(folder)
     found = pipeline.discover(data)
     path = scratch / f"{data.name}.toml"
@@ -54,9 +54,9 @@ def sizes(effects: tuple[Effect, ...]) -> dict[str, float]:
 
 
 def intervals(found: Finding) -> list[tuple[float, float]]:
-    """Returns the interval of every named size, after a check that none holds zero.
+    """Returns the interval of every named size, after a check that no interval contains zero.
 
-    If nobody stated the mass, a torque is known only in proportion to it, and has an interval as a voltage alone.
+    If no mass is stated, a torque is known only in proportion to it: then only the torque's voltage has an interval.
     """
     sizes = [one for effect in found.effects for one in effect.parameters.values()]
     given = [one.ci95 or one.identified.ci95 for one in sizes if one.ci95 is not None or one.identified is not None]
@@ -72,7 +72,7 @@ def axis(scratch: Path) -> Found:
 def test_linear_axis_has_dry_friction_and_a_constant_load(axis: Found) -> None:
     """Janot, Gautier & Brunot 2019 fitted dry friction of 20.39 N and an offset of -3.16 N.
 
-    The friction depends on speed in a way that neither law says: what they leave is more than noise.
+    The friction depends on speed in a way that neither law describes: the residual is larger than the noise.
     """
     _, found, _ = axis
     assert found.verdict == "named"
@@ -97,8 +97,8 @@ def test_linear_axis_is_in_a_loop_that_tells_next_to_nothing(axis: Found) -> Non
 def test_coupled_drives_swing_behind_a_sensor_that_knows_no_direction(scratch: Path) -> None:
     """Wigren & Schoukens 2017: two motors, a belt with springs, a pulse counter that does not know the sign.
 
-    The data set says nothing of a spring or of the counter. A model without them leaves 0.22 ticks/s of `test`, a
-    published linear model as much, after the 10 samples that serve to find the state.
+    The data set states neither spring nor counter. A model without them leaves a residual of 0.22 ticks/s in `test`,
+    and so does a published linear model, after the first 10 samples, which serve to find the state.
     """
     data, found, model = discovered(measured("coupled_drives_1"), scratch)
     assert found.verdict in ("named", "ambiguous")
@@ -134,7 +134,7 @@ def test_lego_motor_loses_a_part_of_its_voltage(lego: Found) -> None:
 
 
 def test_lego_motor_starts_near_the_duty_that_is_lost(lego: Found) -> None:
-    """The steady speeds at 20 and 40 % duty, 77.1 and 216.4 deg/s, lie on a line through 9 % duty."""
+    """The line through the steady speeds at 20 and 40 % duty, 77.1 and 216.4 deg/s, crosses zero speed at 9 % duty."""
     _, found, model = lego
     assert starting_voltage(model) / 9.0 == pytest.approx(0.085, abs=0.025)
     gap = found.gap["held_out"]
@@ -149,9 +149,9 @@ def test_lego_motor_s_frozen_angle_is_a_fault_not_an_effect(lego: Found) -> None
 
 
 def starting_voltage(model: Model) -> float:
-    """Returns the V at which a slowly rising voltage starts a motor: its speed is a thousandth of that at the end.
+    """Returns the V at which a slow ramp starts a motor: its speed reaches a thousandth of the speed at the end.
 
-    This is the size of the dry friction, whatever its name.
+    This is the size of the dry friction, whichever law describes it.
     """
     time = np.linspace(0.0, 60.0, 6001)
     volts = 4.0 * time / time[-1]
@@ -162,7 +162,7 @@ def starting_voltage(model: Model) -> float:
 
 @pytest.fixture(scope="module")
 def frc(scratch: Path, tmp_path_factory: pytest.TempPathFactory, full: bool) -> Found:
-    """Of every fourth sample, 50 a second; with --full of all. Both name the same effects."""
+    """Discovery on every fourth sample (50 a second), with --full on all. Both name the same effects."""
     logs = measured("frc_drivetrain")
     folder = tmp_path_factory.mktemp("frc") / "set"
     import_wpilib([logs / f"{name}-data.json" for name in ("linear", "angular")], folder)
@@ -172,9 +172,9 @@ def frc(scratch: Path, tmp_path_factory: pytest.TempPathFactory, full: bool) -> 
 
 
 def test_frc_drivetrain_has_dry_friction_among_the_best_names(frc: Found) -> None:
-    """The characterisation that the log was made for fits a voltage for friction; something else drifts beside it.
+    """The log was made for a characterisation that fits a voltage for friction. Something else in it drifts.
 
-    Nobody stated the mass, so that no force has an interval in newtons, and yet the data cannot do without it.
+    No mass is stated, so no force has an interval in newtons; but the data cannot be explained without friction.
     """
     _, found, _ = frc
     assert found.verdict in ("ambiguous", "unknown")
@@ -191,7 +191,7 @@ def mouse(scratch: Path) -> Found:
 
 
 def test_micromouse_s_faults_are_reported_and_no_gyro_limit_lies_below_its_readings(mouse: Found) -> None:
-    """The gyro ends at 34.6 rad/s in two runs, where readings are left out: no smaller limit can be the truth."""
+    """In two runs the gyro saturates at 34.6 rad/s, and such readings are left out: a smaller limit cannot be true."""
     data, found, _ = mouse
     kinds = {(fault.run, fault.signal, fault.kind) for fault in found.faults}
     assert kinds >= {
@@ -215,7 +215,7 @@ def test_micromouse_is_not_explained_at_the_cost_of_held_out_runs(mouse: Found) 
 
 
 def test_an_answer_does_not_hang_on_a_number_that_means_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The prior of what nobody states is so wide that it only holds what the data leave open: 30 or 20 is the same."""
+    """The prior of an unstated value is so wide that it only fixes what the data leave open: sd 30 and 20 agree."""
     data = reading.read(measured("micromouse_wheels"))
     answers = []
     for anchor in (30.0, 20.0):

@@ -240,7 +240,7 @@ def test_a_position_is_compared_and_drawn_by_its_velocity(found, tmp_path):
         found["named"],
         dataset=axis,
         simulated=simulated,
-        noise_sd={"velocity": 0.03},  # of up to 0.9 m/s: a derivative rounds the corners off
+        noise_sd={"velocity": 0.03},  # m/s, for speeds up to 0.9: a derivative rounds the corners off
         where=(),
         roles=dict.fromkeys(ROLES, "fit"),
         gap={"fit": Gap(None, None), "held_out": Gap(None, None)},

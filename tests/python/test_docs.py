@@ -28,13 +28,13 @@ ROOT = Path(__file__).resolve().parents[2]
 BROWSER = next(filter(None, map(shutil.which, gallery.BROWSERS)), None)
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::PendingDeprecationWarning")
 SVG = '"http://www.w3.org/2000/svg"'
-"""The name of a namespace, which nothing loads."""
+"""The name of an XML namespace; no browser loads it."""
 
 LOADING = {
     "img": ("src", "srcset"), "script": ("src",), "iframe": ("src",), "audio": ("src",), "video": ("src", "poster"),
     "source": ("src", "srcset"), "embed": ("src",), "object": ("data",), "input": ("src",), "track": ("src",),
 }  # fmt: skip
-"""Tag -> attributes whose target a browser loads; of a link tag the relation decides."""
+"""Tag -> attributes whose target a browser loads. For a link tag, its relation decides."""
 
 LOADING_RELATIONS = {
     "stylesheet",
@@ -110,7 +110,7 @@ def test_no_script_of_the_site_names_a_place_on_the_network(site: Path) -> None:
     scripts = list(site.rglob("*.js"))
     assert len(scripts) > 5
     for path in scripts:
-        if path.name != "searchindex.js":  # it holds words of the pages
+        if path.name != "searchindex.js":  # searchindex.js holds words of the pages
             text = path.read_text(encoding="utf-8").replace(SVG, "")
             assert not re.search(r"[\"'`](https?:)?//[\w-]+\.\w", text), path
 
@@ -216,7 +216,7 @@ def test_a_broken_link_fails_the_build(planted: str, tmp_path: Path) -> None:
 
 
 def browsed(address: str, folder: Path) -> str:
-    """Returns the page as the browser shows it, with no name of any host known to it."""
+    """Returns the page as the browser shows it; the browser can resolve no host name."""
     assert BROWSER is not None, "needs a browser: sh tests/run installs chromium"
     options = ["--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=8000", f"--user-data-dir={folder}"]
     network = ["--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1", "--proxy-server=direct://"]

@@ -1,4 +1,4 @@
-"""The RCX's program, ended by Run at any tick of a host's mission: motors off, nobody answers, and all is forgotten."""
+"""Run ends the RCX's program at any tick of a host's mission: motors off, no answers, and no memory of the mission."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ from brickpilot.vehicle.model import rcx
 from rcx_kernel import PROGRAMS, SYSTEM_TASKS, TASKS
 
 TICK_MS = 9
-"""A control step of the RCX's program."""
+"""ms: a control step of the RCX's program."""
 NOTICED_MS = 4
-"""The kernel looks at its buttons and switches tasks every 2 ms."""
+"""ms: twice the 2 ms after which the kernel reads its buttons and switches tasks."""
 LAST_S = 6.0
 ROUTE_MM = [(600, 600), (600, -200)]
 SLOWER = 4000
-"""Of the setting cruise, 1/16 mm/s: less than the image's own."""
+"""Value of the setting cruise, in 1/16 mm/s: less than the image's own."""
 
 
 def copy_of(brick: SimulatedRcx, folder: Path) -> SimulatedRcx:
-    """Returns a copy of a brick, which goes on by itself."""
+    """Returns a copy of a brick, which runs independently."""
     path = folder / "copy"
     path.unlink(missing_ok=True)
     with socket.socket(socket.AF_UNIX) as waiting:
@@ -60,7 +60,7 @@ def session(brick: SimulatedRcx) -> Session:
 
 
 def answers(brick: SimulatedRcx) -> bool:
-    """Returns whether the brick answers a host that asks once for a reset of the mode."""
+    """Returns whether the brick answers a host that requests a reset of the mode once."""
     layout = book().by_name["MODE_COMMAND"]
     head = bytes([200, layout.id & 255, layout.id >> 8])
     packet = lnp.packet(head + layout.seal(9, 3), lnp.BRICK, lnp.HOST)
@@ -73,7 +73,7 @@ def answers(brick: SimulatedRcx) -> bool:
 
 
 def ends(brick: SimulatedRcx) -> int:
-    """Presses Run, and returns after how many ms no motor was driven any more."""
+    """Presses Run, and returns the ms after which no motor was driven any more."""
     brick.hold(RUN_BUTTON)
     last = 0
     for ms in range(1, PRESS_MS + 1):
@@ -91,7 +91,7 @@ def tasks(brick: SimulatedRcx) -> int:
 
 @dataclass(frozen=True)
 class Program:
-    """The autopilot, and where its commands (session, settings, route) and its loop's state stand in the brick."""
+    """The autopilot, and where the brick holds its commands (session, settings, route) and its loop's state."""
 
     image: Image
     begins: int
@@ -110,7 +110,7 @@ def built(folder: Path) -> Program:
 
 
 def flies(brick: SimulatedRcx) -> Iterator[int]:
-    """Flies a host's mission, in the plant, and yields each tick."""
+    """Flies a host's mission in the plant, and yields the number of each tick."""
     plan = flight.plan(scenario.load(scenario.packaged()["mission"]), rcx(), profile="coupled", sensors="imu")
     log = np.zeros((plan.steps, len(flight.log_names())))
     motors = np.zeros((plan.steps, 2), dtype=np.int16)
@@ -125,7 +125,7 @@ def flies(brick: SimulatedRcx) -> Iterator[int]:
 
 
 def test_its_motors_are_off_nobody_answers_and_it_begins_as_new(tmp_path: Path, full: bool) -> None:
-    """Every tenth tick of 6 s, or with --full each, at any ms within it: rest, turn and drive are among them."""
+    """Run is pressed at every tenth tick of 6 s (--full: at each), at any ms within it: in rest, turn and drive."""
     program = built(tmp_path)
     every, tried, drove = 1 if full else 10, 0, 0
     with SimulatedRcx() as brick:
@@ -153,7 +153,7 @@ def test_its_motors_are_off_nobody_answers_and_it_begins_as_new(tmp_path: Path, 
                 assert copy.driven == (0, 0), tick
                 assert program.remembers(copy) == new, tick
         assert 2 * drove > tried
-        asked = (answers(brick) for _ in range(lnp.TRIES))  # a request is lost while the brick sends telemetry
+        asked = (answers(brick) for _ in range(lnp.TRIES))  # the brick loses requests while it sends telemetry
         assert any(asked), "one that was not ended"
         ends(brick)
         brick.press(RUN_BUTTON)

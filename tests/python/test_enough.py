@@ -1,4 +1,4 @@
-"""Comparing a data set of very many samples: the nominal values are fitted to some of its runs, and it is said."""
+"""`compare` with very many samples: the nominal values are fitted to some of the runs, and the user is told."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ KNOWN = {"resistance": 20.0, "torque_constant": 0.3, "emf_constant": 0.3, "induc
 
 
 def steps() -> bp.Dataset:
-    """Ten steps of a motor solved by hand, 100 samples each, 2 s apart."""
+    """Ten step responses of a motor in closed form, with 100 samples each and 2 s between them."""
     time = np.arange(100) * 0.01
     frames = {
         f"step_{volts:g}": pd.DataFrame(

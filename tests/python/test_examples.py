@@ -1,4 +1,4 @@
-"""The example logs: they are what their program writes, and `why` finds in each what it hides."""
+"""The example logs are those that their program writes, and `why` finds the effect that each log hides."""
 
 from __future__ import annotations
 

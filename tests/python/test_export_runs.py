@@ -1,4 +1,4 @@
-"""Runs and recordings of links as MCAP and Parquet: opened by their own libraries, every sample is there."""
+"""Runs and link recordings exported as MCAP and Parquet: the libraries of these formats read every sample."""
 
 from __future__ import annotations
 
@@ -212,7 +212,7 @@ def test_a_log_that_is_cut_off_is_refused(flown: Path, tmp_path: Path) -> None:
     shutil.copytree(flown / "plain", tmp_path / "run")
     path = tmp_path / "run/log.csv"
     content = path.read_bytes()
-    path.write_bytes(content[:-1])  # who knows whether the last number is whole
+    path.write_bytes(content[:-1])  # the last number may be cut short
     done = brickpilot("export", "parquet", "run", cwd=tmp_path)
     line = content.count(b"\n")
     assert (done.returncode, done.stdout) == (2, "")

@@ -47,7 +47,7 @@ def test_a_manoeuvre_is_no_mission_and_cannot_fail_as_one(name: str, tmp_path: P
 
 
 def failing(file: Path) -> dict[str, str]:
-    """Returns test case -> message of those that failed, as another program reads the file."""
+    """Returns failed test case -> message, as another program reads the file."""
     found = {}
     (suite,) = junitparser.JUnitXml.fromfile(str(file))
     assert suite.tests == len(list(suite))
@@ -97,7 +97,7 @@ def test_a_name_with_signs_of_xml_is_text() -> None:
 
 @pytest.mark.realtime
 def test_a_late_tick_has_a_fault_of_its_own() -> None:
-    """The brick is stopped for longer than its watchdog allows and for less than makes it silent."""
+    """The brick stops for longer than its watchdog allows, but not long enough to count as silent."""
     process, address = brick_process.start_brick("--pty")
 
     def stall(done: int, _steps: int, _text: str) -> None:
@@ -121,7 +121,7 @@ def test_a_late_tick_has_a_fault_of_its_own() -> None:
 
 @pytest.mark.realtime
 def test_in_real_time_the_flight_ends_a_second_after_its_mission() -> None:
-    for _ in range(30):  # a busy machine stalls for 20 ms, again and again
+    for _ in range(30):  # a busy machine often stalls for 20 ms
         flown = over("serial:pty", plan(duration=30.0, waypoints=((0.3, 0.0),)), REALTIME)
         if flown.flight.log["fault"][-1] != LATE:
             break

@@ -93,7 +93,7 @@ def test_fits_near_100_percent_are_drawn_at_their_values():
         assert panel["rows"] == ["driving", "turning"]
         after = panel["curves"][-2]["values"]
         places = {row: x for x, row in zip(figure["x"]["values"], after, strict=True) if row is not None}
-        assert places == pytest.approx({1: 99.99, 0: -20.0}, abs=0.01)  # far below 0: at the edge
+        assert places == pytest.approx({1: 99.99, 0: -20.0}, abs=0.01)  # a value far below 0 is drawn at the edge
         assert panel["spans"][0] == pytest.approx([1, 99.99 if single else 99.35, 99.995])
 
 

@@ -105,7 +105,7 @@ def test_the_packaged_robot_gets_its_own_constants(text: str, tmp_path: Path) ->
 
 
 def poles(motion: robot.Motion, kp: float, ki: float, kd: float, *, angle: bool) -> np.ndarray:
-    """The roots of the closed loop, from the equations in state space: lag, integral, and the angle where there is one.
+    """The poles of the closed loop, from its state matrix: lag, integral, and the angle if the loop has one.
 
     u = kp (r - y) + ki int(r - y) - kd v, dv/dt = (gain u - v) / time, and y is v or its integral.
     """
@@ -198,9 +198,10 @@ def test_motors_of_large_currents_are_held_with_smaller_ones_and_drive_alike(tmp
 
 
 def of_size(radius: float, volts: float) -> str:
-    """A robot of that wheel and battery, whose motors drive it as the packaged ones do theirs.
+    """A robot with this wheel radius and battery, whose motors suit it as the packaged motors suit their robot.
 
-    Its speed goes with the root of the wheel, its mass with the power 1.5; currents follow from voltage and torque.
+    Its speed grows with the square root of the radius, its mass with the power 1.5; currents follow from voltage and
+    torque.
     """
     by = radius / 0.0408
     mass = 0.9 * by**1.5

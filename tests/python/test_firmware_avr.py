@@ -1,4 +1,4 @@
-"""`brickpilot firmware --board avr`: a robot's image for an AVR chip, and the same as a library of Arduino."""
+"""`brickpilot firmware --board avr`: a robot's image for an AVR chip, and the same firmware as an Arduino library."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from brickpilot.vehicle import flight
 from command import brickpilot
 from test_firmware import OWN, make, write
 
-SHORT_S = 3.2  # of a flight on simavr: the rest, and more than a second of driving
+SHORT_S = 3.2  # s of flight on simavr: the rest at the start, and more than a second of driving
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +68,7 @@ def test_ones_own_image_flies_with_its_model_and_its_own_wiring(tmp_path: Path) 
     assert (flown.returncode, figures["waypoints_reached"], figures["link"]) == (0, 8, "avr:328p-rotation"), (
         flown.stderr
     )
-    assert figures["image"] == str(tmp_path / "made/brickpilot.elf")  # `import` knows by it that another robot flew
+    assert figures["image"] == str(tmp_path / "made/brickpilot.elf")  # tells `import` that another robot flew
     assert figures["closest_approach_m"] == pytest.approx(
         json.loads((tmp_path / "made/firmware.json").read_text())["flight"]["closest_approach_m"], abs=0.02
     )
@@ -115,7 +115,7 @@ def test_a_digital_imu_that_cannot_be_is_one_line(
     ],
 )
 def test_an_image_that_cannot_be_flown_so_is_one_line(options: tuple[str, ...], says: str, made: Path) -> None:
-    (made / "host.elf").write_bytes(b"\x7fELF".ljust(18, b"\0") + b"\x3e\0")  # of an x86-64
+    (made / "host.elf").write_bytes(b"\x7fELF".ljust(18, b"\0") + b"\x3e\0")  # an ELF file for x86-64
     done = hil(*options, cwd=made.parent)
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert says in done.stderr
@@ -134,7 +134,7 @@ def test_the_library_is_built_by_arduinos_recipes_and_has_no_fuses(arduino: tupl
     sections = subprocess.run(["avr-size", "-A", elf], capture_output=True, text=True, check=True).stdout
     sizes = {name: int(size) for name, size in re.findall(r"^\.(\w+) +(\d+)", sections, re.MULTILINE)}
     assert "fuse" not in sizes
-    assert sizes["text"] + sizes["data"] < 32768 - 512  # the boot loader's
+    assert sizes["text"] + sizes["data"] < 32768 - 512  # 512 bytes for the boot loader
     assert sizes["data"] + sizes["bss"] < 2048 - 400
     types = [line[7:9] for line in image.read_text().split()]
     assert types == ["00"] * (len(types) - 1) + ["01"]  # no address beyond 64 KB

@@ -11,7 +11,7 @@ from brickpilot.vehicle.settings import settings
 from command import brickpilot
 from test_firmware import make, write
 
-# The robot of tools/docs/guides/my_robot.md, with an IMU of other ranges than the packaged one's.
+# The robot of tools/docs/guides/my_robot.md, with an IMU whose ranges differ from the packaged one.
 ROBOT = """
 [parameters]
 mass = 1.2
@@ -30,7 +30,7 @@ def hil(*options: str, cwd: Path) -> subprocess.CompletedProcess[str]:
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of the robot for an RCX, with its route `corner.toml` beside it."""
+    """The folder that `firmware` made for an RCX; its route `corner.toml` is beside it."""
     parent = tmp_path_factory.mktemp("rcx")
     (parent / "corner.toml").write_text(ROUTE, encoding="utf-8")
     done = make(parent / "made", write(parent, "robot", ROBOT), "rcx", "--scenario", str(parent / "corner.toml"))
@@ -43,7 +43,7 @@ def test_ones_own_firmware_flies_on_the_rcx_processor_as_in_simulation(made: Pat
     route, model = made.parent / "corner.toml", made.parent / "robot.toml"
     assert told["fly"] == f"brickpilot hil --image {made / 'brickpilot.h8sim'} --model {model} --scenario {route}"
     assert f"On a simulator of the RCX's processor: `{told['fly']}`" in (made / "README.md").read_text()
-    flown = hil(*told["fly"].split()[2:], cwd=made.parent)  # where no checkout is
+    flown = hil(*told["fly"].split()[2:], cwd=made.parent)  # a folder without a checkout
     figures = json.loads(flown.stdout)
     assert (flown.returncode, figures["waypoints_reached"], figures["final_mode"]) == (0, 2, "arrived"), flown.stderr
     assert (figures["link"], figures["lost_frames"]) == ("h8sim:imu", 0)

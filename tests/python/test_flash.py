@@ -189,7 +189,7 @@ def test_a_lost_reply_costs_a_packet_and_not_the_image(lost: int, lego: bool) ->
 
 
 def test_several_lost_replies_to_one_block_shorten_it_and_skip_no_byte() -> None:
-    """The ROM has the long block already when the short one comes, and has to continue behind the short one."""
+    """The ROM already has the long block when the short one arrives, and has to continue after the short one."""
     image = plain_image()
     with RcxBrick(lose_replies=frozenset([5, 6, 7])) as brick:
         done = flash_firmware(image, brick.path)
@@ -201,7 +201,7 @@ def test_several_lost_replies_to_one_block_shorten_it_and_skip_no_byte() -> None
 
 @pytest.mark.parametrize("back_after", [1300, 2000])
 def test_a_delivery_continues_when_the_brick_comes_back_into_the_beam(back_after: int) -> None:
-    """The brick is away for a few tries, or for more than half of them, after which it is asked whether it is alive."""
+    """The brick is away for a few tries, or for more than half of all tries; then it is asked whether it is alive."""
     image = plain_image()
     with RcxBrick(vanish_after=700, back_after=back_after) as brick:
         done = flash_firmware(image, brick.path)
@@ -266,7 +266,7 @@ def test_flash_delivers_a_program_on_a_line_that_damages_one_byte_of_a_hundred(f
 
 @pytest.mark.parametrize("lost", [*([number] for number in range(1, 10)), [3, 4, 5], [8, 9, 10], [2, 4]], ids=str)
 def test_a_program_arrives_complete_although_acknowledgements_are_lost(lost: list[int]) -> None:
-    """brickOS acknowledges delete, create, six packets of data and run; create and the last data only once."""
+    """brickOS acknowledges delete, create, six packets of data and run, but create and the last data only once."""
     program = large_program()
     with RcxBrick(brickos=True, lose_replies=frozenset(lost)) as brick:
         flash_program(program, brick.path, execute=True)
@@ -276,7 +276,7 @@ def test_a_program_arrives_complete_although_acknowledgements_are_lost(lost: lis
 
 
 def test_a_reply_counts_only_if_complete_and_not_from_the_echo() -> None:
-    """A block of an image may hold, with its complements, exactly the bytes of its reply."""
+    """A block of an image may hold, with its complements, exactly the bytes of the reply to it."""
     reply = rom.frame(b"\xba\x00")
     assert rom.find_reply(b"\x12" + reply, 0x45, 2) == b"\xba\x00"
     for at in range(3, len(reply)):  # the header may be damaged

@@ -30,7 +30,7 @@ def content(image: Path) -> bytes:
 
 
 def says(text: str, folder: Path, status: int = 1) -> str:
-    """Makes an avrdude that says `text`, and returns the PATH that finds it first."""
+    """Makes an avrdude that prints `text`, and returns the PATH that finds this program first."""
     program = folder / "bin" / "avrdude"
     program.parent.mkdir()
     program.write_text(f'#!/bin/sh\necho "$@" > {folder}/asked\ncat >&2 <<END\n{text}\nEND\nexit {status}\n')

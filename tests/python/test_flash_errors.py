@@ -1,4 +1,4 @@
-"""Each obstacle to a delivery is reported in one line, and before anything is sent where that is possible."""
+"""Each obstacle to a delivery is reported in one line, before anything is sent if possible."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ def test_a_wrong_program_is_refused_unsent(
 
 
 def test_good_files_arrive(image: str, lx: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """The tables above change these files in one place each."""
+    """Each row of the tables above changes one of these files in one place."""
     with RcxBrick() as rom:
         main.main(["flash", "rcx", image, "--tty", rom.path])
     with RcxBrick(brickos=True) as brickos:

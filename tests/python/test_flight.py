@@ -1,4 +1,4 @@
-"""Closed loops: the mission's promises, determinism, and what the sensors allow."""
+"""Closed loops: the promised results of the mission, determinism, and the accuracy with each set of sensors."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def test_all_eight_waypoints_are_reached_with_gyro_and_rotation_sensors(seed: in
 
 
 def test_the_robot_believes_worse_of_its_position_without_rotation_sensors() -> None:
-    heavier = {"mass": 1.1, "torque_constant": 0.185}  # what the controller's model does not know
+    heavier = {"mass": 1.1, "torque_constant": 0.185}  # unknown to the controller's model
     errors = [
         np.median(
             [
@@ -61,7 +61,7 @@ def test_motor_streams_are_those_of_the_golden_file() -> None:
 
 
 def plans_of_all_kinds() -> list[flight.Plan]:
-    """Flights that go side by side, and some that cannot: of another length, profile or tyres, refused, diverging."""
+    """Flights that can run side by side, and others: of another length, profile or tyre, refused or diverging."""
     mission = dataclasses.replace(scenario.load(scenario.packaged()["mission"]), duration=3.0, start_at=0.0)
     forward = dataclasses.replace(scenario.load(scenario.packaged()["forward_1m"]), duration=3.0)
     wild = [dataclasses.replace(part, left=1e300) for part in forward.segments]
@@ -121,7 +121,7 @@ def test_waypoints_are_judged_by_the_true_track_and_in_order() -> None:
     near, far = (flight_figures.waypoints_reached(time, x, y, [(1.0, side)]).at for side in (0.199, 0.201))
     assert (near, far) == ([1.0], [None])  # twice the acceptance radius
     reached = flight_figures.waypoints_reached(time, x, y, [(1.0, 0.1), (3.0, 0.0), (2.0, 0.0), (4.0, 0.0)])
-    assert reached.at == [1.0, 3.0, None, None]  # the third lies behind, and what follows a missed one does not count
+    assert reached.at == [1.0, 3.0, None, None]  # the third lies behind; none after a missed one counts
     assert reached.closest == pytest.approx([0.1, 0.0, 1.0, 0.0])
 
 
@@ -134,5 +134,5 @@ def test_cross_track_error_is_positive_to_the_right_of_the_leg() -> None:
 def test_one_metre_forward_stops_after_one_metre() -> None:
     plan = flight.plan(scenario.load(scenario.packaged()["forward_1m"]), rcx(), profile="coupled")
     flown = flight.fly(plan)
-    assert flown.log["true_x_m"][-1] == pytest.approx(1.0, abs=0.25)  # shorted motors still roll out
+    assert flown.log["true_x_m"][-1] == pytest.approx(1.0, abs=0.25)  # with shorted motors the robot rolls on
     assert abs(flown.log["true_speed_m_s"][-1]) < 1e-3

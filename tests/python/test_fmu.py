@@ -1,4 +1,4 @@
-"""A model as an FMU gives the plant's own numbers in another program, whose part FMPy plays."""
+"""A model as an FMU gives the plant's own numbers in another program, here FMPy."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def unit(units: Callable[[str], Path]) -> Iterator[Callable[..., Unit]]:
 
 
 def driven(model: Model) -> tuple[Array, Array]:
-    """Times whose differences are exact, in steps of many lengths, and voltages with floats among them."""
+    """Times whose differences are exact, in steps of many lengths, and voltages; some are NaN (a floating motor)."""
     rng = np.random.default_rng(7)
     time = np.concatenate([[0.0], np.cumsum(rng.integers(1, 40, 400) / 1024)])
     volts = rng.uniform(-9.0, 9.0, (len(time), 1 if model.vehicle == "motor" else 2))
@@ -309,7 +309,7 @@ def test_another_description_is_refused(unit: Callable[..., Unit]) -> None:
 def test_its_sources_compile_elsewhere_to_the_same_numbers(
     units: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """By CMake, and without optimisation, which takes less time and changes no bit."""
+    """CMake builds them without optimisation, which takes less time and changes no bit."""
     (archive,) = units("tired").glob("*.fmu")
     with zipfile.ZipFile(archive) as file:
         file.extractall(tmp_path, [name for name in file.namelist() if not name.startswith("binaries")])

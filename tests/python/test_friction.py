@@ -1,4 +1,4 @@
-"""Dry friction that nobody stated, with the IMU alone: the robot learns it, and flies as well as before without it."""
+"""With the IMU alone, the robot learns a dry friction that is not stated; without friction it flies equally well."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def arrived(flown: list[dict[str, Any]]) -> int:
 
 
 def error_mm(flown: list[dict[str, Any]]) -> float:
-    """Returns the mean error of the position estimate."""
+    """Returns the mean error of the position estimate, mm."""
     return float(1e3 * np.mean([one["position_estimate_error_m"] for one in flown]))
 
 
@@ -36,7 +36,7 @@ def friction(torque: float) -> Model:
 
 
 def test_the_imu_alone_flies_with_a_friction_that_nobody_stated() -> None:
-    """Without learning it 0 of 50 arrive, and the position is wrong by 215 mm."""
+    """Without learning this friction, 0 of 50 flights arrive, and the position is wrong by 215 mm."""
     flown = figures(friction(0.005), 50)
     assert arrived(flown) >= 45
     assert error_mm(flown) < 60
@@ -63,7 +63,7 @@ def test_more_or_less_friction(torque: float) -> None:
     ids=["stribeck", "rolling", "deadband", "viscous", "lever arm", "twice the bias", "another robot"],
 )
 def test_other_losses_and_robots(model: Model) -> None:
-    """Without learning each of them fails all of these missions. A loss of another law is learnt as it is on a leg."""
+    """Without learning, each model fails all these missions. A loss of another law is learnt by its value on a leg."""
     assert arrived(figures(model, 20)) >= 18
 
 
@@ -86,7 +86,7 @@ def test_a_robot_that_flew_without_learning_flies_as_well(model: Model, before_m
 
 
 def test_without_a_rest_nothing_is_learnt() -> None:
-    """The accelerometer's bias is not known then: the robot stops short as it would without learning."""
+    """Without a rest the accelerometer's bias is unknown: the robot stops short, as it does without learning."""
     flown = figures(friction(0.005), 4, rest=0.0)
     assert arrived(flown) == 0
     assert error_mm(flown) == pytest.approx(225.9, abs=25)

@@ -1,4 +1,4 @@
-"""A data set of DataFrames: equal to that of the same files, and refused with run, row and column where it is bad."""
+"""A data set of DataFrames: equal to that of the same files; a bad one is refused with run, row and column."""
 
 from __future__ import annotations
 

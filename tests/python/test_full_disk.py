@@ -12,7 +12,7 @@ from findings import measured
 from new_users_logs import STRAIGHT, write_log
 from test_campaign import CAMPAIGN, OTHER, SHORT
 
-ROOM = 2048  # bytes of a file, as a disk that is full within it
+ROOM = 2048  # bytes that a file can have, as on a disk that becomes full while it is written
 
 
 def on_a_full_disk(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:

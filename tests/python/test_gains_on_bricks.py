@@ -1,4 +1,4 @@
-"""A gain set in the images of both bricks: the raw integers that were tuned fly on the processors of RCX and AVR."""
+"""A gain set in the images of both bricks: the tuned raw integers fly on the processors of RCX and AVR."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ TARGET = "avr:328p-rotation"
 
 
 def planned(folder: Path, board: str, sensors: str, steps: int) -> tuple[Robot, Plan]:
-    """Returns the robot `middle`, whose headers with the gains stand in `folder`, and the plan of its flight."""
+    """Writes headers with the gains into `folder`; returns their robot, `middle`, and the plan of its flight."""
     own = robot.load(write(folder, "middle", OWN["middle"]))
     mission, flags = simulate.mission(own, None), boards.flags_of(boards.BOARDS[board], sensors, ROOT)
     tuned = robot.with_gains(own, TUNED)
@@ -32,7 +32,7 @@ def planned(folder: Path, board: str, sensors: str, steps: int) -> tuple[Robot, 
 
 
 def in_process(own: Robot, plan: Plan, board: str, monkeypatch: pytest.MonkeyPatch) -> Flight:
-    """Returns the flight of the firmware without these gains, which gets them as settings."""
+    """Returns the flight of firmware without these gains; it gets the gains as settings."""
     monkeypatch.chdir(ROOT)
     library = boards.closed_loop(own, boards.BOARDS[board], plan.sensors).library()
     return flight.fly(dataclasses.replace(plan, firmware=library, gains=TUNED))
@@ -51,7 +51,7 @@ def test_the_avr_image_holds_them_and_drives_on_simavr_as_the_simulation_does(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     own, plan = planned(tmp_path, "avr", "imu+encoders", round(1.8 / 0.003))
-    plan = dataclasses.replace(plan, start_step=100)  # it waits for the gyro's bias all the same
+    plan = dataclasses.replace(plan, start_step=100)  # it still waits for the gyro's bias
     (tmp_path / "image").mkdir()
     boards.build(boards.BOARDS["avr"], "imu+encoders", tmp_path / "own", tmp_path / "image", ROOT)
     image = tmp_path / "image/brickpilot.elf"

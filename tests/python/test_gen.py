@@ -46,7 +46,7 @@ def perturbed(seed: int) -> dict[str, float]:
 def integrate(
     values: dict[str, float], inertia: float, start: tuple[float, float], voltage: float, torque: float
 ) -> NDArray[np.float64]:
-    """Eq. 12 and 14 as printed, over one step."""
+    """Integrates eq. 12 and 14 of the paper over one step."""
 
     def rates(_: float, state: NDArray[np.float64]) -> list[float]:
         current, speed = state
@@ -72,7 +72,7 @@ def test_a_step_is_what_the_differential_equation_gives(seed: int, inertia_of) -
 
 
 def steady(motor: dict[str, dict[str, Scale]]) -> float:
-    """Speed per volt in which the rounded coefficients come to rest."""
+    """The steady-state speed per volt of the rounded coefficients."""
     m = np.array(
         [
             [motor["current"]["from_current"].factor - 1, motor["current"]["from_speed"].factor],
@@ -108,7 +108,7 @@ def test_a_scale_of_one_or_more_is_refused(value: float) -> None:
 
 
 def test_a_scale_that_moves_no_count_is_zero_and_the_next_larger_is_right() -> None:
-    least = 2.0**-32  # of 2^31 counts: half a count
+    least = 2.0**-32  # half a count at 2^31 counts
     for value in (1.234e-13, -0.99 * least):
         assert scale(value, "x") == Scale(0, 0)
     for value in (1.01 * least, -1.3 * least):

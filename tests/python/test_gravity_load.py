@@ -1,4 +1,4 @@
-"""An arm that gravity pulls, on a motor of another engine, which turns through less than a turn."""
+"""An arm under gravity, on a motor that another engine simulates; it turns by less than one turn."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 RESISTANCE, CONSTANT, INERTIA, DRAG = 4.0, 0.4, 6e-3, 2e-4  # ohm, N m/A and V s/rad, kg m^2, N m s/rad
-WEIGHT, RAISED = 0.25, 0.6  # N m; rad: where the sensor counts from, above the horizontal
+WEIGHT, RAISED = 0.25, 0.6  # N m; rad: zero of the sensor, above the horizontal
 STEP, NOISE = 0.01, 0.002  # s; rad/s and rad
 
 
@@ -26,7 +26,7 @@ def swung(random: np.random.Generator) -> pd.DataFrame:
         torque = CONSTANT * current - DRAG * speed - WEIGHT * math.cos(angle + RAISED)
         return [speed, torque / INERTIA]
 
-    found, state = np.empty((len(time), 2)), np.array([-math.pi / 2 - RAISED, 0.0])  # it hangs down
+    found, state = np.empty((len(time), 2)), np.array([-math.pi / 2 - RAISED, 0.0])  # the arm hangs down
     for k, at in enumerate(time):
         found[k] = state
         state = solve_ivp(slope, (at, at + STEP * (1 - 1e-9)), state, rtol=1e-9, atol=1e-10).y[:, -1]
@@ -47,7 +47,7 @@ def arm() -> bp.Dataset:
 
 
 def test_gravity_on_an_arm_is_found_without_a_full_turn(arm: bp.Dataset) -> None:
-    """Cogging with one period a turn is the same law; that its period is one tells a reader which it is."""
+    """Cogging with one period per turn is the same law, so it may be the rival; its order 1 shows this."""
     found = bp.discover(arm)
     assert found.verdict in ("named", "ambiguous")
     assert ("gravity_load",) in [tuple(one.effects) for one in found.explanations]

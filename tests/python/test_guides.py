@@ -18,7 +18,7 @@ PAGES = ["tools/README.md", *(f"tools/docs/guides/my_{one}.md" for one in ("log"
 PAGES.append("tools/docs/guides/campaign.md")
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 INSTALLING = ("sh tools/fly", ". .venv/bin/activate", "pip install ", "python -m build ")
-"""What a checkout needs once, and the tests have. What needs a device or a network is no `sh` but `console`."""
+"""Commands that a checkout needs once: the tests skip them. Blocks that need a device or a network are `console`."""
 
 
 def type_page(text: str, folder: Path) -> list[str]:
@@ -41,7 +41,7 @@ def type_page(text: str, folder: Path) -> list[str]:
 
 
 def told(folder: Path) -> None:
-    """What the tutorial says of its commands."""
+    """Checks what the tutorial says about the results of its commands."""
     verdict = json.loads((folder / "runs/why/verdict.json").read_text())
     (effect,) = verdict["effects"]
     assert effect["name"] == "coulomb_friction"

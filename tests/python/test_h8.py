@@ -1,4 +1,4 @@
-"""Counts on the RCX's processor: the states of an instruction by the manual, and the steps in a trace."""
+"""Clock cycles ("states") on the RCX's processor: of an instruction, by the manual, and of steps in a trace."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def program() -> Program:
 
 
 def step_of(functions: list[tuple[str, int]]) -> list[tuple[int, int]]:
-    """Returns the trace of a step that calls each function for so many instructions: (address, stack pointer)."""
+    """Returns the trace of a step that runs each function for a number of instructions: (address, stack pointer)."""
     at = program().at
     trace = [(at["loop_tick"], 0x7000), (at["loop_tick"] + 2, 0x6FF0)]
     for name, count in functions:

@@ -1,4 +1,4 @@
-"""The orders at which wheels repeat: found up to what the samples can show, and that limit is known."""
+"""The orders at which wheel speeds repeat: found up to the limit that the samples set, and this limit is known."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_a_ripple_is_found_at_its_order(order: float) -> None:
 
 
 def test_a_ripple_is_found_beside_what_is_held_out() -> None:
-    """Nobody knows the wheel's angle behind a hole, so the longest part of each run has to do."""
+    """The wheel's angle after a hole is unknown, so only the longest part of each run is used."""
     data = ramps(0.002, 0.1, 6.0)
 
     def with_hole(run: Run) -> Run:
@@ -55,12 +55,12 @@ def test_a_ripple_is_found_beside_what_is_held_out() -> None:
 
 
 def test_slow_samples_are_no_holes() -> None:
-    """Rows 0.15 s apart, and a run of which all but one sample is held out."""
+    """Rows are 0.15 s apart; in one run all samples but one are held out."""
     slow = ramps(0.15, 0.0, 6.0)
     lone = {name: np.where(np.arange(len(one)) == 7, one, np.nan) for name, one in slow.runs[0].outputs.items()}
     first = dataclasses.replace(slow.runs[0], outputs=lone)
     others = slow.runs[1:]
-    assert orders(dataclasses.replace(slow, runs=others)) != ()  # read off rows that are all there
+    assert orders(dataclasses.replace(slow, runs=others)) != ()  # no rows are missing
     assert orders(dataclasses.replace(slow, runs=(first, *others))) == orders(dataclasses.replace(slow, runs=others))
 
 
@@ -73,7 +73,7 @@ def test_samples_show_so_many_periods_per_turn_as_they_are_dense() -> None:
     assert fine is not None
     assert coarse is not None
     assert fine == pytest.approx(5 * coarse, rel=0.05)
-    assert coarse == pytest.approx(43.0, rel=0.1)  # 7 rad/s where the wheels turn slowly
+    assert coarse == pytest.approx(43.0, rel=0.1)  # for the slowest wheels, at 7 rad/s
 
 
 def test_without_wheels_nothing_is_known() -> None:

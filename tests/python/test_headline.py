@@ -86,7 +86,7 @@ def test_the_mean_over_signals_leaves_out_those_without_a_number_and_the_battery
 
 @pytest.fixture(scope="module", params=["robot", "parts", "motor"])
 def data(request, tmp_path_factory):
-    """A robot with stated roles, one whose runs are held out in part, and a motor of which a position is logged."""
+    """A robot with stated roles, a robot whose runs are held out in part, or a motor with a logged position."""
     folder = tmp_path_factory.mktemp("headline") / request.param
     if request.param == "motor":
         truth = dataclasses.replace(
@@ -124,7 +124,7 @@ def numbers(found):
 
 
 def in_verdict(finding, which):
-    """Returns the same of verdict.json, `which` is "before" or "after"."""
+    """Returns the same numbers from verdict.json; `which` is "before" or "after"."""
     fits = json.loads(json.dumps(finding.yardstick.fit_json(), allow_nan=False))
     found = {"fit": {}, "held_out": {}}
     for signal, horizons in fits.items():
@@ -137,7 +137,7 @@ def in_verdict(finding, which):
 
 
 def with_numbers(found):
-    """Leaves out signals without a number: there verdict.json has nothing but null."""
+    """Leaves out signals without a number: verdict.json has only null for these."""
     return {
         role: {signal: one for signal, one in by_signal.items() if one and one["free_run"][0] is not None}
         for role, by_signal in found.items()

@@ -1,4 +1,4 @@
-"""What the command line tells of itself: help in whole sentences, effects, settings, suggestions, and completion."""
+"""What the command line says about itself: help in whole sentences, effects, settings, suggestions, and completion."""
 
 from __future__ import annotations
 
