@@ -37,8 +37,8 @@ def _tool(*command: str | Path) -> str:
 class Avr:
     """An AVR image.
 
-    The frame pointer Y is followed: it is the stack pointer at some depth, and the compiler moves the stack pointer by
-    writing a moved Y back. `known["y"]` is that depth.
+    The walk follows the frame pointer Y: it is the stack pointer at some depth, and the compiler moves the stack
+    pointer by writing a changed Y back. `known["y"]` is the depth that belongs to Y.
     """
 
     unit = 1
@@ -47,7 +47,7 @@ class Avr:
         """Reads an image.
 
         Args:
-            elf: of `firmware/targets/avr/build`.
+            elf: the image that `firmware/targets/avr/build` makes.
             indirect: function that calls through a register -> the functions that it may call.
         """
         symbols = re.findall(r"^(\w+) (\w) (\S+)$", _tool("avr-nm", elf), re.M)
@@ -78,7 +78,7 @@ class Avr:
         return self._names.get(address, f"{address:#x}")
 
     def interrupts(self) -> list[int]:
-        """Returns the handlers behind the vectors, but for the reset's."""
+        """Returns the addresses of the interrupt handlers, without the reset's."""
         first = self.at["__vectors"]
         handlers, address = set[int](), first
         while self._within.get(address) == "__vectors" and self._code[address].name in {"jmp", "rjmp"}:
@@ -108,7 +108,7 @@ class Avr:
             return Outcome(() if for_ever else (code.target,), state)
         if name in {"call", "rcall"}:
             assert code.target is not None
-            if code.target == after:  # how the compiler makes room for a few bytes
+            if code.target == after:  # the compiler reserves a few bytes in this way
                 return Outcome((after,), state.pushed(self.return_address))
             return Outcome((after,), state, (code.target,))
         if name in {"icall", "eicall"}:
@@ -149,7 +149,7 @@ class Avr:
             if name in {"adiw", "sbiw"}:
                 step = int(operands[1], 0)
                 return state.with_known(y=y + (step if name == "sbiw" else -step))
-            if name == "subi" and operands[0] == "r29":  # a whole number of 256 bytes
+            if name == "subi" and operands[0] == "r29":  # a multiple of 256 bytes
                 step = int(operands[1], 0)
                 return state.with_known(y=y + ((step - 0x100 if step >= 0x80 else step) << 8))
             if name == "subi":
@@ -178,14 +178,14 @@ class Bound:
 def bound(avr: Avr, end_of_ram: int) -> Bound:
     """Returns the bound of an image.
 
-    An interrupt's handler keeps others out until it ends. One that lets them in may have each of the others on top.
+    A handler blocks other interrupts until it ends. If a handler lets them in, each other one may come on top of it.
 
     Args:
         avr: the image.
-        end_of_ram: of `END_OF_RAM`.
+        end_of_ram: a value of `END_OF_RAM`.
     """
     depths = Depths(avr)
-    # The code before main calls it.
+    # The start code calls main, which costs a return address.
     main = avr.return_address + depths.most(avr.at["main"])
     cost = {one: avr.return_address + depths.most(one) for one in avr.interrupts()}
     nesting = [one for one in cost if avr.lets_others_in(depths, one)]

@@ -1,4 +1,4 @@
-"""Finds by simulation whether one law is another one with some of its parameters at 0 or equal to each other."""
+"""Finds by simulation whether a law acts as another one if some of its parameters are 0 or equal to each other."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ DRIVE = [(7, 7), (7, 3), (-4, 6), (np.nan, 2), (0, 0), (-3, -6), (1, 0.3), (np.n
 
 @cache
 def machines() -> tuple[Model, ...]:
-    """Returns a robot of either profile, and a motor whose input is a voltage or commands a force."""
+    """Returns a robot of either profile, and a motor whose input is a voltage, and one whose input commands a force."""
     motor = {**catalogue.presets("motor"), "mass": 0.5, "wheel_radius": 0.03, "wheel_inertia": 1e-4}
     axis = {**catalogue.presets("motor"), "mass": 100.0, "force_per_volt": 50.0}
     return (
@@ -33,9 +33,9 @@ def machines() -> tuple[Model, ...]:
 
 
 def is_contained(other: EffectInfo, law: EffectInfo) -> bool:
-    """Says whether `law` is `other` with some of its parameters at 0 or equal, on every machine, where `other` acts.
+    """Says whether `law`, with some parameters at 0 or equal, is `other` on every machine on which `other` acts.
 
-    A load is judged on a body that is lighter by as much: the vehicle's own mass and inertia may give way to it.
+    A load is judged on a body that is lighter by its mass: it may replace part of the vehicle's mass and inertia.
     """
     given = {one.name: _visible(one) for one in other.parameters}
     if len(law.parameters) <= len(other.parameters) or _is_off(other.name, given):
@@ -46,7 +46,7 @@ def is_contained(other: EffectInfo, law: EffectInfo) -> bool:
 
 
 def is_made_of(law: EffectInfo, others: Sequence[EffectInfo]) -> bool:
-    """Says whether a law, with its first parameter alone, is `others` together, at this size or half of it."""
+    """Says whether a law with only its first parameter is `others` together, each at its size or half of it."""
     size = _visible(law.parameters[0])
     alone = (law.name, ((law.parameters[0].name, size),))
     sizes = [[sign * share * size for share in (0.5, 1.0) for sign in (1, -1)] for _ in others]
@@ -64,7 +64,7 @@ def _in_range(effects: Sequence[EffectInfo], values: Sequence[float]) -> bool:
 
 
 def _is_load(machine: Model, other: str, given: Mapping[str, float], law: str) -> bool:
-    """Says whether half the body's mass, taken off it and put where it balances as `other` does, is `other`."""
+    """Says whether half the body's mass, carried as the load `law` at twice the arm of `other`, is `other`."""
     if machine.vehicle == "motor":
         return _alike(_flown(machine), _flown(machine, (other, tuple(given.items()))))
     arm = {name: 2 * given.get(name, 0.0) for name in ("forward", "right")}
@@ -82,9 +82,9 @@ def _visible(one: ParameterInfo) -> float:
 
 
 def _special_cases(law: EffectInfo, other: EffectInfo, given: Mapping[str, float]) -> Iterator[dict[str, float]]:
-    """Yields values of `law`, each 0 or a value of `other` with its unit; a parameter that can be neither is preset.
+    """Yields values of `law`, each 0 or a value of `other` in the same unit; any other parameter is preset.
 
-    An order may be one period a turn. An angle may count from where a sine is 0, or from where a cosine is.
+    An order may be 1, a period for each turn. An angle may be the phase of a sine or of a cosine.
     """
     choices = []
     for one in law.parameters:

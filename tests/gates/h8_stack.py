@@ -17,27 +17,27 @@ from stack_walk import Depths, Outcome, State, UnboundedError
 
 LINKER_SCRIPT = Path("/usr/lib/brickos/brickOS.lds")
 SAVED, SAVED_FRAMED = "begin_saved", "begin_saved_framed"
-"""Of firmware/core/h8/frames.S: both save r4 to r6, the second below r3l bytes of locals."""
+"""Functions of firmware/core/h8/frames.S: both save r4 to r6; the second first reserves r3l bytes of locals."""
 BY_INTERRUPT = 4 + 2 + 2
-"""Bytes before a handler begins: condition codes and address by the processor, r6 and a call by the ROM."""
+"""Bytes pushed before a handler begins: by the processor condition codes and address, by the ROM r6 and a call."""
 CODES = 2
-"""Bytes that RTE takes off before the address."""
+"""Bytes of condition codes that RTE pops before the address."""
 
 WAIT_EVENT, TASK_SWITCH = 0x892A, 0x8512
-"""The kernel's function that asks wake-ups; and its instruction that takes the next task's stack pointer: a task that
-goes on finds its own again."""
+"""The kernel's function that calls wake-ups; and its instruction that loads the next task's stack pointer: a task
+that resumes gets its own stack pointer again."""
 VECTORS, NMI = range(0xFD92, 0xFDBF, 2), 0xFD92
-"""Where the ROM finds the handlers of interrupts. NMI comes within others, too; all others wait for each other."""
+"""Where the ROM finds the handlers of interrupts. NMI also interrupts other handlers; the others never do."""
 TABLES = {0x8DD6: (0xA996, 6), 0x94D8: (0xA9AE, 20)}
 """The kernel's jumps by a table: jump -> table, entries."""
 CALLS = {0x842C: {0x8504}, 0x9458: set[int](), 0x95E0: {0x9760}, 0x97D2: {0x9FCA}, 0x97E8: {0x9FCA}}
-"""The kernel's other calls through a register: to the switch of tasks, to no handler of raw packets, to those of the
-remote control and of its keys. Those to wake-ups and to the link's handlers are found where they are handed over."""
+"""The kernel's other calls through a register, call -> targets: the switch of tasks, no handler of raw packets, the
+handlers of the remote control and of its keys. Wake-ups and the link's handlers are found where they are set."""
 WAKE_UP_CALL, PACKET_CALL = 0x868C, 0x949A
 PROGRAM_PACKETS = 0x9966
-"""The kernel's own handler of packets: its loader's."""
+"""The kernel's own handler of packets, which its loader uses."""
 COPIED = {0xF000: 0xAB00}
-"""The handler of the motors, which the kernel copies at its start: where it is called -> where it is in the image."""
+"""The handler of the motors, which the kernel copies at its start: address of the copy -> address in the image."""
 
 _LINE = re.compile(r"^ *([0-9a-f]+):\t((?:[0-9a-f]{2} )+) *\t(.*\S)\s*$", re.MULTILINE)
 _TARGET = re.compile(r"0x([0-9a-f]+)(?::24|\))")
@@ -51,7 +51,7 @@ def _tool(*command: str | Path) -> str:
 
 
 def kernel() -> Path:
-    """Returns the kernel with the ROM that stands for LEGO's."""
+    """Returns the image of the kernel with the ROM that replaces LEGO's."""
     return Path(_tool(Path(__file__).resolve().parents[2] / "hal/h8sim/kernel").strip())
 
 
@@ -64,7 +64,7 @@ def _listing(*command: str | Path) -> dict[int, tuple[int, str]]:
 
 
 class H8:
-    """A program of the RCX with the kernel below it. `known` holds halves of registers."""
+    """A program of the RCX with the kernel below it. The keys of `known` are halves of registers, such as r3l."""
 
     unit = 2
     return_address = 2
@@ -74,7 +74,7 @@ class H8:
 
         Args:
             coff: the program.
-            kernel: of `kernel`.
+            kernel: the image that `kernel` returns.
             indirect: function of the program that calls through a register -> the functions that it may call.
         """
         self._code = _listing("-D", "-b", "srec", "-m", "h8300", kernel) | _listing("-d", coff)
@@ -97,7 +97,7 @@ class H8:
         return self._names.get(address, f"{address:#x}")
 
     def _handed_over(self, function: int) -> set[int]:
-        """Returns what is in r0 at each call of a function: a constant."""
+        """Returns the constants in r0 at the calls of a function."""
         found, before = set[int](), ""
         for address in sorted(self._code):
             text = self._code[address][1]
@@ -191,7 +191,7 @@ class H8:
         return Outcome((stack[-1],), State(stack[:-1], state.known))
 
     def _begun(self, target: int, state: State) -> State | None:
-        """Returns the state behind a call of frames.S, or None if the call is of another function."""
+        """Returns the state after a call of frames.S, or None if the call is of another function."""
         if target == self.at.get(SAVED):
             return state.pushed(3)
         if target == self.at.get(SAVED_FRAMED):
@@ -259,7 +259,7 @@ class H8:
 
 @dataclass(frozen=True)
 class Bound:
-    """Bytes of a task's stack: its functions', and interrupts' on top of them."""
+    """Bytes of a task's stack: those of its functions, and those of interrupts on top."""
 
     task: int
     interrupts: int

@@ -12,7 +12,7 @@ from stack_walk import UnboundedError
 
 ROOT = Path(__file__).resolve().parents[2]
 LIBRARY = {"read", "write", "memset", "memcpy"}
-"""What gcc and firmware/targets/host/system.c call beside the firmware: not counted."""
+"""What gcc and firmware/targets/host/system.c call outside the firmware: their stack is not counted."""
 
 _NODE = re.compile(r'^node: \{ title: "([^"]+)" label: "[^"]*\\n(\d+) bytes \(([^)]*)\)', re.MULTILINE)
 _EDGE = re.compile(r'^edge: \{ sourcename: "([^"]+)" targetname: "([^"]+)"', re.MULTILINE)
@@ -22,7 +22,7 @@ _INDIRECT = "__indirect_call"
 def compiled(folder: Path, sources: Sequence[Path], *flags: str) -> None:
     """Compiles C sources for this machine and leaves gcc's graphs of calls in a folder."""
     if platform.machine() == "x86_64":
-        flags = (*flags, "-mno-red-zone")  # a leaf's 128 bytes below the stack pointer would count as none
+        flags = (*flags, "-mno-red-zone")  # else gcc does not count a leaf's 128 bytes below the stack pointer
     for number, source in enumerate(sources):
         command = ["gcc", "-std=c99", "-O2", *flags, "-fstack-usage", "-fcallgraph-info=su", "-c", str(source)]
         subprocess.run([*command, "-o", str(folder / f"{number}.o")], check=True, cwd=ROOT)
@@ -32,7 +32,7 @@ def most(folder: Path, entry: str, indirect: Mapping[str, Sequence[str]]) -> int
     """Returns the most bytes that a function and all that it calls take.
 
     Args:
-        folder: with the graphs of calls.
+        folder: the folder with the graphs of calls.
         entry: the function.
         indirect: function that calls through a pointer -> the functions that it may call.
 

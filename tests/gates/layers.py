@@ -1,4 +1,4 @@
-"""Who may include whom: the rules for C and assembly, and what breaks them, one line each."""
+"""The rules of which file may include which, for C and assembly, and a line for each break of a rule."""
 
 from __future__ import annotations
 
@@ -38,13 +38,13 @@ MAY: dict[str, set[str]] = {
     "sim_host/brick": {"sim_host/include", "firmware/app", "hal/link", *HAL},
 }
 
-# Targets that use another port beside the one of their name.
+# Targets that use another port in addition to the port of the same name.
 ALSO = {"firmware/targets/h8sim": {"hal/link"}, "firmware/targets/host": {"hal/h8sim"}}
 
-# The rooms of the firmware that may hold assembly: arithmetic alone. Every stage runs from its C.
+# The rooms of the firmware that may hold assembly, for arithmetic alone. Every stage runs from its C.
 ASSEMBLY = (Path("firmware/core/h8"), Path("firmware/model/h8"))
 
-# What a room without an SDK may include of the compiler's own headers. sim_host and the ports may include any.
+# The compiler's own headers that a room without an SDK may include. sim_host and the ports may include any.
 STANDARD = {"stdbool.h", "stddef.h", "stdint.h"}
 
 
@@ -65,7 +65,7 @@ def room_of(path: Path) -> str:
 
 
 def may_include(room: str) -> set[str] | None:
-    """Returns the rooms that `room` may include beside itself, or None where no rule is for it."""
+    """Returns the rooms that `room` may include besides itself, or None if it has no rule."""
     if room in MAY:
         return MAY[room]
     parts = room.split("/")

@@ -1,4 +1,4 @@
-"""Which room of the Python package may import which: the rules, and what breaks them, one line each."""
+"""The rules of which room of the Python package may import which, and a line for each break of a rule."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from layers import Fault, cycles
 
 PACKAGE = "brickpilot"
 
-# Modules beside the rooms, which any room may import. catalogue reads the C table of effects, by compiled; constants
-# reads rcx.toml.
+# Modules beside the rooms, which any room may import. catalogue reads the C table of effects through compiled;
+# constants reads rcx.toml.
 BASE = {"__init__", "errors", "compiled", "catalogue", "constants", "side_by_side"}
 
 # Room -> other rooms that it may import. A room may always import itself. Only `cli` prints, and nothing imports it.
@@ -43,8 +43,8 @@ MAY: dict[str, set[str]] = {
     "gen": {"vehicle", "firmware"},
 }  # fmt: skip
 
-# The only files of their rooms that may: one fetches a recording from the robot itself, one loads a program into a
-# simulated brick.
+# The only files that may import more than their room: one fetches a recording from the robot itself, one loads a
+# program into a simulated brick.
 ALSO = {
     "importers/rcx.py": {"link"},
     "hil/rcx_flight.py": {"flash"},
@@ -61,7 +61,7 @@ def modules(package: Path) -> dict[str, Path]:
 
 
 def nodes(tree: ast.AST, run: bool) -> Iterator[ast.AST]:
-    """Yields the nodes of a module; `run`: without what only the type checker reads."""
+    """Yields the nodes of a module; with `run`, without the code that only the type checker reads."""
     for node in ast.iter_child_nodes(tree):
         if run and isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING"):
             continue
@@ -73,7 +73,7 @@ def imports(name: str, path: Path, known: dict[str, Path], *, run: bool = False)
     """Yields line and name of each module of the package that a module imports, wherever in it and however written.
 
     Args:
-        name: the module's.
+        name: the module's name.
         path: its file.
         known: `modules` of the package.
         run: leave out what only the type checker imports.
@@ -99,12 +99,12 @@ def imports(name: str, path: Path, known: dict[str, Path], *, run: bool = False)
 
 
 def room_of(name: str) -> str:
-    """Returns the room of a module, or its own name where it stands beside the rooms."""
+    """Returns the room of a module, or its own name if it is in no room."""
     return name.split(".")[1] if "." in name else "__init__"
 
 
 def python_faults(package: Path) -> list[Fault]:
-    """Returns each import that its room may not use, and each module that no rule is for."""
+    """Returns each import that its room may not use, and each module without a rule."""
     known = modules(package)
     faults = []
     for name, path in known.items():
@@ -117,7 +117,7 @@ def python_faults(package: Path) -> list[Fault]:
             faults.append(Fault(file, 1, f"no rule says what {room} may import"))
             continue
         allowed = ", ".join(sorted(may - BASE)) or "no room"
-        # The public face names for the type checker what it loads late, from any room.
+        # For the type checker, the public face imports from any room the names that it loads late.
         for line, other in imports(name, path, known, run=name == PACKAGE):
             if room_of(other) not in may:
                 faults.append(Fault(file, line, f"imports {other}; {room} may import {allowed}"))

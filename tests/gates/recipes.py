@@ -13,7 +13,7 @@ SKIPPED = shutil.ignore_patterns("build", ".venv", "runs", ".git", "__pycache__"
 
 @dataclass(frozen=True)
 class Recipe:
-    """One recipe: the files of its table, with NAME or STAGE where they vary, and the tests that prove it."""
+    """One recipe: the files of its table, with NAME or STAGE as placeholders, and the tests that prove it."""
 
     files: tuple[str, ...]
     proofs: tuple[str, ...]
@@ -46,14 +46,14 @@ class Copy:
         self.touched.add(path)
 
     def insert(self, path: str, before: str, text: str) -> None:
-        """Puts `text` before the first place where `before` stands."""
+        """Puts `text` before the first occurrence of `before`."""
         old = (self.root / path).read_text(encoding="utf-8")
         assert before in old, f"{path} has no {before!r}"
         (self.root / path).write_text(old.replace(before, text + before, 1), encoding="utf-8")
         self.touched.add(path)
 
     def replace(self, path: str, of: str, to: str) -> None:
-        """Changes the one place where `of` stands."""
+        """Replaces the only occurrence of `of`."""
         old = (self.root / path).read_text(encoding="utf-8")
         assert old.count(of) == 1, f"{path} has {of!r} {old.count(of)} times"
         (self.root / path).write_text(old.replace(of, to), encoding="utf-8")

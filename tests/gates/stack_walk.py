@@ -1,8 +1,8 @@
 """The most bytes of stack that a program's functions take, by walking the instructions of its linked image.
 
-A walk follows every path from an entry, with what lies on the stack at each instruction. Where two paths meet they must
-have left the same depth. A call costs what its function costs; a jump goes on in the same walk, so that calls which the
-compiler made jumps are counted as such. Recursion, a jump through a register whose targets are not listed, and a stack
+A walk follows every path from an entry, and keeps the contents of the stack at each instruction. Two paths that meet
+must have the same depth. A call costs what its function costs. A jump continues the same walk, so that a call which the
+compiler turned into a jump is counted. Recursion, a jump through a register whose targets are not listed, and a stack
 pointer that gets a value no rule knows are errors: no bound is given for what is not understood.
 
 `avr_stack.py` and `h8_stack.py` say what the instructions of the two processors do.
@@ -27,8 +27,8 @@ class State:
     """What is known before an instruction.
 
     Attributes:
-        stack: what the walk has pushed, the newest last; None: a value that is not known.
-        known: register -> its value, where that is known. What a value means is the processor's matter.
+        stack: the values that the walk has pushed, the newest last; None: the value is not known.
+        known: register -> its value, if known. Each processor defines the meaning of a value.
     """
 
     stack: tuple[int | None, ...] = ()
@@ -43,7 +43,7 @@ class State:
         return State(self.stack[:count], self.known)
 
     def with_known(self, **values: int | None) -> State:
-        """Returns the state with these registers known, or not known where the value is None."""
+        """Returns the state with these registers known, or not known if the value is None."""
         known = {name: value for name, value in ({**self.known, **values}).items() if value is not None}
         return State(self.stack, known)
 
@@ -60,9 +60,9 @@ class Outcome:
     """What an instruction leads to.
 
     Attributes:
-        to: the addresses that may follow, none where the function ends; with the state there.
-        calls: functions of which one is called before that, with `state` as it is before the call.
-        most: the most on the stack meanwhile, if that is more than before and after.
+        to: the addresses that may follow, with `state` there; none if the function ends.
+        calls: functions, one of which is called before `to`; `state` also holds before the call.
+        most: the most places on the stack during the instruction, if more than before and after.
     """
 
     to: tuple[int, ...]
@@ -80,7 +80,7 @@ class Processor(Protocol):
     """Bytes that a call pushes."""
 
     def outcome(self, address: int, state: State) -> Outcome:
-        """Returns what the instruction at an address does. Raises UnboundedError where no rule knows it."""
+        """Returns what the instruction at an address does. Raises UnboundedError if no rule knows it."""
 
     def name(self, address: int) -> str:
         """Returns the name of what stands at an address, for errors and reports."""
@@ -91,7 +91,7 @@ class Walked:
     """One function.
 
     Attributes:
-        own: its most bytes.
+        own: the most bytes that the function itself takes.
         calls: function called -> the most bytes on the stack before a call.
         reached: the addresses of its instructions.
     """
@@ -153,7 +153,7 @@ class Depths:
         return walked.reached.union(*(self.reached(one) for one in walked.calls))
 
     def deepest(self, entry: int) -> list[str]:
-        """Returns the chain of calls that takes the most, one "NAME: bytes before its call" each."""
+        """Returns the chain of calls that takes the most, each as "NAME: bytes before the next call"."""
         walked = self.walk(entry)
         for called, before in walked.calls.items():
             if self._through(walked, called, ()) == self.most(entry):

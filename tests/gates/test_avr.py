@@ -18,13 +18,13 @@ ROOT = Path(__file__).resolve().parents[2]
 PORT = ROOT / "hal/avr"
 IMAGES = [("328p", "imu"), ("328p", "rotation"), ("2560", "all"), ("328p", "imu-mpu6050"), ("2560", "all-lsm6ds")]
 
-# What the simulator, or the chip, cannot show: hal/avr/README.md says the same.
+# Tests of what the simulator or the chip cannot show; hal/avr/README.md lists the same.
 ABSENT = "test_a_device_that_is_not_there_is_absent"
 SILENT = "test_a_silent_device_is_stale_and_recovers"
 CANNOT = {"imu": {ABSENT}, "rotation": {ABSENT, SILENT}, "all": {ABSENT, SILENT}}
 
 SHARE = 0.9
-"""The worst period may be so busy, with interrupts and commands: a tenth is left for what simavr does not charge."""
+"""Largest busy share of a period, with interrupts and commands. The rest is for time that simavr does not count."""
 STACK = 200
 """Most bytes of stack, by the graph of calls. The build leaves 400 at least."""
 

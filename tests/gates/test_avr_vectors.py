@@ -1,6 +1,6 @@
 """Every module gives the same under avr-gcc, on simavr's ATmega2560, as on the host: tests/vectors.
 
-Each is fed 5,000 vectors; with --full 50,000.
+Each module gets 5,000 vectors; with --full 50,000.
 """
 
 from __future__ import annotations

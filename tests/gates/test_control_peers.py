@@ -13,8 +13,8 @@ from lab import control_peers
 ROOT = Path(__file__).resolve().parents[2]
 STEPS = 120
 
-# Of all 500 steps: typical and worst step, bytes of flash. A figure that changes by more than TOLERANCE is corrected
-# here and in tools/docs/benchmarks.md.
+# Cycles of the typical and the worst of all 500 steps, bytes of flash. A figure that changes by more than TOLERANCE is
+# corrected here and in tools/docs/benchmarks.md.
 TOLERANCE = 0.03
 MEASURED = {
     ("h8", "ours"): (29706, 35276, 3922),
@@ -34,7 +34,7 @@ def test_peers_give_the_firmwares_answers_at_the_cost_that_is_told(brick: str, m
     for name, cost in found.items():
         got = (float(np.median(cost.cycles)), int(cost.cycles.max()), cost.flash)
         assert got == pytest.approx(MEASURED[brick, name], rel=TOLERANCE), (brick, name)
-    # The mission turns, drives and brakes, and the law with it.
+    # The mission turns, drives and brakes, so the voltages vary widely.
     assert np.ptp(found["ours"].voltages, axis=0).min() > 10.0
 
 

@@ -1,7 +1,7 @@
 """The numbers that decide a verdict stand in one file, each with its reason, and nowhere else.
 
-Found in the syntax tree: a literal inside a comparison, and a literal that a module constant is bound to if that is
-used in one. 0, 1, -1, 2 and 0.5 are arithmetic.
+The syntax tree shows them: literals in comparisons, and literals of module constants that are used in comparisons.
+0, 1, -1, 2 and 0.5 are arithmetic.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ SEALED = {"prepare", "pipeline"}
 """The only modules up to the verdict that may name the seal: one closes it, one has it opened."""
 
 BEHIND_THE_SEAL = {"conclude", "yardstick", "seal"}
-"""Modules that work with what was opened, after the last choice."""
+"""Modules that work with the opened data, after the last choice."""
 
 
 def literals(path: Path) -> dict[str, list[ast.Constant]]:
@@ -151,7 +151,7 @@ def test_no_stage_before_the_verdict_names_the_seal() -> None:
 
 
 def reached(name: str, known: dict[str, Path], seen: set[str], without: Collection[str] = SEALED) -> set[str]:
-    """Returns the modules that a module needs when it runs, itself included, without some."""
+    """Returns the modules that a module needs when it runs, with itself and without those in `without`."""
     if name not in seen:
         seen.add(name)
         for _, other in imports(name, known[name], known, run=True):

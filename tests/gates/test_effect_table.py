@@ -1,4 +1,4 @@
-"""Effects are listed once, in the C table: a name in `tools`, and a file or a row that lacks the other, is reported."""
+"""The C table alone lists effects: a name in `tools`, a file without a row and a row without a file are reported."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def configured(root: Path) -> str:
 
 @pytest.fixture(scope="module")
 def checkout(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A copy of what CMake configures, with only the effects of the plant left to it."""
+    """A copy of what CMake configures, reduced to the plant and its effects."""
     root = tmp_path_factory.mktemp("checkout")
     shutil.copytree(ROOT / "sim_host", root / "sim_host", ignore=shutil.ignore_patterns("*.svg"))
     (root / "CMakeLists.txt").write_text(

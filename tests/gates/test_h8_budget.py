@@ -18,8 +18,8 @@ ROOT = Path(__file__).resolve().parents[2]
 SHARE = 0.6
 STACK = 344 - 130
 
-# The worst step: of the whole mission for the brick's programs, of its first 8 s for the others. A figure that changes
-# by more than TOLERANCE is corrected here and in firmware/README.md. (target, profile, sensors) -> figures.
+# Figures of the worst step: of the whole mission for the brick's programs, of its first 8 s for others. A figure that
+# changes by more than TOLERANCE is corrected here and in firmware/README.md. (target, profile, sensors) -> figures.
 TOLERANCE = 0.02
 MEASURED = {
     ("h8", "coupled", "imu+encoders"): {"instructions": 9291, "states_external": 94086, "states_on_chip": 36302},
@@ -32,7 +32,7 @@ MEASURED = {
     },
 }
 
-# The same by stage, states in external RAM, of the last of these.
+# States in external RAM of each stage, for the last row of MEASURED.
 STAGES = {
     "model": 17232,
     "heading": 7861,

@@ -1,4 +1,4 @@
-"""The fields of structs that the assembly for the RCX reads: core/h8/layout.h is right about each, or it stops."""
+"""core/h8/layout.h is right about each field of a struct that the RCX's assembly reads, or it stops the build."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def swaps() -> list[tuple[str, str, str]]:
 
 
 def named(struct: str, field: str) -> str:
-    """What the compiler's message says of a field that has moved."""
+    """Returns the compiler's message about a field that has moved."""
     names = [name for its, one, name in ROW.findall(LIST.read_text()) if (its, one) == (struct, field)]
     return f"correct_in_core_h8_layout_h_{names[0]}' is negative"
 
@@ -83,7 +83,7 @@ def test_every_field_of_a_listed_struct_is_listed_in_its_order() -> None:
 
 
 def test_the_assembly_reads_no_struct_by_a_number_of_its_own() -> None:
-    """But for the stack, and for the two words of a number behind a pointer that walks."""
+    """The exceptions are the stack, and the second word of a number at a moving pointer."""
     for source in (ROOT / "firmware").rglob("*.S"):
         found = re.findall(r"@\((\d+),r([0-6])\)", source.read_text())
         assert {offset for offset, _ in found} <= {"2"}, source.name

@@ -1,4 +1,4 @@
-"""hal/h8/shared_parts.awk leaves the program as it is: written out again, what it makes is the compiler's text."""
+"""hal/h8/shared_parts.awk does not change the program: its output, written out again, is the compiler's text."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SOURCES = sorted(
     + [*(ROOT / "hal/rcx").glob("*.c"), *(ROOT / "firmware/targets/rcx").glob("*.c")]
 )
 BRICKOS = ["-isystem", "/usr/include/brickos", "-isystem", "/usr/include/brickos/lnp"]
-WORTH_BYTES = 250  # it saves less: then it has to go
+WORTH_BYTES = 250  # bytes that the script saves at least; with less it is not worth keeping
 SAVE = ["\tmov.w\tr4,@-r7", "\tmov.w\tr5,@-r7", "\tmov.w\tr6,@-r7"]
 RESTORE_TWO = ["\tmov.w\t@r7+,r5", "\tmov.w\t@r7+,r4"]
 RESTORE = ["\tmov.w\t@r7+,r6", *RESTORE_TWO]
@@ -33,7 +33,7 @@ def moved(frame: int) -> list[str]:
 
 
 def written_out(lines: list[str]) -> tuple[list[str], dict[str, int]]:
-    """The text with what firmware/core/h8/frames.S says in place of each jump to it, and how often each stood there."""
+    """The text with the code of firmware/core/h8/frames.S in place of each jump to it, and how often each occurs."""
     out: list[str] = []
     counts: dict[str, int] = {}
     for line in lines:
@@ -44,7 +44,7 @@ def written_out(lines: list[str]) -> tuple[list[str], dict[str, int]]:
             out += [*moved(frame), *SAVE] if name == "begin_saved_framed" else [*RESTORE, *moved(-frame), RETURN]
         elif name in ("begin_saved", "end_saved", "end_two_saved"):
             out += {"begin_saved": SAVE, "end_saved": [*RESTORE, RETURN], "end_two_saved": [*RESTORE_TWO, RETURN]}[name]
-        elif name and line.startswith("\tjmp"):  # the compiler itself jumps to labels within a function alone: .L
+        elif name and line.startswith("\tjmp"):  # the compiler itself jumps only to labels within a function: .L
             out += [f"\tjsr\t@_{name}", RETURN]
             name = "last call"
         else:
@@ -64,7 +64,7 @@ def test_written_out_again_it_is_what_the_compiler_made_and_it_is_worth_its_plac
     kept, tools = tmp_path / "kept", tmp_path / "tools"
     kept.mkdir()
     tools.mkdir()
-    assembler = tools / "h8300-hms-as"  # keeps what it is given, and what that was made of
+    assembler = tools / "h8300-hms-as"  # keeps its input, and the text before shared_parts.awk
     real = shutil.which("h8300-hms-as")
     assert real, "no h8300-hms-as: tests/run installs it"
     assembler.write_text(f'#!/bin/sh\ncp "$3" "${{3%.s}}.gcc" "{kept}"\nexec {real} "$@"\n')

@@ -1,6 +1,6 @@
 """Every module gives the same on the RCX's processor as on the host: tests/vectors.
 
-Each is fed 50,000 vectors, or 5,000 where these take more than a second; with --full all are fed 50,000.
+Each module gets 50,000 vectors, or 5,000 if 50,000 take more than a second; with --full all get 50,000.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 PARTS = 16
 FEW = "-DVECTORS_OF_PART=313"
-"""5,000 vectors; without it 50,000. As many catch the slips that are planted below."""
+"""Flag for 5,000 vectors instead of 50,000. 5,000 are enough to find the faults that are planted below."""
 QUICK = {"autopilot/route", "core/trig", "estimator/bias", "mixer/drive", "model/motor", "model/scale", "wire/message"}
 """Modules whose 50,000 vectors take a second or less."""
 
 PROFILES = ("-DBODY_WITHOUT_PAPER", "-DBODY_WITHOUT_COUPLED")
 OF_EACH_PROFILE = ("app/step", "model/body", "model/motor")
 
-# Those that an RCX's program is built with. The host's build is for all sensors, and is fed these alone.
+# Sensor flags of the RCX's programs. The host's build is for all sensors, but gets vectors of these alone.
 PROGRAMS = re.findall(r"-D[^']+", (ROOT / "firmware/targets/rcx/flags").read_text())
 OF_EACH_PROGRAM = ("app/step", "estimator/heading", "estimator/pose", "estimator/speed", "model/body")
 
-# These call the HAL: the missions on the simulator do so too, tests/python/test_hil_h8sim.py.
+# These call the HAL: tests/python/test_hil_h8sim.py tests them by missions on the simulator.
 WITHOUT_VECTORS = {"app/loop", "app/serve"}
 NOT_ON_THE_RCX = {"wire/slcan"}
 # Vectors of model/body, control/pid and of every state that is cleared or copied reach these; h8/layout makes no code.
@@ -46,11 +46,11 @@ def count(module: str) -> str:
 
 
 Told = tuple[list[str], list[str], list[str]]
-"""What the host's program says, the same under the sanitizer, and the RCX's on its simulator."""
+"""Output of the host's program, of the same with the sanitizer, and of the RCX's program on its simulator."""
 
 
 def build(root: Path, kind: str, folder: Path, flags: str, modules: Iterable[str]) -> None:
-    """Programs of the checkout at `root`."""
+    """Builds programs of the checkout at `root`."""
     sources = [f"tests/vectors/{module}.c" for module in modules]
     subprocess.run([root / "tests/vectors/build", kind, folder, *flags.split(), *sources], check=True)
 
@@ -73,7 +73,7 @@ def tell(folder: Path, module: str) -> Told:
 def told(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory, full: bool
 ) -> Iterator[Mapping[tuple[str, str], Future[Told]]]:
-    """Of every case that is asked for, as many at a time as there are processors, the longest first."""
+    """Runs every case that is asked for, as many at a time as there are processors, the longest first."""
     parameters = [item.callspec.params for item in request.session.items if hasattr(item, "callspec")]
     cases = [case for case in CASES if {"module": case[0], "flag": case[1]} in parameters]
     flags = {(module, flag): flag if full else f"{flag} {count(module)}" for module, flag in cases}
@@ -89,7 +89,7 @@ def told(
 
 @pytest.fixture(scope="module")
 def on_host(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The programs of all modules for the host, which knows nothing of the RCX's assembly."""
+    """The programs of all modules for the host, built without the RCX's assembly."""
     folder = tmp_path_factory.mktemp("on_host")
     for few in ("", FEW):
         build(ROOT, "host", folder, few, (module for module in MODULES if count(module) == few))

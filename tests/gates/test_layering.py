@@ -39,7 +39,7 @@ TREE = {
 CORE_ALONE = "may include firmware/core, firmware/"
 PORT = "may include hal/include, hal/"
 
-# File, line that is planted, what the gate says of it after "FILE:LINE: includes INCLUDE; ".
+# File, include that is planted, and the text of the gate after "FILE:LINE: includes INCLUDE; ".
 FAULTS = [
     ("firmware/core/fix.h", "model/motor.h", "firmware/core may include firmware/core"),
     ("firmware/core/h8/fix.S", "model/motor.h", "firmware/core may include firmware/core"),

@@ -1,4 +1,4 @@
-"""The gate of MISRA C finds a finding more, one less, and a rule that no deviation names."""
+"""The gate of MISRA C reports one finding more, one finding less, and a rule that no deviation names."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ def test_firmware_needs_nothing_but_the_hal(tmp_path: Path, defines: tuple[str, 
 
 
 def kernel_symbols() -> set[str]:
-    """What brickOS offers a program, but for its arithmetic: that is LEGO's, in the ROM, and nobody can try it."""
+    """The symbols that brickOS offers a program, without arithmetic: that is in LEGO's ROM and cannot be tested."""
     names = set(re.findall(r"^\s*_(\w+) = 0x", BRICKOS.read_text(), re.MULTILINE))
     assert "lnp_addressing_write" in names, f"{BRICKOS}: no list of symbols"
     return {name for name in names if not name.startswith("__")}

@@ -28,7 +28,7 @@ def build(what: str, source: Path, out: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def unpacked(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The sdist of the checkout, unpacked where no checkout is."""
+    """The sdist of the checkout, unpacked outside any checkout."""
     folder = tmp_path_factory.mktemp("package")
     with tarfile.open(build("sdist", ROOT / "tools", folder / "sdist")) as archive:
         archive.extractall(folder / "there", filter="data")
@@ -53,9 +53,9 @@ def test_the_wheel_has_its_licence_and_asks_for_no_library_of_a_link(wheel: Path
     with ZipFile(wheel) as archive:
         info = wheel.name.partition("-")[0] + "-" + wheel.name.split("-")[1] + ".dist-info"
         assert archive.read(f"{info}/licenses/LICENSE") == (ROOT / "LICENSE").read_bytes()
-        library = "brickpilot/report/uplot/LICENSE"  # of the plot library, which stands inside each page
+        library = "brickpilot/report/uplot/LICENSE"  # of the plot library, which each page contains
         assert archive.read(f"{info}/licenses/{library}") == (ROOT / "tools" / library).read_bytes()
-        assert "brickpilot/py.typed" in archive.namelist()  # else no user's type checker reads the types
+        assert "brickpilot/py.typed" in archive.namelist()  # without it a user's type checker ignores the types
         metadata = Parser().parsestr(archive.read(f"{info}/METADATA").decode())
     assert metadata["License-Expression"] == "MIT"
     asked = metadata.get_all("Requires-Dist") or []
@@ -72,7 +72,7 @@ def test_the_wheel_has_its_licence_and_asks_for_no_library_of_a_link(wheel: Path
 
 
 def test_the_wheel_runs_where_it_is_installed(wheel: Path, tmp_path: Path) -> None:
-    """The environment holds the wheel alone; the libraries that it asks for are those of this one."""
+    """The new environment holds the wheel alone; it takes the required libraries from this environment."""
     home = tmp_path / "environment"
     venv.create(home, with_pip=False, symlinks=True)
     python = home / "bin" / "python"

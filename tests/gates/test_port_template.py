@@ -94,12 +94,12 @@ def test_the_recipe_makes_a_main_program_for_this_machine_and_for_another_chip(t
     assert said == {*FUNCTIONS, "wait_for_tick"}
 
     sizes = {line.split()[0]: [int(one) for one in line.split()[1:]] for line in run(there)[1:]}
-    assert sum(sizes["firmware_targets_mybrick_main.o"][1:]) < 720  # what the README says of RAM
+    assert sum(sizes["firmware_targets_mybrick_main.o"][1:]) < 720  # limit of RAM in the README
     assert 12_000 < sizes["brickpilot"][0] < 20_480  # and of flash
 
 
 def test_the_recipe_leads_to_a_port_without_marks_whose_contract_holds(copy: Path) -> None:
-    """Steps 1 to 3, word for word; the drivers are those of hal/sil, and their world that of port_sil.c."""
+    """Steps 1 to 3, word for word; the drivers are those of hal/sil, and their world is that of port_sil.c."""
     readme = (ROOT / "hal/template/README.md").read_text()
     first, main, last = (
         re.search(rf"^```{kind}\n(.*?)^```$", readme, re.MULTILINE | re.DOTALL)[1]  # type: ignore[index]
@@ -111,7 +111,7 @@ def test_the_recipe_leads_to_a_port_without_marks_whose_contract_holds(copy: Pat
         assert done.returncode == 0, done.stdout + done.stderr
         return done.stdout
 
-    run("".join(first.splitlines(keepends=True)[:6]))  # copies, names and its word in hal/CMakeLists.txt
+    run("".join(first.splitlines(keepends=True)[:6]))  # copies and renames, and adds the port to hal/CMakeLists.txt
     port, world = copy / "hal/mybrick/mybrick.c", copy / "tests/contract/port_mybrick.c"
     marks = world.read_text().partition("/* Put all devices")[0]
     shutil.copy(ROOT / "hal/sil/sil.h", copy / "hal/mybrick/sil.h")

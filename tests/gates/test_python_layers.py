@@ -14,7 +14,7 @@ from python_layers import BASE, MAY, modules, python_cycles, python_faults, room
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "tools/brickpilot"
 
-# Room -> rooms that it must not import: the sentences of the architecture, apart from the table.
+# Room -> rooms that it must not import, by the text of the architecture, not by the table.
 MUST_NOT = {
     "data": {"importers", "vehicle", "fit", "discover"},
     "importers": {"vehicle", "fit", "hil"},
@@ -41,7 +41,7 @@ AT_RUN_TIME = {"cli", "bench", "gen"}
 
 @pytest.fixture
 def package(tmp_path: Path) -> Path:
-    """A package of one module a room, none of which imports any."""
+    """A package with a module in each room; no module imports another."""
     root = tmp_path / "brickpilot"
     for room in MAY:
         (root / room).mkdir(parents=True)
@@ -66,7 +66,7 @@ def test_every_room_has_a_rule_and_every_rule_a_room() -> None:
 
 
 def named_twice(files: Iterable[Path]) -> list[str]:
-    """Returns the names that files of two folders have, but for package files."""
+    """Returns the names of files that occur in two folders, except package files."""
     counts = Counter(one.name for one in files if one.name != "__init__.py")
     return sorted(name for name, count in counts.items() if count > 1)
 
@@ -153,7 +153,7 @@ def test_a_circle_of_modules_is_named(package: Path) -> None:
 
 
 def test_python_reads_no_c_header_but_the_plants_interface() -> None:
-    writers = {"gen", "firmware", "export"}  # of C for the firmware, and for an FMU
+    writers = {"gen", "firmware", "export"}  # these write C, for the firmware and for an FMU
     others = [path for path in PACKAGE.rglob("*.py") if not writers & set(path.relative_to(PACKAGE).parts)]
     named = {header for path in others for header in re.findall(r"\w+\.h\b", path.read_text())}
     assert named <= {
@@ -163,7 +163,7 @@ def test_python_reads_no_c_header_but_the_plants_interface() -> None:
         "robot_constants.h",
         "motor_constants.h",
         "next_experiment.h",
-    }  # the last three are written
+    }  # the package writes the last three
 
 
 def test_only_the_command_line_prints() -> None:

@@ -24,7 +24,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PORT = ROOT / "hal/rcx"
 TARGET = ROOT / "firmware/targets/rcx"
 CONFIGURATIONS = ["imu", "rotation"]
-# What the simulator, or the brick, cannot show: hal/rcx/README.md says the same.
+# Tests of what the simulator or the brick cannot show; hal/rcx/README.md lists the same.
 CANNOT = {
     "imu": {"test_a_device_that_is_not_there_is_absent"},
     "rotation": {"test_a_device_that_is_not_there_is_absent", "test_a_silent_device_is_stale_and_recovers"},
@@ -33,7 +33,7 @@ CANNOT = {
 
 BYTE_S = 0.0005  # s for each byte: a pseudo-terminal has no baud rate
 STACK, RECORDER_STACK = 344, 256
-SPARE = 300  # bytes of what brickOS leaves a program
+SPARE = 300  # bytes that stay free in the memory for programs
 
 
 def run(name: str, sensors: str, *folders: Path) -> subprocess.CompletedProcess[str]:
@@ -56,7 +56,7 @@ def autopilot(folder: Path) -> h8_stack.H8:
 
 
 class Tower:
-    """A brick behind a tower on a pseudo-terminal: answers with what the simulated one did, but for what gets lost."""
+    """A brick behind a tower on a pseudo-terminal: gives the simulated brick's answers, but loses some."""
 
     def __init__(self, packets: dict[bytes, bytes]) -> None:
         self.master, slave = os.openpty()
@@ -72,7 +72,7 @@ class Tower:
             if not select.select([self.master], [], [], 0.05)[0]:
                 continue
             received = os.read(self.master, 256)
-            os.write(self.master, received)  # as a tower does
+            os.write(self.master, received)  # a tower echoes all bytes
             heard += received
             request = lnp.find(heard, lnp.BRICK, lnp.HOST)
             if request is not None:
@@ -109,7 +109,7 @@ def test_a_recording_comes_back_as_a_data_set(tmp_path: Path, sensors: str) -> N
     duty = columns["backward"]["duty_left"]
     assert (duty[:300] == -0.5).all()
     assert (duty[300:] == 0).all()
-    # The simulated sensors show what the motors do, a tenth of a second later: 64 counts of full power's half.
+    # The simulated sensors follow the motors 0.1 s later: half of full power gives 64 counts.
     assert columns["spin"]["yaw_rate"][150] == pytest.approx(64 * 10.47 / 512, rel=1e-3)
     assert columns["forward"]["yaw_rate"][250] == 0
     assert columns["spin"]["battery_voltage"][0] == pytest.approx(8.995, abs=0.001)
@@ -217,7 +217,7 @@ def test_the_program_flies_the_scenario_mission() -> None:
 
 
 def is_whole(folder: Path, name: str, own_stack: int) -> None:
-    """The program is what brickOS takes, and as large as the report says."""
+    """Asserts that the program has brickOS's format, and the size that the report says."""
     program = (folder / f"{name}.lx").read_bytes()
     # brickOS's header, big-endian: "brickOS\0", version, base, sizes of text, data, bss and stack, offset, relocations.
     assert program[:8] == b"brickOS\0"

@@ -30,7 +30,7 @@ NINE_VOLTS, LEVEL = 319, 512
 STEP_MS = 9
 
 BYTE_S = 0.002
-"""Of the time-outs alone: the pseudo-terminal carries what the simulator gives, at once."""
+"""s for each byte, for the time-outs alone: the pseudo-terminal carries the simulator's bytes at once."""
 flash = functools.partial(rom.flash_program, progress=lambda *_: None, byte_s=BYTE_S)
 
 
@@ -58,7 +58,7 @@ def kernel() -> Iterator[Kernel]:
 
 
 def linked(folder: Path, name: str, at: int) -> bytes:
-    """Text and data, as the linker makes them for that address."""
+    """Returns text and data, linked for the address `at`."""
     script = ("-T", str(BRICKOS / "brickOS.lds"), "-relax", "-Ttext", f"{at:#x}", "--oformat", "coff-h8300")
     objects = sorted(str(file) for file in (folder / f"{name}-objects").iterdir())
     subprocess.run(["h8300-hms-ld", *script, "-o", "there.coff", *objects], cwd=folder, check=True)
@@ -68,13 +68,13 @@ def linked(folder: Path, name: str, at: int) -> bytes:
 
 
 def address(folder: Path, name: str) -> int:
-    """Of a variable of the program that `linked` made last."""
+    """Returns the address of a variable of the program that `linked` made last."""
     symbols = subprocess.run(["h8300-hms-nm", "there.coff"], cwd=folder, capture_output=True, text=True, check=True)
     return next(int(line.split()[0], 16) for line in symbols.stdout.splitlines() if line.split()[-1] == name)
 
 
 def periods(kernel: Kernel, clock: int) -> list[int]:
-    """From one step of the control loop to the next, ms by the kernel's clock, in a second."""
+    """Returns the times from one control step to the next, ms by the kernel's clock, during a second."""
     times = []
     for _ in range(1000):
         kernel.run(1)
@@ -83,7 +83,7 @@ def periods(kernel: Kernel, clock: int) -> list[int]:
 
 
 def is_in(kernel: Kernel, folder: Path, name: str) -> bool:
-    """Text and data stand in the memory as if linked for there, and the copy of the data that the next start needs."""
+    """Says whether the memory holds text and data as linked for there, and the copy of data for the next start."""
     program = image_files.read_program(folder / f"{name}.lx")
     at = kernel.word(PROGRAMS)
     assert HEAP[0] <= at
@@ -130,13 +130,13 @@ def test_the_autopilot_arrives_runs_and_ends(kernel: Kernel, built: Path) -> Non
         session.link.close()
     kernel.run(300)
     assert kernel.shows("run 1")
-    assert min(kernel.driven) > 0  # straight ahead: its own route began with a turn
+    assert min(kernel.driven) > 0  # straight ahead: the program's own route begins with a turn
 
     kernel.press(RUN_BUTTON)
     kernel.run(600)
     assert kernel.user_tasks == 0
     assert kernel.driven == (0, 0)
-    kernel.press(RUN_BUTTON)  # as new: data and bss are what they were
+    kernel.press(RUN_BUTTON)  # a new start: data and bss have their first values
     kernel.run(2300)
     assert kernel.shows("run 1")
     assert min(kernel.driven) < 0
@@ -196,7 +196,7 @@ def test_a_wrong_relocation_is_seen(kernel: Kernel, imu: Path, wrong: str) -> No
 
 
 def some_command(random: Random, brick: BrickOs) -> bytes:
-    """One for its loader, in or out of turn, whole or cut short; none that runs a program."""
+    """Returns a command for the brick's loader, in or out of turn, whole or cut short; none runs a program."""
     number = random.randrange(3)
     slot = brick.slots[number]
     kind = random.choice([*2 * [DELETE], *3 * [CREATE], *8 * [DATA], RUN, SET_HOST, 0, 9])
@@ -215,7 +215,7 @@ def some_command(random: Random, brick: BrickOs) -> bytes:
 
 
 def without_addresses(reply: bytes) -> bytes:
-    """Of CREATE, or nothing: the kernel chooses them, and the sum follows; where text, data and bss begin does not."""
+    """Returns a reply of CREATE, or an empty one, without addresses and their sum: distances of sections stay."""
     if not reply:
         return reply
     text, data, bss = struct.unpack(">HHH", reply[6:12])

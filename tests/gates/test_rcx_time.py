@@ -1,6 +1,6 @@
 """The RCX's images in simulated time: brickOS's kernel with all its interrupts, and the plant at sensors and motors.
 
-Every instruction takes its states, and the converter, the timers and the serial line interrupt as on the chip.
+Every instruction takes its clock states, and the converter, the timers and the serial line interrupt as on the chip.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ LEFT_COUNT, RIGHT_COUNT = 0xADA8, 0xADA4
 """Addresses in Debian's kernel."""
 
 CLOCK_STATES = 188
-"""Of the interrupt of each ms, added up by hand from Hitachi's table: 24 to enter, 54 in the ROM, 110 in the kernel."""
+"""States of the interrupt of each ms, by hand from Hitachi's table: 24 to enter, 54 in the ROM, 110 in the kernel."""
 
 
 def watchdog_ms() -> int:
-    """The firmware stops if a tick comes so late."""
+    """Returns the delay of a tick, ms, from which the firmware stops."""
     text = (ROOT / "firmware/app/params_gen.h").read_text()
     found = re.search(r"\.watchdog_ms = (\d+)", text)
     assert found is not None

@@ -1,4 +1,4 @@
-"""The bound of this machine's stack by the graph of calls, and faults that the bounds of all three have to find.
+"""The stack bound of this machine by the graph of calls, and planted faults that all three bounds must find.
 
 test_avr.py and test_rcx.py bound the stacks of the images that they build.
 """

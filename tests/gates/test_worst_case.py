@@ -10,10 +10,10 @@ import worst_case
 from lab.avr_budget import PERIOD
 
 AVR_SHARE = 1.2
-"""Of a period. A step that ends behind it begins the next one that much later; from 2 on it would count as late."""
+"""Longest step as a share of a period. A step above 1 delays the next one; from 2 on a tick would count as late."""
 
 RCX_MS = 12.0
-"""The watchdog stops a run at 20 ms."""
+"""Longest time between steps, ms. The watchdog stops a run at 20 ms."""
 
 FLIGHTS = (0, 1)  # one by itself, one in a host's session
 

@@ -19,7 +19,7 @@ PRESETS = {effect.name: {info.name: info.preset for info in effect.parameters} f
 
 
 def robot(effects: dict[str, dict[str, float]], **parameters: float) -> Model:
-    """Returns the packaged robot with these effects, whose absent parameters are 0, and other nominal values."""
+    """Returns the packaged robot with these effects and nominal values; an effect's absent parameters are 0."""
     chosen = {name: {**dict.fromkeys(PRESETS[name], 0.0), **on} for name, on in effects.items()}
     return dataclasses.replace(rcx(), parameters={**rcx().parameters, **parameters}, effects=chosen)
 
@@ -107,7 +107,7 @@ MISSIONS = (
     Mission("another robot, with friction", (ANOTHER,), "imu+encoders"),
 )
 
-# Here sensors and feedback compensate already: the rest is hardly above the scatter of the seeds.
+# Here sensors and feedback compensate already: the remaining gain is hardly above the scatter of the seeds.
 COMPENSATED_ANYWAY = (
     Mission("`motor_asymmetry` +-20 %", _MOTORS, "imu+encoders", 6.0),
     Mission("`torque_constant_asymmetry` +-10 %", _FLUXES, "imu+encoders", 6.0),

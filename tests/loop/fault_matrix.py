@@ -23,13 +23,13 @@ from brickpilot.vehicle.scenario import END_KINDS, MESSAGE_KINDS, SENSOR_KINDS, 
 from numpy.typing import NDArray
 
 KINDS = (*MESSAGE_KINDS, *SENSOR_KINDS, *END_KINDS)
-"""Those of any brick at the end of a link."""
+"""The kinds of faults that any brick at the end of a link may have."""
 
 TRANSPORTS = ("serial:pty", "tcp", "can:slcan", "can:virtual")
 BEGIN_S, END_S, DURATION_S = 0.6, 0.9, 1.5
 REPLY_S = 0.03
 STOPS_WITHIN = 100
-"""Steps within which a fault that must stop the motors has done so: 0.25 s, and time to notice."""
+"""Most steps until a fault that must stop the motors has stopped them: 0.25 s, and time to notice."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Outcome:
     """The result of one flight. `trouble` names the condition that failed; it is "" if all held."""
 
     trouble: str
-    stopped: bool  # present was a safe stop
+    stopped: bool  # whether a safe stop occurred
     lost_frames: int
 
 

@@ -33,9 +33,9 @@ ROBOTS, SEEDS, STREAM = 20, 5, 14
 NOMINAL_ERROR = 0.05  # sd, relative
 SENSORS = ("imu+encoders", "imu")
 UNDONE = tuple(name for name in effects.LIBRARY if compensation.undone(name))
-SIZES = (0.5, 2.0)  # of an effect, times what shows clearly in a log
-HELD = 4 / 3  # friction over a constant load
-FASTEST_WHEEL, FASTEST_SPIN = 45.0, 22.0  # rad/s: the logging sensors read to 51 rad/s, and 10.5 rad/s at 3.3 of 9 V
+SIZES = (0.5, 2.0)  # range of an effect's size; 1 shows clearly in a log
+HELD = 4 / 3  # ratio of friction to a constant load
+FASTEST_WHEEL, FASTEST_SPIN = 45.0, 22.0  # rad/s at full voltage; sensors read 51, and spins of 10.5 at 3.3 of 9 V
 
 
 @dataclasses.dataclass(frozen=True)
@@ -106,7 +106,7 @@ def _scaled(run: Manoeuvre, factor: float) -> Manoeuvre:
 
 
 def measure(robot: Robot, number: int, parent: Path) -> Path:
-    """Writes the data set of a robot into `parent`, with voltages scaled to its battery's. Keeps an old one."""
+    """Writes the data set of a robot into `parent`, with voltages for its battery. Keeps an existing one."""
     runs = tuple(_scaled(run, robot.vehicle.battery_voltage / 9.0) for run in short())
     recipe = Recipe(
         robot.name, robot.hidden, robot.vehicle, "planar", nominal_error=NOMINAL_ERROR, runs=runs, seed=STREAM + number
@@ -135,7 +135,7 @@ def fly(robot: Robot, known: Compensation | None, sensors: str, seeds: int) -> l
 
 
 def study(number: int, parent: Path, seeds: int = SEEDS) -> dict[str, Any]:
-    """Returns what was hidden, what was found and how often the mission was flown, for one robot."""
+    """Returns what was hidden, what was found and how many waypoints each mission reached, for one robot."""
     robot = draw(number)
     verdict, known = discover(measure(robot, number, parent), parent / f"{robot.name}-found")
     flown = {

@@ -45,7 +45,7 @@ TRUE_SEEDS = 50
 
 @dataclasses.dataclass(frozen=True)
 class Study:
-    """A robot as it truly is, its board, what of its sensors is no nominal value, and the length of its mission."""
+    """A true robot, its board, its sensors, tables for its model file, and the number of waypoints of its mission."""
 
     vehicle: Vehicle
     hidden: Hidden
@@ -87,11 +87,11 @@ ROBOTS = {
         "[robot]\nlength = 0.32\n",
     ),
 }  # fmt: skip
-"""Of 0.3 to 8 kg; those of tests/python/test_firmware.py, but for the effect of the first one."""
+"""Robots of 0.3 to 8 kg, those of tests/python/test_firmware.py except for the effect of the first one."""
 
 
 def measure(name: str, one: Study, parent: Path) -> Path:
-    """Writes the data set of a robot into `parent`, with voltages that its logging sensors read. Keeps an old one."""
+    """Writes the data set of a robot into `parent`, at speeds that its sensors can log. Keeps an existing one."""
     battery = one.vehicle.battery_voltage
     factor = battery / 9.0 * min(1.0, FASTEST_WHEEL / (battery / one.vehicle.emf_constant))
     runs = tuple(
@@ -135,7 +135,7 @@ def route(one: Study, model: Path, file: Path) -> str:
 
 
 def true_flights(name: str, one: Study, model: Path, tuned: Path, mission: str | None) -> dict[str, Any]:
-    """Flies the robot as it truly is, before and after, with other noise and biases of its sensors each time."""
+    """Flies the true robot before and after tuning, each time with other noise and biases of its sensors."""
     ready = robot_task.problem(model, one.board, one.sensors, mission, SD_SHARE, STREAM)
     devices = ready.problem.allowed.devices
     found: dict[str, Any] = {}
@@ -161,11 +161,11 @@ def fly_true(given: problems.Problem, devices: Any, model: Model, raw: problems.
 
 
 def study(name: str, parent: Path, jobs: int, budget: str, robots: int) -> dict[str, Any]:
-    """Returns what was hidden, what was found, and how often the mission was flown before and after."""
+    """Returns what was hidden, what was found, and the successes of the mission before and after tuning."""
     one = ROBOTS[name]
     data, found, tuned = measure(name, one, parent), parent / f"{name}-found", parent / f"{name}-tuned"
     model = found / "model.toml"
-    if not model.exists():  # an old result is kept, as the log is
+    if not model.exists():  # an existing result is kept, like the log
         command("discover", str(data), "--jobs", str(jobs), "--out", str(found))
         model.write_text(model.read_text() + one.tables)  # the spread stays in verdict.json beside it
     verdict = json.loads((found / "verdict.json").read_text())

@@ -40,7 +40,7 @@ from lab.avr_budget import PERIOD, Image
 from numpy.typing import NDArray
 
 FULL_BYTES, A_MESSAGE_BYTES = 40, 14
-"""More than the line carries in 3 ms at 117,647 baud; and a message's frame, so that none is lost."""
+"""Bytes in a step: more than the line carries in 3 ms at 117,647 baud; or one message's frame, so that none is lost."""
 
 ROUTE_MM = [(600, 600), (600, -200), (-300, 100)]
 BY_ITSELF_S = 3.0
@@ -48,7 +48,7 @@ RCX_TARGETS = {f"h8:{sensors}": sensors for sensors in rcx_flight.SENSORS}
 
 
 def value_of(setting: Setting, drawn: random.Random) -> int:
-    """Draws a value: an end of its range as often as any in it."""
+    """Draws a value: each end of its range, or any value in it, with a chance of a third."""
     if setting.name == "telemetry_every":
         return 1
     return drawn.choice((setting.low, setting.high, drawn.randint(setting.low, setting.high)))

@@ -3,9 +3,9 @@
     .venv/bin/python tests/misra/check.py [--all]    # --all also lists what the deviations allow
     .venv/bin/python tests/misra/check.py --write    # keeps the numbers of findings in counts.toml
 
-A deviation says why a rule is not kept in a folder, and counts.toml how many findings of it each file has. A finding
-more fails, and so does one less, so that the numbers only fall, and a deviation that allows nothing. Generated files
-and the headers of the FMI standard are left out. The texts of the rules are MISRA's, and are not here.
+A deviation says why a rule is not kept in a folder; counts.toml says how many findings of the rule each file has. One
+finding more or one less fails, so that the numbers only fall; a deviation that allows nothing fails, too. Generated
+files and the headers of the FMI standard are left out. The texts of the rules are MISRA's, and are not here.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def findings() -> dict[tuple[str, int, str], None]:
     """Returns file, line and rule of each finding, in their order."""
     listed = subprocess.run(["git", "ls-files", *(f"{top}/*.c" for top in TOPS)], cwd=ROOT, stdout=-1, check=True)
     sources = [name for name in listed.stdout.decode().split() if not _left_out(name)]
-    with tempfile.TemporaryDirectory() as folder:  # without one, -j leaves the addon's files beside the sources
+    with tempfile.TemporaryDirectory() as folder:  # without a folder, -j leaves the addon's files beside the sources
         command = [
             "cppcheck", "--addon=misra", "--std=c99", "--quiet", f"-j{os.cpu_count()}", "--max-configs=3",
             f"--cppcheck-build-dir={folder}", "--template={file}:{line}: {id}", *(f"-I{at}" for at in INCLUDES),
@@ -56,7 +56,7 @@ def _write(counts: Counter[tuple[str, str]]) -> None:
 
 
 def _kept() -> Counter[tuple[str, str]]:
-    """Returns the counts of counts.toml; exits where another tool has made them."""
+    """Returns the counts of counts.toml; exits if another tool has made them."""
     read = tomllib.loads(COUNTS.read_text(encoding="utf-8"))
     if read.pop("tool") != _tool():
         sys.exit(f"counts.toml is not of {_tool()}: its findings may differ; --write keeps new ones")

@@ -71,7 +71,7 @@ def without_comments(text: str) -> str:
 
 
 def changes(line: str) -> Iterator[tuple[int, int, str]]:
-    """Yields each of the possible faults: what stands in place of a part of the line."""
+    """Yields each possible fault: start and end of a part of the line, and its replacement."""
     if STATEMENT.fullmatch(line.rstrip()) and line.count("(") == line.count(")"):
         yield len(line) - len(line.lstrip()), len(line.rstrip()), ";"
     tokens = list(TOKEN.finditer(line))
@@ -128,7 +128,7 @@ class Bench:
         return sorted(path for module in MODULES for path in (self._sources / module).glob("*.c"))
 
     def _compiled(self, paths: list[Path], level: str) -> dict[Path, bytes]:
-        """Returns the object of each source; fewer where one does not compile."""
+        """Returns the object of each source; fewer if one does not compile."""
         found = {}
         for path in paths:
             out = self._objects[path]
@@ -148,7 +148,7 @@ class Bench:
         return found
 
     def outcome(self, mutant: Mutant) -> str:
-        """Returns what becomes of it: "no build", "same code", "killed" or "survived"."""
+        """Returns the outcome of a mutant: "no build", "same code", "killed" or "survived"."""
         path = self._sources / mutant.file
         path.write_text(mutant.text(), encoding="utf-8")
         concerned = [path] if path.suffix == ".c" else list(self._objects)
@@ -175,7 +175,7 @@ class Bench:
 
 
 def quiet(command: list[str], folder: Path) -> bool:
-    """Runs a command in a folder. True where it succeeds in time."""
+    """Runs a command in a folder. Returns True if it succeeds in time."""
     try:
         ran = subprocess.run(command, cwd=folder, stdout=DEVNULL, stderr=DEVNULL, timeout=RUN_S, check=False)
     except subprocess.TimeoutExpired:

@@ -34,7 +34,7 @@ PLANT = (
 _ALARM = re.compile(r"\[eva:alarm\] (\S+):(\d+): Warning")
 
 Alarm = tuple[str, str]
-"""A source file and its line, as it stands there."""
+"""A source file, and the text of the line."""
 
 
 def alarms(root: Path) -> set[Alarm]:

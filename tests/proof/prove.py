@@ -25,7 +25,7 @@ import ranges
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 BUILD = ROOT / "build/proof"
-LONGEST_S = 300  # of one proof
+LONGEST_S = 300  # longest time of one proof
 HELD, FAILED = 0, 10  # statuses of cbmc
 MARKS = "<!-- proofs -->\n", "<!-- end of proofs -->"
 
@@ -61,7 +61,7 @@ def command(programs: Path, name: str, row: dict[str, Any], bits: int, root: Pat
 
 
 def run(call: list[str]) -> tuple[int, float, str]:
-    """Returns the status, the seconds and the output of a call; status -1 where it takes too long."""
+    """Returns the status, the seconds and the output of a call; status -1 if it takes too long."""
     began = time.monotonic()
     try:
         done = subprocess.run(call, capture_output=True, text=True, timeout=LONGEST_S, check=False)
@@ -71,7 +71,7 @@ def run(call: list[str]) -> tuple[int, float, str]:
 
 
 def failures(text: str) -> str:
-    """Returns the first properties that failed, or the end of what the checker said."""
+    """Returns the first properties that failed, or the end of the checker's output."""
     failed = [line for line in text.splitlines() if line.endswith(": FAILURE")]
     return "\n  ".join(failed[:5] or text.splitlines()[-5:])
 
@@ -114,7 +114,7 @@ def prove_all(names: list[str], jobs: int, full: bool) -> bool:
 
 
 def plant(programs: Path, name: str, row: dict[str, Any], proof: dict[str, Any]) -> str:
-    """Plants a fault in a copy of the sources and returns what is wrong: "" where the proof fails, as it should."""
+    """Plants a fault in a copy of the sources and returns what is wrong: "" if the proof fails, as it should."""
     with tempfile.TemporaryDirectory(dir=BUILD) as folder:
         root = Path(folder)
         for one in ("firmware", "hal"):

@@ -28,11 +28,11 @@ def applied16(scale: Scale, value: int) -> int:
 
 
 def bad_motor(motor: Any) -> str:
-    """Says why no limit of the current keeps the motor's sums within 32 bits; "" where one does."""
+    """Says why no limit of the current keeps the motor's sums within 32 bits; "" if a limit does."""
     row, change = motor["current"], motor["speed"]
     fixed = applied(row["from_speed"], SPEED) + applied16(row["from_voltage"], VOLTAGE)
     share = abs(row["from_current"].factor)
-    most = min(int((fixed + 2) / (1 - share)) + 2, INT32 // 2)  # the current at which the sums stay
+    most = min(int((fixed + 2) / (1 - share)) + 2, INT32 // 2)  # a bound that the current does not leave
     if applied(row["from_current"], most) + fixed > most:
         return f"current {most}"
     total = (

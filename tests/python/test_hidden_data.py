@@ -1,4 +1,4 @@
-"""The blind data: its physics against closed forms, its effects visible, its files whole and repeatable."""
+"""The data of the blind test: physics as in closed forms, effects visible, files complete and repeatable."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ pytest.importorskip("mujoco")
 from hidden import mujoco_engine  # noqa: E402
 
 VEHICLES = {"bench": BENCH, "rcx": RCX, "heavy": HEAVY}
-LATE = {"battery_discharge", "gyro_drift"}  # grow over minutes: seen in the long list of runs
+LATE = {"battery_discharge", "gyro_drift"}  # these grow over minutes: only the long list of runs shows them
 
 
 def drive(vehicle: Vehicle, *stages: tuple[float, float, float], seconds: float = 4.0, **hidden: dict[str, float]):
@@ -31,13 +31,13 @@ def drive(vehicle: Vehicle, *stages: tuple[float, float, float], seconds: float 
 
 
 def speed_at(vehicle: Vehicle, volts: float, load: float = 0.0) -> float:
-    """rad/s at which a motor's torque meets its losses and a further load, N m."""
+    """Returns the speed, rad/s, at which a motor's torque equals its losses and a load, N m."""
     stiffness = vehicle.torque_constant / vehicle.resistance
     return (stiffness * volts - load) / (stiffness * vehicle.emf_constant + vehicle.wheel_damping())
 
 
 def lag_of(vehicle: Vehicle, inertia: float) -> float:
-    """s: time constant of a wheel that feels `inertia`, with L / R short against it."""
+    """Returns the time constant, s, of a wheel with `inertia`; L / R is much shorter and neglected."""
     return inertia / (vehicle.torque_constant * vehicle.emf_constant / vehicle.resistance + vehicle.wheel_damping())
 
 
@@ -66,7 +66,7 @@ def test_time_constants_are_those_of_mass_and_yaw_inertia(name: str) -> None:
 
 @pytest.mark.parametrize("name", VEHICLES)
 def test_a_null_does_not_slip(name: str) -> None:
-    """Creep is below a fiftieth of the noise of wheel speeds and gyro, and below what 10 bits resolve."""
+    """The wheels' creep is below 1/50 of the noise of wheel speeds and gyro, and below the resolution of 10 bits."""
     vehicle = VEHICLES[name]
     for track in mujoco_engine.simulate(vehicle, {}, manoeuvre.short(), seed=0):
         left, right = track.wheel_speed_left, track.wheel_speed_right
@@ -98,7 +98,7 @@ def test_friction_slope_payload_and_radius_have_their_closed_forms() -> None:
     down = drive(BENCH, (0, 6, 6), floor_slope={"slope_x": 0.03, "slope_y": 0.0})
     pull = 0.5 * BENCH.mass * GRAVITY * 0.03 * BENCH.wheel_radius
     assert down.wheel_speed_left[-1] == pytest.approx(speed_at(BENCH, 6, -pull), rel=1e-3)
-    assert down.accel_surge[-1] == pytest.approx(-GRAVITY * 0.03, rel=0.01)  # held by the floor, not falling
+    assert down.accel_surge[-1] == pytest.approx(-GRAVITY * 0.03, rel=0.01)  # the floor holds it
     loaded = drive(BENCH, (0, 6, 6), seconds=6.0, payload_mass={"mass": 0.3, "forward": 0.0, "right": 0.0})
     heavier = replace(BENCH, mass=0.9)
     assert loaded.wheel_speed_left[-1] == pytest.approx(speed_at(heavier, 6), rel=1e-4)
@@ -168,7 +168,7 @@ def test_losses_in_proportion_have_their_closed_forms() -> None:
 def test_backlash_carries_momentum_and_settles_on_the_same_speed() -> None:
     track = drive(BENCH, (0, 6, 6), gear_backlash={"gap": 0.2, "rotor_share": 0.6})
     assert track.wheel_speed_left[-1] == pytest.approx(speed_at(BENCH, 6), rel=1e-3)
-    assert np.all(track.wheel_speed_left[:20] == pytest.approx(0.0, abs=1e-6))  # the rotor crosses its play first
+    assert np.all(track.wheel_speed_left[:20] == pytest.approx(0.0, abs=1e-6))  # the rotor first crosses the gap
 
 
 @pytest.mark.parametrize("name", effects.TABLE)
@@ -313,7 +313,7 @@ def test_suites_name_each_set_once_and_keep_seeds_apart() -> None:
 
 
 def test_no_spin_of_a_null_leaves_the_gyros_range() -> None:
-    """Else a null would hold a gyro that saturates: the fastest vehicle of each kind that a suite may draw."""
+    """No gyro saturates in a null: tried with the fastest vehicle of each kind that a suite may draw."""
     for vehicle in VEHICLES.values():
         fast = replace(
             vehicle, wheel_radius=1.08 * vehicle.wheel_radius, half_track=0.92 * vehicle.half_track,

@@ -1,6 +1,6 @@
-"""The blind test in small: the right verdict on eight data sets made by MuJoCo. `tests/lab/run discover` runs the rest.
+"""A small blind test: the right verdict on eight data sets made by MuJoCo. `tests/lab/run discover` runs the rest.
 
-Nominal values are 2 % off, noise is white, converters have 10 bits. Nothing is made by the plant that explains it.
+Nominal values are 2 % off, noise is white, converters have 10 bits. No data are made by the plant that explains them.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ pytest.importorskip("mujoco")
 
 TESTS = Path(__file__).parents[1]
 TOLERANCE = 0.05
-"""Of a parameter's true value."""
+"""Largest error, as a share of a parameter's true value."""
 TOLERANCE_OF = {"gyro_scale": 0.07}
-"""The same for an effect that trades against others: a gyro's scale against track and inertia, both 2 % off."""
+"""The same for an effect that other values can imitate: a gyro's scale by track and inertia, both 2 % off."""
 FLOOR = 1.1
-"""Times the noise: what may be left on held-out runs."""
+"""Largest error that may be left on held-out runs, as a multiple of the noise."""
 COMPOSED = 0.8
-"""Share of the held-out gap that a composed term has to take away."""
+"""Share of the held-out gap that a composed term has to remove."""
 
 NONE = ("ci-none-enc", "ci-none-imu")
 NAMED = ("ci-coulomb_friction-enc", "ci-motor_asymmetry-enc", "ci-gyro_bias-imu", "ci-coulomb_friction+gyro_scale-enc")
 TWINS = {"ci-input_delay-enc": {"input_delay", "sensor_delay"}}
-"""A delay before the motors, or behind every sensor: from rest both log the same."""
+"""From rest, a delay before the motors gives the same log as a delay behind every sensor."""
 OUTSIDE = {"ci-odd_yaw_by_speed-enc": ("yaw_push_u2", "odd_yaw_by_speed", "moment")}
-"""What no library names: the one parameter of the composed term that says it, and the true one."""
+"""Effects outside the library: set -> the composed term's only parameter, the true effect and its parameter."""
 
 
 class Blind:
-    """The suite in `folder`, each set worked on once."""
+    """The suite in `folder`; `discover` runs once on each data set."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -125,7 +125,7 @@ def test_twins_are_called_ambiguous_with_the_true_one_among_them(name: str, blin
         if rival["name"] != NOMINAL_VALUES:
             assert set(rival["effects"]) >= set(rival["name"].split(" + "))
         assert rival["nominal"]["mass"] > 0
-    assert found.nominal_findings == ()  # without a delay, the nominal model moves its motor's constants to look late
+    assert found.nominal_findings == ()  # motor constants that imitate the delay are no finding
     assert left_on_held_out_runs(found) <= FLOOR
 
 

@@ -27,8 +27,8 @@ from brickpilot.vehicle.compensation import FORMATS, Compensation
 from brickpilot.vehicle.model import rcx
 from command import brickpilot
 
-LATE = 7  # the fault of a run that the watchdog ended, see firmware/autopilot/mode.h
-PATIENT_S = 5.0  # for a reply: a brick that a busy machine does not schedule for a second is not lost
+LATE = 7  # number of the fault of a run that the watchdog ended, see firmware/autopilot/mode.h
+PATIENT_S = 5.0  # longest wait for a reply: a busy machine may not schedule the brick for a second
 STARTED_HERE = ["serial:pty", "tcp", "can:slcan", "can:virtual"]
 
 
@@ -46,7 +46,7 @@ def over(spec: str, wanted: flight.Plan, pace: str = LOCKSTEP, every: int = 10) 
 
 
 def undisturbed(flight_in_real_time: Callable[[], fly.HilFlight]) -> fly.HilFlight:
-    """Returns the first of six flights that no watchdog ended, as the machine itself can stall for 20 ms."""
+    """Flies up to six times, until no watchdog ends the flight: the machine itself can stall for 20 ms."""
     for _ in range(6):
         flown = flight_in_real_time()
         if flown.flight.log["fault"][-1] != LATE:
@@ -220,7 +220,7 @@ def test_a_lost_link_gives_status_1_and_keeps_the_flight_until_then(tmp_path: Pa
     )
     done = brickpilot("hil", "s.toml", "--link", "serial:pty", "--json", "--out", "out", cwd=tmp_path)
     assert (done.returncode, done.stderr.count("\n")) == (1, 1)
-    # On a busy machine the brick may not read for a second before its replies are missed.
+    # On a busy machine the brick may stop reading for a second before a reply is missed.
     lost = r"(no reply|the other end does not read), 0\.300 s into the flight; the motors were stopped"
     assert re.search(lost, done.stderr)
     figures = json.loads(done.stdout)
@@ -231,7 +231,7 @@ def test_a_lost_link_gives_status_1_and_keeps_the_flight_until_then(tmp_path: Pa
 
 @pytest.mark.parametrize("pace", [LOCKSTEP, pytest.param(REALTIME, marks=pytest.mark.realtime)])
 def test_a_brick_without_messages_stops_and_needs_a_reset(pace: str) -> None:
-    """Its plant is silent for longer than its watchdog allows; then it drives only after reset and start."""
+    """After a silence longer than its watchdog allows, the brick drives only after reset and start."""
     silent_s = 1.3 if pace == LOCKSTEP else 0.3
     wanted = plan(duration=9.0 if pace == LOCKSTEP else 3.0)
 
@@ -278,7 +278,7 @@ def test_settings_are_listed_and_written_by_the_command(tmp_path: Path) -> None:
         brickpilot("hil", "s.toml", "--link", "tcp", "--json", "--out", "out", *options, cwd=tmp_path)
         for options in ((), ("--set", "speed_kp=100", "--set", "cruise=800"))
     )
-    assert "waypoint 1 was missed" in slow.stderr  # 0.6 s are too short for it
+    assert "waypoint 1 was missed" in slow.stderr  # 0.6 s are too short to reach it
     logs = [json.loads(done.stdout)["motor_stream_sha256"] for done in (fast, slow)]
     assert logs[0] != logs[1]
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
@@ -301,7 +301,7 @@ def test_creep_is_not_set_above_cruise(tmp_path: Path) -> None:
         return done.returncode, done.stderr
 
     refused = "creep: {} is above cruise, which is {}: it takes 0..cruise (1/16 mm/s)\n"
-    assert fly("creep=6401") == (2, "brickpilot: " + refused.format(6401, 6400))  # beside the brick's own cruise
+    assert fly("creep=6401") == (2, "brickpilot: " + refused.format(6401, 6400))  # compared with the brick's own cruise
     assert fly("creep=1300", "cruise=1299") == (2, "brickpilot: " + refused.format(1300, 1299))
     assert fly("align=1000", "pivot=999")[0] == 2
     for settings in (("creep=6400",), ("creep=8000", "cruise=8000"), ("cruise=1200",)):

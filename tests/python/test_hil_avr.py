@@ -39,12 +39,12 @@ def in_the_checkout(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_the_papers_mission_is_flown_by_the_image_as_in_simulation(tmp_path: Path) -> None:
-    """One whole flight: 8 of 8, in the run folder of every flight, and where the simulation with these sensors flies.
+    """One whole flight: all 8 waypoints, the usual run folder, and the track of the simulation with these sensors.
 
-    The tolerance is the spread of the simulation itself. Eight flights that differ in the seed of the noise alone are
-    up to 0.06 m (rms over the flight) from each other, because the gyro's error adds up in the heading; the chip's
-    converter and its order of samples give it other noise too. 3 mm come on top: at 0.5 m/s the way in the 6 ms from
-    a sample to its pulses. Steps of the converter (10 bits) are those of the simulation, and steps of the PWM are 9 mV.
+    The tolerance is the spread of the simulation itself. Eight flights with different seeds of the noise differ by up
+    to 0.06 m (rms over the flight), because the gyro's error adds up in the heading. The chip's noise differs in the
+    same way, by its converter and its order of samples. 3 mm are added: the distance at 0.5 m/s in the 6 ms from a
+    sample to its pulses. The converter has the resolution of the simulation (10 bits), and the PWM one of 9 mV.
     """
     done = brickpilot("hil", "--target", "avr:328p-imu", "--sensors", "imu", "--out", str(tmp_path), "--json", cwd=ROOT)
     assert (done.returncode, done.stderr) == (0, "")
@@ -71,7 +71,7 @@ def test_the_papers_mission_is_flown_by_the_image_as_in_simulation(tmp_path: Pat
     late = np.array(figures["reached_at_s"]) - times.mean(axis=0)
     assert np.abs(late).max() < np.ptp(times, axis=0).max() + 0.006
 
-    again = fly("avr:328p-imu", 3.0)  # in another process: the same duties, of 32767
+    again = fly("avr:328p-imu", 3.0)  # another process gives the same duties, in 1/32767
     whole = np.stack([log["left_duty"], log["right_duty"]], axis=1)[: len(again.flight.motors)]
     np.testing.assert_array_equal(again.flight.motors, np.rint(whole * 32767))
     _edges_are_those_of_the_wheels(again)

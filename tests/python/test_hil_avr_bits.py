@@ -1,4 +1,4 @@
-"""With the readings that an AVR takes, the host's control loop has the same state after each tick, to the bit."""
+"""Fed with the readings of an AVR, the control loop on the host has the same state after each tick, bit for bit."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def build_on_host(target: str, folder: Path) -> Path:
 
 
 class Watch(AvrRobot):
-    """The robot, with a look at the loop's state after each tick, while the chip sleeps."""
+    """A robot that records the loop's state after each tick, while the chip sleeps."""
 
     def __init__(self, robot: AvrRobot, address: int, size: int, tick_at: int) -> None:
         self.__dict__ = robot.__dict__

@@ -1,7 +1,7 @@
 """Faults in the AVR and at its pins: the motors are safe each time.
 
-Safe is stated per fault: that the bridges coast (every pin an input), that they short the motors (duty 0), or that the
-robot goes on as it should. Each flight drives straight ahead when the fault begins.
+Each test says what safe means: the bridges coast (every pin is an input), they short the motors (duty 0), or the robot
+goes on as it should. Each flight drives straight ahead when the fault begins.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ sensors = "imu"
 
 @dataclasses.dataclass(frozen=True)
 class Faulty:
-    """A flight with a fault, and at the start of each step its duties (steps, 2) and resets (steps,)."""
+    """A flight with a fault; its duties (steps, 2) and count of resets (steps,) at the start of each step."""
 
     flown: over_a_link.HilFlight
     duty: Any
@@ -92,7 +92,7 @@ def fly(
 
 
 def assert_never_drives_again(faulty: Faulty, within_s: float) -> None:
-    """After a reset the flight goes on for 2.5 s. The image rests for 2 s before it starts its mission by itself."""
+    """The flight goes on for 2.5 s after a reset, as an image may start its mission by itself after 2 s."""
     after = faulty.after(within_s)
     assert not np.nan_to_num(after).any(), "a motor has been driven again"
     assert len(after) > 2.4 / 0.003
@@ -101,10 +101,10 @@ def assert_never_drives_again(faulty: Faulty, within_s: float) -> None:
 
 
 def test_a_held_main_program_is_reset_by_the_watchdog_and_does_not_drive_off_again() -> None:
-    """Safe: no motor is driven 36 ms after the main program stopped, and the robot waits for a host after that.
+    """Safe: from 36 ms after the main program stops no motor is driven, and the robot waits for a host.
 
     A reset makes all pins inputs, so that the motors coast; the image that starts anew shorts them within a
-    millisecond. 30 ms are the watchdog's nominal time, 32 ms simavr's. The image starts its mission 2 s after
+    millisecond. The watchdog's time is 30 ms, in simavr 32 ms. The image starts its mission 2 s after
     power-on, but not after a reset by the watchdog.
     """
     faulty = fly(Fault("main_held", BEGIN_S, BEGIN_S + 0.034), seconds=BEGIN_S + 3)
@@ -114,7 +114,7 @@ def test_a_held_main_program_is_reset_by_the_watchdog_and_does_not_drive_off_aga
 
 
 def test_a_brown_out_lets_the_motors_coast_at_once() -> None:
-    """Safe: in the control step after the supply fell below 4.3 V no motor is driven, nor when it has come back."""
+    """Safe: no motor is driven from one control step after the supply falls below 4.3 V, nor after it is back."""
     faulty = fly(Fault("brown_out", BEGIN_S, BEGIN_S + 0.1), seconds=BEGIN_S + 3)
     assert faulty.resets[-1] == 1
     assert np.isnan(faulty.after(0.003)[:30]).all(), "the bridges do not coast"
@@ -122,7 +122,7 @@ def test_a_brown_out_lets_the_motors_coast_at_once() -> None:
 
 
 def test_a_stuck_interrupt_is_reset_by_the_watchdog() -> None:
-    """Safe: as with a held main program, as long as the interrupt comes again and again, and after it."""
+    """Safe: as with a held main program, while the interrupt repeats and afterwards."""
     faulty = fly(Fault("interrupt_stuck", BEGIN_S, BEGIN_S + 0.3))
     assert faulty.resets[-1] > 1
     assert not np.nan_to_num(faulty.after(0.036)).any()
@@ -162,7 +162,7 @@ def test_bytes_that_the_receiver_loses_change_nothing_and_the_host_can_still_sto
 
 
 def test_pulses_on_a_rotation_sensor_do_not_move_the_robot_off() -> None:
-    """Safe: a false pulse counts once forth and once back; a thousand a second cost less than 30 mm in 0.5 s."""
+    """Safe: a false pulse counts forward and back again; 1000 a second shift the estimate by under 30 mm in 0.5 s."""
     faulty = fly(Fault("encoder_noise", BEGIN_S, 2.0, 0.05), target="avr:328p-rotation")
     log = faulty.flown.flight.log
     assert abs(log["estimate_x_m"][-1] - log["true_x_m"][-1]) < 0.03
@@ -171,10 +171,10 @@ def test_pulses_on_a_rotation_sensor_do_not_move_the_robot_off() -> None:
 
 
 def test_in_a_storm_on_the_rotation_sensors_the_host_can_still_stop_the_robot() -> None:
-    """Safe: 100,000 false pulses a second leave the processor enough to hear the host: 0.1 s later nothing drives.
+    """Safe: 100,000 false pulses a second leave time to hear the host: no motor is driven 0.1 s after the command.
 
-    A tick that comes 20 ms late would stop the motors too, and so would the watchdog. What the robot takes for its
-    travel is wrong by then.
+    A tick that is 20 ms late also stops the motors, and so does the watchdog. The robot's estimate of its travel is
+    wrong by then.
     """
 
     def storm(robot: AvrRobot, step: int) -> None:

@@ -1,4 +1,4 @@
-"""What a flight tells of the board's newest start: the message BOARD in words."""
+"""The message BOARD in words: what a flight reports of the board's latest start."""
 
 from __future__ import annotations
 

@@ -64,9 +64,9 @@ def test_the_mission_at_the_step_of_the_rcx_equals_that_of_the_host(
     assert expected.broke_off is None
     figures = flight_figures.summary(expected.flight)
     assert (figures["waypoints_reached"], figures["final_mode"]) == (8, "arrived")
-    assert figures["cross_track_rms_m"] < 0.04  # at 3 ms 0.026
+    assert figures["cross_track_rms_m"] < 0.04  # 0.026 with a step of 3 ms
     commands = expected.flight.motors
-    assert not np.any(commands[1::3] != commands[::3][: len(commands[1::3])])  # a step of 9 ms
+    assert not np.any(commands[1::3] != commands[::3][: len(commands[1::3])])  # the commands change only every 9 ms
 
     with ends.both_ends(f"h8sim:{built_for}") as both:
         flown = step_study.at_the_link(both, plan)
@@ -86,5 +86,5 @@ def test_the_page_says_how_to_fly_once_more(tmp_path):
     flown = brickpilot(
         "hil", str(tmp_path / "short.toml"), "--target", "h8sim", "--out", folder, cwd=make_golden.GOLDEN.parent
     )
-    assert flown.returncode == 1  # its mission takes longer
+    assert flown.returncode == 1  # the mission takes longer than this flight
     assert "short.toml --target h8sim" in (tmp_path / "run" / "report.html").read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Recordings of a link: python-can opens them, and a replay gives the same stream bit for bit or says where not."""
+"""Recordings of a link: python-can opens them, and a replay repeats the stream bit for bit or says where it differs."""
 
 from __future__ import annotations
 

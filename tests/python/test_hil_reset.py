@@ -20,7 +20,7 @@ FLOWN = 'name = "s"\nkind = "mission"\nduration_s = 6\nwaypoints_m = [[0.3, 0.1]
 
 
 class Replaying(WrappedLink):
-    """A link that sends the host's first messages once more, in front of the set of step REPLAYED_AT."""
+    """A link that sends the host's first messages again, before the set of messages of step REPLAYED_AT."""
 
     def __init__(self, link: Link, names: Sequence[str]) -> None:
         super().__init__(link)
@@ -55,7 +55,7 @@ def test_replayed_bytes_end_the_flight_and_it_says_why(replayed: Sequence[str], 
             pair = dataclasses.replace(both, link=link)
             return fly.fly(pair, "x", wanted, pace=pace, telemetry_every=5, progress=lambda *_: None)
 
-    for _ in range(6):  # in real time the machine itself can stall for 20 ms, which ends the run before
+    for _ in range(6):  # in real time the machine itself can stall for 20 ms, which ends the run too early
         flown = once()
         if flown.flight.motors[REPLAYED_AT - 20 : REPLAYED_AT - 5].any():
             break

@@ -1,4 +1,4 @@
-"""What a flight over a link records of each tick, and how its page shows it."""
+"""The record of each tick of a flight over a link, and the plots of these records on its page."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pages import FAULTY, assert_self_contained, curves, figures
 
 
 def columns(steps: int = 1000, **changes: np.ndarray) -> dict[str, np.ndarray]:
-    """Returns ticks of 3 ms to the point, with a round trip of 0.5 ms and no trouble."""
+    """Returns the columns of ticks exactly 3 ms apart, with a round trip of 0.5 ms and no trouble."""
     time = 0.003 * np.arange(steps)
     found = {"time_s": time, "begun_s": time, "round_trip_ms": np.full(steps, 0.5)}
     return found | {name: np.zeros(steps) for name in TROUBLES} | changes
@@ -28,7 +28,7 @@ def test_each_tick_has_its_own_round_trip_and_troubles() -> None:
         if step != 2:
             recorder.replied(7 + step)
         recorder.count(step, 0, int(step >= 2), 3, 0)
-    recorder.replied(99)  # of no set that was sent
+    recorder.replied(99)  # a reply to a set that was never sent
     ticks = recorder.ticks(5)
     assert ticks.begun_s[0] == 0.0
     assert np.all(np.diff(ticks.begun_s[:4]) > 0)
@@ -46,7 +46,7 @@ def test_a_reply_to_a_set_of_an_earlier_tick_counts_for_that_tick() -> None:
     assert np.isfinite(recorder.ticks(2).round_trip_ms).tolist() == [True, False]
 
 
-@pytest.mark.realtime  # frames get lost, and the link stops the motors where a reply does not come for too long
+@pytest.mark.realtime  # frames get lost, and the link stops the motors if a reply takes too long
 def test_the_command_writes_every_tick_and_draws_them(tmp_path: Path) -> None:
     (tmp_path / "s.toml").write_text(f'name = "s"\n{FAULTY}', encoding="utf-8")
     done = brickpilot("hil", "s.toml", "--link", "serial:pty", "--json", "--out", "out", cwd=tmp_path)
@@ -61,7 +61,7 @@ def test_the_command_writes_every_tick_and_draws_them(tmp_path: Path) -> None:
     assert lost.sum() > 0 and refused.sum() > 0  # noqa: PT018
     wrong = ticks["time_s"][(lost > 0) | (refused > 0)]
     assert wrong.min() >= 1.0
-    assert wrong.max() < 1.9  # the brick reports what it counted once a second or so
+    assert wrong.max() < 1.9  # the brick reports its counts about once a second
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert_self_contained(page)
     drawn = figures(page)
@@ -108,7 +108,7 @@ def test_the_histograms_hold_every_tick() -> None:
 
 
 def test_no_bar_of_a_logarithmic_axis_is_at_zero() -> None:
-    """The page's ticks of such an axis never ended, where round trips of microseconds and of seconds met."""
+    """A bar at zero would give the axis endless tick marks. Round trips here range from 0.1 us to 20 s."""
     trips = np.append(np.full(999, 0.5), 2e4)
     trips[0] = 1e-4
     (figure,) = figures(str(run_page.round_trip(columns(round_trip_ms=trips))[1])).values()

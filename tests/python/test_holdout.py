@@ -1,4 +1,4 @@
-"""No direction, no manoeuvre and no largest input is left out of the fit; what is held out is said."""
+"""The fit keeps each direction, each manoeuvre and the largest input; a note says what is held out."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ NOISE = {"wheel_speed_left": 0.05, "wheel_speed_right": 0.05, "yaw_rate": 0.01}
 
 
 def written(folder: Path, manoeuvres: Mapping[str, tuple[float, float]], *, stretch: float = 1.0) -> Dataset:
-    """The runs of `synthetic`, 2 s each, with the clock slowed by `stretch`."""
+    """The runs of `synthetic`, 2 s each, with all times multiplied by `stretch`."""
 
     def slow(_: str, table: dict[str, Array]) -> None:
         table["t"] = table["t"] * stretch
@@ -58,7 +58,7 @@ def test_a_manoeuvre_has_a_kind_and_a_direction(left: float, right: float, kind:
 
 @pytest.mark.parametrize("ratio", np.round(np.linspace(-1.0, 1.0, 21), 2).tolist())
 def test_import_check_and_hold_out_call_a_manoeuvre_by_one_name(ratio: float) -> None:
-    """Also between a straight run and a curve, where each had a limit of its own."""
+    """All three use the same limit between a straight run and a curve."""
     time = np.arange(0.0, 3.0, 0.01)
     volts = np.where((time > 1.0) & (time < 2.0), 5.0, 0.0)
     inputs = {"voltage_left": volts, "voltage_right": ratio * volts}

@@ -38,7 +38,7 @@ def test_a_torque_without_a_scale_is_given_as_a_voltage(
 
 
 def test_of_what_the_signals_do_not_tell_apart_one_is_fitted_and_the_rest_keep_their_share(tmp_path: Path) -> None:
-    """A robot's mass and the inertia of its wheels are one sum to its wheels, as are back-EMF and what brakes them."""
+    """The signals show only sums: of the robot's mass and its wheels' inertia, and of back-EMF and friction."""
     data = reading.read(write(tmp_path / "data", robot(wheel_radius=0.0408, half_track=0.0565), NOISE, GEOMETRY))
     chosen = plan(data)
     assert [one.name for one in chosen.free] == ["mass", "yaw_inertia", "emf_constant"]
@@ -64,7 +64,7 @@ def test_friction_of_a_known_torque_tells_how_much_torque_a_volt_makes() -> None
 
 
 def test_slopes_that_may_be_errors_tell_nothing_and_pull_nowhere() -> None:
-    """Two parameters that move the signals alike but for a thousandth, and one that moves them otherwise."""
+    """Two parameters have sensitivities that differ by a thousandth; a third one has another sensitivity."""
     random = np.random.default_rng(0)
     first, third = random.normal(size=500), random.normal(size=500)
     slopes = np.column_stack([first, first + 1e-3 * random.normal(size=500), third])

@@ -1,4 +1,4 @@
-"""Formulas of `--map`: straight lines stay as logged with scale and offset, others are computed, bad ones are named."""
+"""Formulas of `--map`: linear ones become scale and offset of the logged values, others computed, bad ones named."""
 
 from __future__ import annotations
 

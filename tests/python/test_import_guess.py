@@ -1,4 +1,4 @@
-"""`--guess` takes columns for signals by their names and ranges, says why, and leaves out what it cannot tell."""
+"""`--guess` assigns columns to signals by name and range, says why, and leaves out columns that it cannot assign."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Logs of other programs become data sets: each kind is written by its own library and read; bad ones leave nothing."""
+"""Logs of other programs become data sets: its own library writes each kind, and a bad log leaves no data set."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ MAPS: dict[str, tuple[str, ...]] = {
 
 
 def importer(file: Path) -> Any:
-    """Imports a file by the row of its ending, as `brickpilot import FILE` does."""
+    """Returns the importer for the ending of the file, as `brickpilot import FILE` chooses it."""
     kind = kind_of(file, IMPORTERS)
     return next(row for row in IMPORTERS if row.kind == kind).load()
 
@@ -151,7 +151,7 @@ def test_messages_of_ros_become_channels_by_field_and_joint(tmp_path: Path) -> N
         np.testing.assert_array_equal(channels["/cmd.twist.angular.z"].values, np.full(60, 2.0))
         np.testing.assert_array_equal(channels["/imu.angular_velocity.z"].values, SPEED)
         np.testing.assert_array_equal(channels["/ticks.data"].values, np.arange(60.0))
-        yaw = channels["/odom.pose.pose.orientation.yaw"].values  # turns on past half a turn
+        yaw = channels["/odom.pose.pose.orientation.yaw"].values  # the angle is continuous beyond half a turn
         np.testing.assert_allclose(yaw, SPEED / 2, atol=1e-9)
         assert log.aliases["/joint_states.velocity[1]"] == "/joint_states.velocity[right]"
         assert not any("covariance" in name for name in channels)

@@ -1,4 +1,4 @@
-"""Recordings of an RCX, sound and damaged; tests/gates/test_rcx.py has those of the simulated brick."""
+"""Recordings of an RCX, sound and damaged; tests/gates/test_rcx.py has the recordings of the simulated brick."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def block_0(samples: int = 30, kind: int = 0, axes: bytes = AXES, version: int =
 
 
 class Answers:
-    """A tower at whose other end each block has its answer."""
+    """A tower that answers the request for each block with prepared bytes."""
 
     def __init__(self, blocks: dict[int, bytes]) -> None:
         self.blocks = blocks

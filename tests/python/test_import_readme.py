@@ -1,4 +1,4 @@
-"""Each command of the page on logs of other programs works as printed, on logs that those libraries wrote."""
+"""Each command on the page about logs of other programs works as printed, with logs that their libraries wrote."""
 
 from __future__ import annotations
 

@@ -97,7 +97,7 @@ def test_the_tables_agree_to_the_digit(folder: Path) -> None:
 
 
 def test_the_verdict_is_the_same(folder: Path) -> None:
-    """The tables of the others have the digits of these two."""
+    """Two kinds are enough: the tables of the other kinds have the same digits."""
     verdicts = {}
     for ending in ("csv", "mcap"):
         done = brickpilot("discover", f"from_{ending}", "--out", f"found_{ending}", "--jobs", "1", cwd=folder)
@@ -105,6 +105,6 @@ def test_the_verdict_is_the_same(folder: Path) -> None:
         verdict = json.loads((folder / f"found_{ending}/verdict.json").read_text())
         names = [(one["name"], [other["name"] for other in one["equivalents"]]) for one in verdict["effects"]]
         verdicts[ending] = (verdict["verdict"], names)
-    assert verdicts["csv"][0] in ("named", "ambiguous")  # two constant voltages: a dead band is nearly the same
+    assert verdicts["csv"][0] in ("named", "ambiguous")  # with two constant voltages a dead band looks nearly the same
     assert [name for name, _ in verdicts["csv"][1]] == ["coulomb_friction"]
     assert all(verdict == verdicts["csv"] for verdict in verdicts.values()), verdicts

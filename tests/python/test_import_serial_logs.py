@@ -1,4 +1,4 @@
-"""Tables come in as loggers write them; what is left out or changed is counted and said, and nothing else changes."""
+"""Tables are imported as loggers write them; each omission and change is counted and reported."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_what_a_serial_monitor_adds_is_skipped_and_counted(tmp_path: Path) -> No
     path.write_bytes(path.read_bytes() + b"430,12,1")
     made = import_table([path], tmp_path / "set", MAPPING, vehicle="diff_drive", frame="FLU")
     run = read(made.folder).runs[0]
-    assert run.time.size == 797  # of 800: columns that no signal uses may hold anything
+    assert run.time.size == 797  # of 800 rows; cells of columns that no signal uses may hold anything
     kept = np.delete(driven(), [99, 199, 499], axis=0)
     np.testing.assert_allclose(run.inputs["duty_left"], kept[:, 1] / 255)
     said = "\n".join(made.notes)
@@ -138,11 +138,11 @@ def test_counters_and_clocks_are_counted_on_where_they_overflow(tmp_path: Path, 
 @pytest.mark.parametrize(
     "counts",
     [
-        [100, 140, 180, 60000, 60040, 60080],  # a jump that leads to no end of the range
-        [65000, 65040, 65080, 0, 40, 80],  # set to 0 far from the end of the range
+        [100, 140, 180, 60000, 60040, 60080],  # the jump does not lead to an end of the range
+        [65000, 65040, 65080, 0, 40, 80],  # reset to 0 far from the end of the range
         [0, 0, 0, 65535, 65535, 0.5],  # no whole numbers
-        [4000, 4040, 4080, 24, 64, 104],  # once over the range of an angle sensor: may be real
-        [30000, 30040, 0, 30120, 30160, 30200],  # a reading that was lost
+        [4000, 4040, 4080, 24, 64, 104],  # one jump by the range of an angle sensor: it may be real
+        [30000, 30040, 0, 30120, 30160, 30200],  # one lost reading
         [1, 40000, 3, 40000, 5, 40000],  # steps as large as half the range
     ],
 )

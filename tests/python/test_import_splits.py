@@ -1,4 +1,4 @@
-"""One log becomes several runs, and a log that is slower than its commands gets them from a table of their own."""
+"""One log becomes several runs; a log that is slower than its commands gets the commands from a second table."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def test_a_log_without_a_manoeuvre_cannot_be_split(tmp_path: Path) -> None:
 
 
 def slow_log(tmp_path: Path) -> Path:
-    """Writes every fifth row of a log, and beside it the commands at the times at which they changed."""
+    """Writes every fifth row of a log, and a second table with the commands at the times of their changes."""
     log = driven()
     shifted = log[3::5]
     write_log(tmp_path / "log.csv", [HEADER, *lines_of(shifted)])
@@ -150,7 +150,7 @@ def test_a_bad_table_of_inputs_is_named(tmp_path: Path, commands: str, says: str
 
 @pytest.mark.parametrize("split", [(), ("rests",)])
 def test_a_pause_of_the_logger_in_motion_begins_a_new_run(split: tuple[str, ...], tmp_path: Path) -> None:
-    """Over the pause nobody knows what drove the vehicle, so that no run may hold it."""
+    """The inputs during the pause are unknown, so no run may contain the pause."""
     log = driven()
     middle = (DRIVES[0][0] + DRIVES[0][1]) / 2
     log[log[:, 0] > 1000 * middle, 0] += 12_000
@@ -163,11 +163,11 @@ def test_a_pause_of_the_logger_in_motion_begins_a_new_run(split: tuple[str, ...]
 
 
 def test_a_log_of_changes_alone_has_no_pause() -> None:
-    """Its rows stand where something changes: some seconds apart, and a few at once."""
+    """Such a log has a row at each change: most rows are seconds apart, a few close together."""
     changes = np.cumsum(np.random.default_rng(1).uniform(1.0, 6.0, 200))
     assert pauses(np.sort(np.concatenate([changes, changes[::10] + 0.01]))) == []
     assert pauses(np.array([0.0])) == pauses(np.array([0.0, 5.0])) == []
     rows = np.arange(0.0, 0.3, 0.01)
     assert pauses(np.concatenate([rows, rows + 0.8, rows + 2.2, rows])) == [
         60
-    ]  # a hole, a pause, a clock that restarts
+    ]  # only the pause splits, not the hole nor the restarted clock

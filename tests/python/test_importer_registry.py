@@ -1,4 +1,4 @@
-"""An importer is one file and one row: the command line follows the table, and a file without a row is named."""
+"""An importer is one file and one row: the table makes the command line, and a file without a row is named."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from importer_rows import files_without_a_row
 PACKAGE = Path(brickpilot.__file__).parent
 ROOM = Path(__file__).parents[2] / "tools/brickpilot/importers"
 
-# The one file and the one row of a new importer, as CONTRIBUTING.md asks for them.
+# The file and the row of a new importer, as CONTRIBUTING.md asks for them.
 FILE = '''
 """Lines of "time volts speed" turned into a data set."""
 

@@ -126,7 +126,7 @@ def test_a_delimiter_that_is_none_is_refused_with_the_spellings_of_a_tab(tmp_pat
 
 @pytest.mark.parametrize("digits", [309, 400, 4300, 5000])
 def test_a_cell_of_hundreds_of_digits_is_no_number(digits: int, tmp_path: Path) -> None:
-    """pandas reads it as a whole number that no double holds."""
+    """pandas reads such a cell as an integer that is too large for a double."""
     rows = [f"{0.01 * row:.2f},{row}" for row in range(30)]
     rows[27] = f"0.27,{'9' * digits}"
     (tmp_path / "log.csv").write_text("\n".join(["t,v", *rows]) + "\n")

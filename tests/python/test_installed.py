@@ -1,4 +1,4 @@
-"""A test run stops where the installed package is older than the checkout."""
+"""A test run stops if the installed package is older than the checkout."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def test_a_checkout_that_was_installed_is_not_outdated(tree: Path) -> None:
 
 @pytest.mark.parametrize("name", ["tools/brickpilot/errors.py", "tools/brickpilot/new.py", *COPIED])
 def test_a_file_that_differs_is_named(tree: Path, name: str) -> None:
-    when = PACKAGE.stat().st_mtime - 3600  # so that the time does not tell
+    when = PACKAGE.stat().st_mtime - 3600  # so that the time does not show the change
     with (tree / name).open("a") as file:
         file.write("\n")
     os.utime(tree / name, (when, when))

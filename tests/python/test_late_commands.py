@@ -1,4 +1,4 @@
-"""A slow log whose commands act late, each by another time, is not explained by wheels that slip."""
+"""A slow log whose commands act late, each with another delay, is not explained by slip."""
 
 from __future__ import annotations
 

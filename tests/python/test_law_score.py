@@ -63,7 +63,7 @@ def test_a_suspected_name_gives_its_mechanism_where_the_verdict_gives_none() -> 
         (SAME, "named", ["rolling_sqrt"], 1.0, True),  # of the same family
         (SAME, "named", ["coulomb_friction", "yaw_scrub"], 1.0, False),
         (SAME, "unknown", [], 1.0, False),
-        (OTHER, "named", ["battery_fade"], 1.05, True),  # what is left is noise: nobody can tell
+        (OTHER, "named", ["battery_fade"], 1.05, True),  # only noise is left: no law can be refuted
         (OTHER, "named", ["battery_fade"], 1.5, False),
         (OTHER, "named", ["motor_heating"], 1.0, False),
         (OTHER, "unknown", [], 1.5, True),
@@ -117,7 +117,7 @@ def test_places_are_compared_in_seconds_of_each_signal() -> None:
     assert seconds.f1 == pytest.approx(0.5)
     assert law_score.condition_share(one) == (1, 1)
     twice = said(OTHER, "unknown", where=[*told, *told], regions=known)
-    assert law_score.overlap(twice) == seconds  # a second saying of the same span adds nothing
+    assert law_score.overlap(twice) == seconds  # the same span, reported twice, adds nothing
     assert law_score.overlap(said(OTHER, "unknown", where=told)).f1 is None
     assert law_score.overlap(said(OTHER, "unknown", regions=known)).f1 == 0.0
 
@@ -153,7 +153,7 @@ def test_the_table_holds_the_suites_beside_the_long_ones_and_is_written(tmp_path
     results = [said(OTHER, "unknown", mechanism="supply"), result(["a"], "named", effect("a"))]
     made = table.table(results)
     single = {one["what"]: one["of"] for one in made["claims"]["all"]}
-    assert single["single, clearly visible, wheel speeds measured: right name"] == 1  # not the quick one as well
+    assert single["single, clearly visible, wheel speeds measured: right name"] == 1  # without the quick one
     text = "\n".join(table.lines(made))
     assert "== suite other: one effect, by another law ==" in text
     assert "[+] mechanism right" in text
@@ -199,7 +199,7 @@ def test_spans_bridge_short_breaks_and_keep_long_ones() -> None:
 
 
 def test_a_straight_run_does_not_turn() -> None:
-    """What is left of the turn is rounding: no condition may come from it."""
+    """The turn rate is only rounding error: no condition may result from it."""
     speed, turn = np.linspace(0.0, 0.5, 100), 1e-9 * np.sin(np.arange(100))
     found = regions.conditions(speed, turn)
     assert not any(found[name].any() for name in ("turning", "turning left", "turning right"))
@@ -251,7 +251,7 @@ def test_robots_of_other_scales_drive_within_their_sensors(kind) -> None:
 
 
 def test_a_claimed_name_is_right_for_another_law_if_it_is_said_to_differ() -> None:
-    """And wrong for the library's own law, so that saying it always does not pay."""
+    """For the library's own law, saying that the law differs is wrong; so saying it always does not pay."""
     other = said(OTHER, "named", "battery_fade", mechanism="supply", left=5.0)
     assert not law_score.law_right(other)
     assert law_score.law_right(other | {"law_differs": True})

@@ -1,4 +1,4 @@
-"""What an explanation predicts of a stretch without it, and what its values cost, against mathematics written here."""
+"""The prediction of a left-out stretch and the prior cost of values, against formulas written out here."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from test_criterion import ODDS, Array, given
 
 
 class Line(Problem):
-    """Least squares of a straight model: what it predicts is linear in its coordinates."""
+    """Least squares of a linear model: its prediction is linear in its coordinates."""
 
     slopes: Array = np.zeros((0, 0))
 
@@ -30,14 +30,14 @@ class Line(Problem):
 
 
 class Cliff(Line):
-    """The same, but a value is at most 1: where its slope is steep, what the slope promises is far too much."""
+    """The same with predictions limited to -1..1: a steep slope extrapolates far beyond these limits."""
 
     def simulated(self, point: Array) -> Array:
         return np.clip(self.slopes @ point, -1.0, 1.0)
 
 
 def plan_of(count: int) -> Any:
-    """Returns a plan of so many parameters, each 0 +- 0.7 by what was known before; points are their own models."""
+    """Returns a plan of `count` parameters, each with the prior 0 +- 0.7; a point is its own model."""
     free = [
         SimpleNamespace(
             centred=False,
@@ -55,7 +55,7 @@ def plan_of(count: int) -> Any:
 
 
 def test_a_prediction_without_a_stretch_is_that_of_a_fit_without_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    """On a linear problem with square loss one step is exact: no stretch is simulated."""
+    """On a linear problem with square loss one step is exact, so no stretch is simulated."""
     judge, places = given(stretches=10, each=8)
     random, size = np.random.default_rng(3), len(judge.stretch)
     slopes, truth = random.normal(size=(size, 3)), np.array([0.3, -0.2, 0.5])
@@ -68,7 +68,7 @@ def test_a_prediction_without_a_stretch_is_that_of_a_fit_without_it(monkeypatch:
     monkeypatch.setattr("brickpilot.fit.robust.pseudo_huber", loss.pseudo_huber)
 
     def fitted(rows: NDArray[np.bool_]) -> Array:
-        """Returns the coordinates of a ridge regression on some of the values."""
+        """Returns the coordinates of a ridge regression on the values of `rows`."""
         weight = 1 / np.concatenate([np.full(p.stop - p.start, data.scales[n].size) for n, p in places.items()])
         a = np.vstack([(slopes * weight[:, np.newaxis])[rows], np.eye(3) / 0.7])
         return np.asarray(np.linalg.lstsq(a, np.append((measured * weight)[rows], np.zeros(3)), rcond=None)[0])
@@ -87,7 +87,7 @@ def test_a_prediction_without_a_stretch_is_that_of_a_fit_without_it(monkeypatch:
 
 
 def test_a_stretch_whose_slopes_promise_more_than_it_holds_is_simulated(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A steep value alone holds the fit at 0. Without it the fit is at 0.2, where the value is 1, and not 200."""
+    """A steep stretch alone holds the fit at 0. Without it the fit is at 0.2, which predicts 1 there, and not 200."""
     judge, _ = given(stretches=10, each=8)
     here, data = judge.stretch == 4, dataclasses.replace(judge.data, threads=1)
     strength = data.weight() ** 2 / data.taus()
@@ -104,14 +104,14 @@ def test_a_stretch_whose_slopes_promise_more_than_it_holds_is_simulated(monkeypa
 
 
 def of_one_value(away: float, information: float, cost: float) -> Evidence:
-    """Returns the evidence of one parameter, of unit sd, that 20 values tell."""
+    """Returns the evidence of one parameter, of unit sd, from 20 values."""
     unknown: Any = None
     found = Explanation((), unknown, np.zeros(0), cost)
     return Evidence(found, np.zeros(15), np.zeros(20), np.array([away]), np.eye(1), np.array([[information]]))
 
 
 def test_a_value_that_the_error_of_a_law_moved_surprises_less() -> None:
-    """The fit of the value to data that count by the temperature less, written down for one parameter."""
+    """The loss of one parameter, written out: the temperature divides the weight of the data."""
     known, poor = of_one_value(2.0, 1e4, 10.0), of_one_value(2.0, 5.0, 10.0)
     for found, information in ((known, 1e4), (poor, 5.0)):
         assert found.log_prior(1.0) == pytest.approx(-2.0)
@@ -130,7 +130,7 @@ def test_a_value_that_the_error_of_a_law_moved_surprises_less() -> None:
     ("away", "nats"), [([0.0, 0.0], 0.0), ([1.0, -2.0], 2.5), ([-24.477], 5.298), ([24.477, 4.895], 8.987)]
 )
 def test_a_wrong_statement_costs_a_common_effect_and_less_likely_the_further(away: list[float], nats: float) -> None:
-    """Where the parabola reaches 3.0 nats, 2.4477 sd away, it goes on as a logarithm: ten times further, ln 10 more."""
+    """The cost is a parabola up to 3.0 nats, at 2.4477 sd, then a logarithm: ten times further costs ln 10 more."""
     assert evidence.surprise(np.array(away)) == pytest.approx(nats, abs=0.01)
 
 
@@ -145,7 +145,7 @@ def test_a_step_without_a_stretch_is_damped_to_where_the_model_holds() -> None:
 
 
 def test_a_step_that_stops_at_a_bound_is_made_up_for_by_the_others() -> None:
-    """Two parameters of which the data tell the sum: one stops, and the other takes the whole step."""
+    """The data determine only the sum of two parameters: one stops, and the other takes the rest of the step."""
     matrix = np.array([[1.0, 1.0], [1.0, 1.0]]) + 1e-9 * np.eye(2)
     room = np.array([[-9.0, -9.0], [0.05, 9.0]])
     step, _ = evidence._step(matrix, np.array([0.6, 0.6]), np.ones(2), room)
@@ -153,7 +153,7 @@ def test_a_step_that_stops_at_a_bound_is_made_up_for_by_the_others() -> None:
 
 
 class Valley:
-    """What a residual predicts where the data tell the product of two coordinates: a curved valley."""
+    """A prediction that depends on the product of two coordinates, so that the loss has a curved valley."""
 
     slopes: Array = np.zeros(0)
 

@@ -1,4 +1,4 @@
-"""A killed run leaves an unfinished folder; the next one of the same output removes it, and that of no other run."""
+"""A killed run leaves an unfinished folder; the next run with the same output removes this folder, and no other."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def begun(out: Path) -> subprocess.Popen[str]:
 
 
 def test_the_next_run_removes_what_a_killed_one_left(tmp_path: Path) -> None:
-    out = tmp_path / "o*t"  # a name that is a pattern
+    out = tmp_path / "o*t"  # a name with a wildcard
     process = begun(out)
     os.kill(process.pid, signal.SIGKILL)
     process.wait()

@@ -1,4 +1,4 @@
-"""The measured sets: what compare and calibrate find on machines whose truth nobody knows, within stated bounds."""
+"""Data sets of real machines, whose true values are unknown: compare and calibrate stay within stated bounds."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_linear_axis_without_dry_friction_leaves_a_sixth_of_the_velocity():
 
 
 def test_linear_axis_with_coulomb_friction_comes_near_the_published_values():
-    """Published, with an offset beside: 95.11 kg, 203.5 N s/m, 20.39 N (Janot, Gautier & Brunot 2019)."""
+    """Published values, fitted with an offset: 95.11 kg, 203.5 N s/m, 20.39 N (Janot, Gautier & Brunot 2019)."""
     found, compared = fitted(DATA / "linear_axis", "coulomb_friction")
     assert found.parameters["mass"].value == pytest.approx(95.1, rel=0.08)
     assert found.parameters["coulomb_friction.torque"].value == pytest.approx(20.4, rel=0.3)
@@ -50,11 +50,11 @@ def test_lego_motor_needs_a_dead_band_at_low_duty():
     assert not plain.parameters["resistance"].identifiable
     assert dead.parameters["actuator_deadband.voltage"].value / 9.0 == pytest.approx(0.071, abs=0.015)
     assert after.share("held_out", "speed") < 0.6 * before.share("held_out", "speed")
-    assert before.share("held_out", "speed") < 0.13  # held out: duty 40 % both ways, where the dead band tells
+    assert before.share("held_out", "speed") < 0.13  # held-out runs: duty 40 % both ways, where the dead band matters
 
 
 def test_micromouse_straight_runs_are_fitted_up_to_their_collisions():
-    """Its spins are held out: they slip, and no model without slip can follow both them and the straight runs."""
+    """The spins are held out: they slip, and no model without slip fits both spins and straight runs."""
     data = reading.read(DATA / "micromouse")
     roles = {run.name: "fit" if run.name in ("t0_2", "t0_3", "t0_4") else "held_out" for run in data.runs}
     data = dataclasses.replace(data, runs=tuple(dataclasses.replace(run, role=roles[run.name]) for run in data.runs))
@@ -78,6 +78,6 @@ def test_frc_drivetrain_needs_dry_friction(tmp_path, full):
     told = {one.name: one.value for one in dry.combinations}
     assert 0.7 < told["dry friction in volts"] < 1.2
     assert told["speed per volt"] == pytest.approx(0.417, rel=0.1)
-    # A slow turn is held out: it is near the friction, so that half the error goes only on the fitted runs.
+    # The held-out run is a slow turn, near the friction: only on the fitted runs does the error fall by half.
     assert after.share("held_out", "wheel_velocity_left") < 0.7 * before.share("held_out", "wheel_velocity_left")
     assert plain.roles == dry.roles

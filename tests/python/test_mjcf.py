@@ -55,7 +55,7 @@ def commands(seed: int, battery: float = 9.0) -> Array:
 
 
 def apart(model: Model, volts: Array) -> tuple[float, float, float]:
-    """Returns the largest distance between MuJoCo's robot and the plant's, mm, the path, m, and the largest angle."""
+    """Returns the largest distance between MuJoCo's robot and the plant's, mm, the path, m, and the yaw error."""
     made = mujoco_robot.drive(mjcf.write(model).text, volts)
     run = plant.OpenLoopRun(np.arange(len(volts)) * STEP_S, volts)
     (ours,) = plant.simulate([(model, run)])

@@ -1,4 +1,4 @@
-"""Model files: what is written is read back, and what is wrong is refused with its place."""
+"""Model files: a written file reads back the same, and an error is refused with its place."""
 
 import dataclasses
 import tomllib

@@ -1,4 +1,4 @@
-"""Motor and supply effects that last: heat and charge go from run to run, and a rest cools."""
+"""Motor and supply effects with memory: heat and charge carry over from run to run, and the motor cools at rest."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Names and paths that stand in a file: they cannot run code, leave a folder, or be read from elsewhere."""
+"""Names and paths in a file cannot run code, lead out of a folder, or read a file elsewhere."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ BAD_NAMES = (
 
 
 def code_of(header: Path) -> str:
-    """Returns what a compiler makes of a header's lines, without those that it includes."""
+    """Returns a header's preprocessed code, without the files that it includes."""
     lines = [line for line in header.read_text(encoding="utf-8").splitlines() if not line.startswith("#include")]
     asked = ["cc", "-E", "-P", "-DSTEP_MS=9", "-Wall", "-Werror", "-x", "c", "-"]
     return subprocess.run(asked, input="\n".join(lines), check=True, capture_output=True, text=True).stdout
@@ -59,7 +59,7 @@ def test_nothing_in_a_text_ends_a_comment_of_c(text: str) -> None:
 
 
 def test_a_title_and_a_name_stay_comments_of_the_generated_headers(tmp_path: Path) -> None:
-    """The name of a robot that no file has checked is escaped, too."""
+    """A robot's name that no file's check has seen is escaped, too."""
     own = robot.load(robot.RCX)
     own = dataclasses.replace(own, model=dataclasses.replace(own.model, name=CODE))
     mission = dataclasses.replace(scenario.load(scenario.packaged()["mission"]), title=CODE)

@@ -1,4 +1,4 @@
-"""The noise of a signal is found with its size and its colour, whatever the signal does beside it."""
+"""The sd and the colour of the noise of a signal are found, however the signal itself changes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ BIN = 6
 
 
 def motion(count: int, period: float) -> Array:
-    """A step response with a slow sway on it, and its decay."""
+    """A step response with a slow oscillation, then its decay."""
     time = np.arange(count) * period
     end = 0.7 * time[-1]
     rise = 10 * (1 - np.exp(-time / 0.4)) * (1 + 0.3 * np.sin(4.4 * time))
@@ -53,7 +53,7 @@ def test_a_fine_step_adds_its_own_noise(period: float) -> None:
 
 @pytest.mark.parametrize("period", [0.005, 0.001])
 def test_a_coarse_step_without_noise_stays_in_a_mean(period: float) -> None:
-    """A mean over samples of one step is no better than one of them: it must not be trusted more."""
+    """Samples on the same step have the same error, so their mean is no more accurate than one sample."""
     parts, noise = records(lambda x, r: np.round(x / 1.2) * 1.2, period)
     found = noise_of(parts)
     assert found.colour == "quantised"
@@ -117,14 +117,14 @@ def test_a_step_is_found_where_values_are_whole_numbers_of_it(step: float, found
 
 
 def ticks(rate: float, step: float, zero: float = 0.0) -> np.ndarray:
-    """A counter of `step` rad on a wheel that goes up to `rate` rad/s and back, every 10 ms."""
+    """A counter of `step` rad, every 10 ms, on a wheel that turns forward and back, faster with `rate`, rad/s."""
     time = np.arange(0.0, 4.0, 0.01)
     return np.floor(rate * (1 - np.cos(np.pi * time / 2)) * time / step) * step + zero
 
 
 @pytest.mark.parametrize("rate", [2.0, 40.0])
 def test_the_step_of_a_counter_is_found_although_no_value_comes_twice(rate: float) -> None:
-    """At 40 rad/s it counts a dozen steps in a sample, so that hardly two values are one step apart."""
+    """At 40 rad/s the counter advances many steps in a sample, so hardly any two values are one step apart."""
     step = 2 * np.pi / 960
     assert step_of([ticks(rate, step), ticks(0.7 * rate, step, zero=0.002)]) == pytest.approx(step, rel=1e-3)
     written = [np.round(ticks(rate, step), 4), np.round(ticks(0.7 * rate, step), 4)]

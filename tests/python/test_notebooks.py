@@ -1,4 +1,4 @@
-"""The notebooks run, and say what they are kept with: a stale one fails."""
+"""The notebooks run, and give the outputs that are stored in them: a stale notebook fails."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_a_notebook_ends_with_two_or_three_exercises(path: Path) -> None:
 
 
 def stale(change: str) -> Any:
-    """The notebook of the paper, as if one thing of it had changed since it was run."""
+    """The paper's notebook with one of its outputs changed, as if it had not been run again."""
     book = copy.deepcopy(read(notebooks.EXAMPLES / "paper.ipynb"))
     for cell in notebooks.code_cells(book):
         if change == "figure" and notebooks.pictures(cell):

@@ -31,7 +31,7 @@ def current(volts: float, speed: float) -> float:
 
 
 def by_load(volts: float, share: float, speed: float) -> float:
-    """rad/s where friction takes a share of what the motor gives, most of it near rest."""
+    """Returns the speed, rad/s, if friction takes a share of the motor's torque, the largest share near rest."""
 
     def miss(w: float) -> float:
         taken = share * (0.3 + 0.7 * math.exp(-((w / speed) ** 2)))
@@ -173,17 +173,17 @@ def test_a_motor_that_floats_coasts_on_its_losses_alone(engine) -> None:
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_bristles_bend_and_hold(engine) -> None:
-    """Below the bound, Dahl's friction bends until its torque is the motor's: no wheel that creeps away."""
+    """Below its bound, Dahl's friction bends until its torque equals the motor's: the wheel does not creep."""
     volts, torque, stretch = 1.0, 0.03, 0.05
     hidden = {"friction_dahl": {"torque": torque, "stretch": stretch}}
     track = drive(engine, hidden, ramps("pull", 4.0, (0, 0, 0), (2.5, volts, volts)))[0]
     bent = -stretch * math.log(1 - CONDUCTANCE * volts / torque)  # dT/dx = (1 - T / bound) bound / stretch
-    assert track.x[-1] / RADIUS == pytest.approx(bent, rel=0.08)  # it swings a little on its bristles
+    assert track.x[-1] / RADIUS == pytest.approx(bent, rel=0.08)  # the wheel swings a little on the bristles
     assert abs(track.wheel_speed_left[-1]) < 1e-3
 
 
 def test_grip_is_one_circle() -> None:
-    """Along and across together, never above friction times weight, which a straight and a curve reach."""
+    """The total force never exceeds friction times weight, and reaches it on a straight run and in a curve."""
     friction = 0.25
     runs = hold(9, 9, 0.5), steps("curve", 3.0, (0, 9, 4))
     straight, curve = drive("planar", {"grip_circle": {"friction": friction}}, *runs)
@@ -223,7 +223,7 @@ def test_a_second_inertia_adds_to_the_first_and_swings(engine) -> None:
     )
     settled = alone[-1]
     assert coupled[-1] == pytest.approx(settled, rel=0.01)
-    # What is missing to the settled speed is the torque's integral: half as much again is moved.
+    # The speed missing to the settled one, summed up, grows with the moved mass: half as much again.
     missing = [float(np.sum(settled - one[200:])) for one in (alone, coupled)]
     assert missing[1] / missing[0] == pytest.approx(1.5, rel=0.02)
     swing = coupled[250:1250] - alone[250:1250]
@@ -262,13 +262,13 @@ def test_drag_in_curves_grows_with_the_square_of_the_side_force(engine) -> None:
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_wavy_floor_gives_back_what_it_takes(engine) -> None:
-    """Energy: the speed at the foot of each wave is what it was, less what losses take on the way."""
+    """Energy: the speed varies with the height, and its mean is that on a smooth floor."""
     wave = {"slope": 0.05, "wave": 0.4}
     rough, smooth = (drive(engine, h, hold(9, 9, 3.0))[0] for h in ({"floor_wavy": wave}, {}))
     last = rough.time > 1.5
     assert np.ptp(rough.surge[last]) > 0.02
     assert np.mean(rough.surge[last]) == pytest.approx(np.mean(smooth.surge[last]), rel=0.01)
-    # an accelerometer on a slope that is held by tyres shows their push: here the motors' alone
+    # on a slope, an accelerometer shows the push of the tyres: here that of the motors alone
     push = (2 * (BENCH.torque_constant * rough.current_left - BENCH.wheel_damping() * rough.wheel_speed_left)) / RADIUS
     spin = 2 * BENCH.wheel_inertia / RADIUS * np.gradient(rough.wheel_speed_left, 0.001)
     np.testing.assert_allclose(rough.accel_surge[1000:], ((push - spin) / BENCH.mass)[1000:], atol=0.06)
@@ -325,7 +325,7 @@ SHARED = [name for name, law in other_laws.OTHER.items() if set(law.engines) == 
 
 @pytest.mark.parametrize("name", [name for name in SHARED if name not in sensor_laws.LAWS])
 def test_both_engines_agree_on_what_a_law_changes(name) -> None:
-    """They share no physics: what the law changes differs by less than a tenth of itself."""
+    """The engines share no physics: the change that the law makes differs by less than a tenth."""
     hidden = {name: dict(other_laws.OTHER[name].effect.visible)}
     runs = [
         steps("a", 2.0, (0.03, 8, 5), (1.2, -5, -3), (1.7, 0, 0)),

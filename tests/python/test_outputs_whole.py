@@ -1,7 +1,7 @@
-"""Each command that writes leaves its output whole or absent: killed, on a full disk, without leave, beside its twin.
+"""Each command leaves its output whole or absent: killed, on a full disk, without permission, beside a twin of itself.
 
-One row of `COMMANDS` a command. The short form tries each row with few moments; `--full` kills each at 100 random
-moments and fills its disk at 20 random sizes. A campaign keeps what is done instead, and has tests of its own
+`COMMANDS` has a row for each command. The short form kills each at few moments; `--full` kills each at 100 random
+moments and fills its disk at 20 random sizes. A campaign keeps its finished runs instead, and has tests of its own
 (`test_campaign_killed.py`, `test_full_disk.py`).
 """
 
@@ -28,7 +28,7 @@ from test_campaign import SHORT
 
 PLACE = Path("place")
 OUT = str(PLACE / "made")
-"""The output of a row, in a folder of its own; a row's words may have an ending behind it."""
+"""The output of a row, in a folder of its own; a row may add an ending of the file's name."""
 
 
 @dataclass(frozen=True)
@@ -65,10 +65,10 @@ COMMANDS = {
 }
 COMPILES = {"tune", "firmware", "export fmu"}
 MAGIC = {".parquet": b"PAR1", ".mcap": b"\x89MCAP0\r\n"}
-"""The end of a whole file."""
+"""Ending of the name -> last bytes of a complete file."""
 
 OF_EACH_KIND = {"run", "import", "export mcap"}
-"""Those that are killed, and have a twin, in the short form: the writers of a folder, a data set and files."""
+"""Commands that the short form kills, and runs beside a twin: they write a folder, a data set and files."""
 
 each = pytest.mark.parametrize("name", COMMANDS)
 of_each_kind = pytest.mark.parametrize(
@@ -78,7 +78,7 @@ of_each_kind = pytest.mark.parametrize(
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with what the rows read."""
+    """A folder with the inputs of the rows."""
     folder = tmp_path_factory.mktemp("inputs")
     (folder / PLACE).mkdir()
     (folder / "short.toml").write_text(SHORT)
@@ -96,16 +96,16 @@ def folder(made: Path, tmp_path: Path) -> Path:
 
 
 class Begun(Copy):
-    """A command in a process group of its own; it may write files of `room` bytes."""
+    """A command in a process group of its own; its files may have `room` bytes at most."""
 
     def __init__(self, *words: str, cwd: Path, room: int | None = None) -> None:
-        self._said, err = os.pipe()  # which has no size, unlike a file
+        self._said, err = os.pipe()  # unlike a file, a pipe has no limit of size
         with open(os.devnull, "w") as nowhere:
             super().__init__([str(PROGRAM), *words], cwd, nowhere.fileno(), err, room=room, in_group=True)
         os.close(err)
 
     def ended(self) -> tuple[int, list[str]]:
-        """Returns the exit status, and the lines that the program says as its own; a traceback is none."""
+        """Returns the exit status, and the lines that begin with the program's name; fails on a traceback."""
         with os.fdopen(self._said) as pipe:
             said = pipe.read()
         assert "Traceback" not in said, said
@@ -114,7 +114,7 @@ class Begun(Copy):
 
 @cache
 def whole(name: str, folder: Path) -> tuple[frozenset[str], float, int]:
-    """Runs a command undisturbed: the files that it writes, how long it takes (s) and the size of its largest file."""
+    """Runs a command undisturbed. Returns its files, its time (s) and the size of its largest file."""
     began = time.monotonic()
     assert Begun(*COMMANDS[name].words, cwd=folder).ended() == (0, []), name
     seconds, place = time.monotonic() - began, folder / PLACE
@@ -124,7 +124,7 @@ def whole(name: str, folder: Path) -> tuple[frozenset[str], float, int]:
 
 
 def emptied(place: Path) -> None:
-    """Removes what a user sees in a folder, and leaves what is hidden."""
+    """Removes the visible files and folders of a folder, and leaves the hidden ones."""
     for path in place.iterdir():
         if not path.name.startswith("."):
             shutil.rmtree(path) if path.is_dir() else path.unlink()
@@ -135,9 +135,9 @@ def files(place: Path) -> frozenset[str]:
 
 
 def assert_whole_or_absent(name: str, folder: Path, expected: frozenset[str]) -> bool:
-    """Returns whether the output is there. A folder has all its files then; each file ends as it should.
+    """Returns whether the output exists. If so, a folder has all its files, and each file is complete.
 
-    What is hidden is no output: the next run of the same name removes it.
+    A hidden file is no output: the next run of the same name removes it.
     """
     place = folder / PLACE
     there = frozenset(one for one in files(place) if not one.startswith("."))
@@ -162,7 +162,7 @@ def test_a_killed_command_leaves_its_output_whole_or_absent_and_the_next_one_cle
 ) -> None:
     draw, (expected, seconds, _) = random.Random(name), whole(name, made)
     for _ in range(100 if full else 3):
-        # Most of the time nothing is written yet: in the short form the end is tried.
+        # A command writes near its end: the short form kills it only there.
         moment = draw.uniform(0.0 if full else 0.7, 1.1) * seconds
         process = Begun(*COMMANDS[name].words, cwd=folder)
         try:
@@ -193,7 +193,7 @@ def test_on_a_full_disk_nothing_is_left_and_one_line_names_the_output(
 
 @each
 def test_where_nothing_may_be_written_one_line_says_so(name: str, folder: Path) -> None:
-    """Root may write in each folder but one of the kernel's own."""
+    """Root may write in each folder, so for root the folder is one of the kernel."""
     (folder / PLACE).rmdir()
     if os.getuid() == 0:
         (folder / PLACE).symlink_to("/proc/self/fdinfo")

@@ -15,14 +15,14 @@ from brickpilot.errors import InputError
 from brickpilot.importers.flight_log import import_flight
 from click.testing import CliRunner, Result
 
-TURN = 2 * np.pi / 48  # of a count
+TURN = 2 * np.pi / 48  # rad of one count
 ROUTE = """name = "short"
 kind = "mission"
 duration_s = 40
 waypoints_m = [[0.8, 0], [0.8, 0.8], [0, 0.6], [0.5, 0.1], [0, 0]]
 cruise_m_s = { paper = 1.0, coupled = 0.4 }
 """
-"""Flown in 17 s, half of the paper's mission."""
+"""Takes 17 s to fly, half as long as the paper's mission."""
 WEAK = {"motor_asymmetry": {"difference": 0.1}}
 
 
@@ -38,14 +38,14 @@ def flown(
     bp.save_model(dataclasses.replace(bp.rcx(), effects=hidden), robot)
     route.write_text(ROUTE, encoding="utf-8")
     done = brickpilot("run", route, "--sensors", sensors, "--seed", seed, "--model", robot, "--out", folder / name)
-    assert done.exit_code == (1 if "gyro_scale" in hidden else 0), done.output  # steered by such a gyro it goes astray
+    assert done.exit_code == (1 if "gyro_scale" in hidden else 0), done.output  # that gyro leads it astray
     return folder / name
 
 
 @pytest.mark.parametrize("hidden", [{}, WEAK], ids=["none", "motor_asymmetry"])
 def test_a_flight_shows_what_the_firmware_does_not_know(hidden: dict[str, dict[str, float]], tmp_path: Path) -> None:
-    """The packaged IMU has biases that the nominal model lacks. Behind a model of the nominal model's noise nothing
-    showed. A disturbance of 112 Hz, 0.003 % of the rest, was enough for such a model, and a weak motor was `none`."""
+    """The packaged IMU has biases that the nominal model lacks: `why` names them and a weak motor. A noise model
+    that is fitted to the nominal residual hides both; a disturbance of 112 Hz, 0.003 % of the rest, allows one."""
     answer = bp.why(flown(tmp_path, "flight", hidden, seed=2))
     assert answer.answer.ending == "cause"  # a mission turns at its waypoints: it is no straight run
     found = answer.finding
@@ -60,9 +60,9 @@ def test_a_flight_shows_what_the_firmware_does_not_know(hidden: dict[str, dict[s
 
 
 def test_what_changed_between_two_flights_is_told_through_the_loop(tmp_path: Path) -> None:
-    """What is new in one flight has a memory, as the noise of a loop has. It is no noise: the other flight has none.
+    """The error of a changed flight has a memory, like noise in a loop, but the other flight lacks it.
 
-    A gyro that reads 10 % more looks like a narrower robot that turns more easily, in two constants of its own.
+    A gyro that reads 10 % more looks like a narrower robot that turns more easily: two other constants.
     """
     flights = [("first", {}), ("again", {}), ("turned", {"gyro_scale": {"error": 0.1}})]
     logs = [flown(tmp_path, name, hidden, seed=seed) for seed, (name, hidden) in enumerate(flights, start=1)]
@@ -71,7 +71,7 @@ def test_what_changed_between_two_flights_is_told_through_the_loop(tmp_path: Pat
     assert [*found.verdicts.values()] == ["nothing", "changed"]
     (one,) = found.changes
     assert one.what == "gyro_scale"
-    assert one.since is None  # before its start a flight rests, and tells nothing
+    assert one.since is None  # a flight begins at rest, where no change shows
     assert one.change.ci95[0] < 0.102
     assert one.change.ci95[1] > 0.098
     assert one.change.ci95[1] - one.change.ci95[0] < 0.02
@@ -88,7 +88,7 @@ def test_the_data_set_of_a_flight_holds_what_its_host_sees(tmp_path: Path) -> No
     assert data.nominal["mass"].value == 0.8
     assert data.nominal["resistance"].value == bp.rcx().parameters["resistance"]
     angle = run.outputs["wheel_angle_left"]
-    assert angle[-1] > 2 * np.pi  # it drove, and the counter's turns are undone
+    assert angle[-1] > 2 * np.pi  # it drove, and the counter is unwrapped
     assert np.abs(np.diff(angle)).max() < 10 * TURN
 
 

@@ -37,7 +37,7 @@ def test_fault_1_body_outruns_its_wheels() -> None:
 
 
 def literal_wheel_speed(volts: float) -> float:
-    """Eq. 13 with the sign of w, and eq. 14 with sign(w) once more: the wheel speed after 3 s."""
+    """Returns the wheel speed after 3 s by eq. 13 with the sign of w and eq. 14 with sign(w) again."""
     p = rcx().parameters
 
     def slope(_: float, s: np.ndarray) -> list[float]:
@@ -64,7 +64,7 @@ def test_fault_2_friction_with_its_sign_twice_spins_unevenly() -> None:
     thrust = [p["stall_torque"] * (v / 9 - w / p["no_load_speed"]) for v, w in ((4.5, forward), (-4.5, backward))]
     fair = p["stall_torque"] * (4.5 / 9 - forward / p["no_load_speed"])
     assert abs(thrust[0] - thrust[1]) < 0.15 * 2 * fair  # almost no yaw
-    for profile in ("paper", "coupled"):  # the reading with abs(w)
+    for profile in ("paper", "coupled"):  # eq. 13 read with abs(w)
         spin = drive(robot(profile), 4.5, -4.5, 3.0)
         assert spin.final.wheel_speed[0] == -spin.final.wheel_speed[1]
         assert spin.final.yaw_rate > 5
@@ -142,11 +142,11 @@ def test_fault_7_an_imu_cannot_tell_a_steady_speed() -> None:
     assert fast["surge"] > 1.9 * slow["surge"]  # the true state, which the paper fed to its controllers
     for signal in ("accel_surge", "accel_sway", "yaw_rate"):
         assert fast[signal] == pytest.approx(slow[signal], abs=1e-6)
-    assert fast["wheel_speed_left"] > 1.9 * slow["wheel_speed_left"]  # what rotation sensors would add
+    assert fast["wheel_speed_left"] > 1.9 * slow["wheel_speed_left"]  # rotation sensors would show the speed
 
 
 def pulsed(model: Model, between: float, seconds: float = 5.0) -> Simulated:
-    """9 V on every other tick of 1 ms, `between` on the ticks in between."""
+    """Simulates 9 V on every other tick of 1 ms, and `between` V on the other ticks."""
     time = np.arange(round(seconds * 1000) + 1) * 0.001
     inputs = np.where((np.arange(len(time)) % 2 == 0)[:, None], 9.0, between) * np.ones((1, 2))
     return simulate([(model, OpenLoopRun(time, inputs))])[0]
@@ -156,7 +156,7 @@ def test_fault_8_half_power_is_not_half_voltage_when_the_motor_floats_between_pu
     half = drive(robot("coupled"), 4.5, 4.5, 5.0).final.surge
     assert pulsed(robot("coupled"), 0.0).final.surge == pytest.approx(half, rel=0.01)
     assert pulsed(robot("coupled"), math.nan).final.surge > 1.2 * half
-    # The paper's law of thrust knows the voltage alone: half the time is half of it, floating or not.
+    # The paper's thrust depends on the voltage alone: half the time gives half of it, floating or not.
     paper = robot("paper")
     stalled = dataclasses.replace(paper, parameters={**paper.parameters, "wheel_inertia": 1e4})
     braked, floating = (pulsed(stalled, between, 0.5).final.surge for between in (0.0, math.nan))

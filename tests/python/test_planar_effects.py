@@ -25,7 +25,7 @@ def _spin(load, volts=4.5):
 
 
 def _sagging(volts):
-    """V of each motor: the supply falls by 5 ohm times the duty-weighted current of both."""
+    """Returns V at each motor: the supply falls by 5 ohm times the duty-weighted current of both."""
     duty = volts / BENCH.battery_voltage
 
     def miss(v):
@@ -104,7 +104,7 @@ def test_steady_state_is_what_the_effect_says(case):
 
 
 def _tyre_forces(track: Track) -> tuple[np.ndarray, np.ndarray]:
-    """N that each wheel pushes with, from its motor and its own motion."""
+    """Returns the force with which each wheel pushes, N, from its motor and its own motion."""
 
     def force(current, speed):
         lost = BENCH.wheel_damping() * speed + BENCH.wheel_inertia * np.gradient(speed, track.time)

@@ -78,7 +78,7 @@ def test_step_response_is_that_of_motor_current_and_what_a_wheel_carries(right):
 
 
 def test_a_null_is_a_null():
-    """Wheels creep by far less than the 0.05 rad/s that wheel speeds are known to, also on a rough floor."""
+    """Wheels creep by far less than the noise of wheel speeds, 0.05 rad/s, also on a rough floor."""
     turns = drive(
         {},
         hold(9, 9),

@@ -18,7 +18,7 @@ ODES = {"coupled": reference_ode.coupled, "paper": reference_ode.paper}
 
 
 def another_robot(profile: str) -> Model:
-    """No value equal to the packaged robot's, so that a constant typed into the plant would show."""
+    """A robot whose values all differ from the packaged robot's: a constant typed into the plant would show."""
     scales = np.random.default_rng(7).uniform(0.7, 1.4, len(rcx().parameters))
     values = {name: value * scale for (name, value), scale in zip(rcx().parameters.items(), scales, strict=True)}
     return Model("another", "diff_drive", profile, values)
@@ -32,7 +32,7 @@ def manoeuvre(step: float = 0.003) -> tuple[np.ndarray, np.ndarray]:
     return time, inputs
 
 
-# What is left at 3 ms is the body step's: in `paper` the velocity turns at 15 rad/s in the body's axes.
+# The error at 3 ms is that of the body step: in `paper` the velocity turns at 15 rad/s in the body's axes.
 @pytest.mark.parametrize(("profile", "share"), [("coupled", 1e-4), ("paper", 4e-3)])
 def test_plant_agrees_with_a_stiff_ode_solver(profile: str, share: float) -> None:
     model = another_robot(profile)
@@ -73,7 +73,7 @@ def test_accelerations_are_the_specific_force_over_the_body_step(profile: str) -
 def test_a_reading_of_an_accelerometer_is_the_mean_since_the_reading_before(
     effects: dict[str, dict[str, float]],
 ) -> None:
-    """Five body steps lie between two samples of the second run, and one between those of the first."""
+    """Five body steps lie between two samples of the second run, and one between two samples of the first."""
     model = dataclasses.replace(another_robot("coupled"), effects=effects)
     time, inputs = manoeuvre()
     inputs = np.repeat(inputs[::5], 5, axis=0)[: len(time)]
@@ -305,7 +305,7 @@ def test_the_attributes_of_an_effect_s_row_reach_python() -> None:
 
 
 def test_the_longest_step_of_friction_by_load_resolves_it() -> None:
-    """Its bound is that of the current one step before: in steps of 10 ms the wheels were wrong by 0.2 %."""
+    """The friction uses the current of the step before: in steps of 10 ms the wheels are wrong by 0.2 %."""
     info = catalogue.effect("load_friction")
     assert info.motor_step > 0
     model = dataclasses.replace(rcx(), effects={info.name: {one.name: one.preset for one in info.parameters}})

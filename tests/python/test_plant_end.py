@@ -1,4 +1,4 @@
-"""The example of a plant end flies with a brick; the frame and the queues of hal/README.md are as it says."""
+"""The example of a plant end flies with a brick; the frame and the queues are as hal/README.md says."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ page: str = bp.to_html(finding)
     ],
 )
 def test_the_examples_of_the_docstrings_run(module: str) -> None:
-    assert all(callable(getattr(bp, name).__wrapped__) for name in bp._CALLS)  # loaded, as doctest looks behind each
+    assert all(callable(getattr(bp, name).__wrapped__) for name in bp._CALLS)  # loads each one for doctest
     with pd.option_context("display.width", 120):
         result = doctest.testmod(importlib.import_module(module))
     assert result.attempted >= 4
@@ -205,7 +205,7 @@ class Tags(HTMLParser):
 
 @pytest.fixture(scope="module")
 def results() -> list[Any]:
-    """One of each kind that the functions return, of a data set with a bad name."""
+    """One result of each kind that the functions return, for a data set with a bad name."""
     time = np.arange(0.0, 1.0, 0.01)
     volts = np.where(time > 0.1, 4.0, 0.0)
     frame = pd.DataFrame({"time": time, "voltage": volts, "speed": np.cumsum(volts) * 0.02})

@@ -1,4 +1,4 @@
-"""The manual of each file that a user writes is its reader's docstring: its example is read, and no key is left out."""
+"""The manual of each file that a user writes is its reader's docstring: it names each key, and its example works."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An AVR that is reset at any tick of a mission: off within a period, it has forgotten all, and obeys a new session."""
+"""After a reset at any tick of a mission an AVR is off within a period, has forgotten all, and obeys a new session."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from loader_resets import STEP_S, SUPPLY_V, Flight, InSteps, in_child, planned
 
 ROUTE_MM = [(600, 600), (600, -200)]
 SLOWER = 4000
-"""Of the setting cruise, 1/16 mm/s: less than the image's own."""
+"""A value of the setting cruise, 1/16 mm/s, below the image's own."""
 
 HELD_STEPS, WATCHED_S = 3, 0.1
 DRIVES_S = 3.0
-"""Within so long after its start a robot drives that first rolls out and learns the gyro's bias at rest."""
+"""s after the start within which a robot drives: it first rolls out and learns the gyro's bias at rest."""
 
 DRIVEN_AGAIN = 4
-"""One in so many resets is followed by a new mission: that takes long, and nothing is left that hangs on the tick."""
+"""One in this many resets is followed by a new mission, as that takes long and does not depend on the tick."""
 
 
 def after_a_reset(flown: Flight, drives_again: bool) -> dict[str, Any]:
@@ -69,7 +69,7 @@ def resets(target: str, every: int, last_s: float) -> Iterator[tuple[int, int, d
 
 @pytest.mark.parametrize("target", ["avr:328p-imu", "avr:2560"])
 def test_motors_are_off_in_a_period_all_is_forgotten_and_a_new_session_drives(target: str, full: bool) -> None:
-    """Every tenth tick of 6 s, or with --full each: rest, drive, brake and turn are among them."""
+    """Tries every tenth tick of 6 s, or each with --full: these include rest, drive, brake and turn."""
     tried = 0
     for tick, cruise, found in resets(target, 1 if full else 10, 6.0):
         tried += 1

@@ -1,4 +1,4 @@
-"""Robots that the data allow: they scatter as the fit's covariance says, within physical ranges, the same each time."""
+"""Robots that the data allow: they scatter by the fit's covariance, within physical ranges, and repeat exactly."""
 
 from __future__ import annotations
 

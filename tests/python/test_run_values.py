@@ -1,4 +1,4 @@
-"""Values that differ from run to run: planted ones are found, and what all runs share keeps its name."""
+"""Values that differ from run to run: planted values are found, and their common part keeps its name."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ STARTS = dict(zip(FITTED, (0.15, 0.25, 0.2, 0.3, 0.12, 0.35, 0.18), strict=True)
 
 @pytest.fixture(scope="module")
 def logged(tmp_path_factory):
-    """Eight runs of a robot that is known to 2 %, and what was commanded."""
+    """Eight runs of a robot whose values are known to 2 %, with their commands."""
     known = {name: value for name, value in robot().parameters.items() if value}
     nominal = "\n".join(f"{name} = {{ value = {value}, sd = {0.02 * value} }}" for name, value in known.items())
     return reading.read(write(tmp_path_factory.mktemp("runs") / "set", robot(), SIGNALS, nominal,
@@ -108,7 +108,7 @@ def test_a_part_of_values_has_one_for_each_fit_run():
 def test_planted_values_are_named_within_their_intervals(logged, kind, planted):
     found = pipeline.discover(measured(logged, kind, planted), jobs=1)
     assert [one.kind for one in found.run_values] == [kind]
-    shared_by_all = {"input_delay", "start_delay"}  # what all runs have in common is an effect of the library
+    shared_by_all = {"input_delay", "start_delay"}  # the common part of all runs is an effect of the library
     assert kind in found.explanations[0].effects
     assert {*found.explanations[0].effects} - {kind} <= shared_by_all
     assert {one.name for one in found.effects} <= shared_by_all
@@ -116,8 +116,8 @@ def test_planted_values_are_named_within_their_intervals(logged, kind, planted):
         assert found.verdict == "none"  # no effect of the library is missing
     (values,) = found.run_values
     assert set(values.runs) == set(FITTED)
-    # What all runs share of a gain or a delay, the model may hold. Nothing depends on a start before the first input:
-    # the interval of one that a fit left there says so.
+    # The model may take over the common part of a gain or a delay. A start before the first input has no effect:
+    # a start that the fit leaves there has a wide interval.
     told = {name: one for name, (one, (low, high)) in values.runs.items() if kind != "start" or high - low < 0.1}
     known = [planted[name] for name in told]
     shared = 0.0 if kind == "start" and not found.effects else np.mean(known) - np.mean(list(told.values()))

@@ -1,4 +1,4 @@
-"""An accelerometer gives the instant or the mean over a sample: the data set may state it, or the data show it."""
+"""An accelerometer gives the instant or the mean over a sample: the data set states which, or the data show it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _FINE_S = 5e-4
 
 
 def truth_of(table: Table) -> np.ndarray:
-    """The acceleration at the time of each sample, from a fine simulation: before a command that changes there."""
+    """The acceleration at the time of each sample, from a fine simulation: before a change of the command."""
     fine = np.arange(0.0, table["t"][-1] + _FINE_S, _FINE_S)
     rows = np.clip(np.searchsorted(table["t"], fine + 1e-9, side="right") - 1, 0, len(table["t"]) - 1)
     volts = np.column_stack([table["voltage_left"], table["voltage_right"]])[rows]
@@ -87,7 +87,7 @@ def test_a_wrong_statement_is_refused_in_one_line(signal: str, value: str, said:
 
 @pytest.mark.parametrize("kind", ["instant", "mean"])
 def test_what_is_stated_is_what_is_compared(kind: str, tmp_path: Path) -> None:
-    """The true model leaves noise alone with the right statement, and more than that with the wrong one."""
+    """With the right statement the true model leaves only noise, and with the wrong one more."""
     data = written(tmp_path / "s", kind)
     left = {}
     for said in ("instant", "mean"):
@@ -107,7 +107,7 @@ def test_what_is_stated_is_what_is_compared(kind: str, tmp_path: Path) -> None:
 
 
 def test_bins_of_a_coarse_simulation_are_those_of_the_samples_also_where_a_command_steps(tmp_path: Path) -> None:
-    """A sample of an accelerometer lies in the bin that the time before it lies in: no bin begins with a past step."""
+    """A sample of an accelerometer belongs to the bin of the time before it, so no bin begins with a past step."""
     data = written(tmp_path / "s", "mean")
     time = np.arange(0.0, 1.5, 0.003)
     volts = np.where((time > 0.3 - 1e-9) & (time < 0.9), 7.0, -4.0)

@@ -64,7 +64,7 @@ def test_work_that_grows_with_the_square_is_told(monkeypatch: pytest.MonkeyPatch
 
 
 def test_every_kind_of_work_runs_and_has_its_row_on_the_page(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(speed, "cores", lambda: 1)  # one and two workers, which start slowly
+    monkeypatch.setattr(speed, "cores", lambda: 1)  # only one and two workers, as workers start slowly
     monkeypatch.setattr(scaling, "_campaign", lambda *_: scaling_results().sweeps[0])
     small = {"simulate_runs": (8, 16, 32), "discover_candidates": (2, 4, 8)}
     chosen = [
@@ -83,14 +83,14 @@ def test_every_kind_of_work_runs_and_has_its_row_on_the_page(monkeypatch: pytest
 
 
 def in_this_process(module: str, *arguments: str, field: str) -> subprocess.CompletedProcess[bytes]:
-    """Does as `checkout.in_lab`, in this process."""
+    """Does what `checkout.in_lab` does, in this process."""
     assert (module, field) == ("scaling_page", "--scaling")
     run_to_exit(scaling_page.measure_scaling, list(arguments), "brickpilot")
     return subprocess.CompletedProcess(module, 0)
 
 
 def command(*arguments: str) -> None:
-    """Runs the command line, which ends with the status of the program of the lab."""
+    """Runs the command line, and expects the lab program's exit status 0."""
     with pytest.raises(SystemExit) as ended:
         main.main(list(arguments))
     assert ended.value.code == 0

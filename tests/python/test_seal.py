@@ -1,4 +1,4 @@
-"""Nothing that is held out reaches a stage before the last choice, and the seal is opened once."""
+"""No held-out value reaches a stage before the last choice, and the seal is opened once."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def runs_held_out(folder: Path) -> Dataset:
 
 
 def stretches_held_out(folder: Path) -> Dataset:
-    """Each manoeuvre occurs once, so that the last of its drive is held out."""
+    """Each manoeuvre occurs once, so the last part of its drive is held out."""
     return reading.read(write(folder, TRUTH, NOISE, STATED, manoeuvres=MOVES, roles=[""] * 5))
 
 
@@ -61,7 +61,7 @@ def held_out_rows(run: Run, prepared: Prepared) -> np.ndarray:
 
 
 def wild(data: Dataset, prepared: Prepared, *, seed: int) -> Dataset:
-    """Returns the data set with other measured values wherever it is held out: half as large again, and noisy."""
+    """Returns the data set with other held-out measured values: 1.5 times as large, and noisy."""
     random, runs = np.random.default_rng(seed), []
     for run in data.runs:
         rows = held_out_rows(run, prepared)
@@ -74,7 +74,7 @@ def wild(data: Dataset, prepared: Prepared, *, seed: int) -> Dataset:
 
 
 def arrays(given: object, where: str = "prepared", seen: set[int] | None = None) -> Iterator[tuple[str, np.ndarray]]:
-    """Yields every array that can be reached from an object, with the way to it."""
+    """Yields every array that can be reached from an object, with its path."""
     seen = set() if seen is None else seen
     if id(given) in seen or given is None or isinstance(given, (str, bytes, int, float, complex, type, Path)):
         return
@@ -100,7 +100,7 @@ def arrays(given: object, where: str = "prepared", seen: set[int] | None = None)
 
 
 def numbers_in(array: np.ndarray, where: str) -> Iterator[tuple[str, np.ndarray]]:
-    """Yields an array, or of structures each field that is no address: these differ from one making to the next."""
+    """Yields an array, or each field of an array of structures, without addresses: these differ each time."""
     for name in array.dtype.names or ():
         yield from numbers_in(array[name], f"{where}.{name}")
     if array.dtype.names is None and array.dtype.kind != "u":
@@ -108,7 +108,7 @@ def numbers_in(array: np.ndarray, where: str) -> Iterator[tuple[str, np.ndarray]
 
 
 def held_out_values(data: Dataset, prepared: Prepared) -> set[float]:
-    """Returns the measured values that are held out and occur nowhere else, as they are and by their change."""
+    """Returns the held-out measured values that occur nowhere else, with and without damaged samples."""
     hidden, known = list[float](), set[float]()
     for run in data.runs:
         rows = held_out_rows(run, prepared)
@@ -121,7 +121,7 @@ def held_out_values(data: Dataset, prepared: Prepared) -> set[float]:
 
 
 def found_in(given: object, values: set[float]) -> list[str]:
-    """Returns the ways to arrays that hold one of the values."""
+    """Returns the paths to arrays that hold one of the values."""
     return [
         way for way, array in arrays(given) if array.dtype.kind == "f" and not values.isdisjoint(array.ravel().tolist())
     ]
@@ -137,7 +137,7 @@ def test_what_the_stages_work_on_holds_no_value_that_is_held_out(kind: Any, tmp_
     assert (windows is None) == (data.vehicle == "motor")
     for stage in (prepared, calibrate(prepared)) + (() if windows is None else (windows,)):
         assert found_in(stage, values) == []
-    assert found_in(sealed.open(), values)  # where they are, they are found
+    assert found_in(sealed.open(), values)  # in the opened seal they are found
 
 
 def test_a_leak_would_be_found(tmp_path: Path) -> None:
@@ -176,14 +176,14 @@ def test_other_held_out_values_leave_all_that_is_prepared_as_it_was(kind: Any, t
 
 
 def told_by_fit_runs(found: Finding) -> str:
-    """Returns what the fit runs alone decide, as text."""
+    """Returns the results that the fit runs alone decide, as text."""
     figures = verdict_json(found)
     kept = ("explanations", "ranking", "power", "predictable_left")
     return json.dumps({name: figures[name] for name in kept}) + model_file.render(found.nominal_model)
 
 
 def test_held_out_values_choose_nothing(tmp_path: Path) -> None:
-    """Whatever they are: the same explanations, weights, ranking and values. Only the proof is another one."""
+    """Any held-out values give the same explanations, weights, ranking and values. Only the proof differs."""
     data = runs_held_out(tmp_path / "set")
     prepared, _ = prepare(data, None, seed=0, jobs=1)
     one, other = (pipeline.discover(given, jobs=1) for given in (data, wild(data, prepared, seed=2)))

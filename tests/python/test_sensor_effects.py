@@ -1,4 +1,4 @@
-"""Sensor effects: stated in a data set, fitted, undone where a run starts, and felt by the firmware."""
+"""Sensor effects: stated in a data set, fitted, removed from a run's start state, and seen by the firmware."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def test_sideways_values_of_effects_turn_with_the_frame_of_the_file(tmp_path):
     ],
 )  # fmt: skip
 def test_a_run_starts_from_what_the_sensors_meant(tmp_path, effects, signals):
-    """The truth replayed from its own first readings is the truth: a bias is not taken for motion."""
+    """A replay of the truth from its own first readings gives the truth: a bias is not taken for motion."""
     truth = with_effects(**effects)
     start = State(yaw_rate=1.0, surge=0.2 if len(signals) == 3 else 0.0)
     folder = write(tmp_path / "set", truth, dict.fromkeys(signals, 0.0), STATED, start=start)
@@ -111,7 +111,7 @@ def test_a_run_starts_from_what_the_sensors_meant(tmp_path, effects, signals):
 
 
 def test_a_late_run_starts_from_what_a_drifting_gyro_meant(tmp_path):
-    """By then the gyro reads 1 rad/s too much, which is no motion."""
+    """After 100 s the gyro reads 1 rad/s too much, which is no motion."""
     truth = with_effects(gyro_drift={"rate": 0.01})
     start = State(yaw_rate=0.5, age=100.0)
     folder = write(tmp_path / "set", truth, {"yaw_rate": 0.0}, STATED, start=start, manoeuvres={"spin": (4.5, -4.5)})
@@ -131,7 +131,7 @@ def test_a_stated_start_is_true_whatever_the_sensors_say(tmp_path):
 
 
 def test_a_motors_window_starts_from_what_its_encoder_meant(tmp_path):
-    starts = (50, 100, 150)  # the sample after each follows at once
+    starts = (50, 100, 150)  # the sample after each of these follows after 1 us
     times = [(k - 1) / 100 + 1e-6 if k - 1 in starts else k / 100 for k in range(200)]
     (tmp_path / "r.csv").write_text("t,v,w\n" + "".join(f"{t:.9f},3,6\n" for t in times), encoding="utf-8")
     (tmp_path / "dataset.toml").write_text(

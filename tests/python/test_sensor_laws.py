@@ -1,4 +1,4 @@
-"""Sensors of the blind tests that err by laws which are not the library's, against closed forms."""
+"""Sensor errors of the blind tests, by laws that are not the library's, against closed forms."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_sensors_err_by_laws_of_their_own() -> None:
     command = np.where(first.time < 1.0, -1.0, 0.0)
     told = replace(first, command_left=command, command_right=-command)
     signed = sensor_laws.read(told, {"speed_signed_by_command": {"share": 1.0}}, 0.0, 0)
-    np.testing.assert_allclose(signed.left, -np.abs(first.wheel_speed_left))  # the sign stays as the command ends
+    np.testing.assert_allclose(signed.left, -np.abs(first.wheel_speed_left))  # the sign stays when the command ends
     np.testing.assert_allclose(signed.right, np.abs(first.wheel_speed_right))
     counted = read(0, wheel_speed_counted={"window": 0.05})
     assert counted.left[700] == pytest.approx(first.wheel_speed_left[651:701].mean())

@@ -27,22 +27,22 @@ ROW = (
     '{}meaning = "a trial" }}\n'
 )
 
-# Where a setting's name may stand beside the table: each file gives a setting its value.
+# Files that may name a setting, besides the table: each gives a setting its value.
 NAMED = {
     "firmware/simulate.py",  # the cruise speed that scales the mission
     "firmware/robot.py",  # the rules by which the gains of another robot follow, and the cruise speed that they use
     "firmware/params_header.py",  # battery_floor, on which the range of the battery voltage depends; checks of defaults
     "vehicle/settings.py",  # defaults that follow from other values
-    "gen/value_headers.py",  # those that the reference controller in floating point has not
+    "gen/value_headers.py",  # settings that the reference controller in floating point lacks
     "hil/fly.py",  # what a flight needs
     "public/flights.py",  # an argument of the same name
     "public/making.py",  # the cruise speed that the image has
     "tune/robot_task.py",  # a scenario's cruise
-    "tune/task.py",  # the gains that are tuned, and how far
-    "vehicle/gains.py",  # pairs of gains of which one may not be above the other
+    "tune/task.py",  # the gains that are tuned, and their ranges
+    "vehicle/gains.py",  # pairs of gains: one may not exceed the other
     "vehicle/flight.py",  # a scenario's cruise
     "vehicle/compensation.py",  # the equations, the gains in any case, and the reserve by the robot's own battery
-    "constants.py",  # reads the value of one from the vehicle file
+    "constants.py",  # reads the value of a setting from the vehicle file
 }
 
 

@@ -18,7 +18,7 @@ on_linux = pytest.mark.skipif(sys.platform != "linux", reason="copies of a proce
 
 @pytest.fixture(autouse=True)
 def many_processors(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A worker of xdist has but one."""
+    """Pretends that there are 64 processors: a worker of xdist has only one."""
     monkeypatch.setattr(module, "_processors", lambda: 64)
 
 
@@ -109,7 +109,7 @@ def test_ctrl_c_ends_the_copies_too(tmp_path: Path) -> None:
         while not all(one.is_file() and one.read_text() for one in names):
             assert time.monotonic() - began < 30
             time.sleep(0.02)
-        run.send_signal(signal.SIGINT)  # to the program alone
+        run.send_signal(signal.SIGINT)  # only to the program, not to its copies
         _, said = run.communicate(timeout=20)
     assert b"KeyboardInterrupt" in said
     for one in names:

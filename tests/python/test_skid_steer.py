@@ -48,7 +48,7 @@ def model_file(calibrated: bp.Calibration, tmp_path_factory: pytest.TempPathFact
 
 
 def explained(logs: Dataset, model: Model) -> dict[str, float]:
-    """Returns signal -> how much of it free runs of the model explain, of runs that it was not fitted to, %."""
+    """Returns signal -> fit of free runs of the model, %, on runs that it was not fitted to."""
     found = bp.compare(logs, model=model).headline
     shares = {signal: found.of(signal, found.role).fit_percent for signal in found.signals}
     return {signal: share for signal, share in shares.items() if share is not None}
@@ -143,7 +143,7 @@ def test_run_flies_the_example() -> None:
 
 
 def shorter(logs: dict[str, pd.DataFrame]) -> Dataset:
-    """Returns six runs of 5 s: what turns and what starts show it as well."""
+    """Returns six runs of 5 s: their turns and starts show friction as well."""
     return dataset({name: log.iloc[:250] for name, log in logs.items() if name not in ("ahead", "other_arc")})
 
 
@@ -155,7 +155,7 @@ def test_dry_friction_in_its_bearings_is_named() -> None:
 
 @pytest.mark.campaign
 def test_nothing_is_named_where_nothing_is_hidden(plain: Dataset) -> None:
-    """MuJoCo's contacts differ from Coulomb's law a little, and `discover` sees it: it names no effect for that."""
+    """MuJoCo's contacts differ a little from Coulomb's law: `discover` sees the difference, but names no effect."""
     found = bp.discover(plain)
     assert found.verdict != "named"
     assert not [one for one in found.effects if one.claimed]

@@ -48,7 +48,7 @@ def test_a_second_host_gets_a_line_and_the_next_one_the_brick(address: str) -> N
         second.receive(5.0)
     second.close()
     assert first.read("cruise") > 0
-    for _ in range(20):  # one that comes right after the end of the one before
+    for _ in range(20):  # each client comes right after the last one ends
         first.link.close()
         first = opened(address)
     first.link.close()
@@ -59,7 +59,7 @@ TOKEN_NAME, TOKEN = "BRICKPILOT_TOKEN", "correct horse battery"
 
 @pytest.fixture
 def guarded(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    """A brick that other machines reach; its address here."""
+    """Starts a brick that other machines can reach, and yields its local address."""
     monkeypatch.setenv(TOKEN_NAME, TOKEN)
     process, address = start_brick("--listen 0.0.0.0:0")
     yield address.removeprefix("tcp:").replace("0.0.0.0", "127.0.0.1")

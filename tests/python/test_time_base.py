@@ -1,4 +1,4 @@
-"""Channels with times of their own come on common rows: outputs only where they were measured, inputs held."""
+"""Channels with different times get common rows: outputs only where they were measured, inputs held."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_an_input_holds_until_it_changes_and_a_change_between_rows_has_a_row() -
     other = channel([0.0, 0.10401, 0.32], [5.0, 6.0, 7.0])
     made, notes = columns({"duty_left": changes, "duty_right": other, "yaw_rate": FAST}, None)
     added = np.setdiff1d(made["time"], FAST.time)
-    np.testing.assert_array_equal(added, [0.104, 0.307])  # the other's change, 0.01 ms later, has no row of its own
+    np.testing.assert_array_equal(added, [0.104, 0.307])  # duty_right changes 0.01 ms later: no extra row
     assert np.isnan(made["yaw_rate"][np.isin(made["time"], added)]).all()
     np.testing.assert_array_equal(made["yaw_rate"][~np.isin(made["time"], added)], FAST.values)
     time = made["time"]

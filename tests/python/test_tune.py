@@ -1,4 +1,4 @@
-"""`brickpilot tune`: gains for the robots that the data allow, judged on others, kept only where they are better."""
+"""`brickpilot tune`: gains for the robots that the data allow, judged on other robots, kept only if better."""
 
 from __future__ import annotations
 
@@ -156,7 +156,7 @@ def test_the_space_holds_raw_integers_in_their_ranges_and_no_pair_in_contradicti
             settings()[name].check(value)
         assert raw["align"] <= raw["pivot"]
         assert raw["cruise"] >= settings()["cruise"].raw(settings()["creep"].value(firmware["creep"]))
-    assert around.raw(high)["speed_kp"] > 100  # one that is 0 today can grow
+    assert around.raw(high)["speed_kp"] > 100  # a gain that is 0 at the start can grow
     assert around.raw(high)["heading_ki"] == 32767
 
 

@@ -54,7 +54,7 @@ def test_a_mission_and_settings_arrive_and_it_starts(tmp_path: Path, capsys: pyt
         assert (found["waypoints"], found["started"], found["sent_again"]) == (2, True, 0)
     with RcxBrick(device=brick) as far:  # a pseudo-terminal cannot be set up twice
         session = Session(ends.open_link(f"infrared:{far.path}"), "again")
-        assert (session.read("heading_kp"), session.read("acceptance")) == (900, 150)  # what is set wins
+        assert (session.read("heading_kp"), session.read("acceptance")) == (900, 150)  # --set overrides --gains
         assert session.read("speed_ki") == 1111
         assert session.route() == [(1000, 500), (0, -250)]
         with pytest.raises(InputError, match="start: has no meaning in mode run"):

@@ -1,4 +1,4 @@
-"""The exported URDF opens in two programs that share nothing, which find in it what the model says."""
+"""The exported URDF opens in two independent programs, which read the values of the model from it."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def opened(model: Model) -> Any:
 
 @pytest.mark.parametrize("make", [models.rcx, small, large, lambda: small(**CHANGED)])
 def test_the_links_together_have_the_robots_mass_and_inertia(make: Any) -> None:
-    """Summed up by MuJoCo, which reads URDF by itself."""
+    """MuJoCo, which reads URDF by itself, sums them up."""
     model = make()
     engine = mujoco.MjModel.from_xml_string(fused(urdf.write(model).text))
     data = mujoco.MjData(engine)
@@ -58,7 +58,7 @@ def test_the_links_together_have_the_robots_mass_and_inertia(make: Any) -> None:
 
 
 def fused(text: str) -> str:
-    """Returns the URDF with a word to MuJoCo, which else drops links that do not move."""
+    """Returns the URDF with an option for MuJoCo, which otherwise drops links that do not move."""
     return re.sub(r"(<robot [^>]*>)", r'\1<mujoco><compiler fusestatic="false"/></mujoco>', text, count=1)
 
 
@@ -79,7 +79,7 @@ def test_wheels_stand_on_the_floor_where_the_model_has_them(make: Any) -> None:
 
 
 def test_limits_are_what_the_plant_reaches() -> None:
-    """A wheel without rolling losses at full voltage, and its torque at rest."""
+    """The limits are the speed at full voltage without rolling losses, and the torque at rest."""
     values = {"wheel_inertia": 1e-3, "viscous_friction": 3e-4}
     motor = Model("bench", "motor", "coupled", values)
     limit = opened(motor).joint_map["load_joint"].limit

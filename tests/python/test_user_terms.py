@@ -1,4 +1,4 @@
-"""Pages speak of the user's own data set: its frame, sign and unit, run time, and no wheels where there is a motor."""
+"""Pages use the terms of the user's data set: its frame, signs, units and run times, and no wheels for a motor."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_a_signal_is_stated_as_its_file_states_it(sets):
 
 
 def test_plots_show_the_values_of_the_file(sets, monkeypatch):
-    """Of every page; the residual turns with its signal."""
+    """This holds on every page; the residual changes its sign with the signal."""
     _, theirs = sets
     drawn = []
 
@@ -128,7 +128,7 @@ def test_every_page_states_the_frame(sets):
 
 
 def test_times_count_from_the_start_of_a_run(tmp_path):
-    """Of a log whose clock starts at 1000 s, in the table and in the note on the same fault."""
+    """The log's clock starts at 1000 s; the table and the note on a fault count from the start of the run."""
     data = measured(tmp_path / "set")
     late = tuple(dataclasses.replace(run, time=run.time + 1000.0) for run in data.runs)
     data = dataclasses.replace(data, runs=late)
@@ -165,7 +165,7 @@ def test_no_word_says_noise_beside_a_large_remainder(tmp_path):
 
 @pytest.fixture(scope="module")
 def of_a_motor(tmp_path_factory):
-    """A motor with dry friction, whose resistance nobody knows: the size is known in volts alone."""
+    """A motor with dry friction, whose resistance is unknown: the size of the friction is known only in volts."""
     truth = dataclasses.replace(motor(), effects={"coulomb_friction": {"torque": 0.02}})
     volts = {f"up_{k:g}": (k, 0.0) for k in (3.0, 4.0, 5.0, 6.0)} | {
         f"down_{k:g}": (-k, 0.0) for k in (3.0, 4.0, 5.0, 6.0)

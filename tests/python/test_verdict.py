@@ -1,4 +1,4 @@
-"""What is left over decides between a name and `unknown`. How the evidence is weighed is in test_criterion.py."""
+"""The error that is left decides between a name and `unknown`. test_criterion.py tests how evidence is weighed."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ FRICTION = {"coulomb_friction": {"torque": 0.006}}
 
 
 def test_a_model_whose_values_stand_in_for_an_effect_does_not_hide_it(tmp_path: Path) -> None:
-    """Of a resistance of nearly nothing, an inductance makes a lag. A fit from there finds no lag of the drive."""
+    """With a resistance near 0 the inductance acts as a lag. A fit that starts there finds no lag of the drive."""
     truth = dataclasses.replace(robot(inductance=0.004), effects={"actuator_lag": {"time_constant": 0.05}})
     stated = "\n".join(f"{name} = {truth.parameters[name]}" for name in SD_SHARE if truth.parameters[name])
     moves, noise = {"ahead": (4.0, 4.0), "back": (-5.0, -5.0), "spin": (4.0, -4.0)}, dict(NOISE, yaw_rate=0.005)
@@ -56,7 +56,7 @@ def test_a_model_whose_values_stand_in_for_an_effect_does_not_hide_it(tmp_path: 
 
 
 def test_an_effect_that_hides_in_a_stated_value_is_searched_even_where_little_is_left(tmp_path: Path) -> None:
-    """Rotation sensors that count 15 % too much make wheels small. That is odd even where less than noise is left."""
+    """Rotation sensors that count 15 % too much make the wheels look too small, even if only noise is left."""
     truth = dataclasses.replace(robot(), effects={"encoder_scale": {"error": 0.15}})
     folder = write(tmp_path / "set", truth, NOISE, STATED, manoeuvres=MOVES, roles=["fit"] * len(MOVES))
     prepared, nominal = calibrate(prepare(reading.read(folder), None, seed=0, jobs=1)[0])
@@ -68,7 +68,7 @@ def test_an_effect_that_hides_in_a_stated_value_is_searched_even_where_little_is
 
 
 def test_where_no_part_alone_surely_predicts_better_no_two_are_tried(tmp_path: Path) -> None:
-    """Two that only together predict better made three names of a sensor that no law of the library says."""
+    """Otherwise parts that predict better only together give false names for a sensor law that the library lacks."""
     folder = write(tmp_path / "set", robot(), NOISE, STATED, manoeuvres=MOVES, roles=["fit"] * len(MOVES))
     prepared, nominal = calibrate(prepare(reading.read(folder), None, seed=0, jobs=1)[0])
     judge = Judge.of(prepared.coarse, 0)
@@ -82,7 +82,7 @@ def test_where_no_part_alone_surely_predicts_better_no_two_are_tried(tmp_path: P
 
 
 def test_two_parts_that_make_one_law_are_tried_as_that(tmp_path: Path) -> None:
-    """Friction in one direction alone is dry friction and a constant offset."""
+    """Friction in only one direction equals dry friction plus a constant offset."""
     truth = dataclasses.replace(robot(), effects={"direction_asymmetry": {"torque": -0.01}})
     moves = {"ahead": (4.0, 4.0), "back": (-5.0, -5.0), "spin": (4.0, -4.0)}
     folder = write(tmp_path / "set", truth, NOISE, STATED, manoeuvres=moves, roles=["fit"] * 3)
@@ -98,8 +98,8 @@ def test_two_parts_that_make_one_law_are_tried_as_that(tmp_path: Path) -> None:
     assert one_law.names == ("direction_asymmetry",)
     assert one_law.cost < both.cost + 5
     there = search._in_other_laws(joined(both, one_law.parts[-1], {"torque": -0.01}))
-    assert ("direction_asymmetry",) not in [one.names for one in there]  # it is there already
-    assert dataclasses.replace(search, base=both)._in_other_laws(both) == []  # what a search begins with stays
+    assert ("direction_asymmetry",) not in [one.names for one in there]  # the model has this law already
+    assert dataclasses.replace(search, base=both)._in_other_laws(both) == []  # the parts of the base stay
     assert one_law.model.effects["direction_asymmetry"]["torque"] == pytest.approx(-0.01, rel=0.1)
 
 
@@ -124,7 +124,7 @@ def test_what_is_left_is_too_much_if_it_is_predictable_or_most_of_it(
 
 
 def left_by(folder: Path, effects: dict[str, dict[str, float]], name: str | None, *, spoil=None) -> Adequacy:
-    """Returns what the nominal model leaves of a robot with effects, or that model with one of them."""
+    """Returns the adequacy, for a robot with `effects`, of the nominal model; or of that model with effect `name`."""
     truth = dataclasses.replace(robot(), effects=effects)
     folder = write(folder, truth, NOISE, STATED, manoeuvres=MOVES, roles=["fit"] * len(MOVES), spoil=spoil)
     prepared, nominal = calibrate(prepare(reading.read(folder), None, seed=0, jobs=1)[0])
@@ -150,7 +150,7 @@ def test_dry_friction_is_predictable_until_it_is_explained(tmp_path: Path) -> No
 
 @pytest.mark.parametrize(("share", "is_adequate"), [(1.0, True), (1.05, True), (1.4, False)])
 def test_a_law_may_be_wrong_by_a_share_of_what_it_explains(tmp_path: Path, share: float, is_adequate: bool) -> None:
-    """A black box predicts all that a friction of the wrong size leaves: 0.2 % of what it explains, and 16 %."""
+    """A black box predicts all error that friction of a wrong size leaves: 0.2 % or 16 % of what friction explains."""
     size = FRICTION["coulomb_friction"]["torque"]
     truth = dataclasses.replace(robot(), effects={"coulomb_friction": {"torque": share * size}})
     folder = write(tmp_path / "data", truth, NOISE, STATED, manoeuvres=MOVES, roles=["fit"] * len(MOVES))
@@ -170,13 +170,13 @@ def test_of_noise_nothing_is_predicted(tmp_path: Path) -> None:
 
 
 def test_an_error_that_nobody_can_predict_is_too_much_where_nothing_is_explained(tmp_path: Path) -> None:
-    """A slow random walk on each run's yaw rate: no law and no black box knows it of a run that it has not seen."""
+    """A slow random walk on each run's yaw rate: no law and no black box predicts it on an unseen run."""
     random = np.random.default_rng(4)
 
     def wander(_: str, table: dict[str, np.ndarray]) -> None:
         table["yaw_rate"] = table["yaw_rate"] + np.cumsum(random.normal(0, 0.06, len(table["t"])))
 
-    for effects, name in (({}, None), (FRICTION, "coulomb_friction")):  # nor where another signal is explained
+    for effects, name in (({}, None), (FRICTION, "coulomb_friction")):  # also if another signal is explained
         left = left_by(tmp_path / f"walk{name}", effects, name, spoil=wander)
         assert left.most_predictable < numbers.SHARED_REST
         assert left.left["wheel_speed_left"] < 0.1
@@ -191,7 +191,7 @@ def test_folds_are_whole_runs_and_of_one_run_blocks_of_time() -> None:
     folds = adequacy.folds_of(names, np.arange(len(names)) * 0.1)
     assert all(len({fold for fold, one in zip(folds, names, strict=True) if one == name}) == 1 for name in names)
     assert len(set(folds)) == 4
-    assert folds[-1] == folds[100]  # the shortest runs share one
+    assert folds[-1] == folds[100]  # the shortest runs share a fold
     alone = adequacy.folds_of(["a"] * 800, np.arange(800) * 0.1)
     assert np.flatnonzero(np.diff(alone)).tolist() == [99, 199, 299, 399, 499, 599, 699]
     assert alone[0] == alone[400]
@@ -215,7 +215,7 @@ def test_prior_odds_are_those_of_the_effect_table() -> None:
     for effect in catalogue.effects():
         if effect.name in odds:
             assert odds[effect.name] == pytest.approx(of_prior[effect.prior])
-    assert np.exp(RunPart("delay", ("a", "b", "c"), {}).log_odds) == pytest.approx(0.01**3)  # each is a statement
+    assert np.exp(RunPart("delay", ("a", "b", "c"), {}).log_odds) == pytest.approx(0.01**3)  # three statements
 
 
 def test_a_value_that_leaves_what_was_stated_of_it_is_further_than_chance_among_so_many() -> None:
@@ -252,7 +252,7 @@ LITTLE, MUCH = (Adequacy({"speed": one}, {}, {}) for one in (0.1, 0.3))
     [
         ([], "none", (), []),  # three stretches speak against the friction
         ([""], "named", ("coulomb_friction",), []),
-        (["", "coulomb_friction"], "named", ("coulomb_friction", "cogging"), []),  # which it no longer speaks for
+        (["", "coulomb_friction"], "named", ("coulomb_friction", "cogging"), []),  # friction alone is not adequate
         (["", "coulomb_friction", "coulomb_friction cogging"], "unknown", ("coulomb_friction",), []),
     ],
 )
@@ -286,7 +286,7 @@ def test_what_leaves_too_much_is_no_answer(
     ],
 )
 def test_what_a_law_s_own_shape_may_have_left_names_no_other_law(left: float, named: tuple[str, ...]) -> None:
-    """Friction leaves a share of the error, and cogging beside it one hundredth: far more than half of that goes."""
+    """Friction leaves a share of the error, and with cogging 0.01 is left: cogging removes far more than half of it."""
     flat = np.full(15, -40.0)
     table = [
         made("", flat, cost=99.0),
@@ -297,7 +297,7 @@ def test_what_a_law_s_own_shape_may_have_left_names_no_other_law(left: float, na
 
 
 def test_an_error_below_the_floor_is_named_by_the_evidence(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The floor is what every simulator leaves: an effect below it leaves no square above it, and yet may be sure."""
+    """The floor is the error of every simulator: an effect below it adds no error above it, but may be certain."""
     flat = np.full(15, -40.0)
     found = found_in([made("", flat), made("cogging", flat + 6.0)], 2.0)
     monkeypatch.setattr(found.judge, "excess", lambda one: np.zeros(1), raising=False)
@@ -330,7 +330,7 @@ def test_what_a_refuted_explanation_contains_is_refuted() -> None:
 
 
 def test_what_is_left_out_speaks_for_no_other() -> None:
-    """Friction removes 40 % of the error, and cogging beside it as much of the rest: together more than they leave."""
+    """Friction removes 40 % of the error, and cogging 40 % of the rest: together they remove more than they leave."""
     flat = np.full(15, -40.0)
     table = [
         made("", flat, cost=99.0),
@@ -343,7 +343,7 @@ def test_what_is_left_out_speaks_for_no_other() -> None:
 
 @pytest.mark.parametrize(("gains", "kind"), [((-18.0, 6.0), "named"), ((6.0, 6.0), "unknown")])
 def test_what_is_refuted_on_the_coarse_grid_is_refuted_at_the_samples(gains: tuple[float, float], kind: str) -> None:
-    """At the samples cogging removes 40 % alone: what the nominal model would speak for, unless it is refuted."""
+    """At the samples cogging removes only 40 %: the nominal model would be the answer, unless it is refuted."""
     flat, uneven = np.full(15, -40.0), np.where(np.arange(15) < 3, *gains)
     coarse = [made("", flat, cost=98.0), made("cogging", flat + uneven, cost=97.3)]
     samples = [made("", flat, cost=98.0), made("cogging", flat + 6.0, cost=98 + math.log(0.6, 4))]
@@ -355,7 +355,7 @@ def test_what_is_refuted_on_the_coarse_grid_is_refuted_at_the_samples(gains: tup
 
 @pytest.mark.parametrize(("gain", "kind"), [(9.0, "named"), (5.9, "ambiguous")])
 def test_several_that_lack_a_part_each_do_not_replace_all_parts(gain: float, kind: str) -> None:
-    """At the samples the second part removes 40 % of what either leaves. Only less evidence takes it back."""
+    """At the samples the second part removes 40 % of what either part leaves. Only weaker evidence drops it."""
     flat = np.full(15, -40.0)
     both = made("start_delay cogging", flat + 9.0, cost=98 + math.log(0.01, 4))
     coarse = judged([made("", flat), made("start_delay", flat + 6.0, cost=98), both], 2.0)

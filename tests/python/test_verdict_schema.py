@@ -1,4 +1,4 @@
-"""verdict.json is valid for every case: it holds to the published schema, and has neither NaN nor Infinity."""
+"""verdict.json is valid for every case: it follows the published schema, and has neither NaN nor Infinity."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_the_verdict_on_a_motor_holds_to_the_schema(of_a_motor):
 
 
 def test_what_is_no_number_is_null(found):
-    """Numbers that are not known in one finding or another: without noise, without held-out runs, without a limit."""
+    """Numbers that a finding may lack: without noise, without held-out runs, without a limit."""
     torque = Parameter(0.006, "N m", (-INFINITY, INFINITY))
     made = dataclasses.replace(
         found["named"],

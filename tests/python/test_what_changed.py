@@ -1,4 +1,4 @@
-"""`changed`: what is different between recordings of one machine, of an engine of this file and of real machines."""
+"""`changed` tells what differs between recordings of one machine: simulated in this file, or real."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def driven(volts: np.ndarray, viscous: Course, dry: Course, gain: float = 1.0) -
 def recording(
     name: str, seed: int, viscous: Sequence[Course], dry: Sequence[Course], gains: Sequence[float] = (1.0, 1.0, 1.0)
 ) -> bp.Dataset:
-    """Returns a run for each friction: random steps of voltage for 8 s, and a speed with noise."""
+    """Returns a recording with a run for each friction: random steps of voltage for 8 s, and a speed with noise."""
     random, time, frames = np.random.default_rng(seed), np.arange(0.0, 8.0, STEP_S), {}
     for number, (one, other, gain) in enumerate(zip(viscous, dry, gains, strict=True)):
         volts = np.repeat(random.uniform(-8, 8, 10), 80)
@@ -138,7 +138,7 @@ def test_what_sets_in_within_a_run_is_told_with_its_moment(monday: bp.Dataset) -
 
 @pytest.mark.parametrize("effect", ["speed_lag", "start_delay"])
 def test_an_effect_that_is_gone_is_told(effect: str, tmp_path: Path) -> None:
-    """Its difference ends where nothing is left of it; beyond, the data would tell nothing of it."""
+    """The difference has a bound where the effect is 0: beyond this bound the data cannot determine it."""
     pair = changed_sets.Pair("planar", effect, size=2.0, gone=True, index=1, seed_offset=64_000_000)
     before, after = (folder.write(one, tmp_path) for one in pair.recipes())
     (one,) = bp.changed(before, after).changes

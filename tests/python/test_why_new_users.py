@@ -1,4 +1,4 @@
-"""What `why` says first of a log of an engine that is not the plant: a side with its size, nothing, or what to do."""
+"""First answer of `why` to a log of another engine than the plant: the weak side with its size, nothing, or advice."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def plain(text: str) -> str:
 
 
 def said_of(folder: Path, robot: str, hidden: dict[str, dict[str, float]]) -> list[str]:
-    """Returns the lines that `why` prints of one straight run, which it reads and answers in `folder`."""
+    """Writes the log of one straight run into `folder`, and returns the lines that `why` prints about it."""
     write_log(folder / "log.csv", robot, STRAIGHT, hidden)
     said = brickpilot("why", "log.csv", "--out", "found", cwd=folder)
     assert said.returncode == 0, said.stderr
@@ -43,7 +43,7 @@ def said_of(folder: Path, robot: str, hidden: dict[str, dict[str, float]]) -> li
 
 @pytest.fixture(scope="module")
 def weak_right(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[str]]:
-    """The folder of one straight run with a weak right motor, and what is said of it."""
+    """The folder of one straight run with a weak right motor, and the lines of `why` about it."""
     folder = tmp_path_factory.mktemp("weak_right")
     return folder, said_of(folder, "mujoco", WEAK_RIGHT)
 
@@ -70,7 +70,7 @@ def test_one_straight_run_tells_the_side_and_the_size_and_what_it_cannot(
 def test_one_straight_run_on_a_smaller_wheel_tells_the_bend_and_names_no_motor(
     robot: str, mismatch: float, side: str, tmp_path: Path
 ) -> None:
-    """Alone the two wheels turn alike, but the smaller one turns a little more: no side is weaker."""
+    """Under equal commands the wheels turn alike, the smaller one a little more: no side is weaker."""
     write_log(tmp_path / "log.csv", robot, STRAIGHT, {"wheel_radius_mismatch": {"mismatch": mismatch}})
     known = ROBOTS[robot]
     nominal = {"wheel_radius": known.wheel_radius, "half_track": known.half_track, "battery_voltage": 9.0}
@@ -90,7 +90,7 @@ def test_one_straight_run_on_a_smaller_wheel_tells_the_bend_and_names_no_motor(
 
 
 def test_a_gyro_that_the_wheels_contradict_is_not_nothing(tmp_path: Path) -> None:
-    """The fit takes it for another wheel_radius and half_track, each within a ruler's error."""
+    """The fit explains the gyro by another wheel_radius and half_track, each within a ruler's error."""
     write_log(tmp_path / "log.csv", "planar", MANY, {"gyro_scale": {"error": 0.05}})
     nominal = {name: getattr(ROBOTS["planar"], name) for name in ("wheel_radius", "half_track", "mass", "resistance")}
     answered = bp.why(tmp_path / "log.csv", nominal={**nominal, "battery_voltage": 9.0})
@@ -104,7 +104,7 @@ def test_a_gyro_that_the_wheels_contradict_is_not_nothing(tmp_path: Path) -> Non
 
 
 def test_straight_runs_without_a_fault_ask_for_a_turn(tmp_path: Path) -> None:
-    """A gyro with a wrong scale shows in turns alone."""
+    """A wrong scale of the gyro shows only in turns."""
     write_log(tmp_path / "log.csv", "mujoco", STRAIGHT, {"gyro_scale": {"error": 0.05}})
     nominal = {name: getattr(ROBOTS["mujoco"], name) for name in ("wheel_radius", "half_track", "mass", "resistance")}
     found = bp.why(tmp_path / "log.csv", nominal={**nominal, "battery_voltage": 9.0}, out=tmp_path / "found").answer
@@ -155,7 +155,7 @@ def test_nothing_wrong_is_said_with_how_small_a_fault_would_have_shown(tmp_path:
 
 
 def test_what_a_black_box_predicts_of_the_noise_is_nothing(tmp_path: Path) -> None:
-    """It knows a fifth of how the counts round: of 99.54 % that can be had, the model alone explains 99.53 %."""
+    """It predicts a fifth of the rounding of the counts: 99.54 % can be explained, and the model explains 99.53 %."""
     write_log(tmp_path / "log.csv", "planar", MANY, {}, seed=33)
     found = bp.why(tmp_path / "log.csv")
     assert found.finding.verdict == "none"
@@ -199,7 +199,7 @@ def test_what_rests_on_a_guess_is_not_confirmed_until_it_is_stated(tmp_path: Pat
 
 
 def test_data_that_contradict_themselves_are_said_to_before_all_else(tmp_path: Path) -> None:
-    """As long as it is not sure enough to be mended; what is mended is the cause."""
+    """This holds while the fault is too uncertain to be mended; a mended fault is the cause."""
     made = finding(measured(tmp_path / "set"), "named")
     unsure = Miswired("scale", ("yaw_rate",), "yaw_rate is 57.3 times what the wheels say", 0.95, {})
     open_data = dataclasses.replace(made.dataset, wiring=(unsure,))
@@ -220,7 +220,7 @@ REWIRED = {
     "1440": (lambda counts: np.floor(1.5 * counts), "1440 counts a turn fit, 960 do not: ",
              f"{LEFT}/1440:rotation {RIGHT}/1440:rotation"),
 }  # fmt: skip
-"""What is wrong -> what it does to the counts, how the answer begins, and the options that mend it."""
+"""Fault -> its change of the counts, the beginning of the answer, and the options that mend it."""
 
 
 @pytest.mark.parametrize(("robot", "fault"), [(robot, fault) for robot in ROBOTS for fault in REWIRED])
@@ -264,7 +264,7 @@ def test_who_says_so_keeps_the_wiring_as_it_is_stated(tmp_path: Path) -> None:
 
 
 def test_straight_runs_alone_name_no_cause(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What fits them best is another effect in four of twenty logs once the robot turns (`tests/lab/surer.py`)."""
+    """In four of twenty logs another effect fits best once the robot turns (`tests/lab/surer.py`)."""
     made = finding(measured(tmp_path / "set"), "named")
     monkeypatch.setattr(why_text, "drives_straight_alone", lambda dataset: True)
     found = why_text.answer(made, None, "", lambda: [RAMP])

@@ -34,7 +34,7 @@ FRICTION = dataclasses.replace(NOMINAL, effects={"coulomb_friction": {"torque": 
 
 @dataclasses.dataclass(frozen=True)
 class Ready:
-    """A data set behind the seal."""
+    """A prepared data set, and the proof with the opened seal."""
 
     prepared: Prepared
     proof: Proof
@@ -132,7 +132,7 @@ def test_the_record_does_not_depend_on_the_number_of_threads(friction, named):
 
 
 def test_held_out_runs_teach_nothing(friction, unnamed):
-    """With other held-out measurements all that is said of the fit runs stays, but for what their start states move."""
+    """With other held-out values the results of the fit runs stay, except for small changes by their start states."""
 
     def doubled(data):
         held_out = {name for name, role in friction.prepared.roles.by_run.items() if role == "held_out"}
@@ -215,7 +215,7 @@ def test_one_run_alone_is_predicted_from_its_own_stretches(tmp_path):
 
 
 def test_two_repeats_tell_what_no_model_can_know(tmp_path):
-    """Two motors whose torque differs by 4 %: their mean is what a model can reach, 2 % from each."""
+    """The speeds of two repeats differ by 4 %: the best model gives their mean, 2 % from each."""
     truth = motor(battery_voltage=9.0)
     volts = {"low": (3.0, 0.0), "high": (6.0, 0.0), "high_again": (6.0, 0.0)}
 

@@ -4,8 +4,8 @@
     .venv/bin/python tests/speed/counts.py           # prints the counts beside those that are kept
     .venv/bin/python tests/speed/counts.py --write   # keeps them, for the compiler that built the program
 
-Times on a shared machine say little; instructions of the same program are the same to the last one. Only our own are
-counted: libm chooses its functions by the processor. Each compiler makes other code, so the counts are kept by
+Times on a shared machine say little, but the instructions of the same program repeat exactly. Only the program's own
+are counted: libm chooses its functions by the processor. Each compiler makes other code, so the counts are kept by
 compiler, and tests/gates/test_instruction_counts.py compares those of the same one. Several runs at a time also depend
 on whether the processor has AVX2.
 """
@@ -25,15 +25,15 @@ PROGRAM = ROOT / "build/release/tests/speed_kernels"
 KEPT = Path(__file__).with_suffix(".json")
 
 STEPS, SAMPLES, RUNS, MOTOR_STEPS = 400, 200, 8, 10
-"""As in kernels.c."""
+"""The same numbers as in kernels.c."""
 
 TOLERANCE = 0.02
-"""Share by which a count may differ from the kept one. Counts repeat exactly: a change of 2 % is one of the code."""
+"""Share by which a count may differ from the kept one. Counts repeat exactly: a change of 2 % comes from the code."""
 
 
 @dataclass(frozen=True)
 class Kernel:
-    """One run of the program: what is counted while a function runs, and how many times it does its work."""
+    """One run of the program: the function whose instructions are counted, and how many times it does its work."""
 
     name: str
     function: str
@@ -63,7 +63,7 @@ FIGURES: dict[str, Callable[[Counted], float]] = {
     "simulate 8 runs, a sample of one": lambda n: n["simulate_8", "bp_simulate"],
     "simulate 8 runs with two effects, a sample of one": lambda n: n["simulate_8_effects", "bp_simulate"],
 }
-"""Name -> instructions of one, from the counts per time of the kernels."""
+"""Name of a figure -> its instructions, as a function of the counts per time of the kernels."""
 
 
 def compiler(program: Path = PROGRAM) -> str:
@@ -86,7 +86,7 @@ def count(kernel: Kernel, program: Path = PROGRAM) -> float:
 def own(text: str, program: str) -> int:
     """Returns the instructions of `program` itself in a file of callgrind, without those of libraries.
 
-    A line "calls=" is followed by one with the cost of the call, which its own functions have already.
+    The line after "calls=" holds the cost of the call, which the lines of the called function already have.
     """
     objects: dict[str, str] = {}
     inside, called, total = False, False, 0
