@@ -37,14 +37,14 @@ _COMBINATION = {"viscous_friction": "kV", "wheel_inertia": "kA", "mass": "kA"}
 
 @cache
 def combinations() -> Mapping[str, str]:
-    """Returns what differs -> the combination of constants that the data determine even if they do not determine it
-    alone. What differs is a constant, or the "effect.parameter" of a torque that is reported in volts."""
+    """Returns constant, or "effect.parameter" of a torque in volts, -> the combination in which its difference is
+    reported. The data may determine the combination without determining the constant or torque alone."""
     rows = ((one.name, row) for one in catalogue.effects() for row in one.parameters)
     return {**_COMBINATION, **{f"{effect}.{row.name}": row.in_volts for effect, row in rows if row.in_volts}}
 
 
 def told_combinations() -> frozenset[str]:
-    """Returns the combinations that are reported for each recording alone."""
+    """Returns the combinations whose value by each recording alone is reported."""
     return frozenset({*combinations().values(), "speed per volt"})
 
 
@@ -58,7 +58,7 @@ class Sized:
 
 @dataclass(frozen=True)
 class Since:
-    """The moment from which on a difference is there: a run, s on its clock, and the 95 % interval."""
+    """The moment at which a difference begins: a run, the time on its clock, s, and the 95 % interval."""
 
     run: str
     at_s: float
@@ -70,20 +70,20 @@ class Change:
     """One difference between two recordings.
 
     Attributes:
-        recording: the name of the later recording, in which it shows.
+        recording: the name of the later recording that has the difference.
         what: an effect, a combination of constants (kV, kA, dry friction in volts) or a constant.
-        mechanism: its mechanism, as for an effect.
-        side: "left" or "right"; None: it belongs to both, or to the whole machine.
+        mechanism: the mechanism of the difference, as for an effect.
+        side: "left" or "right"; None: the difference belongs to both sides, or to the whole machine.
         parameter: the value of the model that differs.
-        unit: of `before`, `after` and `change`.
+        unit: the unit of `before`, `after` and `change`.
         before, after: the values.
         change: after less before.
-        percent: `change` in percent of `before`; None if `before` was nothing, or its sign is not sure.
-        since: None: from the start of the recording, as far as the data show.
+        percent: `change` in percent of `before`; None if `before` is 0, or its sign is not sure.
+        since: when it begins; None: at the start of the recording, as far as the data show.
         rivals: other explanations that the data do not rule out, each as the names of its differences.
         weight: the weight of the explanations that hold this difference, 0..1.
-        words: a sentence.
-        advice: what to do about it, a sentence.
+        words: a sentence on the change.
+        advice: a sentence on what to do about the change.
     """
 
     recording: str
@@ -105,7 +105,7 @@ class Change:
 
 @dataclass(frozen=True)
 class FitPercent:
-    """How much of a signal free runs explain, in percent; None: it was not measured there.
+    """Fit in percent of one signal in free runs; None: the signal was not measured in this recording.
 
     Attributes:
         old_model_before, old_model_after: in BEFORE and AFTER, by the model of BEFORE alone.
@@ -145,17 +145,17 @@ class Changed(Result):
     """What differs in later recordings from an earlier one.
 
     Attributes:
-        before, after: what the recordings are called.
+        before, after: the names of the recordings.
         dataset: the first later recording, for its vehicle and units.
         verdict: the strongest of the later recordings' verdicts.
         verdicts: later recording -> its own verdict.
-        changes: the surest first.
+        changes: the changes, the surest first.
         fits: later recording -> signal -> fit in percent.
         constants: the combinations of constants that each recording alone determines.
-        traces: later recording -> one signal of one run each, where what changed shows most.
-        steps: later recording -> how its verdict came about.
-        notes: sentences.
-        seed: of the random starts.
+        traces: later recording -> traces of the runs and signals in which the changes show most.
+        steps: later recording -> the stages that set or changed its verdict.
+        notes: sentences on what was assumed or left out.
+        seed: the seed of the random starts.
     """
 
     before: str
@@ -227,7 +227,7 @@ def _pooled(fits: Mapping[str, Mapping[str, FitPercent]]) -> dict[str, FitPercen
 
 @dataclass(frozen=True)
 class Quantity:
-    """The quantity that is reported of a difference: its name, unit, and value in the model of a recording."""
+    """The quantity by which a difference is reported: its name, unit, and value in the model of a recording."""
 
     what: str
     unit: str
@@ -275,8 +275,8 @@ def _of_effect(model: Model, key: str) -> float:
 def sized(value_in: Callable[[Model], float], model: Model, spread: Spread | None, extra_sd: float = 0.0) -> Sized:
     """Returns a value with its interval, by first-order propagation of a fit's spread.
 
-    The data may determine this value even if they do not determine single parameters: it is constant along the
-    directions that they leave open.
+    The data may determine this value without determining single parameters: the value is constant along the directions
+    that the data leave open.
 
     Args:
         extra_sd: further sd of the value, beside that of the fit.
@@ -304,8 +304,8 @@ def change_of(
         sd: sd of the difference's first value between recordings of one state, in the value's own unit.
         before, after: the names of the recordings.
         alone: combination -> its value by each recording alone, (before, after). A difference that is too small to be
-            named still moves the others; so these values are reported if they surely differ.
-        told: the fields of the change that the explanation alone does not give.
+            named still moves the other values; so the values alone are reported if they surely differ.
+        told: further fields of the change, which the explanation does not give.
     """
     one = quantity_of(difference, model.vehicle)
 

@@ -1,8 +1,7 @@
 """What may differ between two recordings of one machine: parts of an explanation, and where a search finds them.
 
-A difference belongs to one recording, AFTER: it is what the machine has there beside what both recordings share. It is
-a change of a size that the machine always has, such as its friction, its load or the delay of its link; or it is an
-effect of the library that the other recording does not show.
+A difference belongs to one recording, AFTER. It is a change of a size that the machine always has, such as its
+friction, its load or the delay of its link; or it is an effect of the library that the other recording does not show.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ MOST_DIFFERENCES = 3  # most differences of an explanation
 _NEW = 10  # effects of the library that are fitted beside the machine's own sizes
 _LEAST = 0.1  # share of a usual size: a difference is tried at no smaller size
 _MOST = 3.0  # sd of the usual change: a larger change of a constant that hardly varies means another machine
-_SHARES = (-0.95, 20.0)  # range of a constant's relative change: almost nothing is left, or twenty times it is added
+_SHARES = (-0.95, 20.0)  # range of a constant's relative change: from almost 0 to 21 times the value
 _STARTS = (0.5, -0.5)  # shares of a usual size from which each of the machine's own sizes is fitted
 
 
@@ -48,8 +47,8 @@ class Constant:
 
     Attributes:
         odds: prior odds that it changed.
-        sd: a usual change, as a share of the value; 0: it may be of any size.
-        mechanism: its mechanism, as for an effect.
+        sd: the usual change, as a share of the value; 0: the change may have any size.
+        mechanism: the mechanism of the change, as for an effect.
         words: its name, as the subject of a sentence.
     """
 
@@ -68,7 +67,7 @@ CONSTANTS = {
     "wheel_radius": Constant(numbers.RARE, numbers.RULER, "tyre", "the radius of the wheels"),
     "half_track": Constant(numbers.RARE, numbers.RULER, "tyre", "the width of the track"),
 }
-"""The constants of a machine that may change. A motor's windings and magnets do not change, so they are absent."""
+"""The constants of a machine that may change. A motor's windings and magnets do not change: they are left out."""
 
 _OWN_OF_RUNS = ("supply_gain", "delay")  # a late start of a recording says nothing about the machine
 
@@ -82,7 +81,7 @@ def always() -> Mapping[str, str]:
 
 @dataclass(frozen=True)
 class Difference(Part):
-    """One thing that is different in one recording. `effect` names it, and `free` are its keys in `Model.by_run`.
+    """One difference, of one recording. `effect` is its name, and `free` are its keys in `Model.by_run`.
 
     Attributes:
         recording: the recording that differs.
@@ -91,7 +90,7 @@ class Difference(Part):
         rows: key -> its row, with the range of a difference.
         known: key -> the prior of the difference.
         sort: the mechanism.
-        held: the names of the parts whose law this one contains.
+        held: the names of the parts whose law this part contains.
     """
 
     recording: str = ""
@@ -153,7 +152,7 @@ class Difference(Part):
             key: {name: one for name, one in table.items() if name != self.recording or key not in self.free}
             for key, table in model.by_run.items()
         }
-        used = {key.partition(".")[0] for key, one in by_run.items() if one}  # another recording may have it too
+        used = {key.partition(".")[0] for key, one in by_run.items() if one}  # also in another recording
         gone = {name.partition(".")[0] for name in self.fixed} - used
         effects = {name: table for name, table in model.effects.items() if name not in gone}
         return dataclasses.replace(model, effects=effects, by_run={key: one for key, one in by_run.items() if one})
@@ -166,7 +165,7 @@ class Difference(Part):
 
 
 def own_differences(model: Model, nominal: Collection[str], recording: str) -> Iterator[Difference]:
-    """Yields the possible differences of what every machine has: constants, values of runs, and sizes of its effects.
+    """Yields the possible differences in what a machine always has: constants, values of runs, and sizes of effects.
 
     Args:
         nominal: the nominal parameters that the vehicle's equations use.
@@ -196,7 +195,7 @@ def own_differences(model: Model, nominal: Collection[str], recording: str) -> I
 
 
 def no_further(model: Model, recording: str) -> Model:
-    """Returns a model with each difference cut to the range of its size: a size that is gone cannot fall further.
+    """Returns a model with each difference limited to the range of its size: a size of 0 cannot fall further.
 
     Beyond this bound a difference has no effect, so the data cannot determine it.
     """
@@ -212,7 +211,7 @@ def no_further(model: Model, recording: str) -> Model:
 
 
 def _brakes(model: Model) -> float:
-    """Returns all that brakes a wheel in proportion to its speed, N m s/rad: D / R of `combinations`."""
+    """Returns the factor of a wheel's braking in proportion to its speed, N m s/rad: D / R of `combinations`."""
     values = model.parameters
     if not values.get("resistance"):
         return loss(values)
@@ -234,8 +233,8 @@ def _own(
 def new_differences(model: Model, measured: Collection[str], recording: str) -> Iterator[Difference]:
     """Yields the effects of the library that the machine may have in one recording alone.
 
-    Laws whose phase a fit has to find are left out. So are laws that say the same as one of the machine's own sizes: a
-    delay, and a nominal parameter by another name.
+    Laws whose phase a fit has to find are left out. So are laws that duplicate one of the machine's own sizes: a delay,
+    and a nominal parameter by another name.
     """
     for part in library_parts(model, measured):
         row = catalogue.effect(part.effect)
@@ -260,13 +259,13 @@ def new_differences(model: Model, measured: Collection[str], recording: str) -> 
 class Differences:
     """All that may differ in a recording, as a `Source` of a search.
 
-    The machine's own sizes are all fitted, each from two starts, whatever the screen says: the screen is linear, and a
-    size near 0 in one recording may be the largest in another.
+    The machine's own sizes are all fitted, each from two starts, whatever the screen says: the screen is linear, but a
+    size near 0 in one recording may be large in another.
 
     Args:
         nominal: the nominal parameters that the vehicle's equations use.
-        recording: the later one, in which the machine's own sizes differ.
-        new_in: the recordings that may have an effect which the other one lacks.
+        recording: the later recording, in which the machine's own sizes differ.
+        new_in: the recordings that may have an effect that the other recording lacks.
         most: most differences of an explanation.
     """
 

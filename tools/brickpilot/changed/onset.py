@@ -1,9 +1,9 @@
 """The onset of a difference: the moment in a recording from which on it explains the measurements.
 
 The sum of gains from a moment to the end is largest at the moment at which losses turn into gains (Page 1954,
-Biometrika 41: the CUSUM of a change point). First, the gain is that of a larger error: before the moment, the old model
-is right. Then it is the gain of the differences that explain the data after the moment. A machine at rest, which every
-model explains, tells nothing of when they began.
+Biometrika 41: the CUSUM of a change point). A first estimate takes the growth of the old model's error as the gain,
+because this model is right before the moment. The final estimate takes the gain of the differences that explain the
+data after the moment. Every model explains a machine at rest, so data at rest do not show when a difference began.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from brickpilot.vehicle.model import Model
 Array = NDArray[np.float64]
 
 _STEP_S = 0.1  # resolution of a moment
-_FAR = 5.0  # scales: a larger error is clipped to this
+_FAR = 5.0  # in scales: a larger error is clipped to this
 
 
 @dataclass(frozen=True)
@@ -32,9 +32,9 @@ class Onset:
     """A moment in a recording.
 
     Attributes:
-        run: its name in the joint data set.
+        run: the name of the run in the joint data set.
         at_s: the moment, on the clock of the run.
-        ci95: first and last moment of the same run that the data cannot tell from it.
+        ci95: the first and last moment of the same run that the data cannot tell from this one.
     """
 
     run: str
@@ -59,7 +59,7 @@ def suspected(data: Residual, old: Model, recording: str) -> Onset | None:
 
 
 def onset(data: Residual, old: Model, changed: Model, recording: str) -> Onset | None:
-    """Returns since when a model explains a recording better than the old one does; None: since its start.
+    """Returns the moment from which on `changed` explains a recording better than `old`; None: from its start.
 
     Args:
         data: its floors say how much error is usual.
@@ -74,7 +74,7 @@ def onset(data: Residual, old: Model, changed: Model, recording: str) -> Onset |
 def _correlated(data: Residual, error: Array, recording: str) -> float:
     """Returns the correlation time, in values, of the old model's error outside a recording: the longest of signals.
 
-    In the recording the error is correlated because of the change itself.
+    Inside this recording, the change itself makes the error correlated.
     """
     there = ~data.rows_of(recording)
     found = 1.0

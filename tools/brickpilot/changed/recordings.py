@@ -1,4 +1,4 @@
-"""Recordings of one machine as one data set: each run knows the recording that it belongs to."""
+"""Recordings of one machine as one data set, in which each run has the name of its recording."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ def together(recordings: Mapping[str, Dataset]) -> Dataset:
     Other nominal values of a later recording are left out, because the data have to show what differs. A note says so.
 
     Args:
-        recordings: name -> data set. A name holds no "@" and no ": ", and is no name of a run.
+        recordings: name -> data set. A name contains no "@" and no ": ", and no run has the same name.
 
     Raises:
-        InputError: one is of another vehicle, or its inputs mean something else between two rows.
+        InputError: a recording is of another vehicle, or has another input timing.
     """
     first, *others = recordings.values()
     notes = []
@@ -59,7 +59,7 @@ def run_by_run(data: Residual) -> Residual:
 def since(joint: Dataset, before: str, after: str, run: str, at_s: float) -> Dataset:
     """Returns the recordings, with all samples of `after` before a moment of `run` moved to `before`.
 
-    That run is cut in two. The second part starts from the measured state at the moment.
+    This run is cut in two. The second part starts from the measured state at the moment.
     """
     found: list[Run] = []
     begun = False

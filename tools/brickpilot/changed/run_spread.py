@@ -1,4 +1,4 @@
-"""The spread of a size between runs of one recording: two recordings of one state differ by as much."""
+"""The spread of a size between runs of one recording: two recordings of one state differ by this much."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from brickpilot.fit.residual import Residual
 
 Array = NDArray[np.float64]
 
-_LEAST_DEGREES = 2  # least degrees of freedom: runs beside the first of each recording
+_LEAST_DEGREES = 2  # least degrees of freedom: the number of runs, less one for each recording
 
 
 def sd_between_recordings(data: Residual, best: Explanation, part: Difference, correlated: float) -> float:
@@ -60,7 +60,7 @@ def spread_of(groups: list[list[tuple[float, float]]]) -> float:
     """Returns the sd of the difference of the means of two groups that are alike.
 
     Args:
-        groups: of each recording, the value and the information (1 / variance) of each run.
+        groups: for each recording, the value and the information (1 / variance) of each run.
     """
     excess = weight = 0.0
     for group in groups:

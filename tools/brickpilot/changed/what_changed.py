@@ -72,7 +72,7 @@ _LEFT = "Whatever may differ leaves {:.2g} nats a value more of one recording th
 _RUNS = "Runs of one recording differ among themselves by as much."
 _DRAWN = 2  # signals with a plot
 _MOST_NAMED = 2  # most effects of BEFORE beside the dry friction of every machine
-_LITTLE = 0.03  # share of a usual size, from which the friction of every machine is fitted
+_LITTLE = 0.03  # share of a usual size: the start of the fit of the friction that every machine has
 
 
 Alone = Mapping[str, tuple[Prepared, Explanation]]
@@ -86,8 +86,8 @@ class Joint:
     Attributes:
         base: the explanation of both recordings without a difference.
         alone: recording -> this recording alone, ready for fits, and its explanation by the same parts.
-        recording: the name of the later one.
-        old: the model of the state before.
+        recording: the name of the later recording.
+        old: the model of the machine before the change.
     """
 
     dataset: Dataset
@@ -118,7 +118,7 @@ class Joint:
         return found
 
     def worse(self, model_of: Mapping[str, Model]) -> dict[str, float]:
-        """Returns recording -> by how many nats a value its worst signal has more residual than in the other one."""
+        """Returns recording -> the largest excess of a signal's residual over the other recording's, nats per value."""
         rests = self.rests(model_of, scale_of_rest)
         names = list(rests)
         return {
@@ -192,7 +192,7 @@ def what_changed(
 
 
 def _structure(dataset: Dataset, seed: int, jobs: int) -> Parts:
-    """Returns the effects that the engine names in a recording, each with its values; nothing where it names none."""
+    """Returns the effects that the engine names in a recording, each with its values; empty if it names none."""
     known = with_known_timing(together({BEFORE: dataset}), None, seed=seed, jobs=jobs)
     prepared, _ = prepare(known, None, seed=seed, jobs=jobs)
     prepared, nominal = calibrate(prepared)
@@ -219,7 +219,7 @@ def _compared(
         return Compared(ready, verdict, verdict.steps, None)
     first, cut = begun
     ready, verdict = _verdict(cut, tell)
-    # `_begun` fits the data after the moment without new effects: other values stand in for these and fit a rest worse.
+    # `_begun` fits the data after the moment without new effects: other values replace these and fit rest worse.
     moment = onset(joint.weighed(joint.usual()).data, joint.old, verdict.best.model, name)
     if moment is None:
         return Compared(ready, verdict, verdict.steps, None)
@@ -246,7 +246,7 @@ def _begun(joint: Joint, parts: Parts, seed: int, jobs: int, tell: Stages) -> tu
         return None
     cut = at(moment)
     whole, longer = (one.rests({BEFORE: one.models_alone[BEFORE]}, scale_of_rest)[BEFORE] for one in (joint, cut))
-    # The data before the moment have to be as in BEFORE: else they are a part of the change, too.
+    # The data before the moment have to fit as in BEFORE: else they belong to the change, too.
     grown = max(math.log(longer[signal] / size) for signal, size in whole.items())
     return (moment, cut) if grown <= numbers.UNEXPLAINED_NATS else None
 
@@ -309,9 +309,9 @@ def _verdict(joint: Joint, tell: Stages) -> tuple[Joint, Verdict]:
     The residual of a recording under its own explanation is no change: a model's error counts as noise here. If this
     residual is surely larger in one recording than in the other, the recording may have a new effect. Then the other
     recording says how much error is usual. If no new effect is found, the machine's own sizes are the answer. But if
-    several sizes differ, one new effect may explain them all, and is the answer if it has the best score. A gyro that
-    reads 10 % more looks like a narrower robot that turns more easily, which fits a recording alone as well. Either
-    answer may leave too much.
+    several sizes differ, one new effect may explain them all, and is the answer if it has the best score. For example,
+    a gyro that reads 10 % more looks like a narrower robot that turns more easily. With either answer, too much error
+    may be left.
     """
     ready, verdict = joint, None
     if joint.left_more:
@@ -328,7 +328,7 @@ def _verdict(joint: Joint, tell: Stages) -> tuple[Joint, Verdict]:
     left, gap = (
         max(joint.worse(dict.fromkeys(joint.alone, model)).values()) for model in (verdict.best.model, joint.old)
     )
-    if joint.left_more and left > max(numbers.UNEXPLAINED_NATS, gap / 2):  # more error is left than gone
+    if joint.left_more and left > max(numbers.UNEXPLAINED_NATS, gap / 2):  # more error is left than removed
         verdict = verdict.turned(Step("adequacy", "unknown", _LEFT.format(left)))
     return ready, verdict
 
@@ -347,7 +347,7 @@ def _search(joint: Joint, new_in: Sequence[str], tell: Stages, most: int = MOST_
     nominal = [one.name for one in prepared.plan.uncertain if one.effect is None]
     source = Differences(nominal, joint.recording, prepared.excitation, new_in, most)
     search = Search(prepared.coarse, joint.base, source, prepared.excitation, prepared.jobs, NO_LIMIT, tell)
-    # The laws are the same in both recordings, and the floors hold the error of their shape.
+    # The laws are the same in both recordings, and the floors include the error of their shape.
     return search.run(Judge.of(prepared.coarse, prepared.seed, shape=0.0))
 
 
@@ -387,7 +387,7 @@ def _told(before: Dataset | Model, found: Sequence[Compared], seed: int) -> Chan
 
 
 def _steps(compared: Compared) -> tuple[Step, ...]:
-    """Returns how a verdict came about, without what both recordings share."""
+    """Returns the stages that set or changed a verdict, without the parts that both recordings share."""
     shared = "".join(f"{name} + " for name in compared.joint.base.names)
     return tuple(
         dataclasses.replace(one, why=one.why.replace(shared, "").replace("@", " of ")) for one in compared.steps
@@ -398,7 +398,7 @@ _KINDS: Mapping[str, Answer] = {"none": "nothing", "named": "changed", "ambiguou
 
 
 def _changes(compared: Compared, alone: Mapping[str, Mapping[str, tuple[str, Sized]]]) -> list[Change]:
-    """Returns the differences of the best explanation, each with what the rivals say instead."""
+    """Returns the differences of the best explanation, each with its alternatives in the rivals."""
     joint, verdict = compared.joint, compared.verdict
     if verdict.kind not in ("named", "ambiguous"):
         return []

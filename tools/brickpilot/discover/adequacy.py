@@ -2,7 +2,7 @@
 
 No model explains a machine down to its sensors' noise. So a black box without laws is fitted to the residual: a ridge
 regression on random features of the inputs and of the simulated states (Rahimi & Recht 2007, NIPS). It predicts runs
-that it has not seen. A law could explain what it predicts; a residual that nobody can predict shows no missing law.
+that it was not trained on. Error that it predicts may come from a missing law; other error shows no missing law.
 """
 
 from __future__ import annotations
@@ -28,24 +28,24 @@ Indices = NDArray[np.int64]
 _FOLDS = 4
 _FEATURES = 200
 _WIDTH = 0.3  # kernel of the random features: exp(-_WIDTH d^2 / columns), on standardised columns
-_ALPHAS = (1.0, 10.0, 100.0)  # penalties that are tried on standardised columns; the larger, the smoother
+_ALPHAS = (1.0, 10.0, 100.0)  # ridge penalties that are tried; a larger penalty gives a smoother prediction
 _TAUGHT_ROWS = 3000  # most rows that train the black box: more rows of a long log add nothing new
-_BEYOND = 0.1  # share of a column's range in training by which it may leave that range
-_FAR = 5.0  # scales: a larger residual is clipped to this
-_NEXT_TO_NOTHING = 1e-300  # least divisor: where no error was before, all of it counts as gone, and a new one as left
+_BEYOND = 0.1  # a column is clipped to its range in training, widened at each end by this share of the range
+_FAR = 5.0  # in robust sizes of the residual: a larger residual is clipped to this
+_NEXT_TO_NOTHING = 1e-300  # least divisor: if the nominal error is 0, a new error gives a share of 0, no error gives 1
 _FILTERS_S = (0.1, 0.5, 2.0)  # time constants of filters: for a motor, a body, and slow changes
-_STANDSTILL_SHARE = 0.03  # share of the largest speed or voltage: below it, the sign fades out
+_STANDSTILL_SHARE = 0.03  # share of the largest speed or voltage: below it, the smoothed sign goes to 0
 _SETTLING_S = 0.3
 
 
 @dataclass(frozen=True)
 class Adequacy:
-    """What an explanation leaves.
+    """The error that an explanation leaves.
 
     Attributes:
-        predictable: signal -> the share of its squared residual that a black box predicts on runs that it has not seen.
-        left: signal -> log of the residual over its noise floor, nats a value.
-        explained: signal -> the share of the nominal model's squared error above noise that is gone, 0..1.
+        predictable: signal -> the share of its squared residual that a black box predicts on runs outside its training.
+        left: signal -> log of the residual's scale over its noise floor, nats per value.
+        explained: signal -> the share of the nominal model's squared error above noise that is removed, 0..1.
     """
 
     predictable: Mapping[str, float]
@@ -63,13 +63,13 @@ class Adequacy:
 
     @property
     def unexplained(self) -> str | None:
-        """The signal with most error left, among those with more left than noise and than is gone; None: none."""
+        """The signal with the largest `left` of those above the limit and less than half explained; None: no signal."""
         some = [one for one, left in self.left.items() if left > numbers.UNEXPLAINED_NATS and self.explained[one] < 0.5]
         return max(some, key=lambda one: self.left[one], default=None)
 
     @property
     def is_adequate(self) -> bool:
-        """Whether the residual holds nothing more that could be named."""
+        """Whether the residual shows no further law that is missing."""
         return self.most_predictable <= numbers.SHARED_REST and self.unexplained is None
 
     @property
@@ -92,7 +92,7 @@ class Adequacy:
 
 
 def adequacy(judge: Judge, best: Evidence, nothing: Evidence, seed: int) -> Adequacy:
-    """Returns what an explanation leaves of the fit runs."""
+    """Returns the adequacy of an explanation on the fit runs."""
     signals = judge.data.signals
     found = predictable(judge, best.explanation.model, nothing.explanation.model, seed)
     left = {one: float(np.log(judge.squares(best, one))) / 2 - float(np.log(judge.data.floor(one))) for one in signals}
@@ -104,9 +104,9 @@ def adequacy(judge: Judge, best: Evidence, nothing: Evidence, seed: int) -> Adeq
 def predictable(judge: Judge, model: Model, nominal: Model, seed: int) -> dict[str, float]:
     """Returns signal -> the share of its squared residual that is predicted on runs left out, 0..1.
 
-    Only the residual above noise and above the error of every simulator counts: a prediction below that shows how a
-    sensor rounds, and no missing law. The error of the laws in `model` does not count either. It is a share of what
-    they explain beyond the `nominal` model.
+    Only error above the floor of noise and of every simulator's error counts: predictable error below it comes from a
+    sensor's rounding, not from a missing law. The error of the laws in `model` does not count either: it is a share of
+    what these laws explain beyond the `nominal` model.
     """
     data = judge.data
     error, before = data.measured - data.predict([model, nominal])
@@ -142,12 +142,12 @@ def rows_of(data: Residual, outputs: Mapping[str, Outputs], error: Array, signal
 
 @dataclass(frozen=True)
 class Unseen:
-    """What a black box predicts of rows that it has not seen.
+    """The prediction of a black box for rows that it was not trained on.
 
     Attributes:
         value: (rows,), the prediction, scaled by `boldness`.
         best: the index of the penalty that predicts best.
-        boldness: the factor, 0..1, that fits the prediction to unseen rows best; 1: it is not too large.
+        boldness: the factor, 0..1, with which the prediction fits these rows best; 1: the prediction is not too large.
     """
 
     value: Array
@@ -156,7 +156,7 @@ class Unseen:
 
 
 def out_of_fold(columns: Array, target: Array, folds: Indices, seed: int) -> Unseen:
-    """Returns the prediction of `target` (rows,) from `columns` (rows, columns), of each row from the other folds."""
+    """Returns the prediction of `target` (rows,) from `columns` (rows, columns), each row from the other folds."""
     tried = np.zeros((len(target), len(_ALPHAS)))
     for fold in np.unique(folds):
         here = folds == fold
@@ -171,7 +171,7 @@ def out_of_fold(columns: Array, target: Array, folds: Indices, seed: int) -> Uns
 def taught_by(columns: Array, target: Array, seed: int) -> Callable[[Array], Array]:
     """Returns a black box that learned `target` (rows,) from `columns` (rows, columns).
 
-    It takes columns and gives (rows, penalties), a prediction for each penalty.
+    The black box takes columns and returns (rows, penalties), a prediction for each penalty.
     """
     rows = slice(None, None, -(-len(columns) // _TAUGHT_ROWS))
     columns, target = columns[rows], target[rows]
@@ -196,7 +196,7 @@ def taught_by(columns: Array, target: Array, seed: int) -> Callable[[Array], Arr
 
 
 def folds_of(runs: Sequence[str], times: Array) -> Indices:
-    """Returns (rows,) the fold of each row. Whole runs go to the emptiest fold, the longest first; one run is cut."""
+    """Returns (rows,) each row's fold. Whole runs go to the emptiest fold, the longest first; a single run is cut."""
     names, number = np.unique(np.array(runs), return_inverse=True)
     if len(names) == 1:
         cut = np.floor(2 * _FOLDS * (times - times.min()) / max(float(np.ptp(times)), 1e-9)).astype(np.int64)
@@ -210,7 +210,7 @@ def folds_of(runs: Sequence[str], times: Array) -> Indices:
 
 
 def columns_of(replay: Replay, outputs: Mapping[str, Outputs], run: str, at: Array) -> Array:
-    """Returns (rows, columns): inputs and outputs of the simulator, with filters of them, at some times of a run.
+    """Returns (rows, columns): the simulator's inputs and outputs, raw and low-pass filtered, at some times of a run.
 
     No measured value is among them.
     """

@@ -47,14 +47,14 @@ Array = NDArray[np.float64]
 
 _OUTPUTS = ("wheel_angle_left", "wheel_angle_right", "angle", "x", "position")
 _TINY = 1e-8  # step as a share of a coefficient's range: large enough for the arithmetic, small enough to be linear
-_SIMULATED = 24  # best atoms of the linear screen, which are also simulated
-_SIZES = (1.0, 0.3)  # shares of the linear estimate at which they are simulated: few terms are linear
+_SIMULATED = 24  # number of atoms, the best of the linear screen, that are also simulated
+_SIZES = (1.0, 0.3)  # shares of the linear estimate at which these atoms are simulated, as few terms are linear
 _NEARBY = 8  # most atoms that are fitted at and beside a fitted period
 _ALIKE = 2  # most trials of the same terms with different settings
 _STRIP_TERMS = ("surge_loss_patch", "yaw_loss_patch", "floor_add_patch")
 _CELLS, _LEAST_CELL = 24, 4e-3  # number of cells of the travel in the search for strips, and least width of a cell, m
 _STRIPS = 2  # most strips that are tried
-_MOST_TERMS = 3  # the basis is large, and a law that a reader can check is short
+_MOST_TERMS = 3  # most terms of a law: the basis is large, and a reader can check only a short law
 _SLOWEST_SWING_HZ = 0.5  # frequency of a pendulum of a metre: no robot here carries a longer one
 _SPRUNG_HZ = (1.0, 2.0, 4.0)  # frequencies tried for a sprung mass, beside the peaks of the spectrum
 _SENSOR_SIGNALS = {
@@ -86,7 +86,7 @@ class Atom(Part):
 
     @property
     def log_odds(self) -> float:
-        """The log of the prior odds: each term is a statement, and so is each setting, picked from many."""
+        """The log of the prior odds: `numbers.RARE` for each term and for each fitted setting."""
         return math.log(numbers.RARE) * (len(self.terms) + len(self.tuned))
 
     @property
@@ -114,7 +114,7 @@ class Atom(Part):
         return lacks and all(shaping.get(name, value) == value for name, value in self.settings)
 
     def starting(self, base: Plan, values: Mapping[str, float]) -> Plan:
-        """Returns `base` with this atom at `values`. Those of its parameters that are not free in `base` come last."""
+        """Returns `base` with this atom at `values`. Its parameters that are not free in `base` come last."""
         present, table = {one.name for one in base.free}, {**dict(self.settings), **values}
         rows = [self._row(info, table) for info in parameters() if info.name in self.free]
         added = tuple(one for one in rows if one.name not in present)
@@ -227,7 +227,7 @@ class Composed:
 
     Attributes:
         explanation: the base model fitted together with the terms.
-        terms: with coefficients, SI, in the order of the table.
+        terms: the terms with their coefficients, SI, in the order of `basis`.
         settings: parameters that shape the terms, such as a frequency.
     """
 
@@ -290,11 +290,11 @@ class TermSource:
         self._add_strips(projection, rest)
 
     def screened(self, problem: Problem, point: Array, deadline: Deadline) -> list[Trial]:
-        """Returns every atom that could gain something, with a diverse choice of settings."""
+        """Returns the atoms that reduce the residual most, with a diverse choice of settings."""
         return self._best(problem, point, list(self._changes))
 
     def nearby(self, problem: Problem, current: Explanation, fits: Sequence[Explanation]) -> list[Trial]:
-        """Returns what is worth a fit at the period that the best fit ended at, and at the periods beside it."""
+        """Returns the trials that are worth a fit, at the period of the best fit and at the periods beside it."""
         best = min(fits, key=lambda one: one.cost, default=None)
         if best is None or not isinstance(last := best.parts[-1], Atom) or not last.tuned:
             return []
@@ -324,7 +324,7 @@ class TermSource:
             for share in _SIZES
         ]
         simulated = problem.data.scaled_by([with_terms(model, values) for _, values in sized])
-        with np.errstate(over="ignore", invalid="ignore"):  # a size at which the plant runs away is left out below
+        with np.errstate(over="ignore", invalid="ignore"):  # a size at which the plant diverges is left out below
             trials = [
                 Trial.of(one, values, rest, projection.remainder(residual), len(residual))
                 for (one, values), residual in zip(sized, simulated, strict=True)
@@ -351,7 +351,7 @@ class TermSource:
                 self._add(family(strip, dict(strip.settings), self._base.vehicle, self._segments))
 
     def _changes_by(self, atoms: Sequence[Atom]) -> dict[Atom, Array]:
-        """Returns (samples, terms) of each atom: change of the simulated signals, in scales, per coefficient."""
+        """Returns atom -> (samples, terms): the change of the simulated signals, in scales, per unit of coefficient."""
         own = [(one, term, _TINY * term.info.maximum) for one in dict.fromkeys(atoms) for term in one.terms]
         tiny = [with_terms(self._base, {**dict(one.settings), term.name: size}) for one, term, size in own]
         changes: dict[Atom, list[Array]] = {}
@@ -372,7 +372,7 @@ def _best_coefficients(one: Atom, signatures: Array, rest: Array, table: Mapping
 
 
 def _lowest(term: Basis, table: Mapping[str, float]) -> float:
-    """Returns the lowest coefficient: 0 for dry friction, unless it reduces other dry friction."""
+    """Returns the lowest coefficient of a term: 0 for dry friction, unless it reduces other dry friction."""
     one_sign = term.kind == "dry" and not any(
         name.startswith(f"{term.place}_dry") and v > 0 for name, v in table.items()
     )
@@ -419,7 +419,7 @@ def _best_windows(slopes: Array, residual: Array) -> list[tuple[int, int]]:
 
 
 def segments(data: Residual, model: Model) -> list[Segment]:
-    """Returns the blocks of a residual, each with the outputs of `model` at its times; terms may depend on these."""
+    """Returns the blocks of a residual, each with the outputs of `model` at its times, on which terms depend."""
     outputs = data.replay.simulate([model], threads=data.threads)[0]
     runs = {run.name: (run.time, age) for run, age in data.replay.aged}
     found = []

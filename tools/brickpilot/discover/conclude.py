@@ -37,9 +37,9 @@ from brickpilot.vehicle.replay import RUN_KINDS, Replay
 
 _EFFECT_SHOWN = 1.0  # in noise sd, rms over a tenth of a second: a larger effect shows in a signal
 _LAGS = 20  # longest lag of an autocorrelation, in bins
-_BEYOND = 4  # lags that may leave the bound while the page still calls the residual white
+_BEYOND = 4  # most lags outside the bound at which the residual still counts as white
 _LARGEST_LOG = 700.0  # largest logarithm of a double
-_ERROR_SHOWN = 1.5  # the same for an error without an explanation, which includes the noise: noise alone gives 1
+_ERROR_SHOWN = 1.5  # as `_EFFECT_SHOWN`, for an unexplained error; it includes the noise, which alone gives 1
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,11 +47,11 @@ class Conclusion:
     """What the stages found, for `conclude`.
 
     Attributes:
-        steps: how the verdict came about.
+        steps: the stages that set or changed the verdict.
         samples: the evidence of the nominal model and of the best explanation at the measured samples.
-        best: the best explanation as it was settled, claimed or not.
-        written: the model that is written.
-        nominal: the calibrated nominal model, as it was settled.
+        best: the best explanation after its last fit, claimed or not.
+        written: the model that is written to model.toml.
+        nominal: the calibrated nominal model after its last fit.
     """
 
     steps: tuple[finding.Step, ...]
@@ -83,7 +83,7 @@ class Conclusion:
         return {one.explanation.key: one.total for one in self.verdict.ranked}
 
     def removed(self, one: Explanation) -> float:
-        """Returns how far an explanation goes from the nominal model to noise, as a share of the evidence, 0..1."""
+        """Returns where an explanation's evidence lies between the nominal model's, 0, and that of noise alone, 1."""
         nothing = self.totals[self.verdict.nominal.key]
         way, gone = self.judge.top - nothing, self.totals.get(one.key, nothing) - nothing
         return float(np.clip(gone / way, 0.0, 1.0)) if way > 0 else 0.0
@@ -157,7 +157,7 @@ def _whiteness(data: Residual, model: Model) -> dict[str, finding.Whiteness]:
 
 
 def _mechanisms(one: Explanation) -> tuple[str, ...]:
-    """Returns the mechanisms of the parts, each once; that of an effect depends on its fitted values."""
+    """Returns the mechanisms of the parts, each once; the mechanism of an effect depends on its fitted values."""
     tables = one.model.effects
     found = (
         catalogue.mechanism(part.effect, tables[part.effect]) if type(part) is Part else part.mechanism
@@ -169,7 +169,7 @@ def _mechanisms(one: Explanation) -> tuple[str, ...]:
 def _effects(found: Conclusion) -> tuple[finding.Effect, ...]:
     """Returns the effects of the best explanation, the effect with most weight first.
 
-    They are claimed if they are written: for `named` and `ambiguous`, and beside a term. Else they are the best names.
+    They are claimed if the written model has them: for `named` and `ambiguous`, and beside a composed term.
     """
     beside = found.composed is not None and bool(found.written.explanation.effects)
     best = found.written if beside else found.best
@@ -195,7 +195,7 @@ def _effects(found: Conclusion) -> tuple[finding.Effect, ...]:
 
 
 def _shares(found: Conclusion) -> dict[str, float]:
-    """Returns part -> the weight of the held explanations that say it, as a share of all of them, 0..1."""
+    """Returns part -> the weight of the held explanations that say this part, over that of all held ones, 0..1."""
     held = {one.explanation.key: one.weight for one in found.verdict.held}
     table = [one for one in found.verdict.ranked if one.explanation.key in held]
     weights = np.array([held[one.explanation.key] for one in table])
@@ -219,7 +219,7 @@ def _equivalents(found: Conclusion) -> tuple[finding.Equivalent, ...]:
 
 
 def _parameter(model: Model, effect: str, name: str, estimates: Mapping[str, Estimate]) -> Parameter:
-    """Returns a parameter of an effect, with its interval if there is an estimate; an identified form gets its sign."""
+    """Returns a parameter of an effect, with its interval if there is an estimate; `identified` gets its sign."""
     known = estimates.get(f"{effect}.{name}")
     unit = unit_on(model, next(one for one in catalogue.effect(effect).parameters if one.name == name))
     if known is None:
@@ -243,7 +243,7 @@ def _run_values(best: Settled) -> tuple[finding.RunValues, ...]:
 
 
 def _rank(one: Evidence, found: Conclusion) -> finding.Rank:
-    """Returns an explanation that was fitted to the end, with why it was taken or lost."""
+    """Returns the rank of a refined explanation, with a sentence on why it was chosen or not."""
     explanation, verdict, temperature = one.explanation, found.verdict, found.verdict.temperature
     best = next((other for other in verdict.ranked if other.explanation.key == verdict.best.key), verdict.ranked[0])
     names = [free.name for free in explanation.plan.free if any(part.owns(free) for part in explanation.parts)]
@@ -278,7 +278,7 @@ def _places(prepared: Prepared, found: Conclusion) -> tuple[gap.Place, ...]:
 
 
 def composed_file(dataset: Dataset) -> str:
-    """Returns the name of the composed term's C file; before its ending it is a C identifier."""
+    """Returns the name of the composed term's C file; without its extension it is a C identifier."""
     return f"composed_for_{'_'.join(re.findall('[a-z0-9]+', dataset.name.lower())) or 'data'}.c"
 
 
@@ -299,7 +299,7 @@ def _term(dataset: Dataset, found: Conclusion) -> finding.Term | None:
 
 
 def _nominal_changes(plan: Plan, model: Model) -> dict[str, finding.NominalChange]:
-    """Returns what became of each nominal value that was stated and fitted."""
+    """Returns the change of each nominal value that was both stated and fitted."""
     fitted = [free for free in plan.free if free.effect is None and free.known is not None]
     changes = {}
     for free in fitted:
@@ -315,8 +315,8 @@ def _nominal_findings(prepared: Prepared, found: Conclusion) -> tuple[finding.No
     """Returns the identifiable nominal values that the fit had to move beyond what is stated of them.
 
     If claimed effects leave the values as stated, no value is a finding: without the effects, the nominal model moves
-    its values to stand in for them. A value is no finding either if the data tell only a combination that contains it:
-    the combination moved, and which of its values moved is unknown.
+    its values to stand in for them. A value is no finding either if the data determine only a combination that contains
+    it: the combination moved, but it is unknown which of its values moved.
     """
     verdict = found.verdict
     is_rival = verdict.nominal in verdict.rivals  # then either an effect is missing or a value is stated wrongly

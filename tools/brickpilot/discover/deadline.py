@@ -23,12 +23,12 @@ left out: proving the written model, intervals and the report."""
 
 @dataclass(frozen=True)
 class Deadline:
-    """The time that is left. A stage asks it before each part of its work that can be left out.
+    """The time limit of a discovery. A stage asks it before each piece of work that can be left out.
 
     Attributes:
-        budget_s: None: no limit.
+        budget_s: the time limit, s; None: no limit.
         share: the share of the budget after which the stage has to be done.
-        began: the start, s of `time.perf_counter`.
+        began: the start by `time.perf_counter`, s.
         left_out: the work that there was no time for, in order; all stages share this record.
     """
 
@@ -46,7 +46,7 @@ class Deadline:
         return self.budget_s is not None and time.perf_counter() - self.began >= self.share * self.budget_s
 
     def allows(self, work: str) -> bool:
-        """Returns whether there is time for `work`, and notes it as left out where there is none."""
+        """Returns whether there is time for `work`; if not, records `work` as left out."""
         if self.passed:
             self.left_out[work] = None
         return not self.passed
@@ -58,12 +58,12 @@ _COARSE, _FINE = 90, 300
 """Simulations of all fit runs in a unit of work: on the coarse grid for each candidate, and at measured samples."""
 
 _UNITS = ((1.3, 0.2, 0.5), (4.0, 0.4, 1.5), (math.inf, 1.5, 8.0))
-"""Rows: the largest cost of the nominal model over that of noise; the least and most units of work that a discovery
-then takes. A residual that noise explains ends the search; one that stays starts it again in windows and with terms.
-Set on fifteen data sets, seven of them measured; one of them took 16 units."""
+"""Rows: the largest ratio of the nominal model's cost to the cost of noise; the least and most units of work at such a
+ratio. If noise explains the residual, the search ends; else it starts again in windows and with terms. The rows were
+set on fifteen data sets, seven of them measured; one data set took 16 units."""
 
 _YARDSTICK_S = (3.0, 12.0)
-"""Least and most time of the black box that says what is attainable, s of one processor; one of these sets took 22."""
+"""Least and most processor time, s, of the black box that measures what is attainable; one data set took 22 s."""
 
 _MOST_PASSED = 0.95  # largest share of the time that is reported before the end
 
@@ -118,7 +118,7 @@ class Stages:
             self._progress(round(100 * share), 100, text)
 
     def expect(self, estimated: Span) -> None:
-        """Reports the estimated time, as a line of its own that is no stage: 0 of 0."""
+        """Reports the estimated time, as 0 of 0 because it is not a stage."""
         self._expected_s = time.perf_counter() - self._began + estimated.middle
         if self._progress is not None:
             self._progress(0, 0, f"estimate: {estimated}")

@@ -1,13 +1,13 @@
 """Evidence: how well an explanation predicts stretches of time that it was not fitted to. It alone ranks explanations.
 
 1. Each stretch is predicted by a fit without it: one Gauss-Newton step from the fit to all runs, with the stretch's
-   rows deleted (the infinitesimal jackknife; Giordano and others 2019, AISTATS). A step that is long, or changes the
-   stretch by more than its residual, is simulated at its end, and shortened until it fits the others no worse.
-2. The density of its residual is hyperbolic. Signal by signal, the other stretches set the scale, which is never below
-   noise and the error of every simulator. So a signal that no model explains down to the noise has a larger scale.
-3. Values of a residual are not independent, and no law is exact: `temperature` gives the nats that count as one.
+   rows deleted (the infinitesimal jackknife; Giordano and others 2019, AISTATS). If a step is long, or changes the
+   stretch by more than its residual, its end is simulated, and the step is shortened until the others fit no worse.
+2. The residual has a hyperbolic density. For each signal, the other stretches set the scale, which is never below noise
+   and the error of every simulator. So a signal that no model explains down to the noise has a larger scale.
+3. Values of a residual are not independent, and no law is exact: so `temperature` nats count as one.
 4. Weights are those of a Bayesian bootstrap over the stretches, times prior odds (BB-pseudo-BMA of Yao, Vehtari,
-   Simpson & Gelman 2018, Bayesian Analysis 13). A difference that one stretch alone makes is not sure.
+   Simpson & Gelman 2018, Bayesian Analysis 13). A difference that comes from one stretch alone is not sure.
 """
 
 from __future__ import annotations
@@ -29,26 +29,26 @@ from brickpilot.fit.robust import correlation_time, pseudo_huber_loss
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-_Moved = tuple[Indices, Array]  # the values of a stretch; the step of the fit without it, or its residual there
+_Moved = tuple[Indices, Array]  # indices of a stretch's values; the step to the fit without it, or the residual there
 
 _LOG_NORM = float(np.log(2 * numbers.KNEE * k1e(numbers.KNEE**2)))
 _DRAWS = 1000  # draws of the bootstrap
 _ROUNDS, _SETTLED = 20, 1e-3  # search for the most likely scale: most rounds, and the relative change that ends it
 _LEAST_STRETCHES = 10
-_LEAST_RUNS = 4  # least parts that are left out in turn for a predictor: fewer runs are cut
+_LEAST_RUNS = 4  # least number of parts that are left out in turn for a predictor; fewer runs are cut into parts
 _DAMPED = 4.0  # factor by which the damping grows until a step is short enough
-_HALVINGS = 5  # lengths at which a long step is tried, each half of the one before
-_FAR = 3.0  # scales: a larger residual is clipped to this, for its correlation
+_HALVINGS = 5  # number of lengths at which a long step is tried, each half of the previous length
+_FAR = 3.0  # in scales: a residual is clipped to this before its correlation time is computed
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What the fit runs say of one explanation.
+    """What the fit runs say about one explanation.
 
     Attributes:
-        by_stretch: (stretches,) log density of each stretch, predicted without itself.
+        by_stretch: (stretches,) log density of each stretch, predicted by a fit without this stretch.
         left_out: (values,) the residual of that prediction, SI.
-        away: (priors,) how far its values are from what was known of them, in sd.
+        away: (priors,) distance of its fitted values from their priors, in sd.
         away_slopes: (priors, parameters) the derivative of `away`.
         information: (parameters, parameters) second derivative of the cost of the data.
     """
@@ -76,18 +76,18 @@ class Evidence:
         """Returns the log of the weight up to a constant: evidence, prior odds, and the cost of values far from priors.
 
         A prior contains no error of a law, so it is not divided by the temperature. But the error of a law also moves
-        the fitted values. So the values are those of a fit in which the data are divided by the temperature.
+        the fitted values. So the prior is that of a fit in which the data's cost is divided by the temperature.
         """
         return self.total / temperature + self.log_prior(temperature)
 
     def nat(self, temperature: float) -> float:
-        """Returns the cost that counts as one nat: costs have the fit's scales, densities the residual's scales."""
+        """Returns the cost that counts as one nat: costs use the scales of the fit, densities those of the residual."""
         return temperature * max(2 * self.explanation.cost / max(len(self.left_out), 1), 1.0)
 
     def log_prior(self, temperature: float) -> float:
         """Returns the part of `log_weight` that is not evidence."""
         nat = self.nat(temperature)
-        pulled = self.away_slopes.T @ self.away  # at the fit, the data pull as much the other way
+        pulled = self.away_slopes.T @ self.away  # gradient of the priors: minus the gradient of the data at the fit
         step = _solved(self.information / nat + self.away_slopes.T @ self.away_slopes, -pulled * (1 - 1 / nat))
         lost = float(step @ (self.information @ step / 2 - pulled)) / nat
         moved = surprise(self.away + self.away_slopes @ step) + max(lost, 0.0)
@@ -101,7 +101,7 @@ class Judge:
     Attributes:
         stretch: (values,) the stretch of each compared value.
         top: the evidence if the residual were noise alone.
-        shape: the error that a law's wrong shape may leave, as a share of what the law removes; 0: the floors hold it.
+        shape: error that a law's wrong shape may leave, as a share of what the law removes; 0: the floors include it.
     """
 
     data: Residual
@@ -120,7 +120,7 @@ class Judge:
         return cls(data, stretch, count, top, shape)
 
     def leaving_out_runs(self) -> Judge:
-        """Returns the judge that leaves out whole runs in turn; if they are few, pieces of a quarter of all data."""
+        """Returns the judge that leaves out whole runs in turn; with fewer than four runs, a quarter of all data."""
         stretch, count = self.data.stretches(np.inf, _LEAST_RUNS)
         return dataclasses.replace(self, stretch=stretch, count=count)
 
@@ -175,7 +175,7 @@ class Judge:
         count, moved = len(self.data.measured), problem.sensitivity(found.point)
         left_out = self.data.measured - problem.simulated(found.point)
         reach = np.array([one.reach for one in found.plan.free])
-        normal = slopes.T @ slopes + np.diag(1 / np.maximum(reach, 1e-12) ** 2)  # a parameter without data stays
+        normal = slopes.T @ slopes + np.diag(1 / np.maximum(reach, 1e-12) ** 2)  # keeps a parameter without data
         bounds = np.array([one.bounds() for one in found.plan.free]).reshape(-1, 2)
         ends = np.cumsum(np.bincount(self.stretch, minlength=self.count))
         far: list[_Moved] = []
@@ -183,7 +183,7 @@ class Judge:
             own = slopes[:count][here]
             step, is_long = _step(normal - own.T @ own, own.T @ rows[:count][here], reach, bounds.T - found.point)
             change = moved[here] @ step
-            outweighs = change @ change > left_out[here] @ left_out[here]  # its leverage is above 1/2
+            outweighs = change @ change > left_out[here] @ left_out[here]  # the leverage of the stretch is above 1/2
             if is_long or outweighs:
                 far.append((here, step))
             if not outweighs:
@@ -197,9 +197,9 @@ class Judge:
     def _beyond(self, problem: Problem, point: Array, far: Sequence[_Moved]) -> Iterator[_Moved]:
         """Yields each stretch with its residual, simulated at the end of its step.
 
-        A step is halved as long as it fits the other stretches worse: it has left a curved valley that a fit without
-        this stretch would follow. If the shortest step is also worse, nothing is yielded. The caller then keeps the
-        linear model, which stays in the valley; or the fit, if the step changes the stretch by more than its residual.
+        A step is halved as long as its end fits the other stretches worse: it has left a curved valley of the cost that
+        a fit without this stretch would follow. If the shortest step also fits worse, nothing is yielded. The caller
+        then keeps the linear prediction; or the fit's residual, if the step changes the stretch by more than that.
 
         Args:
             far: stretches, each with the step (parameters,) to the fit without it.
@@ -225,7 +225,7 @@ class Judge:
                 break
 
     def correlation(self, evidence: Evidence) -> float:
-        """Returns the residual's correlation time, in values: the mean over signals, weighted by their values."""
+        """Returns the residual's correlation time, in values: the mean over signals, weighted by value counts."""
         total = 0.0
         for signal in self.data.signals:
             parts = self.data.parts(evidence.left_out, signal)
@@ -242,7 +242,7 @@ class Judge:
         """Returns the nats that count as one because no law is exact; at least 1.
 
         A share of the best explanation's gain is the error of its own laws. Another law might remove a share of the
-        squared error above noise that is left, and would gain nats by that. A difference below either decides nothing.
+        remaining squared error above noise, and gain nats by this. A difference below either amount decides nothing.
         """
         own_error, shared = numbers.LAW_ERROR * (best.total - nothing.total), 0.0
         for signal in self.data.signals:
@@ -253,7 +253,7 @@ class Judge:
     def excess(self, evidence: Evidence, least: float = 1.0) -> Array:
         """Returns (signals,): the squared error above noise that is left, in squares of each signal's floor.
 
-        `least`: the least scale, as a share of the floor. Below 1, a signal below its floor is negative.
+        `least`: the least scale, as a share of the floor. Below 1, a signal below its floor gives a negative result.
         """
         squares = {one: self.squares(evidence, one, least) / self.data.floor(one) ** 2 for one in self.data.signals}
         return np.array([self.counts[signal] * (square - 1) for signal, square in squares.items()])
@@ -274,7 +274,7 @@ def _step(matrix: Array, pull: Array, reach: Array, room: Array) -> tuple[Array,
 
     Args:
         matrix: (parameters, parameters) the normal matrix without the stretch.
-        pull: (parameters,) the gradient of the stretch, which balances the others at the fit.
+        pull: (parameters,) the gradient of the stretch, which balances that of the other stretches at the fit.
         reach: (parameters,) how far the linear model holds: a longer step is damped to it (Levenberg 1944).
         room: (2, parameters) the distance to the ends of each parameter's range, down and up.
     """
@@ -282,7 +282,7 @@ def _step(matrix: Array, pull: Array, reach: Array, room: Array) -> tuple[Array,
     while np.any(np.abs(step := _solved(matrix + damping * np.diag(reach**-2.0), pull)) > reach):
         damping, is_long = max(_DAMPED * damping, 1.0), True
     stopped = (step < room[0]) | (step > room[1])
-    if stopped.any():  # a parameter that stops at its bound no longer makes up for the others
+    if stopped.any():  # the others are solved again: a parameter at its bound moves less than its step
         step = np.where(stopped, np.clip(step, *room), 0.0)
         others = ~stopped
         rest = pull[others] - matrix[others][:, stopped] @ step[stopped]
@@ -296,10 +296,10 @@ def _solved(matrix: Array, right: Array) -> Array:
 
 
 def surprise(away: Array) -> float:
-    """Returns the cost, in nats, of values that are `away` (parameters,) sd from what was known of them.
+    """Returns the cost, in nats, of values that are `away` (parameters,) sd from their priors.
 
-    A stated value may be plainly wrong, as often as a machine has a common effect. Then all factors are equally likely:
-    a value n times further away is n times less likely (Jeffreys 1961, sec. 3.1).
+    A stated value may be simply wrong, with the prior odds of a common effect. Then the log of its distance has a flat
+    prior: a value n times further away is n times less likely (Jeffreys 1961, sec. 3.1).
     """
     wrong = -np.log(numbers.COMMON)
     further = np.log(np.maximum(np.abs(away) / np.sqrt(2 * wrong), 1.0))
@@ -320,7 +320,7 @@ def _bootstrap(count: int) -> Array:
 
 
 def held_by(table: Sequence[Evidence], weights: Array) -> dict[str, float]:
-    """Returns part -> the weight of the explanations that say it."""
+    """Returns part -> the weight of the explanations that say this part."""
     parts = {part.name: part for one in table for part in one.explanation.parts}
     weighed = list(zip(table, weights.tolist(), strict=True))
     return {name: sum(weight for one, weight in weighed if one.explanation.says(part)) for name, part in parts.items()}
@@ -342,7 +342,7 @@ def scale_of_rest(residual: Array, floor: float) -> float:
 
 
 def _density(residual: Array, stretch: Indices, count: int, floor: float) -> Array:
-    """Returns (stretches,): the log density of one signal, the scale of each stretch found from the others."""
+    """Returns (stretches,): the log density of one signal; the scale of each stretch comes from the others."""
     weighted = _weighted(residual, scale_of_rest(residual, floor))
     sums, sizes = np.bincount(stretch, weighted, count), np.bincount(stretch, minlength=count)
     others = (sums.sum() - sums) / np.maximum(sizes.sum() - sizes, 1)

@@ -31,9 +31,9 @@ Array = NDArray[np.float64]
 
 _STEP_S = 0.01  # time between the samples of a simulated manoeuvre
 _SEPARATES_NOISE_SD = 0.5  # rms difference of rivals, in noise sd: ten seconds of samples show it clearly
-_SEPARATES_SIGNAL_SHARE = 0.02  # the same, as a share of a signal's rms: an ordinary sensor shows it
-_NO_FLOOR = 1e-3  # share of a floor that stands for none
-_BLACK_BOX_FINDS = 0.5  # rough share of a law's squares that it predicts: measured near the sizes that are named
+_SEPARATES_SIGNAL_SHARE = 0.02  # rms difference of rivals as a share of a signal's rms: an ordinary sensor shows it
+_NO_FLOOR = 1e-3  # least scale as a share of the floor: so small that the floor has no effect
+_BLACK_BOX_FINDS = 0.5  # rough share of a law's squared signature that a black box predicts, measured near named sizes
 _CAN_MEASURE = frozenset(catalogue.outputs()) - {"x", "y", "surge", "sway", "force"}
 
 
@@ -110,12 +110,12 @@ def _separation(outputs: Sequence[Mapping[str, Array]], sizes: Mapping[str, floa
 def smallest_sizes(prepared: Prepared, judge: Judge, nominal: Explanation, best: Explanation) -> dict[str, Visible]:
     """Returns effect -> the least size that would be named beside `best`: what a verdict of `none` rules out.
 
-    An effect is named if it surely predicts better in spite of its prior odds, and if it removes as much as is still
-    left, or a black box finds it in a signal: see `verdict`. The size is extrapolated from the nearest simulated size.
-    Effects that the runs do not excite are left out.
+    An effect is named if, despite its prior odds, it surely improves the prediction; and if it removes as much error as
+    it leaves, or a black box predicts its share of a signal: see `verdict`. The size is extrapolated from the nearest
+    simulated size. Effects that the runs do not excite are left out.
 
     Args:
-        judge: of the coarse residual.
+        judge: the judge of the coarse residual.
         nominal: the calibrated nominal model.
     """
     here = Problem(prepared.coarse, best.plan).keeping(best.point, len(best.point))
@@ -154,7 +154,7 @@ def size_of(part: Part) -> ParameterInfo:
 
 
 def nearest_sizes(tried: Iterable[tuple[Part, float, float]]) -> list[tuple[Part, float]]:
-    """Returns each effect's part and needed size, from the (part, size tried, size needed) with the nearest sizes."""
+    """Returns each effect's part and needed size, from its (part, size tried, size needed) with the closest sizes."""
     found: dict[str, tuple[float, Part, float]] = {}
     for part, size, needed in tried:
         away = abs(math.log(needed / size)) if size > 0 and needed > 0 else math.inf

@@ -27,13 +27,13 @@ _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
 
 ROUGH, FINE = 1e-3, 1e-4
-"""Relative change of cost at which a descent ends: of a proposal, and of an explanation that is judged."""
+"""Relative change of cost at which a descent ends: for a proposal, and for an explanation that is judged."""
 
 _DESCENTS, _LEAST_GAIN_SHARE = 6, 3e-4  # most descents of a fine fit; a descent with less gain is the last
-_AT_BOUND = 1e-3  # share of a parameter: this near to an end of its range (but those of `_WHOLE`), it stands at the end
-_WHOLE = (0, 1)  # ends of ranges that machines do have: nothing, and all of it
-_LIMIT_OVER_READING = 0.9  # least limit over the largest reading: a sensor stays within its limit, but for noise
-_LEAST_BASE_SHARE = 0.1  # least parameter, as a share of what is added to it: dry friction remains after a breakaway
+_AT_BOUND = 1e-3  # share of a parameter: closer to an end of its range (except `_WHOLE`), it counts as at the end
+_WHOLE = (0, 1)  # ends of ranges that a real machine can have: nothing and the whole
+_LIMIT_OVER_READING = 0.9  # least ratio of a limit to the largest reading: only noise exceeds a limit
+_LEAST_BASE_SHARE = 0.1  # least ratio of a parameter to its addition: dry friction remains after a breakaway
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +86,7 @@ class Explanation:
         return tuple(one for one in self.parts if type(one) is Part)
 
     def says(self, part: Part) -> bool:
-        """Returns whether this explanation holds a part, a law that contains it, or the laws that it is made of."""
+        """Returns whether this explanation holds `part`, a law that contains it, or all laws that make up `part`."""
         return part.name in self._said or (bool(part.made_of) and self._said.issuperset(part.made_of))
 
     def contains(self, other: Explanation) -> bool:
@@ -131,7 +131,7 @@ def refine(data: Residual, fits: Sequence[Explanation], jobs: int, deadline: Dea
     repeated until one gains almost nothing.
     """
 
-    threads = jobs if len(fits) == 1 else 1  # a single fit runs its models in parallel, several fits each other
+    threads = jobs if len(fits) == 1 else 1  # a single fit runs its models in parallel; several fits run side by side
 
     def one(found: Explanation) -> Explanation | None:
         for _ in range(_DESCENTS):
@@ -183,7 +183,7 @@ def before(
 
 
 def is_possible(found: Explanation, excitation: Excitation) -> bool:
-    """Returns whether the fitted values are possible for effects of these names.
+    """Returns whether the fitted values are possible for the effects of the explanation.
 
     No fitted parameter stands at an end of its range: there the data ask for another law. A periodic effect has at
     least about one period. A sensor never reads beyond its limit. A parameter that adds to another does not replace it,

@@ -30,7 +30,7 @@ VerdictKind = Literal["none", "named", "ambiguous", "unknown"]
 EvidenceKind = Literal["held_out", "fitted_only"]
 
 NOMINAL_VALUES = "nominal values"
-"""Stands among the equivalent explanations where wrong nominal values explain the data as well as an effect."""
+"""Name of the equivalent explanation in which wrong nominal values explain the data as well as an effect does."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Equivalent:
     Attributes:
         name: an effect, several joined by " + ", or `NOMINAL_VALUES`.
         parameters: parameter -> value; the key is "effect.parameter" if there are several effects.
-        worse_by: nats by which it predicts worse than the best one; 3 is sure.
+        worse_by: nats by which it predicts worse than the best one; 3 nats count as sure.
         nominal, effects: every value of its model, SI, including those that the data set states.
     """
 
@@ -79,8 +79,8 @@ class Effect:
     Attributes:
         mechanism: the kind of cause; see `EffectInfo.mechanism`.
         law: the name of its law, as in "FAMILY, but DIFFERENCE"; see `catalogue.law`.
-        confidence: its share of the weight of the explanations that hold 95 % together, 0..1.
-        removed: how far the explanation goes from the nominal model to noise on the fit runs, as a share, 0..1.
+        confidence: the weight of the held explanations with this effect, over that of all held ones, 0..1.
+        removed: where the explanation's evidence lies between the nominal model's, 0, and that of noise alone, 1.
         claimed: whether the verdict says that it is there. False: it explains the fit runs best, without proof.
         equivalents: the explanations that the data cannot tell from it.
     """
@@ -103,7 +103,7 @@ class Evidence:
     Attributes:
         kind: "held_out": the held-out runs confirm the model. "fitted_only": only fit runs show what it adds.
         removed_fit, removed_held_out: the share of the cost above that of noise that the model removes, at most 1;
-            below 0 it is worse. None: no such runs, or no cost above noise.
+            negative: it is worse. None: no such runs, or no cost above noise.
         draws: the share of bootstrap draws of stretches in which the held-out runs are predicted better, 0..1; None: no
             such runs.
         contradicted: whether the held-out runs excite what the model adds, and speak against it.
@@ -135,7 +135,7 @@ class Share:
 
 @dataclass(frozen=True)
 class Step:
-    """A stage that set the verdict, or turned it.
+    """A stage that set or changed the verdict.
 
     Attributes:
         stage: "weigh", "adequacy", "runs", "samples" or "seal": see `pipeline`.
@@ -150,7 +150,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Predictor:
-    """The best predictor, where it was asked for. It is no explanation.
+    """The best predictor, if the user asked for it. It is no explanation.
 
     Attributes:
         model: what `--predictor` writes.
@@ -170,7 +170,7 @@ class RunValues:
     Attributes:
         kind: its key in verdict.json.
         words: what differs, as the subject of a sentence.
-        unit: SI; 1 is a share.
+        unit: the SI unit; "1": the values are shares.
         runs: fit run -> value and its 95 % interval. A held-out run has 0, as its own value is not known.
     """
 
@@ -185,7 +185,7 @@ class RunValues:
         return {"kind": self.kind, "unit": self.unit, "runs": runs, "sentence": self.sentence()}
 
     def sentence(self) -> str:
-        """Returns what this means, for a reader."""
+        """Returns a sentence for a reader on the range of the values."""
         size, suffix = (100.0, " %") if self.unit == "1" else (1.0, f" {self.unit}")
         least = min(self.runs, key=lambda name: self.runs[name][0])
         most = max(self.runs, key=lambda name: self.runs[name][0])
@@ -198,7 +198,7 @@ class RunValues:
 
 @dataclass(frozen=True)
 class Budget:
-    """The time that the user gave.
+    """The time limit that the user gave.
 
     Attributes:
         estimated_s: what a discovery without a limit takes on this machine, as estimated before the search.
@@ -219,10 +219,10 @@ class Rank:
     Attributes:
         names: its effects.
         parameters: "effect.parameter" -> value, SI.
-        prediction_error: its error over noise on left-out stretches, from their density. It is no gap: a gap is an rms
-            over whole runs.
-        removed: how far it goes from the nominal model to noise, as a share, 0..1.
-        why: a sentence on why it was taken or lost.
+        prediction_error: ratio of its error to noise on left-out stretches, from their density. This is no gap, which
+            is an rms over whole runs.
+        removed: where its evidence lies between the nominal model's, 0, and that of noise alone, 1.
+        why: a sentence on why it was chosen or not.
     """
 
     names: tuple[str, ...]
@@ -238,7 +238,7 @@ class Whiteness:
 
     Attributes:
         correlation: autocorrelation at lags 1, 2, ... of `lag_s` seconds each.
-        bound: white noise stays within it 95 % of the time.
+        bound: at each lag, white noise stays within plus and minus this bound with 95 % probability.
     """
 
     lag_s: float
@@ -256,7 +256,7 @@ class Experiment:
         separates: the rivals.
         separation: rms difference between the rivals in `signal`, in noise sd.
         signal: the signal in which the rivals differ most, or a further signal to measure.
-        manoeuvre: None where no manoeuvre helps; `advice` says what does.
+        manoeuvre: None: no manoeuvre helps, and `advice` says what to do instead.
     """
 
     advice: str
@@ -288,7 +288,7 @@ class NominalChange:
 
 @dataclass(frozen=True)
 class NominalFinding:
-    """A nominal value that left what was stated of it, whatever else the verdict says.
+    """A nominal value that is further from its stated value than chance explains, whatever the verdict is.
 
     Attributes:
         stated, fitted: SI.
@@ -312,7 +312,7 @@ class Term:
         acts_on: where it acts.
         equation: as plain text, with the meaning of its symbols.
         source: the name of its C file.
-        law, settings: its parts with their coefficients, and the parameters that shape them, SI.
+        law, settings: its basis terms with coefficients, and the parameters that shape these terms, SI.
         removed_held_out: the share of the gap on held-out runs that it removes; None if no run is held out.
     """
 
@@ -330,11 +330,11 @@ class Finding(Result):
 
     Attributes:
         effects: the named effects; for `ambiguous` the best explanation, with its rivals in `equivalents`; for
-            `unknown` the best names, which are not claimed, or the effects beside a term, which are claimed.
-        mechanism: the kind of cause that explains most; None if nothing is missing or nothing points at one.
+            `unknown` the best candidates, which are not claimed, or the effects beside a term, which are claimed.
+        mechanism: the kind of cause that explains most; None if nothing is missing or the data point at no mechanism.
         law_differs: whether the claimed effects leave more than noise in some signal: their laws are not quite right,
             or something smaller is missing too. None: no effect is claimed, or a term stands beside the claimed ones.
-        evidence: None if no effect and no term was added.
+        evidence: what proves the augmented model; None: no effect and no term was added.
         gap: "fit", "held_out" -> gap. `by_signal` is over all runs.
         nominal_model: the calibrated nominal model.
         augmented: the model that is written to model.toml.
@@ -344,8 +344,8 @@ class Finding(Result):
         notes: sentences on what was assumed, left out or not identifiable.
         held_out_stretches: fit run -> first and last time of the samples that were held out of it, s on its clock.
         yardstick: fit in percent before, after and attainable.
-        explanations: those that hold 95 % of the weight, the heaviest first.
-        steps: how the verdict came about; the last step gives `verdict`.
+        explanations: the explanations that hold 95 % of the weight together, the heaviest first.
+        steps: the stages that set or changed the verdict; the last step gives `verdict`.
         predictable_left: signal -> the share of the best explanation's residual that a black box predicts.
         predictor: the best predictor; None: it was not asked for.
         closed_loop: a feedback loop around the data; None: the commands follow no output.

@@ -1,6 +1,6 @@
 """The parts that an explanation is made of: effects of the library, and values that each run has of its own.
 
-Terms that are composed where no effect has a name are parts too: see `compose`.
+Composed terms are parts, too: see `compose`.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from brickpilot.vehicle.plant import OpenLoopRun, State
 from brickpilot.vehicle.replay import RUN_KINDS
 
 _COMMAND = "voltage"  # the limited signal that is a command, not a reading
-_UNSCALED = frozenset({"order", "phase", "phase_difference", "frequency", "wavelength"})  # without a usual size
+_UNSCALED = frozenset({"order", "phase", "phase_difference", "frequency", "wavelength"})  # they have no usual size
 _ODDS = {"common": numbers.COMMON, "usual": numbers.USUAL, "rare": numbers.RARE}
 
 
@@ -49,7 +49,7 @@ class Part:
 
     @property
     def infos(self) -> dict[str, ParameterInfo]:
-        """Name -> row of the table, of all parameters of its effect."""
+        """Parameter -> its row of the table, for all parameters of the effect."""
         return {one.name: one for one in catalogue.effect(self.effect).parameters}
 
     def range_of(self, name: str) -> tuple[float, float]:
@@ -67,7 +67,7 @@ class Part:
 
     @property
     def contains(self) -> tuple[str, ...]:
-        """The names of the parts whose law this one contains."""
+        """The names of the parts whose laws this part's law contains."""
         return catalogue.effect(self.effect).contains
 
     @property
@@ -103,7 +103,7 @@ class Part:
 
 @dataclass(frozen=True)
 class RunPart(Part):
-    """A value of one kind that each fit run has of its own; `effect` is its kind and `free` the runs."""
+    """Values of one kind, a value for each fit run; `effect` is the kind and `free` lists the runs."""
 
     @property
     def infos(self) -> dict[str, ParameterInfo]:
@@ -114,7 +114,7 @@ class RunPart(Part):
 
     @property
     def log_odds(self) -> float:
-        """The log of the prior odds: each run's value is a statement of its own."""
+        """The log of the prior odds: `numbers.RARE` for each run's value."""
         return math.log(numbers.RARE) * len(self.free)
 
     @property
@@ -154,7 +154,7 @@ def library_parts(base: Model, measured: Collection[str] | None = None) -> list[
 
     Args:
         measured: the signals that are compared. An effect on sensors that gave none of these signals is left out. Of
-            several effects that change them alike, the part is the one that changes most signals. None: all are parts.
+            effects that change these alike, only the one that changes most signals is a part. None: all are parts.
     """
     found, read = [], set[frozenset[tuple[str, bytes]]]()
     has_current_loop = any(base.parameters.get(name, 0.0) != 0.0 for name in ("force_per_volt", "torque_per_volt"))
@@ -175,12 +175,12 @@ def library_parts(base: Model, measured: Collection[str] | None = None) -> list[
 
 
 def run_parts(runs: Sequence[str]) -> list[RunPart]:
-    """Returns the values of runs as parts, for three fit runs or more: with fewer, a run's value is the model's."""
+    """Returns a part for each kind of run value if there are three fit runs or more; else none."""
     return [RunPart(kind, tuple(runs), {}) for kind in RUN_KINDS] if len(runs) > 2 else []
 
 
 def _adds_something(one: ParameterInfo, base: Model) -> bool:
-    """Returns whether a parameter adds something to `base`, which has its sides and no parameter that does the same."""
+    """Returns whether `base` has the two sides that a parameter may need, and no parameter that does the same."""
     sided = base.vehicle != "motor" or not one.odd
     return sided and not (one.same_as and base.parameters.get(one.same_as, 0.0) != 0)
 
@@ -224,7 +224,7 @@ def is_signed(one: ParameterInfo) -> bool:
 def least_of(info: ParameterInfo) -> float:
     """Returns the least size that is named, SI: one step of the simulation for a delay or a lag; 0 for all others.
 
-    No model here has faster dynamics, such as a tyre's compliance, and a very short delay would stand in for them.
+    No model here has faster dynamics, such as a tyre's compliance: a very short delay would stand in for these.
     """
     return MOTOR_STEP_S if info.unit == "s" and info.role == "size" and info.minimum == 0 else 0.0
 
@@ -240,7 +240,7 @@ def limit_of(part: Part) -> ParameterInfo | None:
 
 
 def scanned_parameter(part: Part) -> ParameterInfo | None:
-    """Returns the parameter whose sizes are tried one by one, because the effect comes and goes with it; or None."""
+    """Returns the parameter whose sizes are tried one by one, as the effect appears only at some sizes; or None."""
     return next((one for one in part.infos.values() if one.scan), None)
 
 
@@ -268,7 +268,7 @@ def scale_of(unit: str, model: Model) -> float:
 
 
 def _sizes(model: Model) -> dict[str, float]:
-    """Returns unit -> a large value of it for a vehicle: at stall, or at its no-load speed."""
+    """Returns unit -> a large value in this unit for a vehicle: at stall, or at no-load speed."""
     known, robot = {**catalogue.presets(model.vehicle), **model.parameters}, rcx().parameters
     volts = known["battery_voltage"] or robot["battery_voltage"]
     direct = known["force_per_volt"] or known["torque_per_volt"]
@@ -294,7 +294,7 @@ def _sizes(model: Model) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class Excitation:
-    """How far a vehicle was driven, and what of it was measured.
+    """What the runs excite: commands, readings and periodic motion.
 
     Attributes:
         largest: the largest command, under "voltage", and the largest reading of each signal.

@@ -14,15 +14,15 @@ Each stage is a function in a module beside this one. It returns a frozen record
     compose          -> Composed      still `unknown`: a law of few terms without a name             (compose.py)
     confirmed        -> Verdict       whether the measured samples confirm a name                    (verdict.py)
     settle           -> Settled       the last fit, with intervals, as read back from its file       (settle.py)
-    best_predictor   -> Settled       where it is asked for: what predicts best, claimed or not      (settle.py)
-    prove            -> Proof         the seal is opened, once: held-out runs may take a name back   (seal.py)
+    best_predictor   -> Settled       on request: the model that predicts best, claimed or not       (settle.py)
+    prove            -> Proof         the seal is opened, once: held-out runs may withdraw the name  (seal.py)
     plan_experiment  -> Experiment    the manoeuvre that separates the rivals                        (experiment.py)
     measure          -> Yardstick     fit in percent before, after and attainable                    (yardstick.py)
     conclude         -> Finding       effects with intervals, gaps, places, ranking                  (conclude.py)
 
-After `weigh`, the verdict changes in three places: in `adequate`, by what is left, or because time ran out; in
-`confirmed`, if only runs differ or the measured samples do not show what was named; and in `_prove`, if held-out runs
-do not confirm it (`ambiguous` with the nominal model) or contradict it (`unknown`). `Finding.steps` says which of them.
+Four functions may change the verdict of `weigh`: `adequate`, if too much error is left; `explain`, if time ran out;
+`confirmed`, if only runs differ or the measured samples do not show what was named; `_prove`, if held-out runs do not
+confirm the name (`ambiguous` with the nominal model) or contradict it (`unknown`). `Finding.steps` lists these changes.
 Every number that decides a verdict stands in numbers.py, with its reason.
 """
 
@@ -150,8 +150,8 @@ def explain(prepared: Prepared, nominal: Explanation, tell: Stages, most: int = 
 def explain_in_loop(prepared: Prepared, nominal: Explanation, tell: Stages, most: int = MOST_PARTS) -> Explained:
     """Explains free runs; if a feedback loop biases them, explains the data again by innovations.
 
-    Only the residual of the likeliest explanation shows the noise: that of others also contains the law that they lack.
-    The likeliest is the one with the best score: which of many fits is best depends on where each descent ends.
+    The noise is taken from the residual of the likeliest explanation: other residuals contain a missing law, too. The
+    likeliest has the best score, not the lowest cost, which depends on where each descent ends.
     """
     free_runs = explain(prepared, nominal, tell, most)
     if prepared.loop is None or prepared.innovations:
@@ -185,7 +185,7 @@ def _explain_in_windows(whole: Explained, tell: Stages) -> Explained:
 def _prove(
     explained: Explained, composed: Composed | None, sealed: Sealed, tell: Stages, *, predictor: bool
 ) -> Conclusion:
-    """Settles the model of the verdict, opens the seal, and returns what is concluded."""
+    """Settles the model of the verdict, opens the seal, and returns the conclusion."""
     tell("computing intervals and the next experiment")
     prepared = explained.prepared
     samples: Found = at_samples(prepared, explained.verdict.nominal, explained.verdict.best)

@@ -59,7 +59,7 @@ SD_SHARE = {
     "rolling_friction": numbers.GUESS,
     "drag_area": numbers.GUESS,
 }
-"""Nominal parameter -> default sd as a share. An absent one is a constant, or says that the drive commands a force."""
+"""Nominal parameter -> default sd as a share. A parameter not listed is a constant, or a drive's force per volt."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,8 +67,8 @@ class Prepared:
     """A data set ready for fits. All stages up to the verdict work on it.
 
     Attributes:
-        dataset: the fit runs with an sd on every nominal value and with averaged start states; of held-out data the
-            inputs alone.
+        dataset: the fit runs with an sd on every nominal value and with averaged start states; held-out data keep only
+            inputs.
         measured: the fit runs as they were measured; `dataset` has a motor's velocity in place of its position.
         compared: the runs that are simulated and compared: those of `dataset`, or windows of them.
         windows: the fit runs of a vehicle cut into short windows; None where no wheel was measured.
@@ -79,7 +79,7 @@ class Prepared:
         excitation: what the runs excite.
         seed: seed of random starts.
         jobs: number of fits at the same time.
-        deadline: of the whole discovery.
+        deadline: the deadline of the whole discovery.
         loop: a feedback loop around the data; None: the commands follow no output, or the loop was not looked for.
         innovations: whether the residuals are innovations of a noise model, because the loop biases free runs.
     """
@@ -129,7 +129,7 @@ def prepare(
     windows = _windows(whole, roles, inputs, _MOTOR_WINDOW_S if is_motor else _WINDOW_S)
     windowed = is_motor and windows is not None
     excitation = _excitation(_blind(stated, roles), ready, inputs, windowed=windowed)
-    plain = whole  # as `compare` and `calibrate` take it
+    plain = whole  # the data as `compare` and `calibrate` use them
     if model is not None:
         plain = started(measured, {run.name: motor_inputs(run, measured) for run in measured.runs})
     sealed = Sealed(measured, whole, Comparable(measured, plain, roles))
@@ -266,7 +266,7 @@ def disturbances(prepared: Prepared, model: Model) -> dict[str, periods.Period]:
 
 
 def _memory(left: Sequence[Array]) -> float:
-    """Returns the share of a signal's residual, by run, that its own past predicts, 0..1; 1 if the residual is 0."""
+    """Returns the share of a signal's squared residual that its own past predicts, 0..1; 1 if the residual is 0."""
     parts, model = [one - one.mean() for one in left], noise_model(left, _HIGHEST_ORDER)
     new = sum(float(np.sum((whitening(model, len(one)) @ one) ** 2)) for one in parts)
     return 1 - new / max(sum(float(one @ one) for one in parts), 1e-300)
@@ -282,7 +282,7 @@ def _innovations(data: Residual, models: Mapping[str, Array]) -> Residual:
 
 
 def with_default_sds(dataset: Dataset) -> Dataset:
-    """Returns the data set with an sd on every nominal value that was stated without: nobody knows a value exactly.
+    """Returns the data set with an sd on every nominal value that was stated without an sd: no value is known exactly.
 
     A wrong nominal value is not an effect. All nominal values are fitted, each within what is usual for its kind.
     """
@@ -313,7 +313,7 @@ def _inputs_of(run: Run) -> Run:
 
 
 def _windows(whole: Dataset, roles: holdout.Roles, inputs: Mapping[str, Array], length_s: float) -> Dataset | None:
-    """Returns the fit runs cut into windows, without those that reach into a held-out stretch."""
+    """Returns the fit runs cut into windows; a window that reaches into a held-out stretch keeps only its inputs."""
     runs = tuple(run if roles.by_run.get(run.name) == "fit" else _inputs_of(run) for run in whole.runs)
     cut = cut_into_windows(dataclasses.replace(whole, runs=runs), inputs, length_s)
     if cut is None:

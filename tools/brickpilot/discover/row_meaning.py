@@ -1,13 +1,13 @@
-"""Finds what a row of a log means, where the data set does not say: what inputs do between two rows, and whether an
-accelerometer gives the instant or the mean over a sample. An answer of which the runs are sure is used, and noted.
+"""Finds what a row of a log means, if the data set does not say: what inputs do between two rows, and whether an
+accelerometer gives the value at an instant or the mean over a sample. A sure answer is used, with a note.
 
-Between two rows, inputs are held or linear. The nominal model is fitted with either, and also with a delay or a
+Between two rows, inputs are held or linear. The nominal model is fitted with both, and also with a delay or a
 first-order lag of the inputs: held inputs resemble linear ones that are late by half a row, and a lag turns each step
 into a slope. The test of Vuong (1989, Econometrica 57) says which of two models is nearer to the truth, and how sure
 that is: it compares the mean difference of their losses over stretches of time with its scatter.
 
-The instant and the mean of an acceleration are half a sample apart. A fit would make up for that by a slower or faster
-motor. The same test decides.
+An instantaneous acceleration and a mean are half a sample apart. A fit would make up for this delay by a slower or
+faster motor. The same test decides between them.
 """
 
 from __future__ import annotations
@@ -41,14 +41,14 @@ TIMINGS: tuple[Timing, ...] = ("held", "linear")
 
 _FOLLOWABLE_ROW_S = 0.008  # s: if rows are shorter, bins hide what inputs do between them
 _TOLERANCE = 1e-5  # relative change of cost at which a fit ends
-_ROWS: dict[Kind, tuple[float, ...]] = {"lag": (0.5, 1.0, 2.0, 4.0), "delay": (0.5, 1.0, 2.0)}  # tried first
-_LEAST, _MOST = 0.5, {"lag": 2.0, "delay": 1.5}  # bounds of the search that follows, as multiples of the best of these
+_ROWS: dict[Kind, tuple[float, ...]] = {"lag": (0.5, 1.0, 2.0, 4.0), "delay": (0.5, 1.0, 2.0)}  # rows, tried first
+_LEAST, _MOST = 0.5, {"lag": 2.0, "delay": 1.5}  # bounds of the next search, as multiples of the best of `_ROWS`
 _TRIALS = 6  # most trials of that search
 _SURELY = 0.999  # the largest certainty that a note states
 
 
 def with_known_timing(dataset: Dataset, model: Model | None, *, seed: int, jobs: int) -> Dataset:
-    """Returns `dataset` with a known input timing: as it states it, or else as its fit runs tell it, with a note.
+    """Returns `dataset` with a known input timing: the stated one, or else one found from its fit runs, with a note.
 
     Raises:
         InputError: as `prepare` does.
@@ -97,7 +97,7 @@ def _found(prepared: Prepared, logged: Dataset, row_s: float) -> tuple[Timing, s
 
 @dataclass(frozen=True)
 class _Tried:
-    """What inputs of one kind explain.
+    """How well inputs of one kind explain the runs.
 
     Attributes:
         plain: (stretches,) the losses without delay or lag.
@@ -153,13 +153,13 @@ def _with_inputs(prepared: Prepared, logged: Dataset, timing: Timing, behind: Be
 
 
 def with_known_sampling(dataset: Dataset, prepared: Prepared, nominal: Explanation) -> Dataset | None:
-    """Returns a data set that says that its accelerometers give the instant; None: they do not, or this is not sure.
+    """Returns a data set that states instantaneous accelerometer readings; None: this is wrong or not sure.
 
     Args:
         prepared: made of `dataset`.
         nominal: the calibrated nominal model.
 
-    A data set may state what a sample is. Else the mean is taken, unless the fit runs are sure of the instant.
+    A data set may state what a sample is. Else it counts as a mean, unless the fit runs surely show an instant.
     """
     measured = {name for run in dataset.runs for name in run.outputs if name.startswith("accel_")}
     names = sorted(name for name in measured if name not in dataset.signals or dataset.signals[name].sampling is None)
@@ -183,9 +183,9 @@ def _sampled(dataset: Dataset, names: Sequence[str], kind: input_timing.Sampling
 
 
 def _sampled_losses(prepared: Prepared, nominal: Explanation, compared: Dataset) -> Array:
-    """Returns (stretches,) half the squared residuals after one step of least squares, at samples: bins hide half one.
+    """Returns (stretches,): half the squared residuals at the samples, after one step of least squares.
 
-    By the step, the parameters adapt to either kind of sample.
+    The step adapts the parameters to the kind of sample. Means over bins would hide half a sample.
     """
     runs = list(dict.fromkeys(block.run for block in prepared.fine.blocks))
     data = of_samples(Replay(compared), nominal.plan.model, runs, threads=prepared.jobs)

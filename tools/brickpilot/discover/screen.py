@@ -38,9 +38,9 @@ Array = NDArray[np.float64]
 
 Values = Mapping[str, float]
 
-_INVISIBLE = 1e-3  # scales: a signature that is smaller everywhere shows nothing
+_INVISIBLE = 1e-3  # in scales: a signature that is smaller at all values counts as invisible
 
-# Sizes are shares of the preset, scaled to the vehicle.
+# The sizes below are shares of the preset, scaled to the vehicle.
 _SMALL = 0.1  # for effects that are smooth in their size
 _SIZES = (0.03, 0.2, 1.0, 3.0)  # for effects that are not smooth
 _LIMIT_SHARES = (0.95, 0.85, 0.7, 0.5)  # shares of the largest command or reading at which a limit may be
@@ -48,9 +48,9 @@ _LONGEST_STEP = 20.0  # largest amplitude, in sizes of the probe, to which a sig
 _LEAST_STEP, _LARGEST_STEP = 0.1, 2.0  # range of the amplitude if its sign is fixed
 
 _USUAL_ORDERS = (1.0, 2.0, 4.0, 6.0, 8.0, 12.0)  # periods per turn, tried beside those that the wheels show
-_PHASES = ((0.0, 0.0), (np.pi / 2, 0.0), (0.0, np.pi), (np.pi / 2, np.pi))  # (phase, phase_difference): span all others
+_PHASES = ((0.0, 0.0), (np.pi / 2, 0.0), (0.0, np.pi), (np.pi / 2, np.pi))  # (phase, phase_difference): span all phases
 _WHEELS = np.array([[1, 1j, 1j, -1], [1, 1j, -1j, 1]])  # phasors of the left and the right wheel at these phases
-_LARGE = (1.0, 3.0)  # sizes at which a periodic effect holds the wheels or throws them over: not linear
+_LARGE = (1.0, 3.0)  # sizes at which a periodic effect is not linear: it stops the wheels or throws them over its peak
 _PHASES_A_WHEEL = 6
 _GRID_OF_PHASES = tuple(
     (math.remainder((left + right) * np.pi / _PHASES_A_WHEEL, math.tau), (left - right) * math.tau / _PHASES_A_WHEEL)
@@ -65,7 +65,7 @@ class Trial:
 
     Attributes:
         values: where a fit of it starts.
-        left: half the squared residual that the model can reach with the part, priors included.
+        left: half the least squared residual of the model with the part, priors included.
         gain: the decrease of half the squared residual of the data.
         prior_gain: the decrease of half the squares of the priors.
     """
@@ -78,7 +78,7 @@ class Trial:
 
     @classmethod
     def of(cls, part: Part, values: Mapping[str, float], before: Array, after: Array, count: int) -> Trial:
-        """Returns a trial from the residuals without and with the part, (values + parameters,) with `count` values."""
+        """Returns a trial from the residuals without and with the part, (values + parameters,); `count` values."""
         gains = (before**2 - after**2) / 2
         return cls(part, values, float(np.sum(after**2)) / 2, float(gains[:count].sum()), float(gains[count:].sum()))
 
@@ -97,7 +97,7 @@ def screen(
         problem: has the plan of the model, and its sensitivities kept at `point`.
         point: where the fit of that plan ended.
         excitation: how far the vehicle was driven.
-        deadline: parts that come after it are left out.
+        deadline: parts whose turn comes after it are left out.
     """
     here = _Here.of(problem, point)
 
@@ -112,9 +112,9 @@ def screen(
 
 
 def _of_runs(part: RunPart, tried: Sequence[tuple[Probe, Array]], residual: Array) -> tuple[Probe, Array]:
-    """Returns the probes of one kind of values of runs as one probe: each run at the value that alone explains it best.
+    """Combines the probes of one kind of run values into one probe: each run at the tried value that explains it best.
 
-    A small value of a late start shows nothing, and a fit from a small value would lead nowhere.
+    A small late start has no visible effect, and a fit from a small value would lead nowhere.
     """
     signatures = np.array([one for _, one in tried])
     along = np.maximum(residual @ signatures, 0.0)
@@ -126,10 +126,10 @@ def _of_runs(part: RunPart, tried: Sequence[tuple[Probe, Array]], residual: Arra
 def signature_strengths(
     problem: Problem, point: Array, chosen: Sequence[Part], *, excitation: Excitation
 ) -> list[tuple[Part, Mapping[str, float], Array]]:
-    """Returns parts with one free size, its values, and (signals,) half the squares of their signature, in floors.
+    """Returns each part with one free size, its values, and (signals,) half its squared signature, in floors.
 
-    The arguments are those of `screen`. Parts that come and go with their size are left out: one of their sizes says
-    nothing about another.
+    The arguments are those of `screen`. Parts with a scanned parameter are left out: the signature of one size says
+    nothing about another size.
     """
     few = [one for one in chosen if len(one.free) == 1 and scanned_parameter(one) is None]
     here, data = _Here.of(problem, point), problem.data
@@ -144,10 +144,10 @@ def signature_strengths(
 
 @dataclass(frozen=True)
 class _Here:
-    """The fit of a plan that parts are screened beside.
+    """The fitted model beside which parts are screened.
 
     Attributes:
-        scaled: (values,) its residual, in scales.
+        scaled: (values,) the residual of the model, in scales.
         residual: (rows,) the same, projected.
     """
 
@@ -173,7 +173,7 @@ class _Here:
             changes = np.array([self.scaled - next(simulated) for _ in probe.values])
             if not np.isfinite(changes).all() or np.abs(changes).max() < _INVISIBLE:
                 continue
-            if isinstance(part, RunPart):  # one simulation changes all runs: each shows its own value's effect
+            if isinstance(part, RunPart):  # one simulation changes all runs: each run shows its own value
                 changes = np.array([np.where(self.data.rows_of(run), changes[0], 0.0) for run in part.free])
                 if np.abs(changes).max(axis=1).min() < _INVISIBLE:
                     continue
@@ -190,10 +190,10 @@ class _Here:
 
 @dataclass(frozen=True)
 class Probe:
-    """Simulations of a part whose signatures are combined.
+    """Simulations of one part, whose signatures are combined linearly.
 
     Attributes:
-        values: each is simulated, and its signature is multiplied by an amplitude a_k.
+        values: parameter values of simulation k, whose signature is multiplied by an amplitude a_k.
         free_sign: whether a_k may be negative.
         moved: the parameters that a_k multiplies, one for each of `values`; empty: a_k does not set a parameter.
     """
@@ -208,7 +208,7 @@ def probes_of(part: Part, base: Model, excitation: Excitation) -> list[Probe]:
     """Returns the probes that test a part as an addition to the model `base`.
 
     An effect that is smooth in its size is tried at one size and extrapolated. An effect that is not smooth, such as a
-    deadband, is tried at several.
+    deadband, is tried at several sizes.
     """
     if isinstance(part, RunPart):
         starts = RUN_KINDS[part.effect].tried or (RUN_KINDS[part.effect].sd,)

@@ -1,6 +1,6 @@
 """The seal: held-out runs are opened once, after the last choice, on the model as read back from its file.
 
-They may take a name back, or leave it ambiguous with the nominal model. They choose no value, effect or rival.
+They may withdraw a name, or make it ambiguous with the nominal model. They choose no value, effect or rival.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Opened:
     Attributes:
         measured: as read, without channels that contradict the model.
         whole: `measured` with an sd on every nominal value and with averaged start states.
-        plain: the same runs as `compare` and `calibrate` use them, for the headline numbers.
+        plain: the same runs, prepared as in `compare` and `calibrate`, for the headline numbers.
     """
 
     measured: Dataset
@@ -59,7 +59,7 @@ class Opened:
 
 
 class Sealed:
-    """A data set whose held-out runs nobody has seen. It can be opened once."""
+    """A data set whose held-out runs no stage has used. It can be opened once."""
 
     __slots__ = ("__contents",)
 
@@ -80,7 +80,7 @@ class Sealed:
 
 @dataclass(frozen=True)
 class Proof:
-    """What the opened seal says of a model.
+    """What the held-out runs say about a model.
 
     Attributes:
         opened: the whole data set.
@@ -107,12 +107,12 @@ class Proof:
 def prove(
     prepared: Prepared, sealed: Sealed, nominal: Model, written: Model, by_run: Mapping[str, Mapping[str, float]]
 ) -> Proof:
-    """Opens the seal, and returns what the held-out runs say of the model.
+    """Opens the seal, and returns what the held-out runs say about the model.
 
     Args:
         nominal: the calibrated nominal model.
         written: the model of the last choice, as read back from its file.
-        by_run: the fitted values of single runs, as `Model.by_run`. No file holds them. They also hold for a held-out
+        by_run: the fitted values of single runs, as `Model.by_run`. No file holds them. They also apply to a held-out
             stretch of the same run; the value of a run that is held out as a whole is not known.
     """
     opened = sealed.open()
@@ -158,7 +158,7 @@ def _evidence(prepared: Prepared, opened: Opened, nominal: Model, written: Model
 
 
 def _held_out(prepared: Prepared, opened: Opened) -> Residual | None:
-    """Returns the residual of what is held out, weighed like the fit runs; None if nothing is."""
+    """Returns the residual of the held-out data, weighed like the fit runs; None: nothing is held out."""
     tested = set(prepared.roles.tested())
     if not tested:
         return None

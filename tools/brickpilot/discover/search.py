@@ -42,15 +42,15 @@ from brickpilot.side_by_side import side_by_side
 Array = NDArray[np.float64]
 Tell = Callable[[str], None]
 
-_PROMISED = 0.3  # share of the needed gain: a part that promises less in the screen, which saw few sizes, is not fitted
-_NEAR = 6.0  # in nats that count as one: a fit that is worse than the best by more is not finished
+_PROMISED = 0.3  # share of the needed gain: with less gain in the screen, which tries few sizes, a part is not fitted
+_NEAR = 6.0  # in `Evidence.nat`: a rough fit that costs more than the best by more than this is not refined
 _STARTS = 3  # starts of a periodic part, each from another order
 _BEAM = 2
 MOST_PARTS = 4
-PARTS_IN_WINDOWS = 2  # robots' runs are cut for a periodic effect, which stands alone or beside one other
+PARTS_IN_WINDOWS = 2  # most parts in windows: a periodic effect, alone or with one other part
 _ORDER_OFFSETS = np.linspace(-0.08, 0.08, 161).tolist()  # errors of an order that are tried, as shares of it
-_LOWER = 0.98  # share of the cost: an order that comes below it is worth a descent
-_WORSE = 0.5  # in cost: an explanation that is worse by more than one that it contains has a failed fit
+_LOWER = 0.98  # share of the present cost: an order with a cost below it gets a descent
+_WORSE = 0.5  # in cost: a fit has failed if it costs more, by this, than an explanation that it contains
 
 
 @dataclass(frozen=True)
@@ -58,9 +58,9 @@ class Width:
     """How wide a search is.
 
     Attributes:
-        rough, fine, least: trials of one screen that are fitted; fits of these that are finished, at most and at least.
-        paired: best singles of which all pairs are fitted, half of `fine` to the end.
-        swapped: other laws of the library that are tried in place of one; 0 if the parts are not laws of the library.
+        rough, fine, least: for one screen, most trials that are fitted; most and least fits that are refined.
+        paired: best single parts of which all pairs are fitted; half of `fine` pairs are refined.
+        swapped: most library laws that are tried in place of a law; 0 if the parts are not laws of the library.
     """
 
     rough: int = 12
@@ -74,7 +74,7 @@ class Source(Protocol):
     """Where parts come from: the library and values of runs, or terms without a name.
 
     Attributes:
-        word: the name of a part in messages.
+        word: the word for a part in messages.
         most: the most parts that are added.
     """
 
@@ -83,10 +83,10 @@ class Source(Protocol):
     width: Width
 
     def screened(self, problem: Problem, point: Array, deadline: Deadline) -> list[Trial]:
-        """Returns what is worth a fit beside the model of `problem` at `point`, the best first."""
+        """Returns the trials that are worth a fit beside the model of `problem` at `point`, the best first."""
 
     def nearby(self, problem: Problem, current: Explanation, fits: Sequence[Explanation]) -> list[Trial]:
-        """Returns what is worth a fit because of `fits`, which were made beside `current`."""
+        """Returns further trials that `fits`, which extend `current`, make worth a fit."""
 
 
 class Library:
@@ -159,18 +159,18 @@ class Found:
         return self.judge.temperature(max(self.table.values(), key=lambda one: one.total), self.nothing)
 
     def is_sure(self, one: Explanation) -> bool:
-        """Returns whether the data alone, without stated values and prior odds, surely ask for `one`."""
+        """Returns whether the data alone, without stated values and prior odds, surely support `one`."""
         return self.table[one.key].total - self.nothing.total > self.temperature * numbers.CHANCE_NATS
 
     def keeps_stated(self, one: Explanation) -> bool:
-        """Returns whether an explanation leaves the nominal values as stated, where the nominal model moves one."""
+        """Returns whether an explanation keeps nominal values as stated, while the nominal model moves at least one."""
         count = len(self.nothing.explanation.point)
         aways = [each.away[:count].tolist() for each in (self.nothing, self.table[one.key])]
         moves, still = (any(numbers.leaves_prior(away, count) for away in each) for each in aways)
         return moves and not still
 
     def without_laws(self, one: Evidence) -> Evidence:
-        """Returns the evidence of an explanation's values of runs alone, or that of the nominal model if not fitted."""
+        """Returns the evidence of an explanation's run values alone; if these were not fitted, of the nominal model."""
         laws = {part.name for part in one.explanation.effects} - self.nothing.explanation.key
         return self.table.get(one.explanation.key - laws) or self.table[self.nothing.explanation.key]
 
@@ -188,7 +188,7 @@ class Search:
     """A search, with all that it works on.
 
     Attributes:
-        base: the explanation that each one begins with: the calibrated nominal model.
+        base: the explanation that each explanation extends: the calibrated nominal model.
     """
 
     data: Residual
@@ -228,7 +228,7 @@ class Search:
     def _parents(self, found: Found, count: int) -> list[Evidence]:
         """Returns the explanations to extend: the best so far of `count` parts, and the best fit whatever its odds.
 
-        Three rare parts that explain a machine only together are reached through two that look unlikely.
+        Only through two unlikely parts does the search reach three rare parts that explain a machine together.
         """
         ranked = found.ranked(count)
         fitting = sorted(ranked, key=lambda one: _information(one.explanation))[:1]
@@ -236,11 +236,11 @@ class Search:
         return best[:_BEAM] + fitting
 
     def _as_expected(self) -> Explanation | None:
-        """Returns the base at stated and usual values, if its fit is far from these and may stand in for an effect.
+        """Returns the base at stated and usual values, if its fitted values are far from these; else None.
 
-        A descent from that fit would not come back: a resistance near 0 is a lag, and a robot of a huge yaw inertia
-        does not turn. Values that are not stated are fitted within decades of a usual value, to data that are weighed
-        by the residual of the base.
+        Such fitted values may stand in for an effect, and a descent from them would not come back: a resistance near 0
+        gives a lag, and a robot with a huge yaw inertia does not turn. Values that are not stated are fitted with a
+        prior of a decade about a usual value, to data weighed by the residual of the base.
         """
         plan, fitted = self.base.plan, self.base.point
         stated = np.array([one.known is not None for one in plan.free], dtype=bool)
@@ -259,7 +259,7 @@ class Search:
 
     @staticmethod
     def _gained(found: Found, count: int) -> bool:
-        """Returns whether `count` parts surely predict better than fewer parts do, whatever their odds."""
+        """Returns whether `count` parts surely predict better than fewer parts do, whatever the prior odds."""
         fewer = max(one.total for key, one in found.table.items() if len(key) < count)
         most = max((one.total for key, one in found.table.items() if len(key) == count), default=fewer)
         return most - fewer > found.temperature * numbers.CHANCE_NATS
@@ -275,9 +275,9 @@ class Search:
     def beside(
         self, found: Found, parent: Evidence, forbidden: Collection[str] = (), *, every: bool = False
     ) -> list[Explanation]:
-        """Returns the best fits of an explanation and one more part: parts that may score better than the best so far.
+        """Returns the best fits of `parent` and one more part, if this part may score better than the best so far.
 
-        `every`: tries all parts of the screen, not only the first: the linear screen misleads far from a good fit.
+        `every`: fits all such trials of the screen, not only the first: the linear screen misleads far from a good fit.
         """
         current, temperature, best = parent.explanation, found.temperature, found.ranked()[0]
         here = Problem(self.data, current.plan).keeping(current.point, len(current.point))
@@ -331,12 +331,12 @@ class Search:
         return sorted(self._possible(before(self.deadline, one, starts, self.jobs)), key=_information)
 
     def _pairs(self, singles: Sequence[Explanation]) -> list[Explanation]:
-        """Returns the best pairs of singles, each fitted from both single fits, so two do not pass for a third."""
+        """Returns the best pairs of singles, fitted from both single fits: else a pair may look like a third part."""
         pairs = [self._joined(*pair) for pair in itertools.combinations(singles, 2)]
         return self._refined(self._rough(pairs)[: self.source.width.fine // 2])
 
     def _joined(self, first: Explanation, second: Explanation) -> Explanation:
-        """Returns both explanations' parts, at the mean of the nominal values that each alone led to."""
+        """Returns both explanations' parts, at the mean of the nominal values of both fits."""
         count, part = len(self.base.point), second.parts[-1]
         both = joined(first, part, part.values_in(second.model))
         point = np.array(both.point)
@@ -345,7 +345,7 @@ class Search:
         return Explanation(both.parts, both.plan, point)
 
     def _rivals(self, found: Found) -> None:
-        """Searches on with each part forbidden that would be named, together with the laws that contain the part."""
+        """Searches on, for each part that would be named, with this part and the laws that contain it forbidden."""
         best, ranked = found.ranked()[0].explanation, found.ranked()
         sure = evidence.held_by(ranked, evidence.weigh(ranked, found.temperature))
         for part in best.parts[len(self.base.parts) :]:
@@ -377,7 +377,7 @@ class Search:
         found.add(self._refined([one for one in swapped if one.cost < min(near, known.get(one.key, near))]), self.jobs)
 
     def _in_other_laws(self, best: Explanation) -> list[Explanation]:
-        """Returns `best` with one law replaced by another of its mechanism, or several by the law that they make."""
+        """Returns `best` with one law replaced by another of its mechanism, or several laws by the law made of them."""
         added = {one.name: one for one in best.parts[len(self.base.parts) :]}
         swaps: dict[tuple[str, ...], list[Part]] = {}
         for part in library_parts(best.model, self.data.signals):
@@ -397,9 +397,9 @@ class Search:
         return starts
 
     def _repair(self, found: Found) -> None:
-        """Fits each explanation again that came out worse than one that it contains, from the values of that one.
+        """Fits an explanation again, if it costs more than one that it contains, from the values of the contained one.
 
-        An explanation that still gains nothing stays as it is: the smaller one speaks for it.
+        If it still gains nothing, its old fit stays: the contained one is the simpler answer.
         """
         starts, reached = [], {}
         for key, one in found.table.items():
@@ -412,10 +412,10 @@ class Search:
         found.add(self._refined(again), self.jobs)
 
     def _at_better_order(self, found: Explanation) -> list[Explanation]:
-        """Returns `found`, with a periodic effect, fitted from the best order near its own; nothing if its own is best.
+        """Returns `found`, which has a periodic effect, fitted from the best order nearby; nothing if its own is best.
 
-        Near the right order lie others that differ by one turn over the travel. Each has a local minimum in which a
-        descent stays.
+        Beside the right order, the cost has local minima at orders that differ by one turn over the travel. A descent
+        stays in such a minimum.
         """
         orders = [k for k, one in enumerate(found.plan.free) if one.info.name == "order"]
         axes = np.eye(len(found.point))[orders]
@@ -427,7 +427,7 @@ class Search:
 
 
 def _different(ranked: Sequence[Evidence]) -> list[Evidence]:
-    """Returns those that neither contain a better one nor vary its laws: the same parts would join both."""
+    """Returns those that neither contain a better one nor have variants of its laws: the same parts would join both."""
     families = [frozenset(map(catalogue.family, one.explanation.names)) for one in ranked]
     return [
         one

@@ -42,14 +42,14 @@ _WHOLE = "The values are those of a fit to whole runs."
 
 @dataclass(frozen=True)
 class Settled:
-    """A model that is written.
+    """An explanation after its last fit, and its model as written.
 
     Attributes:
         explanation: the explanation as it was fitted.
         model: as read back from its file, with the basis of each value.
-        estimates: of all fitted parameters, by name.
+        estimates: the estimates of all fitted parameters, by name.
         spread: the joint uncertainty of all fitted parameters; None: nothing was fitted.
-        notes: on how it was fitted, one sentence each.
+        notes: sentences on how it was fitted.
     """
 
     explanation: Explanation
@@ -60,7 +60,7 @@ class Settled:
 
 
 def settle(prepared: Prepared, found: Explanation) -> Settled:
-    """Returns an explanation fitted to the end at the measured samples, or to whole runs if that improves these.
+    """Returns an explanation fitted to the end at the measured samples, or to whole runs if their error is then less.
 
     If a feedback loop biases free runs, whole runs are not fitted.
     """
@@ -76,7 +76,7 @@ def settle(prepared: Prepared, found: Explanation) -> Settled:
 
 
 def at_samples(prepared: Prepared, nominal: Explanation, best: Explanation) -> Found:
-    """Returns the evidence at the measured samples of both explanations, and of `best` without each of its parts.
+    """Returns the evidence of both explanations, and of `best` without each of its parts, at the measured samples.
 
     The search compared them on a coarse grid. A second part may have explained only the error of that grid.
     """
@@ -134,7 +134,7 @@ def follow(whole: Residual, found: Explanation, jobs: int) -> tuple[Residual, Ex
 
 
 def error_changes(prepared: Prepared, before: Model, after: Model) -> dict[str, float]:
-    """Returns signal -> its squared error in free runs of the fit runs, with `after` over that with `before`.
+    """Returns signal -> its squared error with `after` over that with `before`, in free runs of the fit runs.
 
     Raises:
         SimulationError: a model diverges.
@@ -148,7 +148,7 @@ def error_changes(prepared: Prepared, before: Model, after: Model) -> dict[str, 
 
 
 def _is_better(prepared: Prepared, model: Model, than: Model) -> bool:
-    """Returns whether a model simulates the fit runs with less error than another: the mean over signals, in logs."""
+    """Returns whether a model simulates the fit runs with less error than another: by mean log error over signals."""
     return sum(map(math.log, error_changes(prepared, than, model).values())) < 0
 
 

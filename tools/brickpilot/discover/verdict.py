@@ -1,10 +1,10 @@
 """The verdict: what the evidence says of all explanations that were found. See `pipeline` for what may change it later.
 
-The explanations that hold 95 % of the weight are kept. One that contains another says nothing more within the
-tolerance, so the simpler one speaks for both. An effect in 95 % of the weight is sure. One minimal explanation of sure
+The explanations that hold 95 % of the weight are kept. If one of them contains another, it adds nothing beyond the
+tolerance, so the simpler one stands for both. An effect in 95 % of the weight is sure. One minimal explanation of sure
 effects is `named`, several are `ambiguous`, and the empty one is `none`. An explanation that leaves too much is refuted
-(see `adequacy`): it is no answer, and speaks for no other. If all are refuted, the verdict is `unknown`; held-out runs
-may also turn it to `unknown` (see `seal`). An effect is not named if only stated values speak for it: one may be wrong.
+(see `adequacy`): it is no answer, and supports no other. If all are refuted, the verdict is `unknown`; held-out runs
+may also turn it to `unknown` (see `seal`). An effect is not named if only stated values support it: one may be wrong.
 """
 
 from __future__ import annotations
@@ -50,9 +50,9 @@ class Verdict:
         held: the set that holds 95 % of the weight, the heaviest first.
         sure: the names of parts with 95 % of the weight.
         temperature: the nats that count as one.
-        adequacy: what the best explanation leaves; None: not asked, as time ran out.
+        adequacy: the error that the best explanation leaves; None: not computed.
         ranked: the evidence of all that were weighed, the heaviest first.
-        steps: how `kind` came about.
+        steps: the stages that set or changed `kind`.
         refuted: the keys of explanations that leave too much.
     """
 
@@ -84,7 +84,7 @@ def _said(one: Explanation, held: Sequence[Weighed]) -> float:
 
 
 def _least(some: Sequence[Weighed], held: Sequence[Weighed]) -> list[Explanation]:
-    """Returns those of `some` that contain no other of them; first the one that most of the weight of `held` says."""
+    """Returns those of `some` that contain no other of `some`; first the one that has most weight in `held`."""
     least = [one.explanation for one in some if not any(one.explanation.contains(other.explanation) for other in some)]
     return sorted(least, key=lambda one: -_said(one, held))
 
@@ -122,9 +122,9 @@ def adequate(found: Found, left_of: Callable[[Explanation], Adequacy]) -> Verdic
 
 
 def _among(found: Found, refuted: Collection[frozenset[str]]) -> Verdict | None:
-    """Returns the verdict without the refuted explanations and those that they contain; None: they hold 95 %."""
+    """Returns the verdict without the refuted explanations and those that they contain; None: these hold 95 %."""
     temperature = found.temperature
-    fails = {one for one in found.table if any(one <= key for key in refuted)}  # with fewer parts, still more is left
+    fails = {one for one in found.table if any(one <= key for key in refuted)}  # fewer parts leave still more
     needed = _needed(found.ranked(), found, fails)
     ranked, weight = [*needed], evidence.weigh([*needed.values()], temperature)
     weight[[one.explanation.key in fails for one in ranked]] = 0.0
@@ -173,7 +173,7 @@ def confirmed(verdict: Verdict, samples: Found, enough: float) -> Verdict:
             return verdict.turned(Step("samples", "none", _UNSURE), best=verdict.nominal)
         return verdict.turned(Step("samples", "unknown", _UNSURE))
     best = said.best if said.kind == "named" else samples.ranked()[0].explanation
-    if best.key == verdict.best.key:  # several that lack a part each, and score less than all parts, are no answer
+    if best.key == verdict.best.key:  # several that each lack a part and score less than all parts are no answer
         return verdict
     weighed = {one.explanation.key for one in said.ranked}
     ranked = (*said.ranked, *(one for one in verdict.ranked if one.explanation.key not in weighed))
@@ -182,7 +182,7 @@ def confirmed(verdict: Verdict, samples: Found, enough: float) -> Verdict:
 
 
 def best_so_far(found: Found) -> Explanation:
-    """Returns what is reported if the weight asks for no explanation, although something is missing.
+    """Returns the explanation that is reported if the weight supports none, although something is missing.
 
     It is the single part that predicts best, or the nominal model if no part surely predicts better.
     """
@@ -197,12 +197,12 @@ def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozen
     """Returns the explanations that are weighed, each with the evidence that it is weighed by.
 
     An explanation is left out if a simpler one, neither refuted nor left out itself, says as much. If it contains a
-    simpler one, it has to remove at least as much of that one's error as it leaves itself: squared error above noise,
-    and distance of values from what was stated. Error that the wrong shape of the simpler one's laws may leave in a
-    signal does not count: it is a share of what these laws removed beside the values of runs. More than this error has
-    to be removed surely. If it is not, no part is missing, and the simpler one is weighed by the likelier evidence of
-    both. An explanation is also left out if one with fewer parts is no worse in evidence and prior: large sets of parts
-    are many, and together outweigh a name.
+    simpler one, it has to remove at least as much of the simpler one's error as it leaves: squared error above noise,
+    and distance of values from the stated ones. Error that the wrong shape of the simpler one's laws may leave in a
+    signal does not count: it is a share of what these laws removed beside the values of runs. If not surely more than
+    this error is removed, no part is missing, and the simpler one gets the likelier evidence of both. An explanation is
+    also left out if one with fewer parts is no worse in evidence and prior: there are many large sets of parts, and
+    together they outweigh a name.
     """
     temperature = found.temperature
     prior = {one: one.log_prior(temperature) for one in ranked}
@@ -227,5 +227,5 @@ def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozen
         if other not in left_out and other.explanation.key not in refuted:
             stands.append(other)
     needed = [one for one in ranked if one not in left_out]
-    first = {one.explanation.laws: one for one in reversed(needed)}  # the same laws in other words are one explanation
+    first = {one.explanation.laws: one for one in reversed(needed)}  # explanations of the same laws count as one
     return {one: best[one] for one in needed if first[one.explanation.laws] is one}

@@ -1,9 +1,9 @@
-"""The yardstick that a real machine can be held to: fit in percent before, after and attainable.
+"""The yardstick for a model of a real machine: fit in percent before, after and attainable.
 
-A real machine is never simulated to the noise of its sensors, so multiples of noise say little about it. Two other
+A real machine is never simulated to the noise of its sensors, so multiples of noise say little about a model. Two other
 bounds are measured from the data: how much of the nominal model's error the black box of `adequacy` predicts on runs
-that it has not seen, and how far repeats of the same inputs differ. It is measured with the seal open, and decides
-nothing.
+that it has not seen, and how far repeats of the same inputs differ. The yardstick is measured after the seal is opened,
+and decides nothing.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _NOTHING = together([])
 class Fit:
     """How well one signal is simulated at one horizon, in percent of the signal: see `data.agreement`.
 
-    The fit is over all samples of all runs of a role. None: no such run, or the signal is no more than its noise.
+    The fit is over all samples of all runs of a role. None: no such run, or the signal is not larger than its noise.
 
     Attributes:
         before, after: of the calibrated nominal model and of the augmented model.
@@ -116,7 +116,7 @@ class Yardstick:
     Attributes:
         signals: signal -> horizon -> fit.
         predictable: "free_run" -> how much of the nominal model's error is predictable.
-        notes: sentences on what is absent.
+        notes: sentences on what could not be measured.
     """
 
     signals: Mapping[str, Mapping[str, SignalFit]] = field(default_factory=dict)

@@ -22,7 +22,7 @@ from brickpilot.vehicle.replay import Replay
 Array = NDArray[np.float64]
 
 _JUMP = 0.05  # share of the largest command: a smaller change from sample to sample is a ramp
-_LONGEST_HOLE = 3.0  # usual distances of bins: the change over a longer hole, such as a held-out stretch, is left out
+_LONGEST_HOLE = 3.0  # in usual distances of bins: the change over a longer hole, e.g. a held-out stretch, is left out
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Block:
         measured: the compared values, SI.
         middle: s on the run's clock, the time of each value.
         picked: (values, simulated samples): the matrix that takes the simulated signal to these values.
-        count: samples in a value, on average.
+        count: the average number of samples in a value.
     """
 
     run: str
@@ -63,13 +63,13 @@ def stack(blocks: Sequence[Block], starts: Mapping[tuple[str, str], int], length
 
 @dataclass(frozen=True)
 class Bins:
-    """How blocks average: over bins of `width` s from each run's start.
+    """How the values of blocks are averaged: over bins of `width` s from each run's start.
 
     Attributes:
         width: 0: samples are compared as they are.
         grids: run -> time of the simulated samples, s, where they are not the measured ones.
         changes: signals that are compared by their change from bin to bin.
-        as_measured: a motor's position or angle is compared as such, and not its derivative.
+        as_measured: whether a motor's position or angle is compared itself, and not its derivative.
     """
 
     width: float
@@ -130,11 +130,11 @@ def _reach(run: Run, rows: NDArray[np.intp], bins: Bins, *, covers: float, insta
 def _means(
     run: Run, samples: NDArray[np.intp], bins: Bins, *, covers: float, change: bool
 ) -> tuple[csr_array, Array, float]:
-    """Returns the matrix (values, samples) that averages over bins, the time of each value, and the samples in one.
+    """Returns the matrix (values, samples) of means over bins, the time of each value, and the samples per value.
 
     Args:
         covers: time before a sample, s, over which the sample is a mean; its middle decides the bin of the sample.
-        change: a value is the change from bin to bin.
+        change: whether a value is the change from bin to bin.
     """
     time, rows = run.time[samples], np.arange(len(samples))
     if bins.width == 0:
@@ -171,7 +171,7 @@ def _between(left: NDArray[np.intp], of_left: Array, of_right: Array, length: in
 
 
 def _jumps(run: Run) -> NDArray[np.bool_]:
-    """Returns (n,): at which samples a command jumps, and the acceleration with it."""
+    """Returns (n,): whether a command, and so the acceleration, jumps at each sample."""
     found = np.zeros(len(run.time), dtype=np.bool_)
     for values in run.inputs.values():
         driven = np.nan_to_num(values)
@@ -183,7 +183,7 @@ def _instants(time: Array, simulated: Array, jumps: NDArray[np.bool_] | None = N
     """Returns (times, simulated): accelerations at `time`, from those of the plant: means since the sample before.
 
     A mean holds at the middle of its interval. Between two middles the acceleration is taken as linear, which is exact
-    to the second order. A sample at which a command jumps, (simulated,) `jumps`, was taken before it: it gets the mean.
+    to the second order. A sample at which a command jumps, (simulated,) `jumps`, precedes the jump: it gets the mean.
     """
     middles = simulated - np.append(0.0, np.diff(simulated)) / 2
     if jumps is None:
@@ -204,7 +204,7 @@ def _overlap(time: Array, span: float, grid: Array) -> csr_array:
 def _fitted_signals(run: Run, names: Sequence[str], rates: Mapping[str, Array], bins: Bins) -> dict[str, Array]:
     """Returns the measured signals that are compared; a motor's velocity replaces its position, unless `as_measured`.
 
-    A position sums up the velocity's error over the run: it holds the same data, with an error that only grows.
+    A position sums up the velocity's error over the run: it holds the same information, with an error that only grows.
     """
     fitted = {name: run.outputs[name] for name in names if name in run.outputs}
     if bins.as_measured:

@@ -81,7 +81,7 @@ class Calibration(Result):
         units: signal -> how the data set states it.
         frame: the coordinate frame of the data set, in words; empty for a motor.
         notes: sentences on what was assumed, what was left out, and what is not identifiable.
-        stated: what the data set states of the fitted parameters.
+        stated: what the data set states about the fitted parameters.
         spread: the joint uncertainty of the fitted parameters; None where nothing was fitted.
     """
 
@@ -108,7 +108,7 @@ class Calibration(Result):
         return () if self.spread is None else tuple(tuple(row) for row in self.spread.correlation.tolist())
 
     def to_frame(self) -> pandas.DataFrame:
-        """Returns a row for each fitted parameter, in SI: value, ends of its 95 % interval, and what fixes it.
+        """Returns a row for each fitted parameter, in SI: value, ends of its 95 % interval, and what determines it.
 
         `low` and `high` are NaN where the data do not identify the parameter and nothing is stated of it.
         """
@@ -153,13 +153,13 @@ def calibrate(
 ) -> Calibration:
     """Fits the free parameters by simulation from the inputs alone, all fit runs together.
 
-    A plain value of [nominal] stays; {value, sd} is fitted with that prior; an absent one is fitted with a wide prior.
-    The same data set, options and seed give the same result.
+    A plain value of [nominal] stays; {value, sd} is fitted with that prior; an absent parameter is fitted with a wide
+    prior. The same data set, options and seed give the same result.
 
     Args:
         effects: names of effects to switch on, with all their parameters free.
         free: nominal parameters to fit although the data set gives them as plain values.
-        seed: of the random starts.
+        seed: the seed of the random starts.
         progress: called with (done, total, text).
 
     Raises:

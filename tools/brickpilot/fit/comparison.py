@@ -142,7 +142,7 @@ def compare(
         window_s: s; a motor's velocity is also compared in open-loop windows of this length, each restarted from the
             measured state, because the position sums up the velocity's error. 0: no windows; None: 1 s, for runs at
             least three times as long.
-        seed: of the fit's random starts.
+        seed: the seed of the fit's random starts.
 
     Raises:
         InputError: the model is of another vehicle than the data; nothing was measured that it gives; `window_s` is

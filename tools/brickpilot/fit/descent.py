@@ -37,7 +37,7 @@ class Start:
 
 
 def most_starts(added: int) -> int:
-    """Returns the most starts that `search` and `added` calls of `search_sizes` after it follow."""
+    """Returns the largest number of descents in `search` and `added` later calls of `search_sizes`."""
     return 2 + FOLLOWED + 2 * len(VISIBLE) * added
 
 

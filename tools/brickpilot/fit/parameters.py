@@ -22,18 +22,18 @@ from brickpilot.vehicle.model import Model, of_dataset, with_values
 Array = NDArray[np.float64]
 
 WIDE_SD = 3.0
-"""Prior sd of a parameter that is not stated, in its logarithm: a factor of e^3 = 20 each way. For intervals only."""
+"""Prior sd of a parameter that is not stated, in its logarithm: a factor of e^3 = 20 each way. For intervals alone."""
 
 DECADE = 10.0
 """The prior sd of an effect's parameter is this factor either way, about its usual size on the vehicle."""
 
-# With an sd below this share of its value a parameter is fixed: so narrow a prior would outweigh all data.
+# With an sd below this share of its value, a parameter is fixed: such a narrow prior would outweigh all data.
 _EXACT = 1e-6
 
 # A parameter that may be zero also has a logarithmic coordinate; at this share of its natural size it has no effect.
 _FLOOR = 1e-9
 
-# Reach of parameters that make a phase when multiplied by path or time: a small change adds up to whole turns.
+# Reach of parameters that give a phase when multiplied by path or time: a small change adds up to whole turns.
 _TURNING = {"order": 1e-2, "frequency": 1e-2, "wavelength": 1e-2}
 
 
@@ -45,8 +45,8 @@ class Free:
         name: "mass", "effect.parameter", or "kind@run" for a value that one run has of its own.
         known: its value and sd in the data set; None: not stated, and the prior is wide.
         unit: unit of its coordinate, SI, if the caller knows a better one than the stated value or the preset; else 0.
-        keeps_sign: its coordinate is the logarithm of its ratio to `unit`, whose sign it keeps. If the data do not tell
-            the mass of a vehicle, all forces grow with it, and this valley of the cost is straight only in logarithms.
+        keeps_sign: its coordinate is the logarithm of its ratio to `unit`, whose sign it keeps. If the data do not
+            determine a vehicle's mass, forces grow with it; this valley of the cost is straight only in logarithms.
         centred: whether the values of its kind, one for each run, have a mean of about 0.
         natural: SI, a usual size on this vehicle, for a parameter that is not stated. The prior sd is a decade about
             `natural` for its logarithm, or ten times `natural` about 0 for its value. 0: no such prior.
@@ -133,7 +133,7 @@ class Plan:
         model: every fixed value, and the start of every free one.
         notes: sentences on choices that a user should know of.
         held: parameters that data of these signals cannot tell from the free ones. They get no coordinates, as a fit
-            would drift along these; their values are as uncertain as those of the free ones.
+            would drift along such coordinates; their values are as uncertain as those of the free ones.
     """
 
     model: Model
@@ -184,7 +184,7 @@ def plan(dataset: Dataset, *, effects: Sequence[str] = (), free: Sequence[str] =
 
     A plain value of [nominal] is fixed, and so is {value, sd} with an sd below 1e-6 of the value. Any other {value, sd}
     is fitted with that prior. A parameter that is absent and enters this vehicle's equations is fitted with a wide
-    prior, or held where the measured signals do not tell it from others that are absent.
+    prior, or held if the measured signals do not tell it from other absent parameters.
 
     Args:
         effects: effects to switch on, with all their parameters free but switches: see `settings`.

@@ -15,20 +15,20 @@ from brickpilot.fit.residual import Residual
 Array = NDArray[np.float64]
 
 _EFFECT_STEP, _NOMINAL_STEP = 1e-2, 1e-4  # steps of finite differences, in coordinates
-_ANCHOR_SD = 30.0  # in coordinates: a prior so weak that it holds only what the data leave open
+_ANCHOR_SD = 30.0  # in coordinates: sd of a prior so weak that it fixes only what the data leave open
 _COMMON_SD = 0.01  # in coordinates: sd of the mean of the runs' values
 _NOTHING_KEPT: Mapping[int, Array] = MappingProxyType({})
 
 
 def _kind(free: Free) -> str:
-    """Returns the kind of a value that a run has of its own, "kind@": a nominal parameter may have the same name."""
+    """Returns the kind of a run's own value as "kind@": the "@" tells it from a nominal parameter of this name."""
     return "".join(free.name.partition("@")[:2])
 
 
 class Problem:
     """Least squares of a residual in the coordinates of `plan.free`, priors included.
 
-    Where the plant diverges the residual is NaN. Its derivative is 0 where only the neighbouring value diverges.
+    Where the plant diverges, the residual is NaN. Its derivative is 0 if only the model of the step diverges.
 
     Args:
         holds_priors: False while the scale of the residual is not known. Otherwise the error that a prior leaves in the
@@ -45,9 +45,9 @@ class Problem:
     def keeping(self, point: Array, count: int) -> Problem:
         """Returns the problem with sensitivities of the first `count` coordinates kept as they are at `point`.
 
-        Sensitivities of nominal parameters take most time of a descent. If the values are stated, they change little
-        between candidates. That of a parameter without a prior may change much: it is not kept if such parameters are
-        few.
+        Sensitivities to nominal parameters take most time of a descent. Those to stated values change little between
+        candidates. The sensitivity to a parameter without a prior may change much: it is not kept if such parameters
+        are few.
         """
         few = bool(self.plan.held)
         which = [k for k, one in enumerate(self.plan.free[:count]) if one.known or one.effect or not few]
@@ -85,7 +85,7 @@ class Problem:
         return [one if np.isfinite(one) else float("inf") for one in sums]
 
     def simulated(self, point: Array) -> Array:
-        """Returns (values,) what the model at `point` gives."""
+        """Returns (values,): the simulated values of the model at `point`."""
         return np.asarray(self.data.predict([self.plan.at(point)])[0])
 
     def sensitivity(self, point: Array) -> Array:
@@ -166,10 +166,10 @@ class Problem:
         return list(kinds.values())
 
     def _difference_ends(self, point: Array, index: int) -> tuple[Array | None, Array]:
-        """Returns the points between which one coordinate's difference is taken; low None is `point` itself.
+        """Returns the points between which one coordinate's difference is taken; None is `point` itself.
 
         The step of an effect is long, because the moment when a wheel crosses its backlash is known only to a time
-        step. It goes to both sides, because a slope that is slightly wrong does not lead down a narrow valley.
+        step. The difference is central, because a slightly wrong slope does not lead down a narrow valley.
         """
         free = self.plan.free[index]
         length = _EFFECT_STEP * free.reach if free.effect is not None else _NOMINAL_STEP
@@ -184,7 +184,7 @@ class Problem:
 
 
 class Projection:
-    """Removes from a whitened residual what a problem's parameters can take up, linearised at `point`, with priors.
+    """Projects out of a whitened residual what a problem's parameters can explain, linearised at `point`, with priors.
 
     Source: score test, Rao 1948.
     """

@@ -1,6 +1,6 @@
 """The residual: measured less simulated from the inputs alone, over all fit runs together, with its weights.
 
-The residual of signal s at sample k is e = (measured - simulated) / scale_s. Least squares see phi(e) / sqrt(tau_s):
+The residual of signal s at sample k is e = (measured - simulated) / scale_s. Least squares use phi(e) / sqrt(tau_s):
 
 - phi is the pseudo-Huber loss (`robust`), so that a collision or a dropout pulls no harder than a residual at the Huber
   threshold.
@@ -10,7 +10,7 @@ The residual of signal s at sample k is e = (measured - simulated) / scale_s. Le
 
 The same runs are compared in two ways: at the measured samples, and by means over bins of time. No model here has fast
 dynamics such as tyres, compliance and vibration. They would dominate a test over the full band; bins keep what lies
-below about 15 Hz. A residual never changes: a stage that weighs it anew gets a new one.
+below about 15 Hz. A `Residual` never changes: a stage that changes the weights gets a new one.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ MOTOR_STEP_S = 0.003
 LEAST_NOISE_SHARE = 1e-3
 """The least noise of a sample, as a share of the signal's rms: a smoother signal was filtered, and so was its noise."""
 
-_LEAST_KEPT, _KEPT_VALUES = 32, 2_000_000  # least models whose simulated values are kept, and most values of all
+_LEAST_KEPT, _KEPT_VALUES = 32, 2_000_000  # least number of models that are kept, and most values of all
 _CHUNK = 24  # models that are simulated at once: their outputs take memory
 _FIRST_SCALE = 0.2  # share of the signal's rms: the scale of samples before any residual is known
 _LEAST_RMS = 1e-30  # SI: a signal with a smaller rms counts as zero
@@ -78,7 +78,7 @@ class _Memory:
         self._lock = Lock()
 
     def recall(self, keys: Sequence[object]) -> dict[object, Array]:
-        """Returns key -> (values,) of what is still known of `keys`."""
+        """Returns key -> (values,), for those of `keys` whose values are still kept."""
         with self._lock:
             found = {key: self._kept.pop(key) for key in dict.fromkeys(keys) if key in self._kept}
             self._kept |= found  # the latest request goes last
@@ -199,7 +199,7 @@ class Residual:
         return self.by_signal({signal: one.tau for signal, one in self.scales.items()})
 
     def by_signal(self, values: Mapping[str, float]) -> Array:
-        """Returns (values,) from a number for each signal."""
+        """Returns (values,): for each compared value, the number in `values` of its signal."""
         result = np.empty(len(self.measured))
         for block in self.blocks:
             result[block.place] = values[block.signal]
@@ -245,7 +245,7 @@ class Residual:
         return dataclasses.replace(found, scales=sizes)
 
     def with_raised_floors(self, model: Model) -> Residual:
-        """Returns bins whose noise includes the changes from bin to bin under `model`: no effect is a vibration."""
+        """Returns bins whose noise includes the bin-to-bin changes that `model` leaves: no effect models vibration."""
         error, noise = self.error(model), {signal: one.noise for signal, one in self.scales.items()}
         for signal in self.signals:
             changes = [np.diff(part, 2) for part in self.parts(error, signal) if len(part) > 3]
@@ -262,8 +262,8 @@ class Residual:
     def coloured(self, filters: Mapping[tuple[str, str], csr_array]) -> Residual:
         """Returns the innovations: each block passes a filter of its own, (run, signal) -> (values, values).
 
-        Measured and simulated values pass the same filter, so all that works on a residual works on innovations. White
-        noise of a signal passes it too, and its sd grows by the norm of the filter.
+        Measured and simulated values pass the same filter, so every method of a residual also works on innovations.
+        White noise of a signal passes it too, and its sd grows by the norm of the filter.
         """
         whole = csr_array(block_diag([filters[block.run, block.signal] for block in self.blocks], format="csr"))
         measured, picked = np.asarray(whole @ self.measured), csr_array(whole @ self.picked)
@@ -439,8 +439,8 @@ def rms_of(parts: Sequence[Array]) -> float:
 def _compared_by_change(dataset: Dataset) -> frozenset[str]:
     """Returns the signals that are compared by their change from bin to bin.
 
-    These are the signals that sum up, and velocities derived from a position. A wrong force on a heavy load moves its
-    velocity for seconds, and each bin would count the same error again. The change shows the force that is missing.
+    These are the signals that integrate a rate, and velocities derived from a position. A wrong force on a heavy load
+    moves its velocity for seconds, and each bin would count the same error again. The change shows the missing force.
     """
     derived = {name for run in dataset.runs for name in run.outputs if name not in dataset.signals}
     return SUMMED | (derived & set(MOTOR_RATE_OF.values()))

@@ -86,7 +86,7 @@ def noise_model(residuals: Sequence[Array], highest_order: int) -> Array:
     sums over all runs, gives a stable model however short the runs are.
 
     Args:
-        residuals: one signal's, a run each: (n,), even in time, without NaN. Their means are removed.
+        residuals: of one signal, (n,) for each run: evenly sampled, without NaN. Their means are removed.
     """
     forward = [one - one.mean() for one in residuals if len(one) > highest_order]
     backward, samples = list(forward), sum(len(one) for one in forward)

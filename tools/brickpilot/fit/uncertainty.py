@@ -2,8 +2,8 @@
 
 The problem is linearised at the estimate. The covariance is the sandwich of M-estimators (Huber 1967) over stretches of
 time, plus the noise of the sample that each run starts from. Each parameter has a unit of its own, so that one
-threshold serves all: its logarithm where it is far above zero, else its natural size, the change that moves the
-simulated signals by their rms.
+threshold fits all: the parameter's logarithm where it is far above zero, else its natural size, the change that moves
+the simulated signals by their rms.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _STEP = 3e-3  # share of a parameter, either way: dry friction and backlash are 
 _SLOPE_ERROR = 1e-2  # relative error of finite differences of a plant with dry friction
 _LARGEST_LOG = 700.0  # largest logarithm of a double; an interval ends at the parameter's range long before
 _FORMULA_STEP = 1e-4  # step as a share of a parameter in a formula, which is smooth
-_LEAST_REST = 1e-3  # least share of the information on a direction without one stretch: less may be rounding
+_LEAST_REST = 1e-3  # least share of a direction's information that remains without one stretch: less may be rounding
 _STRETCHES = 20  # least stretches of time whose scatter gives the intervals
 
 CORRELATED_S = 1.0
@@ -186,12 +186,12 @@ def _without_errors(slopes: Array, stiffness: Array) -> Array:
 def _scatter(
     data: Residual, scores: Array, slopes: Array, weighted: Array, curvature: NDArray[np.floating]
 ) -> tuple[Array, int]:
-    """Returns how the estimate scatters, as a covariance in the parameters' sizes, and its degrees of freedom.
+    """Returns the covariance of the estimate's scatter, in the parameters' sizes, and its degrees of freedom.
 
     The scatter comes from sums over stretches of time, so the residual may be correlated in time and between signals.
     Each stretch counts as far as the estimate would move without it (the jackknife CV3 of MacKinnon, Nielsen & Webb
-    2023, J. Econometrics 232(2)): if one stretch alone tells a parameter, the fit follows it, and its residual is too
-    small.
+    2023, J. Econometrics 232(2)): if one stretch alone determines a parameter, the fit follows this stretch, and the
+    residual there is too small.
     """
     parameters = scores.shape[1]
     numbers, count = data.stretches(CORRELATED_S, _STRETCHES + 2 * parameters)

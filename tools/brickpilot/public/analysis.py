@@ -20,11 +20,11 @@ from brickpilot.vehicle.model import Model
 
 
 def check(dataset: Data, *, seed: int = 0, jobs: int = 2) -> Check:
-    """Returns within seconds what `dataset` tells, which effects it would show, and what to drive next.
+    """Returns within seconds what `dataset` determines, which effects it would show, and what to drive next.
 
     Args:
         dataset: a data set, or its folder.
-        seed: of the random starts of the nominal fit, where nominal values are not given; 0 or more.
+        seed: the seed of the nominal fit's random starts, which are used if nominal values are not given; 0 or more.
         jobs: simulations at the same time, 1..256.
 
     Raises:
@@ -40,13 +40,13 @@ def calibrate(
     dataset: Data, *, effects: str | Iterable[str] = (), free: str | Iterable[str] = (), seed: int = 0, jobs: int = 2,
     progress: Progress | None = None,
 ) -> Calibration:  # fmt: skip
-    """Fits the free nominal parameters by free runs, and returns them with their 95 % intervals.
+    """Fits the free nominal parameters to free runs, and returns them with their 95 % intervals.
 
     Args:
         dataset: a data set, or its folder.
         effects: effects to switch on, whose parameters are fitted; one name, or several.
         free: parameters to fit although the data set gives them.
-        seed: of the random starts, where nominal values are not given; 0 or more.
+        seed: the seed of the random starts, which are used if nominal values are not given; 0 or more.
         jobs: simulations at the same time, 1..256.
         progress: called with (done, total, text).
 
@@ -87,17 +87,17 @@ def discover(
     Args:
         dataset: a data set, or its folder.
         model: the model, or its file, from which the search starts, with its effects; None: the nominal values.
-        seed: of the random starts, which are used where nominal values are not given; 0 or more.
-        jobs: fits at the same time, 1..256.
-        budget_s: s, above 0, after which the best answer so far is returned; None: no limit.
-        predictor: also find the best predictor, `Finding.predictor`. It is no explanation: its parts are no claim.
+        seed: the seed of the random starts, which are used if nominal values are not given; 0 or more.
+        jobs: number of fits at the same time, 1..256.
+        budget_s: the time, s, above 0, after which the best answer so far is returned; None: no limit.
+        predictor: also find the best predictor, `Finding.predictor`. It is no explanation: its parts are not claimed.
         progress: called with (done, total, text).
 
     Raises:
         InputError: an argument is wrong, the model gives none of the measured signals, or every run is held out.
         SimulationError: the plant diverges with the nominal values.
 
-    A motor with dry friction as large as 0.6 V, of which the nominal values say nothing:
+    A motor with dry friction of 0.6 V, which the nominal values do not contain:
 
     >>> import brickpilot as bp, numpy as np, pandas as pd
     >>> time = np.arange(0.0, 3.0, 0.01)

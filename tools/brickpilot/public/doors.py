@@ -1,4 +1,4 @@
-"""Checks of arguments for every public function: a wrong argument gives one line that names it.
+"""Checks of arguments for every public function: a wrong argument gives an error of one line that names the argument.
 
 Functions that write a folder have the same result, `Made`.
 """
@@ -26,7 +26,7 @@ class Made:
     """A folder that was written.
 
     Attributes:
-        folder: with the page, the figures and the other files of the command of the same name.
+        folder: the folder with the page, the figures and the other files of the command of the same name.
         sentence: the result in words.
         figures: the output of `--json`, SI.
     """
@@ -48,7 +48,7 @@ def dataset_of(given: Data) -> Dataset:
     """Returns a data set, read if its folder is given.
 
     Raises:
-        InputError: it is neither, or the folder is no data set.
+        InputError: `given` is neither, or the folder is no data set.
     """
     if isinstance(given, Dataset):
         return given
@@ -62,7 +62,7 @@ def model_of(given: Model | str | Path | None) -> Model | None:
     """Returns a model, read if its file is given.
 
     Raises:
-        InputError: it is neither, or the file is no model.
+        InputError: `given` is neither, or the file is no model.
     """
     if given is None or isinstance(given, Model):
         return given
@@ -84,7 +84,7 @@ def whole(field: str, given: int, low: int, high: int = 2**63 - 1) -> int:
 
 
 def jobs_of(given: int) -> int:
-    """Returns how many processes or threads work at the same time, 1..256; InputError if it is no such number."""
+    """Returns how many processes or threads work at the same time, 1..256; InputError if `given` is no such number."""
     return whole("jobs", given, 1, 256)
 
 
@@ -94,7 +94,7 @@ def seed_of(given: int) -> int:
 
 
 def names_of(field: str, given: str | Iterable[str]) -> tuple[str, ...]:
-    """Returns names; one text is one name.
+    """Returns the names in `given`; a single text is one name.
 
     Raises:
         InputError: one of the names is no text.
@@ -134,7 +134,7 @@ class FlightRequest:
         return scenario_flight.prepare(self.scenario, **self.choices())
 
     def choices(self) -> dict[str, Any]:
-        """Returns the arguments of `scenario_flight.fly` beside the scenario.
+        """Returns the arguments of `scenario_flight.fly` other than the scenario.
 
         Raises:
             InputError: a file is bad, or the scenario is given twice.
@@ -161,13 +161,13 @@ _FLAGS = {"mapping": "map", "settings": "set"}
 
 
 def command_line(command: str, *arguments: str, **options: Any) -> str:
-    """Returns the command line of `brickpilot`, for pages that say how to make them again.
+    """Returns the command line of `brickpilot`, for pages that show how they were made.
 
     Args:
-        command: its name.
-        arguments: in order.
-        options: by the keywords of the public functions. None, False and () are left out, True is a switch, and a
-            sequence repeats its flag.
+        command: the name of the command.
+        arguments: the positional arguments, in order.
+        options: the options, by the keywords of the public functions. None, False and () are left out, True is a
+            switch, and a sequence repeats its flag.
     """
     words = ["brickpilot", command, *arguments]
     for name, value in options.items():

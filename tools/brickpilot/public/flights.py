@@ -116,13 +116,13 @@ def hil(
     """Flies a scenario with the plant at one end of a link and the controller at the other, and writes its run folder.
 
     Args:
-        scenario: its name or its file.
+        scenario: the name or the file of the scenario.
         link: "serial:pty", "tcp", "can:virtual", ... start a brick on this machine; "serial:PORT" and others connect to
-            one that runs already; see `brickpilot hil --help`. None: `target` names a simulated processor.
-        target: "host", "h8sim", "avr:328p-imu", ...: what the brick end is.
-        lockstep: one step is simulated for each reply; else the simulation follows the clock.
+            a brick that runs already; see `brickpilot hil --help`. None: `target` names a simulated processor.
+        target: the processor of the brick: "host", "h8sim", "avr:328p-imu", ...
+        lockstep: whether one step is simulated for each reply; else the simulation follows the clock.
         profile, sensors, model, compensation, gains: as in `brickpilot run`; the last three are files.
-        seed: of the sensors' noise, 0 or more.
+        seed: the seed of the sensors' noise, 0 or more.
         settings: setting -> raw value that is written before the flight.
         image: an Arduino's ELF file or an RCX's brickpilot.h8sim, made by `firmware` for the robot of `model`.
         trace, record, junit: files to write: signals at the pins (VCD), traffic of the link, checks (JUnit XML).

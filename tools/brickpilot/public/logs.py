@@ -32,10 +32,10 @@ from brickpilot.vehicle import compensation, model
 from brickpilot.vehicle.manoeuvres import Manoeuvre
 from brickpilot.vehicle.model import Model
 
-_DATA = "data"  # the folder of the imported log beside the page
+_DATA = "data"  # name of the folder with the imported log, beside the page
 
 Logs = Dataset | str | Path | Sequence[str | Path]
-"""A data set, a log or the folder of a data set, or several of one robot."""
+"""A data set, a log or the folder of a data set; or several logs or folders of one robot."""
 
 Recording = Dataset | str | Path
 """A data set, its folder, or a log."""
@@ -46,17 +46,18 @@ def import_log(
     nominal: Mapping[str, float] | None = None, name: str | None = None, progress: Progress | None = None,
     importers: Sequence[Importer] = IMPORTERS, **options: Any,
 ) -> Imported:  # fmt: skip
-    """Makes a data set of logs of other tools, and returns its folder, its runs and notes on how it was read.
+    """Makes a data set from logs of other tools, and returns its folder, its runs and notes on how the logs were read.
 
     Args:
         files: one log, or several whose runs make one data set.
         out: the new folder.
-        kind: the kind of log, as `brickpilot import --help` lists them; None: what the ending of the file shows.
+        kind: the kind of log, as `brickpilot import --help` lists them; None: the kind that the file's extension shows.
         nominal: parameter -> value in SI, as in [nominal] of a data set.
-        name: of the data set; None: that of the folder.
+        name: the name of the data set; None: that of the folder.
         progress: called with (done, total, text) by kinds that take long.
         importers: the table of kinds.
-        options: those of the kind, by the names of its function: `mapping`, `vehicle`, `frame`, `split`, `guessed`, ...
+        options: the options of the kind, by the parameter names of its function: `mapping`, `vehicle`, `frame`,
+            `split`, `guessed`, ...
 
     Raises:
         InputError: naming file, line and column, or the option. Nothing is written then.
@@ -89,9 +90,9 @@ def why(
         logs: a log, the folder of a data set or a data set; or several logs, or several folders, of one robot.
         vehicle: "diff_drive", "motor" or "skid_steer"; None: guessed from a table.
         frame: "FLU" or "FRD"; None: guessed from a table, else FRD.
-        mapping: the columns of a table, as in `import_log`; the rest is guessed.
+        mapping: the columns of a table, as in `import_log`; the other columns are guessed.
         nominal: parameter -> value in SI.
-        as_wired: channels that look swapped, reversed or scaled wrongly are not mended.
+        as_wired: whether channels that look swapped, reversed or scaled wrongly stay as they are.
         out: the folder to write with the page why.html; None: nothing is written.
         budget_s, seed, jobs, progress: as in `discover`.
         command: the command line that the page shows, to repeat the call.
@@ -144,10 +145,10 @@ def changed(
     """Says what is different in later recordings of a machine, by how much, and since when.
 
     Args:
-        before: a recording of the machine as it was: a data set, its folder, or a log that `import_log` reads; or a
-            model, or its file.
+        before: a recording of the machine before the change: a data set, its folder, or a log that `import_log` reads;
+            or a model, or its file.
         after: later recordings.
-        vehicle, frame, mapping, nominal, as_wired: of logs, as in `why`.
+        vehicle, frame, mapping, nominal, as_wired: options for logs, as in `why`.
         out: the folder to write with the page changed.html; None: nothing is written.
         seed, jobs, progress: as in `discover`.
         command: the command line that the page shows, to repeat the call.
@@ -206,12 +207,12 @@ def changed(
 
 
 def _is_model(given: Recording) -> bool:
-    """Returns whether what is given is the file of a model, and not a data set or a log."""
+    """Returns whether `given` is the file of a model, and not a data set or a log."""
     return isinstance(given, str | Path) and Path(given).suffix == ".toml" and Path(given).name != "dataset.toml"
 
 
 def _names(given: Sequence[Recording | Model]) -> list[str]:
-    """Returns what recordings are called, each once: the name of a file or of a data set."""
+    """Returns a unique name for each recording: the name of a file or of a data set."""
     found: list[str] = []
     for one in given:
         if isinstance(one, str | Path):
@@ -230,7 +231,7 @@ def _names(given: Sequence[Recording | Model]) -> list[str]:
 
 @contextmanager
 def _folder(out: str | Path | None, files: Collection[str]) -> Iterator[Path]:
-    """Yields the folder in which the work is done: it becomes `out`, or is deleted if `out` is None."""
+    """Yields the working folder: it becomes `out`, or is deleted if `out` is None."""
     if out is not None:
         with fresh_folder(Path(out), files) as beside:
             yield beside
@@ -257,7 +258,7 @@ def _read(
     logs: Logs, into: Path, vehicle: str | None, frame: str | None, mapping: Sequence[str],
     nominal: Mapping[str, float] | None, as_wired: bool,
 ) -> tuple[Dataset, tuple[str, ...], str]:  # fmt: skip
-    """Returns a data set, its notes and the options that mend it. Logs are first imported `into` a folder."""
+    """Returns a data set, its notes and the options that correct it. Logs are first imported `into` a folder."""
     if isinstance(logs, Dataset):
         return logs, (), ""
     paths = [Path(one) for one in ([logs] if isinstance(logs, str | Path) else logs)]
@@ -279,10 +280,10 @@ def _import(
     paths: Sequence[Path], into: Path, vehicle: str | None, frame: str | None, mapping: Sequence[str],
     nominal: Mapping[str, float] | None, as_wired: bool,
 ) -> Imported:  # fmt: skip
-    """Makes a data set of logs, with guesses where their kind allows them.
+    """Makes a data set from logs, with guesses if their kind allows guesses.
 
     Raises:
-        InputError: there is no such file, its kind is not known, or an option is missing that its kind needs.
+        InputError: a file does not exist, its kind is not known, or an option that its kind needs is missing.
     """
     for path in paths:
         if not path.exists():

@@ -46,7 +46,7 @@ def campaign(
     file: str | Path, out: str | Path | None = None, *, runs: int | None = None, seed: int | None = None,
     jobs: int = 2, scheduler: str | None = None, progress: Progress | None = None,
 ) -> Made:  # fmt: skip
-    """Flies many missions that differ as `file` says, and writes runs.parquet, summary.json and report.html.
+    """Flies many missions that vary as `file` defines, and writes runs.parquet, summary.json and report.html.
 
     A second call with the same arguments resumes where the first was stopped.
 
@@ -54,8 +54,8 @@ def campaign(
         file: the campaign's file.
         out: the folder; None: runs/campaign-NAME.
         runs: number of runs, instead of the file's; above 0.
-        seed: of all random draws, instead of the file's; 0 or more.
-        jobs: processes of this machine, 1..256.
+        seed: the seed of all random draws, instead of the file's; 0 or more.
+        jobs: number of processes on this machine, 1..256.
         scheduler: tcp://HOST:PORT of a Dask cluster, instead of these processes.
         progress: called with (parts done, all parts, text).
 
@@ -80,7 +80,7 @@ def tune(
     """Tunes gains for a robot whose values are not known exactly, and writes gains.toml, mission.toml and report.html.
 
     Args:
-        model: the robot's model.toml; calibrate.json or verdict.json beside it says how far its values are known.
+        model: the robot's model.toml; calibrate.json or verdict.json beside it states how exactly its values are known.
         dataset: instead of a model, a data set's folder, which is calibrated first.
         out: the folder; None: runs/tune-NAME.
         board: "rcx", "avr", "avr:2560", or "packaged": the project's firmware with the model's compensation.
@@ -88,11 +88,11 @@ def tune(
         scenario: the mission; None: the paper's eight waypoints, scaled to the robot.
         robots: number of robots that fly each gain set, 4..1000.
         judges: number of new robots that fly before and after tuning, 20..100000.
-        budget: gain sets to try, or seconds as "90s".
+        budget: the number of gain sets to try, or a time such as "90s".
         seed, jobs, scheduler, progress: as in `campaign`.
 
     Returns:
-        The folder with its figures, and all that was tried.
+        The folder with its figures, and all gain sets that were tried.
 
     Raises:
         InputError: an argument is wrong, or the data allow no robot.
@@ -162,10 +162,10 @@ def firmware(
         board: "rcx", "avr", "avr:2560" or "template".
         out: the folder; None: firmware-NAME-BOARD.
         sensors: "imu" or "imu+encoders".
-        imu: of an Arduino: "analogue", or "mpu6050" or "lsm6ds" on I2C.
+        imu: the IMU of an Arduino: "analogue", or "mpu6050" or "lsm6ds" on I2C.
         scenario: the mission in the image; None: the paper's eight waypoints, scaled to the robot.
         gains: a gains.toml of `tune` that is compiled in.
-        seed: of the sensors' noise, 0 or more.
+        seed: the seed of the sensors' noise, 0 or more.
 
     Returns:
         The folder; `figures["flight"]["failure"]` says why the mission was not flown, or is None.
@@ -244,7 +244,7 @@ class Exported:
 
     Attributes:
         files: the files that were written.
-        left_out: a sentence for each part of the model that they do not hold.
+        left_out: a sentence for each part of the model that the files do not contain.
     """
 
     files: tuple[Path, ...]
@@ -261,9 +261,9 @@ def export(
         what: for "fmu", "mjcf" and "urdf" a model or its file, None: the packaged robot; for "mcap" and "parquet" a
             run folder, for "mcap" also a recording of a link's traffic.
         kind: one of the five names above.
-        out: the file; None: beside the run, or NAME with the ending of its kind.
-        fmi: of an FMU: "3.0", "2.0" or "both".
-        binary: an FMU holds a binary for this machine, which needs a C compiler.
+        out: the file; None: beside the run, or NAME with the extension of its kind.
+        fmi: the version of an FMU: "3.0", "2.0" or "both".
+        binary: whether an FMU holds a binary for this machine, which needs a C compiler.
 
     Raises:
         InputError: an argument is wrong, or a file cannot be read or written.

@@ -1,1 +1,1 @@
-"""What a data set is worth before discovery: what it tells, what it cannot, and what to record."""
+"""What a data set is worth before discovery: what it can show, what it cannot, and what to record next."""

@@ -1,7 +1,8 @@
-"""What to drive next: the manoeuvres that tell more than the runs do.
+"""What to drive next: the manoeuvres that give more information than the runs.
 
-Each manoeuvre is simulated with the calibrated nominal model, with every parameter a little off and with every effect.
-Its information is added to that of the runs (Atkinson, Donev & Tobias 2007, Optimum experimental designs, ch. 9).
+Each manoeuvre is simulated with the calibrated nominal model, with each parameter slightly changed and with each
+effect. Its information is added to that of the runs (Atkinson, Donev & Tobias 2007, Optimum experimental designs, ch.
+9).
 """
 
 from __future__ import annotations
@@ -32,17 +33,17 @@ Array = NDArray[np.float64]
 
 _WINDOW_S = 1.0  # length of a motor's windows, as in `prepare`
 _MANOEUVRES = 3  # most manoeuvres that are advised
-_SHARPER = 0.5  # a manoeuvre tells of a parameter if the interval becomes narrower by this factor
-_UNKNOWN = 0.1  # and if its sd was larger than this, in the logarithm or as a share of the stated value
+_SHARPER = 0.5  # a manoeuvre is advised for a parameter whose interval it narrows by this factor
+_UNKNOWN = 0.1  # and whose sd was larger, in the logarithm or as a share of the stated value
 
 
 @dataclass(frozen=True)
 class Advice:
-    """One manoeuvre that would tell more.
+    """One manoeuvre that would give more information.
 
     Attributes:
-        effects: effects that it would show at a usual size, but neither the runs nor the manoeuvres before it show.
-        parameters: parameters whose intervals it would make less than half as wide.
+        effects: effects that it would show at a usual size, and that neither the runs nor earlier manoeuvres show.
+        parameters: parameters whose intervals it would narrow to less than half.
     """
 
     manoeuvre: Manoeuvre
@@ -53,7 +54,7 @@ class Advice:
 def advise(
     prepared: Prepared, nominal: Explanation, visible: Mapping[str, Visible], temperature: float
 ) -> tuple[tuple[Advice, ...], tuple[str, ...]]:
-    """Returns the manoeuvres that would tell most beside the runs, and the effects that the runs show at no size.
+    """Returns the manoeuvres that add most information to the runs, and the effects that the runs show at no size.
 
     An effect is left out if it changes the measured signals neither in the runs nor in any manoeuvre: it belongs to
     another vehicle or another sensor.
@@ -92,11 +93,11 @@ class _Asked:
     """Computes how well runs determine the nominal parameters, and which effects they show at a usual size.
 
     The information of runs is the matrix J' J, (parameters + probes, parameters + probes). The columns of J are the
-    changes of the residual by each parameter and by each probe. It adds up over runs.
+    changes of the residual by each parameter and by each probe. The information of several runs is the sum.
 
     Attributes:
         probes: a probe of every effect with one size that can be extrapolated.
-        usual: effect, parameter -> a usual size on this vehicle: that of the catalogue, scaled to it.
+        usual: effect, parameter -> a usual size: the catalogue's, scaled to this vehicle.
         prior: (parameters, parameters) information of the parameters' priors.
         temperature: the nats that count as one.
     """
@@ -133,7 +134,7 @@ class _Asked:
         return np.asarray(moved.T @ moved)
 
     def shown(self, known: Array) -> set[str]:
-        """Returns the effects whose signature at a usual size is large enough, less what parameters can take up."""
+        """Returns the effects whose signature at a usual size is large enough after projection."""
         count = len(self.prior)
         cross = known[:count, count:]
         taken = np.linalg.solve(known[:count, :count] + self.prior, cross)
@@ -146,7 +147,7 @@ class _Asked:
         return {part.effect for part, size in nearest_sizes(tried) if size <= self.usual[part.effect, part.free[0]]}
 
     def sharper(self, before: Array, after: Array) -> tuple[str, ...]:
-        """Returns the parameters that are badly known by the information `before`, and much better by `after`."""
+        """Returns the parameters that the information `before` determines badly, and `after` much better."""
         count = len(self.prior)
         wide, narrow = (np.sqrt(np.diag(np.linalg.inv(one[:count, :count] + self.prior))) for one in (before, after))
         better = (narrow < _SHARPER * wide) & (wide > _UNKNOWN)

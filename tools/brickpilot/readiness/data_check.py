@@ -1,7 +1,7 @@
-"""`brickpilot check`: what a data set is worth before a discovery: its timing, noise and faults, and what it can tell.
+"""`brickpilot check`: what a data set is worth before a discovery: its timing, noise and faults, and what it can show.
 
-The check needs one fit of the nominal model, to some of the runs if there are many. What the runs tell of a parameter
-is its interval in this fit. What they tell of an effect is its smallest size that would be named.
+The check needs one fit of the nominal model, to some of the runs if there are many. For a parameter, the check gives
+the interval of this fit. For an effect, it gives the smallest size that would be named.
 """
 
 from __future__ import annotations
@@ -43,13 +43,14 @@ class Check(Result):
         explained: how much of each signal the model with these parameters explains.
         units: signal -> how the data set states it.
         parameters: nominal parameters that are fitted, with 95 % intervals.
-        cannot_tell_apart: groups of them of which only combinations are known; `combinations` has the physical ones.
+        cannot_tell_apart: groups of parameters of which only combinations are identifiable; `combinations` has the
+            physical ones.
         visible: effect -> the smallest size that would be named.
         invisible: effects that would show at no size within their range.
         advice: manoeuvres that would tell more, the best first.
         discover_s: how long `discover` will take, s: the geometric middle of the range.
-        discover_range_s: the least and the longest time, s, by the error that is there to be explained.
-        notes: one sentence each.
+        discover_range_s: the least and the longest time, s, depending on the error that is left to explain.
+        notes: sentences on what was assumed or left out.
     """
 
     dataset: str
@@ -97,8 +98,8 @@ def check(dataset: Dataset, *, seed: int = 0, jobs: int = 2) -> Check:
     """Returns what `dataset` is worth.
 
     Args:
-        seed: of the random starts of the nominal fit, where nominal values are not given.
-        jobs: simulations at the same time.
+        seed: the seed of the nominal fit's random starts, which are used if nominal values are not given.
+        jobs: number of simulations at the same time.
 
     Raises:
         InputError: no measured signal is one that the model gives, every run is held out, or the plant diverges with

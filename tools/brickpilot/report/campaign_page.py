@@ -35,7 +35,7 @@ WORDS = {
 }
 """Figure -> its name on the page."""
 
-_MOST_ROWS = 20  # the most inputs in a chart of sensitivity indices
+_MOST_ROWS = 20  # most inputs in a chart of sensitivity indices
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ def verdict(summary: Mapping[str, Any]) -> str:
 
 
 def _rates_chart(summary: Mapping[str, Any]) -> Markup:
-    """Draws a row for all runs, and one for each value of an input that has few values."""
+    """Draws a row for all runs, and a row for each value of each input that has few values."""
     rows = [("all runs", summary["success"])]
     for name, values in summary["by_choice"].items():
         rows += [(f"{name} = {value}", rate) for value, rate in values.items()]

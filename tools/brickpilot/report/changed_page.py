@@ -1,6 +1,6 @@
 """The answer of `brickpilot changed`, as text and as a page.
 
-It says what changed, how sure that is, since when, how well the old model follows, and what to do.
+The answer says what changed, how sure this is, since when, how well the old model fits, and what to do.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _UNKNOWN = "Something is different that nothing here explains."
 
 @dataclass(frozen=True)
 class Said:
-    """What is said of one later recording, in sentences.
+    """The sentences on one later recording.
 
     Attributes:
         todo: what to do, the first thing first.
@@ -39,7 +39,7 @@ class Said:
 
 
 def said(found: Changed) -> list[Said]:
-    """Returns what is said of each later recording, in the words of its vehicle."""
+    """Returns the sentences on each later recording, in the words of its vehicle."""
     return [_told(found, _of(found, name)) for name in found.after]
 
 

@@ -1,4 +1,4 @@
-"""The lines of `brickpilot check` for a terminal: what a data set can tell."""
+"""The lines of `brickpilot check` for a terminal: what a data set can show."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _KNOWN = {
     "prior alone": "as stated; the runs add nothing",
     "not narrowed by the data": "not known: the runs do not tell",
 }
-_COLUMNS = 3  # number of effects, with their sizes, in a line
+_COLUMNS = 3  # number of effects, each with its size, in a line
 
 
 def lines(found: Check) -> Iterator[str]:

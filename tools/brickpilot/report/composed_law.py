@@ -1,4 +1,4 @@
-"""Writes a composed law as MathML, and as a C file: an effect that can be built into the simulator like any other."""
+"""Writes a composed law as MathML, and as a C file: an effect that the simulator can include like any other effect."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from brickpilot.vehicle.composed_terms import (
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 _WORD = re.compile(r"(?<![>.\w])[A-Za-z_]\w*")
 
-# For each hook: symbol of an expression -> C that computes it, in an order in which C can declare them.
+# For each hook: symbol of an expression -> C code that computes it, in an order in which C can declare the symbols.
 _STEPS, _AGE = "kept->time + 0.5 * vehicle->step", "vehicle->state.age - kept->start_age"
 _NOW = " + clock * kept->start_age"
 _VOLTS = "isnan(vehicle->voltage[k]) ? 0 : vehicle->voltage[k]"
@@ -84,9 +84,9 @@ class _Hook:
     """One hook of the effect.
 
     Attributes:
-        locals: symbol -> C.
+        locals: symbol -> the C code that computes it.
         sums: place and kind, such as "surge_loss" -> the sum of their terms in C.
-        keeps: whether it uses the memory.
+        keeps: whether the hook uses the effect's memory.
     """
 
     locals: Mapping[str, str]
@@ -95,7 +95,7 @@ class _Hook:
 
     @property
     def common(self) -> dict[str, str]:
-        """The locals that do not belong to one wheel, number k."""
+        """The locals that do not belong to a single wheel k."""
         return {symbol: code for symbol, code in self.locals.items() if "[k]" not in code}
 
     @property
@@ -118,7 +118,7 @@ def render(terms: Sequence[Term], settings: Mapping[str, float], *, name: str, v
     Args:
         settings: name -> value of the other parameters of the composed effect, which shape the terms.
         name: name of the effect and of the file; a C identifier in lower case.
-        vehicle: the only kind of vehicle that it acts on.
+        vehicle: the only kind of vehicle that the effect acts on.
 
     Raises:
         ValueError: no terms, no C identifier, a missing setting, or a term that does not act on this vehicle.
@@ -206,7 +206,7 @@ _WHEEL_KEEPS = frozenset({"time", "dry_surge", "dry_yaw"})
 
 
 def _memory(hooks: Mapping[str, _Hook], used: set[str]) -> dict[str, str]:
-    """Returns field -> comment for each field of the memory that is needed."""
+    """Returns field -> comment, for each needed field of the effect's memory."""
     body = hooks["body"].sums
     fields: dict[str, tuple[bool, str]] = {
         "start_age": ("t" in used, "s"),

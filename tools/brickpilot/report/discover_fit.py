@@ -21,7 +21,7 @@ _SAME = 0.05  # percentage points: fits that differ by less are called equal
 
 @dataclass(frozen=True)
 class Headline:
-    """The mean fit over all signals in free runs, in percent, and the role of these runs. `role`: "held_out", "fit"."""
+    """The mean fit over all signals in free runs, in percent. `role`: the role of these runs, "held_out" or "fit"."""
 
     role: str
     before: float
@@ -80,7 +80,7 @@ def shown(finding: Finding) -> dict[str, Any]:
 
 
 def sentences(one: Predictable) -> str:
-    """Returns the predictable share of the error, and how much of it the model removes; empty if it is not known."""
+    """Returns the predictable share of the error, and how much of this share the model removes; empty if unknown."""
     if one.share is None and one.held_out is None:
         return ""
     known = [f"{percent(value)} on {runs}" for value, runs in _by_role(one.share, one.held_out) if value is not None]
@@ -114,7 +114,7 @@ def lines(finding: Finding) -> list[str]:
 
 
 def _errors(fit: Fit, own: OwnUnit) -> str:
-    """Returns the rms error before and after in the unit of the data set; empty where it is not known."""
+    """Returns the rms error before and after in the unit of the data set; empty if the error is not known."""
     sizes = [one.rms_error for one in (fit.numbers_before, fit.numbers_after)]
     shown = [str(quantity(own.size(size), own.unit)) for size in sizes if size is not None]
     return " to ".join(dict.fromkeys(shown))

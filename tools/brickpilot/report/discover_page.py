@@ -34,9 +34,9 @@ from brickpilot.vehicle import model as model_file
 from brickpilot.vehicle.model import Model, unit_on
 from brickpilot.vehicle.replay import RUN_KINDS
 
-_RANKED = 8  # explanations that are shown; the others are folded
-_PLACES = 8  # places that are shown
-_LISTED = 20  # faults that are shown; the others are folded
+_RANKED = 8  # number of explanations that are shown; the others are folded
+_PLACES = 8  # number of places that are shown
+_LISTED = 20  # number of faults that are shown; the others are folded
 
 _ROLE_ROWS = (("held_out", "held-out runs"), ("fit", "fit runs"))
 _HEADINGS = {"none": "no missing effect", "named": "named", "ambiguous": "ambiguous", "unknown": "unknown"}
@@ -130,7 +130,7 @@ def _gap_chart(finding: Finding) -> Markup:
 
 
 def _warnings(finding: Finding) -> list[str]:
-    """Returns the sentences that limit the trust in the verdict."""
+    """Returns the sentences on why the verdict may be less certain."""
     found = []
     for name, one in finding.nominal.items():
         if one.leaves_prior:
@@ -166,7 +166,7 @@ def _whiteness(finding: Finding) -> list[dict[str, Any]]:
 
 
 def _remaining(finding: Finding) -> list[str]:
-    """Returns sentences on the residual of the augmented model. They call it noise only if its size fits."""
+    """Returns sentences on the residual of the augmented model. They call it noise only if its size agrees."""
     sizes = {name: gap.after for name, gap in finding.by_signal.items() if gap.after is not None}
     over = {name: size for name, size in sizes.items() if size > OVER_NOISE}
     coloured = [name for name, one in finding.whiteness.items() if not one.white]
@@ -272,7 +272,7 @@ def equivalent_rows(finding: Finding) -> list[dict[str, Any]]:
 
 
 def nominal_rows(finding: Finding) -> list[dict[str, Any]]:
-    """Returns a row for each nominal parameter that was fitted: first the stated ones, then the others."""
+    """Returns a row for each nominal parameter that was fitted: first the stated parameters, then the others."""
     rows = []
     for name, one in finding.nominal.items():
         away = (one.after - one.before) / one.sd if one.sd else None
@@ -352,7 +352,7 @@ def _of_runs(one: Rank) -> list[tuple[str, Shown]]:
 
 
 def start_s(finding: Finding, run: str) -> float:
-    """Returns the start of a run on its own clock, s; pages count from there."""
+    """Returns the start of a run on its own clock, s; times on pages count from it."""
     return next((float(one.time[0]) for one in finding.dataset.runs if one.name == run), 0.0)
 
 

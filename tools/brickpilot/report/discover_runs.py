@@ -21,7 +21,7 @@ from brickpilot.report.quantities import ROLES, gap_text
 
 Array = NDArray[np.float64]
 
-_SHOWN = 4  # figures that are open; the others are folded
+_SHOWN = 4  # number of figures that are open; the others are folded
 
 
 @dataclass(frozen=True)
@@ -29,9 +29,9 @@ class Compared:
     """One signal of one run with its simulations and residuals, each of shape (n,); NaN is a dropout.
 
     Attributes:
-        unit: of all values, which have the unit and the sign of the data set.
+        unit: the unit of all values; unit and sign are those of the data set.
         measured, nominal, augmented: the values that are drawn; a position counts from its first sample.
-        before, after: the residuals of the calibrated and of the augmented model.
+        before, after: the residuals of the calibrated nominal model and of the augmented model.
     """
 
     run: Run
@@ -109,7 +109,7 @@ def telling_figures(finding: Finding, count: int) -> list[dict[str, Any]]:
 
 
 def _chosen(finding: Finding, compared: Mapping[Key, Compared], count: int) -> list[Key]:
-    """Returns the runs and signals with the most gap removed, or with the largest gap, and one of a held-out run."""
+    """Returns the runs and signals with the most gap removed, or with the largest gap, and one from a held-out run."""
 
     def removed(key: Key) -> tuple[float, float]:
         before, after = compared[key].gaps

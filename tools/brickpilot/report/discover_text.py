@@ -21,7 +21,7 @@ OVER_NOISE = 1.1
 """A gap above this, in multiples of the noise, is reported as remaining."""
 
 _PLAUSIBLE = 1.3
-"""A calibrated model whose gap is at most this, in multiples of the noise, is said to lack nothing."""
+"""The page says that a calibrated model lacks nothing if its gap is at most this, in multiples of the noise."""
 
 _HELD_OUT = "the held-out runs"
 
@@ -42,7 +42,7 @@ def words(effect: str) -> str:
 
 
 def explanation(names: str | Sequence[str]) -> str:
-    """Returns effects in words, each with its name behind it in parentheses.
+    """Returns effects in words, each followed by its name in parentheses.
 
     `names` is a sequence, or one text joined by " + "; an empty sequence stands for the calibrated model.
     """
@@ -89,7 +89,7 @@ def shown_parameter(one: Parameter) -> Shown:
 
 
 def known_size(name: str, one: Parameter) -> tuple[str, Parameter | Combination]:
-    """Returns a parameter's name and size; "torque, as voltage" with the voltage where the data identify only that."""
+    """Returns a parameter's name and size; "torque, as voltage" with the voltage if the data identify only this."""
     if one.ci95 is None and one.identified is not None:
         return f"{name}, as {one.identified.name}", one.identified
     return name, one
@@ -142,7 +142,7 @@ def _named(one: Share) -> str:
 
 
 def left_predictable(finding: Finding) -> str:
-    """Returns how much of the remaining error a black box still predicts; empty: this is not known."""
+    """Returns a sentence on the share of the remaining error that a black box predicts; empty: not known."""
     shares = finding.predictable_left
     if not shares:
         return ""
@@ -163,7 +163,7 @@ def verdict(finding: Finding) -> str:
 
 
 def contradiction(dataset: Dataset) -> str | None:
-    """Returns how far the measured yaw and the yaw of the wheels contradict each other; None: they do not.
+    """Returns a sentence on how far the measured yaw and the wheels' yaw contradict each other; None: they do not.
 
     A fit hides a contradiction by moving the lengths within a ruler's error. A larger stated sd of the lengths allows a
     larger difference.
@@ -192,7 +192,7 @@ def leaves_more_than_noise(finding: Finding) -> bool:
 
 
 def _rest(finding: Finding) -> str:
-    """Returns a sentence on the residual of claimed effects; empty: it is noise, or no effect is claimed."""
+    """Returns a sentence on the residual of claimed effects; empty: this residual is noise, or no effect is claimed."""
     if not finding.law_differs:
         return ""
     which = "a law is" if len(finding.effects) > 1 else "the law is"
@@ -200,7 +200,7 @@ def _rest(finding: Finding) -> str:
 
 
 def _moved_values(finding: Finding) -> str:
-    """Returns a sentence on nominal values that do not fit what is stated of them; empty: all do."""
+    """Returns a sentence on fitted nominal values that do not agree with the stated ones; empty: all agree."""
     moved = [
         f"{say(one.parameter)} ({quantity(one.fitted, one.unit)} instead of {quantity(one.stated, one.unit)}, "
         f"{one.sd_away:.0f} standard deviations away)"
@@ -290,7 +290,7 @@ def _suspected(finding: Finding, unclaimed: Sequence[Effect]) -> str:
 
 
 def why_unclaimed(finding: Finding) -> str:
-    """Returns why the best names are not claimed."""
+    """Returns why the effects of the best explanation are not claimed."""
     if finding.term is not None:
         return "A term without a name explains more."
     if finding.evidence is not None and finding.evidence.kind == "fitted_only":
@@ -305,7 +305,7 @@ def why_unclaimed(finding: Finding) -> str:
 
 
 def _with_sizes(effects: Sequence[Effect]) -> str:
-    """Returns effects in a row, each with its parameters; semicolons separate them, as commas stand within."""
+    """Returns effects in a row, each with its parameters; semicolons separate effects, commas their parameters."""
     parts = [f"{explanation(one.name)}, {sizes(one.parameters)}" for one in effects]
     return f"{'; '.join(parts[:-1])}; and {parts[-1]}" if len(parts) > 1 else "".join(parts)
 

@@ -21,14 +21,14 @@ FILES = {
 }
 """Each file that `files_of` may write, and its purpose."""
 
-_RAMP_STEP_S = 0.05  # a ramp becomes steps of this length
-_HIGHEST_V = 20.0  # the highest voltage that a scenario takes
+_RAMP_STEP_S = 0.05  # length of the steps that replace a ramp
+_HIGHEST_V = 20.0  # highest voltage that a scenario allows
 
 Step = tuple[float, float, float]
 
 
 def of_finding(finding: Finding) -> dict[str, str]:
-    """Returns file -> text of the experiment that a finding asks for; none if it asks for no manoeuvre."""
+    """Returns file -> text of the experiment that a finding asks for; empty if it asks for no manoeuvre."""
     asked = finding.next_experiment
     if asked is None or asked.manoeuvre is None:
         return {}
@@ -36,7 +36,7 @@ def of_finding(finding: Finding) -> dict[str, str]:
 
 
 def files_of(manoeuvre: Manoeuvre, vehicle: str) -> dict[str, str]:
-    """Returns file -> text. There is a scenario only up to 20 V, and none for a motor."""
+    """Returns file -> text. A scenario is included only up to 20 V, and not for a motor."""
     found = steps(manoeuvre)
     sides = ("voltage",) if vehicle == "motor" else ("voltage_left", "voltage_right")
     texts = {TABLE: _table(found, sides), ARRAY: _array(manoeuvre, found, sides)}

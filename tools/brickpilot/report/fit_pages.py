@@ -1,7 +1,7 @@
-"""The pages of `calibrate` and `compare`: what a model's values are, and how well it follows every run.
+"""The pages of `calibrate` and `compare`: the values of a model, and how well it fits every run.
 
 `calibrate` shows the fitted parameters, the error before and after, and how they were fitted. `compare` shows a table
-of errors, then every run's signals measured and simulated.
+of errors, then the measured and simulated signals of every run.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from brickpilot.report.plot import Curve, measured, points_for, row_chart
 from brickpilot.report.quantities import DASH, ROLES, fit_number, number, signed
 from brickpilot.report.template import render
 
-_DRAWN = 24  # runs with plots, at most
+_DRAWN = 24  # most runs with plots
 
 
 def calibrate_page(calibration: Calibration) -> str:
@@ -161,7 +161,7 @@ def _stated(calibration: Calibration) -> Markup | None:
 
 
 def _correlation(calibration: Calibration) -> list[tuple[str, list[dict[str, str | bool]]]]:
-    """Returns a row for each fitted parameter: its correlation with each one. `shade` is its absolute value."""
+    """Returns a row for each fitted parameter: its correlation with each parameter. `shade` is the absolute value."""
     rows = []
     for name, row in zip(calibration.parameters, calibration.correlation, strict=False):
         cells: list[dict[str, str | bool]] = [
@@ -184,7 +184,7 @@ def superimposed(run: str, signal: str, trace: Trace, own: OwnUnit, points: int)
 def compare_page(comparison: Comparison) -> str:
     """Returns the page of `compare` as one self-contained HTML text.
 
-    If there are many runs, those with the largest errors are drawn; the table has all.
+    If there are many runs, those with the largest errors are drawn; the table has all runs.
     """
     drawn = drawn_runs(comparison.runs)
     points = points_for(sum(len(run.traces) for run in comparison.runs if run.name in drawn))

@@ -1,6 +1,6 @@
 """A flight as text: the lines that `run` and `hil` print of a mission, and its checks as a JUnit file.
 
-There is a line for each waypoint, and one for each figure with its meaning. Jenkins and GitLab read the JUnit file.
+There is a line for each waypoint, and a line for each figure with its meaning. Jenkins and GitLab read the JUnit file.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ if TYPE_CHECKING:  # the command line prints these lines, and starts without the
 
 
 def waypoint_lines(figures: Mapping[str, Any]) -> Iterator[str]:
-    """Yields a line for each waypoint, and how many were reached."""
+    """Yields a line for each waypoint, and a line with the number of reached waypoints."""
     approaches = zip(figures["reached_at_s"], figures["closest_approach_m"], strict=True)
     for number, (moment, closest) in enumerate(approaches, 1):
         when = "not reached" if moment is None else f"reached at {moment:6.3f} s"

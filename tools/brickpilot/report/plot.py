@@ -30,7 +30,7 @@ Shape = Literal["line", "step", "marks", "bars"]
 MOST_POINTS, _LEAST_POINTS = 2000, 300  # most and least points that one figure draws
 _ROW = 26  # height of a row, pixels
 _PAGE_POINTS = 40_000  # points in all figures of a page: about 1.5 MB
-ACROSS, UP = 1e6, 2e4  # times and values are rounded to their span over this number
+ACROSS, UP = 1e6, 2e4  # x values and curve values are rounded to their span over this number
 
 
 @dataclass(frozen=True)
@@ -50,13 +50,13 @@ class Panel:
     """Curves over one axis.
 
     Attributes:
-        label, unit: of the axis; values are shown in a handy multiple of the unit.
-        height: pixels.
-        band: (low, high) that is shaded, such as that of the noise; None: none.
-        rows: names of the values 0, 1, ... where they are no numbers.
+        label, unit: the label and unit of the axis; values are shown in a convenient multiple of the unit.
+        height: the height, pixels.
+        band: (low, high) of the shaded band, such as the noise; None: no band.
+        rows: names of the values 0, 1, ... if these stand for rows with names.
         spans: (row, low, high) of horizontal lines, such as intervals.
         asked: (row, low, high) of the shaded part of a row, such as the requested range.
-        log: the axis is logarithmic, for counts.
+        log: whether the axis is logarithmic, for counts.
     """
 
     label: str
@@ -75,13 +75,13 @@ class Figure:
     """Panels, one above the other, over one axis `x` of shape (n,), which does not decrease.
 
     Attributes:
-        title: accessible name.
-        x_label, x_unit: of the axis.
+        title: the accessible name of the figure.
+        x_label, x_unit: the label and unit of the axis `x`.
         link: name of a group of figures, such as a run, that share cursor and zoom; empty: no group.
         stretch: (from, to) of the shaded part of `x`.
         lines: values of `x` with a line through all panels.
         reach: further values of `x` that the axis shows.
-        log: `x` is logarithmic.
+        log: whether the axis `x` is logarithmic.
     """
 
     title: str
@@ -104,7 +104,7 @@ def points_for(figures: int) -> int:
 def thin(columns: Array, points: int) -> NDArray[np.intp]:
     """Returns the indices of about `points` samples: the smallest and the largest of each column in each stretch.
 
-    `columns` has the shape (columns, n). All peaks stay, and so do the first and the last sample.
+    `columns` has the shape (columns, n). All peaks and the first and last sample are kept.
     """
     count, samples = columns.shape
     if samples <= points:
@@ -159,10 +159,10 @@ def row_chart(
 
     Args:
         curves: name -> (colour, the value of its mark in each row; None: no mark).
-        spans: of each row, (low, high) of the line under its marks; None: none.
-        label, unit: of the axis along the rows.
+        spans: for each row, (low, high) of the line under its marks; None: no line.
+        label, unit: the label and unit of the axis along the rows.
         lines, stretch, log: as in `Figure`.
-        asked: of each row, (low, high) of its shaded part; None: none.
+        asked: for each row, (low, high) of its shaded part; None: no shaded part.
     """
     last = len(labels) - 1
     marks = sorted(
@@ -192,7 +192,7 @@ def row_chart(
 def element(spec: dict[str, Any], title: str, height: int, note: str = "") -> Markup:
     """Returns the element that `figures.js` fills; nothing in `spec` can become markup.
 
-    `height`, in pixels, is kept free for it. `note` stands below it.
+    `height`, in pixels, is reserved for the figure. `note` stands below the figure.
     """
     text = htmlsafe_json_dumps(spec, separators=(",", ":"), allow_nan=False, ensure_ascii=False)
     below = f'<p class="thinned">{escape(note)}</p>' if note else ""
@@ -251,7 +251,7 @@ def _clock(figure: Figure) -> tuple[float, str]:
 
 
 def _by_own_size(values: Array) -> list[float]:
-    """Returns the values for a logarithmic axis, with five digits each: it cannot show a value rounded to 0."""
+    """Returns the values for a logarithmic axis, with five digits each: the axis cannot show a value rounded to 0."""
     return [float(f"{one:.5g}") for one in values.tolist()]
 
 
@@ -267,7 +267,7 @@ def compact(values: Array, steps: float) -> list[float | None]:
 
 _ERROR_SD = 2.0  # half the width of the noise band, in standard deviations
 _ERRORS, _SMALL = 100, 110  # heights of panels, pixels
-_LEAST_GAP, _LEAST_FIT = 0.01, -20.0  # a smaller gap or fit is drawn at this value
+_LEAST_GAP, _LEAST_FIT = 0.01, -20.0  # least gap and least fit: a smaller one is drawn at this value
 _WHISKER = 120.0  # width of an interval in a table
 
 
@@ -283,13 +283,13 @@ def superimposed(
     """Draws measured and simulated superimposed, as the paper's figs 4 and 5, and the residuals below.
 
     Args:
-        time: of the run, s, (n,).
-        signal, unit: of the values.
+        time: the time of the run, s, (n,).
+        signal, unit: the name and unit of the values.
         above: the measured and simulated values.
         below: the residuals, each in the colour of its simulation.
         noise_sd: standard deviation of a sample, in `unit`; the band of the lower panel is two sd on each side.
         stretch: (from, to) in s of the shaded time.
-        run: the figures of one run are linked.
+        run: the name of the run, whose figures are linked.
         title: accessible name of the chart.
         points: about how many points are drawn.
     """
@@ -299,7 +299,7 @@ def superimposed(
 
 
 def voltages(manoeuvre: Manoeuvre, *, single: bool, title: str) -> Markup:
-    """Draws the motor voltages of a manoeuvre. `single` vehicles have one motor, whose voltage is the left one."""
+    """Draws the motor voltages of a manoeuvre. `single`: the vehicle has one motor, with the left voltage."""
     sides = {"voltage" if single else "left": manoeuvre.voltage_left}
     if not single:
         sides["right"] = manoeuvre.voltage_right

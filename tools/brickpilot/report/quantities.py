@@ -1,4 +1,4 @@
-"""Values as text: a handy unit, as many digits as their uncertainty allows, and true minus signs."""
+"""Values as text: a convenient unit, as many digits as their uncertainty allows, and true minus signs."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 DASH = "\N{EN DASH}"
-"""The text where there is no value."""
+"""The text for a missing value."""
 
 ROLES = {"fit": "fit run", "held_out": "held-out run"}
 """Role of a run -> its name on pages."""
@@ -59,7 +59,7 @@ def plain(value: float, digits: int = 6) -> str:
 
 
 def quantity(value: float, unit: str, ci95: tuple[float, float] | None = None) -> Shown:
-    """Returns a value in a handy unit, with the digits that its interval supports, or with three."""
+    """Returns a value in a convenient unit, with the digits that its interval supports, or with three digits."""
     factor, shown = scaled(value, unit)
     ends = [] if ci95 is None else [one / factor for one in ci95]
     width = (ends[1] - ends[0]) / 2 if ends and all(math.isfinite(one) for one in ends) else 0.0
@@ -80,7 +80,7 @@ def quantity(value: float, unit: str, ci95: tuple[float, float] | None = None) -
 
 
 def _decimals(half: float) -> int:
-    """Returns the decimals that half an interval's width supports: two of its digits if the first is 1, else one."""
+    """Returns the decimals that half an interval's width supports: two digits if the first one is 1, else one digit."""
     size = math.floor(math.log10(half) + 1e-9)
     return (1 if half / 10**size < 2 - 1e-9 else 0) - size
 
@@ -88,7 +88,7 @@ def _decimals(half: float) -> int:
 def in_words(value: float, unit: str, ci95: tuple[float, float] | None = None) -> tuple[str, str]:
     """Returns a size, and its interval behind it, for a sentence: "12 %" and " (12 to 13 %)", or nothing.
 
-    It has as many digits as in `quantity`; a plain number is a share, in percent.
+    The size has as many digits as in `quantity`; a plain number is a share, in percent.
     """
     per, shown = (0.01, "%") if unit == "1" else scaled(value, unit)
     ends = [one / per for one in ci95 or ()]

@@ -1,4 +1,4 @@
-"""Output folders and files. Each is written beside its place and then renamed, so that it is complete or absent."""
+"""Output folders and files. Each is written under another name and then renamed, so it is complete or absent."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ Array = NDArray[np.float64]
 def fresh_folder(out: Path, files: Collection[str]) -> Iterator[Path]:
     """Yields an empty folder beside `out` and renames it to `out` at the end; an error leaves nothing behind.
 
-    An older `out` is replaced only if it holds no other files than `files`, those that the command writes. The folder
-    that a killed run of the same `out` left beside it is removed.
+    An older `out` is replaced only if it holds no files other than `files`, which the command writes. If an earlier run
+    with the same `out` was killed, the folder that it left is removed.
 
     Raises:
         InputError: `out` is no folder, holds other files, or cannot be written.
@@ -69,7 +69,7 @@ def write_file(text: str, path: Path) -> None:
     """Writes a file, whole or not at all, and the folders above it.
 
     Raises:
-        InputError: it cannot be written.
+        InputError: the file cannot be written.
         WorkFailedError: the disk is full.
     """
     try:
@@ -91,7 +91,7 @@ def write(
 ) -> None:
     """Writes `log.csv`, `summary.json` and `report.html` into `out`. Raises InputError as `fresh_folder` does.
 
-    `ticks`: the columns of `ticks.csv`, of a flight over a link.
+    `ticks`: the columns of `ticks.csv`, for a flight over a link.
     """
     with fresh_folder(out, {"log.csv", "ticks.csv", "summary.json", "report.html"}) as folder:
         write_log(flight.log, folder / "log.csv")

@@ -1,7 +1,7 @@
 """The page of a flight: its track, which can be played, its signals, and the signals inside the controller.
 
 A track, seen from above, is drawn and played by `track.js`. The figures of a flight over a link show how long replies
-took, how punctual ticks were, and what went wrong when.
+took, how punctual ticks were, and when errors occurred.
 """
 
 from __future__ import annotations
@@ -33,17 +33,17 @@ from brickpilot.vehicle.flight import Flight
 
 PHASES = ("begin", "brake", "turn", "drive", "end")
 LINK = "run"
-"""The link of all figures of a flight."""
+"""The `Figure.link` of all figures of a flight."""
 
 _DEGREES = 180.0 / np.pi
-_AT_REST_S = 1.0  # how much of the rest at the end a figure shows
-_MOVES = 1e-3  # a smaller change of place, m, or of heading, rad, is rest
+_AT_REST_S = 1.0  # s of the rest at the end that a figure shows
+_MOVES = 1e-3  # a smaller change of position, m, or of heading, rad, counts as rest
 Array = NDArray[np.float64]
 Line = tuple[str, str, Colour]
 
 
 def samples(flight: Flight) -> int:
-    """Returns how many samples of the flight are drawn: until a second after robot and motors rest for good."""
+    """Returns how many samples of the flight are drawn: until 1 s after the last motion of robot and motors."""
     log = flight.log
     driven = np.nan_to_num(np.abs(log["left_voltage_v"]) + np.abs(log["right_voltage_v"])) > 0
     away = np.hypot(log["true_x_m"] - log["true_x_m"][-1], log["true_y_m"] - log["true_y_m"][-1])
@@ -161,9 +161,9 @@ def page(flight: Flight, figures: dict[str, Any], command: str, link: dict[str, 
     """Returns the page as one self-contained HTML text.
 
     Args:
-        figures: of `summary.json`.
+        figures: the figures of `summary.json`.
         command: the command line that repeats the flight.
-        link: of a flight over a link, what `link_figures` returns.
+        link: for a flight over a link, the result of `link_figures`.
     """
     mission = flight.plan.scenario.kind == "mission"
     return render(
@@ -198,9 +198,9 @@ def track_to_html(
     """Returns a track, seen from above, as an element of a page that can be played.
 
     Args:
-        time, heading: of the run, (n,): s, and rad clockwise from straight up.
-        lines: (2, n) each: to the right, then up, m. The first one is played, and has the samples of `time`.
-        circles: the waypoints: place to the right and up, radius, m, and whether it was reached.
+        time, heading: time, s, and heading, rad clockwise from straight up, of the run, (n,) each.
+        lines: curves, (2, n) each: to the right, then up, m. The first curve is played, and has the samples of `time`.
+        circles: the waypoints: position to the right and up, m, radius, m, and whether the waypoint was reached.
         link, title: see `Figure`.
     """
     kept = thin(np.concatenate([one.values for one in lines if one.values.shape[1] == len(time)]), MOST_POINTS)
@@ -246,12 +246,12 @@ _KINDS: dict[str, tuple[str, Colour]] = {
 
 
 def link_figures(ticks: Mapping[str, Array], *, realtime: bool, replies: bool = True) -> dict[str, Any]:
-    """Returns what the page shows of the ticks: figures with the sentences above them; a figure may be None.
+    """Returns the figures of the ticks on the page, each with the sentence above it; a figure may be None.
 
     Args:
         ticks: the columns of ticks.csv, each (n,).
-        realtime: ticks follow a clock, so that they can be unpunctual.
-        replies: each set of readings gets a motor command; a brick with its own sensors and motors sends none.
+        realtime: whether ticks follow a clock, so that they can be unpunctual.
+        replies: whether each set of readings gets a motor command; a brick with its own sensors and motors sends none.
     """
     return {
         "trouble": trouble(ticks),
@@ -290,7 +290,7 @@ def round_trip(ticks: Mapping[str, Array]) -> tuple[str, Markup | None]:
 
 
 def jitter(ticks: Mapping[str, Array]) -> tuple[str, Markup | None]:
-    """Returns the histogram of how much longer than a step each period was."""
+    """Returns the histogram of the differences between each period and a step."""
     periods = 1e3 * (np.diff(ticks["begun_s"]) - STEP_S)
     known = periods[np.isfinite(periods)]
     if not len(known):

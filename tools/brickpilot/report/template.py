@@ -29,7 +29,7 @@ def render(name: str, folder: Path = _HERE / "templates", **content: object) -> 
 
 @cache
 def _inlined() -> dict[str, Markup]:
-    """Returns what every page holds, so that it needs no other file: the plot library, its licence and scripts."""
+    """Returns the parts of every page, which then needs no other file: the plot library, its licence and scripts."""
     library = _HERE / "uplot"
     texts = {
         "library": library / "uPlot.iife.min.js",
@@ -45,7 +45,7 @@ def render_plain(template: str, **content: object) -> str:
     """Returns the text of a file for another program, such as a C header; nothing in `template` is escaped."""
     environment = Environment(
         loader=PackageLoader("brickpilot.report"),
-        autoescape=False,  # it writes no HTML
+        autoescape=False,  # the text is no HTML
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,

@@ -100,9 +100,10 @@ def own_parameter(dataset: Dataset, effect: str, parameter: str, unit: str) -> O
 
 
 def clauses(dataset: Dataset, effect: str, parameters: Mapping[str, Parameter]) -> list[str]:
-    """Returns what the values of an effect mean, each with size and interval in the data set's unit.
+    """Returns clauses on the meaning of an effect's values, each with size and interval in the data set's unit.
 
-    As in "the right motor is 12 % weaker than the left (12 to 13 %)". Empty: the table has no clause for them.
+    For example, "the right motor is 12 % weaker than the left (12 to 13 %)". Empty: the table has no clause for the
+    values.
     """
     over_mean = {info.name for one in catalogue.effects_of((effect,)) for info in one.parameters if info.over_mean}
     found = []

@@ -1,4 +1,4 @@
-"""The page of `why`, and the constants that it hands to other programs."""
+"""The page of `why`, and the constants that `why` writes for other programs."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 CONTROLLER, HEADER, MOTOR_HEADER = "diff_drive_controller.yaml", "robot_constants.h", "motor_constants.h"
 
-_FIGURES = 2  # number of figures that show what is wrong; report.html has all
+_FIGURES = 2  # number of figures that show what is wrong; report.html has all figures
 
 FILES = {
     "report.html": "all that was found, with plots",
@@ -65,8 +65,8 @@ def constants_of(finding: Finding) -> Constants:
 
 
 def files_of(name: str, constants: Constants) -> dict[str, str]:
-    """Returns file -> text for other programs. `name`: of the robot, in comments."""
-    plain = re.sub(r"[^\w .+-]", " ", name)  # none of the characters left ends a comment of C or YAML
+    """Returns file -> text for other programs. `name`: the robot's name, in comments."""
+    plain = re.sub(r"[^\w .+-]", " ", name)  # no remaining character ends a comment of C or YAML
     speed = "MPS" if constants.feed_forward.unit == "m" else "RADPS"
     given: Mapping[str, object] = {
         "name": plain, "feed_forward": constants.feed_forward, "odometry": constants.odometry, "speed": speed,
@@ -88,9 +88,9 @@ class Why(Result):
     """The result of `why`.
 
     Attributes:
-        finding: all that discovery says, from which the answer is made.
-        constants: of the robot as found, for other programs.
-        notes: on how the log was read, one sentence each.
+        finding: the result of discovery, from which the answer is made.
+        constants: the constants of the robot as found, for other programs.
+        notes: sentences on how the log was read.
     """
 
     finding: Finding
@@ -107,7 +107,7 @@ def page(why: Why, *, source: str, files: Sequence[str], command: str) -> str:
     """Returns the page as one self-contained HTML text.
 
     Args:
-        source: what was read, in words.
+        source: the logs or data sets that were read, in words.
         files: the names of the files beside the page.
         command: the command line that reproduces the result.
     """

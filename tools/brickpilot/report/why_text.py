@@ -1,4 +1,4 @@
-"""The answer of `brickpilot why`: what is wrong, how sure that is, and what to do, each in a sentence or two."""
+"""The answer of `brickpilot why`: what is wrong, how sure this is, and what to do, each in a sentence or two."""
 
 from __future__ import annotations
 
@@ -37,20 +37,20 @@ from brickpilot.vehicle.model import Model
 
 Ending = Literal["nothing", "cause", "missing", "contradiction"]
 
-_ALL = 99.0  # % of the signals: a simulation that explains more leaves nothing to ask
-_OF_WHEELS = 0.5  # share of a bend that unequal wheel angles explain: below it, they are not its cause
-_WORSE = 0.05  # percentage points: an explanation that lowers the fit by more explains no whole run
+_ALL = 99.0  # % of the signals: if the simulation explains more, nothing is left to find
+_OF_WHEELS = 0.5  # share of a track's bend that unequal wheel angles explain: below it, they are not the cause
+_WORSE = 0.05  # percentage points: an explanation that lowers the fit by more does not explain whole runs
 _VEERS = math.radians(1.0)  # rad/m: a smaller curvature is hardly visible
 _DIFFERS = 0.03  # share of a speed or a distance: a smaller difference is hardly visible
 
 
 _GRID_S = 0.05  # time step at which a manoeuvre is examined
-_TOLD = 4  # number of effects whose smallest visible size is told
+_TOLD = 4  # number of effects whose smallest visible size is stated
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What a person who asked "why" wants to know.
+    """The answer to the question why a robot differs from its simulation.
 
     Attributes:
         ending: "nothing" is wrong; a "cause" is known; something is "missing", and `todo` begins with what to drive
@@ -58,7 +58,7 @@ class Answer:
         what, sure: sentences.
         todo: what to do, the first thing first.
         symptoms: how the robot drives differently from the simulation without the finding, one sentence each.
-        next: the manoeuvre to drive next; None: none is asked for.
+        next: the manoeuvre to drive next; None: no manoeuvre is needed.
     """
 
     ending: Ending
@@ -72,12 +72,12 @@ class Answer:
 def answer(
     finding: Finding, undone: Compensation | None, mend: str = "", advised: Callable[[], Sequence[Manoeuvre]] = tuple
 ) -> Answer:
-    """Returns the answer that a finding gives: a wrong wiring first, as all else rests on it.
+    """Returns the answer that a finding gives: a wrong wiring first, as all else depends on it.
 
     Args:
         undone: the compensation that was made of the finding; None: the firmware can undo nothing.
-        mend: the options of `import` that mend a wrong wiring.
-        advised: returns the most informative manoeuvres; it is called only if the finding asks for none.
+        mend: the options of `import` that correct a wrong wiring.
+        advised: returns the most informative manoeuvres; it is called only if the finding asks for no manoeuvre.
     """
     ending, what = _what(finding)
     apart = contradiction(finding.dataset) if ending == "nothing" else None
@@ -248,13 +248,13 @@ def _visible(finding: Finding) -> str:
 
 
 def _is_all(finding: Finding) -> bool:
-    """Whether the simulation explains so much of the signals that nobody would ask why."""
+    """Whether the simulation explains more than `_ALL` percent of the signals."""
     fit = discover_fit.headline(finding)
     return fit is not None and min(fit.before, fit.after) >= _ALL
 
 
 def _sure(finding: Finding, ending: Ending) -> str:
-    """Returns what proves the finding, and how much of the error it takes away."""
+    """Returns a sentence on what proves the finding, and on how much of the error the finding removes."""
     found = finding.verdict != "none" and ending != "nothing"
     parts = [_proof(finding)] if found else []
     if (fit := discover_fit.headline(finding)) is not None:
@@ -269,7 +269,7 @@ def _sure(finding: Finding, ending: Ending) -> str:
 
 
 def _base(finding: Finding) -> str:
-    """Returns the sentence on guessed values on which the sizes depend; empty: all of these are stated."""
+    """Returns a sentence on guessed values on which the sizes depend; empty: all these values are stated."""
     guesses = finding.dataset.guesses
     return f" Not confirmed: nobody stated {listed(guesses)}." if guesses else ""
 
@@ -290,7 +290,7 @@ def _proof(finding: Finding) -> str:
 
 
 def _drive(finding: Finding, manoeuvre: Manoeuvre | None, ending: Ending) -> list[str]:
-    """Returns the sentence on what to drive next; none where nothing is asked for."""
+    """Returns the sentence on what to drive next; empty if no manoeuvre is asked for."""
     asked = None if ending == "nothing" else finding.next_experiment
     if manoeuvre is None:
         if asked is not None:
@@ -324,7 +324,7 @@ def _todo(finding: Finding, undone: Compensation | None, ending: Ending) -> list
 
 
 def _lengths(finding: Finding) -> list[str]:
-    """Returns a line on lengths that nobody stated; empty: all are stated, or it is a motor."""
+    """Returns a line on lengths that are not stated; empty: all are stated, or the vehicle is a motor."""
     known, used = finding.dataset.nominal, finding.augmented.parameters
     missing = [name for name in ("wheel_radius", "half_track") if name not in known]
     if finding.dataset.vehicle == "motor" or not missing:
@@ -375,12 +375,12 @@ def _stopping(robot: Drives, simulation: Drives, unit: str) -> list[str]:
 
 
 def lines(found: Answer, notes: Sequence[str], guesses: Sequence[str], *, verbose: bool = False) -> list[str]:
-    """Returns the answer for a terminal: what is wrong, how sure that is and what to do first, then the notes.
+    """Returns the answer for a terminal: what is wrong, how sure this is and what to do first, then the notes.
 
     Args:
         notes: on how the log was read, one sentence each.
-        guesses: of `Dataset.guesses`.
-        verbose: give all actions, all symptoms and all notes; else four lines at most.
+        guesses: the guesses in `Dataset.guesses`.
+        verbose: whether all actions, symptoms and notes are given; else four lines at most.
     """
     short = [f"what is wrong: {found.what}", f"how sure:      {found.sure}", f"what to do:    {found.todo[0]}"]
     if verbose:

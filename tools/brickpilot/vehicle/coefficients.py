@@ -1,6 +1,6 @@
 """The coefficients of the firmware's model from SI values.
 
-The discretisation is exact. Coefficients are in the firmware's units, and it is proved that no sum overflows.
+The discretisation is exact. Coefficients are in the firmware's units. The module proves that no sum overflows.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ YAW_RATE_LIMIT = 480.0
 LOAD_LIMIT = 20.0  # rad/s per step
 INT32 = 2**31 - 1
 
-_SETTLED = 1e-6  # s: electrical time constant in place of 0; far below a control step of 3 ms
+_SETTLED = 1e-6  # s: replaces an electrical time constant of 0; far below a control step of 3 ms
 
 Values = Mapping[str, float]
 
@@ -79,7 +79,7 @@ def difference_inertia(values: Values) -> float:
 
 
 def _motor(exact: MotorStep, share: float, name: str) -> dict[str, dict[str, Scale]]:
-    """Returns a motor's coefficients. `share`: factor of the voltage; 0.5 if it is the sum or difference of two."""
+    """Returns a motor's coefficients. `share`: factor of the voltage; 0.5 for the sum or difference of two voltages."""
     transition, voltage = exact.transition, exact.voltage * share
     return {
         "current": {

@@ -30,7 +30,7 @@ class Comparable:
         measured: the data set as read, without channels that contradict its stated values.
         started: the data set that is simulated: as `measured`, with each run's start estimated from several samples,
             and with the velocity of a motor beside its position.
-        roles: of the runs, and of stretches of them.
+        roles: the roles of the runs, and of stretches of runs.
     """
 
     measured: Dataset

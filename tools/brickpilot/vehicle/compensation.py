@@ -1,4 +1,4 @@
-"""A compensation: what the firmware knows of one robot and undoes, in fixed point.
+"""A compensation: the differences of one robot that the firmware corrects, in fixed point.
 
 The firmware's constants are those of the packaged robot. A compensation converts the firmware's voltages into those
 that another robot's motors need, and that robot's readings into those of the packaged robot
@@ -54,9 +54,9 @@ class Compensation:
     """Parameters for the firmware.
 
     Attributes:
-        name: of the model from which they were made.
+        name: the name of the model from which the parameters were made.
         raw: parameter -> integer as the firmware holds it; all of `FORMATS`.
-        sources: parameter -> the effects that need it, each on its own, or `NOMINAL`; a parameter of 0 may be missing.
+        sources: parameter -> the effects that each need the parameter, or `NOMINAL`; a parameter of 0 may be missing.
         left_out: effects of the model, or `effect.parameter`, that the firmware cannot undo.
         limited: parameters that exceed the range of the firmware's format, or half of the battery's voltage.
         remarks: a line for each difference that the firmware cannot undo: which value, and how far off.
@@ -97,7 +97,7 @@ def _quantised(model: Model, believed: Model) -> tuple[dict[str, float], dict[st
 def from_model(
     model: Model, believed: Model | None = None, controller: Mapping[str, float] | None = None
 ) -> Compensation | None:
-    """Returns the compensation with which the firmware flies the robot of `model` like the robot it was made for.
+    """Returns the compensation with which the firmware flies the robot of `model` like the robot of `believed`.
 
     Args:
         model: the robot as the data show it, with the effects found. Effects that the brick cannot undo are listed in
@@ -128,7 +128,7 @@ def from_model(
 
 
 def _sources(model: Model, believed: Model, raw: Mapping[str, int]) -> dict[str, tuple[str, ...]]:
-    """Returns parameter -> the effects that need it, each on its own, or `NOMINAL`."""
+    """Returns parameter -> the effects that each need the parameter, or `NOMINAL`."""
     alone = {
         name: dataclasses.replace(model, parameters=believed.parameters, effects={name: on})
         for name, on in model.effects.items()
@@ -278,15 +278,15 @@ def _reserve(side: Mapping[str, float], deadband: float, battery: float) -> floa
 
 
 def most_reserve(model: Model) -> float:
-    """Returns the largest reserve that leaves the controllers enough voltage: half of the battery's."""
+    """Returns the largest reserve that leaves the controllers enough voltage: half of the battery's voltage."""
     return all_nominal(model)["battery_voltage"] / 2
 
 
 def si_values(model: Model, believes: Model) -> dict[str, float]:
     """Returns each parameter of the compensation in SI, by its name in the firmware.
 
-    The firmware is made for one robot, the believed one, and flies another. On each side it demands a voltage u that
-    would give the believed robot the demanded acceleration. The compensation turns u into
+    The firmware is made for one robot, the believed one, and flies another robot. On each side, the firmware demands a
+    voltage u that would give the believed robot the demanded acceleration. The compensation turns u into
 
         V = (1 + gain) (u + emf v + offset + friction sign(v)) + deadband sign(V)        v: the side's speed over ground
 
@@ -350,7 +350,8 @@ def never_undone(model: Model) -> tuple[str, ...]:
 
 LEAST_DAMPING = 0.46
 """Damping ratio of the heading controller, below which turns overshoot and the mission loses waypoints. Measured on the
-packaged robot, 6 seeds each: at 0.49 (3 times the yaw inertia) it reaches 8 of 8 waypoints, at 0.455 (3.5 times) 7."""
+packaged robot, 6 seeds each: at 0.49 (3 times the yaw inertia) the robot reaches 8 of 8 waypoints, at 0.455 (3.5 times)
+7."""
 
 HIGHEST_BATTERY, HIGHEST_OWN = 20.0, 32.0
 """V: the highest battery voltage that packaged images measure, and that any mixer allows (VOLTAGE_MAX_MV)."""
@@ -388,7 +389,7 @@ def limits_of_settings(
     """Returns a line for each parameter that its setting limits.
 
     Args:
-        wanted, held: parameter -> value in SI that the robot needs, and that the firmware gets.
+        wanted, held: parameter -> the value that the robot needs, and the value that the firmware gets, SI.
     """
     return [
         f"{name}: this robot needs {wanted[name]:.3g} {formats[name].format.unit} ({formats[name].meaning}), "
@@ -413,7 +414,7 @@ def limits_of_loads(found: Undoable) -> list[str]:
 
 
 def limits_of_robot(robot: Values, believed: Values, controller: Values | None = None) -> list[str]:
-    """Returns a line for each nominal value that no setting undoes and that is too far off for the controllers."""
+    """Returns a line for each nominal value that no setting undoes and that differs too much for the controllers."""
     lines = []
     damping = heading_damping(robot, believed, controller)
     if damping < LEAST_DAMPING:

@@ -29,7 +29,7 @@ PLACES = {
     "accel_surge": "surge accelerometer output",
     "accel_sway": "sway accelerometer output",
 }
-"""The place where a term may act -> its words."""
+"""The place where a term may act -> its description."""
 
 OF_A_MOTOR = frozenset({"drive", "wheel", "surge"})
 """The places where a term also acts on a single motor, if its sign is the same at left and right."""
@@ -50,7 +50,7 @@ class Basis:
     Attributes:
         info: the row of its coefficient in the table.
         place: key of `PLACES`.
-        kind: how it acts there: gain, add, dry, loss or push.
+        kind: how it acts at its place: gain, add, dry, loss or push.
         sided: its sign differs between left and right.
         target, sign, expression, factor: parts of its meaning, ``target += sign [expression] factor``, in the symbols
             that ``sim_host/effects`` lists. The sign holds c.
@@ -79,7 +79,7 @@ class Basis:
 
     @property
     def product(self) -> ast.expr:
-        """What is added to the target, with the coefficient as the name ``c``."""
+        """The expression that is added to the target, with the coefficient as the name ``c``."""
         return ast.parse(f"{self.sign}({self.expression}){self.factor}", mode="eval").body
 
     @property
@@ -230,7 +230,7 @@ def _legend(terms: Sequence[Term], settings: Mapping[str, float]) -> str:
 
 
 def symbol(name: str) -> str:
-    """Returns how a symbol of the plant's table is written."""
+    """Returns the text of a symbol of the plant's table."""
     return _SYMBOLS.get(name, name)
 
 
@@ -247,7 +247,7 @@ class Writer:
         return base + {2: "²", 3: "³", 4: "⁴"}[exponent]
 
     def product(self, factors: list[str]) -> str:
-        """Joins factors. A number after a symbol gets a dot before it, so that nobody reads it as an index."""
+        """Joins factors. A number after a symbol gets a dot before it, so that it does not look like an index."""
         return "".join(
             one if k == 0 else f" · {one}" if one[0].isdigit() else f" {one}" for k, one in enumerate(factors)
         )

@@ -24,7 +24,7 @@ _STEP_S = 0.005
 _LEVELS = (0.3, 0.45, 0.6, 0.75, 0.9)  # shares of the battery's voltage, each held forward and backward
 _HELD_S = 2.0
 _NOTHING = 1e-6  # share of the battery's voltage: a smaller kS is a rounding error, and becomes 0
-_MOVING = 0.1  # share of the top speed: slower samples say little about motion, and are left out
+_MOVING = 0.1  # share of the top speed: slower samples hold little information, and are left out
 _SETTLED = 0.5  # share of a drive's time: after it, the drive counts as steady
 _DRIVE_S = 3.0
 _LEVEL, _CURVE = 0.6, 0.4  # shares of the battery's voltage: in a straight drive, and at a curve's inner wheel
@@ -34,7 +34,7 @@ _ROUNDS = 3  # rounds in which the radii and the separation are fitted in turn
 
 @dataclass(frozen=True)
 class FeedForward:
-    """V = ks sgn(v) + kv v + ka dv/dt for each motor, all driven alike; v is in `unit`/s, "m" or "rad".
+    """V = ks sgn(v) + kv v + ka dv/dt for each motor, at equal voltages; v is in `unit`/s, "m" or "rad".
 
     Attributes:
         ks, kv, ka: V, V s/unit, V s^2/unit.
@@ -51,7 +51,7 @@ class Odometry:
     """The constants that turn wheel angles into a track.
 
     Attributes:
-        radius, separation: stated, m.
+        radius, separation: the stated values, m.
         left, right: the effective radius of a wheel over the stated one.
         turning: the effective separation over the stated one.
     """
@@ -68,9 +68,9 @@ class Drives:
     """How a vehicle drives, from simulated drives.
 
     Attributes:
-        top_speed: at the battery's full voltage, m/s, or rad/s of a bare motor.
-        stop: m, or rad, travelled from the top speed to rest after the last command.
-        veer: rad/m clockwise while both motors get the same voltage; None for a motor.
+        top_speed: the speed at the battery's full voltage, m/s, or rad/s of a bare motor.
+        stop: the travel from the top speed to rest after the last command, m or rad.
+        veer: curvature of the path at equal voltages, rad/m clockwise; None for a motor.
     """
 
     top_speed: float
@@ -157,7 +157,7 @@ def _battery(model: Model) -> float:
 
 
 def _turns(model: Model) -> bool:
-    """Returns whether the model's speed is an angular one: it is a bare motor without a wheel."""
+    """Returns whether the model's speed is an angular speed: that of a bare motor without a wheel."""
     return model.vehicle == "motor" and not model.parameters.get("wheel_radius")
 
 

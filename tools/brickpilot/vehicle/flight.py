@@ -30,15 +30,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Plan:
-    """A scenario with every choice made.
+    """A scenario with all choices of its flight.
 
     Attributes:
-        model: of the plant, with its profile and effects.
+        model: the model of the plant, with its profile and effects.
         controller: the profile whose constants the firmware uses.
-        cruise: m/s.
-        compensation: what the firmware knows of this robot; None: nothing.
+        cruise: the cruise speed, m/s.
+        compensation: the compensation of this robot in the firmware; None: no compensation.
         gains: settings of the controller that differ from the firmware's own; None: none.
-        acceptance: m, the robot's radius: a waypoint counts if the true position passes within twice this distance.
+        acceptance: the robot's radius, m: a waypoint is reached if the true position passes within twice this distance.
         firmware: the library of `sim_host/run/build` that holds the controller; None: the packaged firmware.
         devices: field of `bp_devices` -> value of the robot's sensors, SI; None: the packaged robot's.
     """
@@ -64,7 +64,7 @@ class Flight:
     """The result of a flight.
 
     Attributes:
-        log: column -> (steps,); every column, or those that were asked for.
+        log: column -> (steps,): all columns, or the requested ones.
         motors: (steps, 2), duty of left and right, 32767 = 1.
     """
 
@@ -211,7 +211,7 @@ def fly(plan: Plan, columns: Sequence[str] | None = None) -> Flight:
     """Flies the plan and keeps the signals of every step.
 
     Args:
-        columns: the columns of the log to keep; None: all. The others cost a fifth of the time of a flight.
+        columns: the columns of the log to keep; None: all. The unneeded columns cost a fifth of a flight's time.
 
     Raises:
         SimulationError: the plant diverges.
@@ -225,11 +225,11 @@ def fly(plan: Plan, columns: Sequence[str] | None = None) -> Flight:
 def fly_many(plans: Sequence[Plan], columns: Sequence[str] | None = None) -> list[Flight | SimulationError]:
     """Flies plans side by side, and returns each flight, with the same bytes as if alone, or the error that stopped it.
 
-    Neighbouring plans of equal length share the vector registers of one core; eight at a time save the most time. All
+    Neighbouring plans of equal length share the vector registers of one core; groups of eight save the most time. All
     logs are in memory at once.
 
     Args:
-        plans: all of one firmware.
+        plans: the plans, all of one firmware.
         columns: as in `fly`.
 
     Raises:

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 _RUN, _WAITS, _DRIVING = 1, 0, 3  # codes in the columns mode and phase
 _ENDED = 2  # this mode and those above it: arrived, fault
 _MODES = ("idle", "run", "arrived", "fault")
-LATE = "late tick"  # later than the watchdog allows
+LATE = "late tick"  # a tick later than the watchdog allows
 _WHILE_DRIVING = ("true_x_m", "true_y_m", "true_heading_rad", "demand_heading_rad", "waypoint")
 _FAULTS = ("none", "leg timed out", "leg overshot", "state lost", "commanded", "no route", "silent", LATE)
 
@@ -33,8 +33,9 @@ class Reached:
     """The waypoints that the true position has passed within twice the acceptance radius, in order.
 
     Attributes:
-        at: s for each waypoint; None: not reached.
-        closest: m for each waypoint: the least distance from reaching the waypoint before it to leaving this one.
+        at: the time at which each waypoint was reached, s; None: not reached.
+        closest: the least distance to each waypoint, m, after the previous waypoint was reached and before this one is
+            left.
     """
 
     at: list[float | None]
@@ -141,7 +142,7 @@ def _heading_error(log: Mapping[str, Array]) -> Array:
 def route_figures(flight: Flight) -> dict[str, Any]:
     """Returns the figures of a mission's route: the waypoints reached, and how far the robot was from it.
 
-    Lengths in m, times in s, angles in rad. Errors of track and heading are those while driving.
+    Lengths in m, times in s, angles in rad. Errors of track and heading cover the time while driving.
     """
     log, plan = flight.log, flight.plan
     waypoints = plan.scenario.waypoints
@@ -165,7 +166,7 @@ def route_figures(flight: Flight) -> dict[str, Any]:
 
 
 def final_figures(flight: Flight) -> dict[str, Any]:
-    """Returns what a mission's controller did and how it ended; times in s."""
+    """Returns the figures of a mission's controller and of the mission's end; times in s."""
     log = flight.log
     ended = np.flatnonzero(log["mode"] >= _ENDED)
     steered = np.flatnonzero((log["mode"] == _RUN) & (log["phase"] > _WAITS))
@@ -190,8 +191,8 @@ class Check:
 
     Attributes:
         failure: the cause in one line, or None if the check holds.
-        detail: the counts, whether the check holds or not.
-        seconds: how long its part of the flight took.
+        detail: the counts, which are given whether or not the check holds.
+        seconds: how long the checked part of the flight took.
     """
 
     name: str
@@ -204,7 +205,7 @@ def checks(figures: Mapping[str, Any]) -> list[Check]:
     """Returns the checks of a flight, causes before their consequences; none for a manoeuvre.
 
     Args:
-        figures: of ``summary.json``. A link is checked if there is one.
+        figures: the figures of ``summary.json``. A link is checked if there is one.
     """
     if "waypoints_total" not in figures:
         return []
@@ -227,7 +228,7 @@ def _link(figures: Mapping[str, Any]) -> Check:
 
 
 def _late(figures: Mapping[str, Any]) -> Check:
-    """Late ticks fail a flight only if one ended the run, because every busy computer has some."""
+    """Late ticks fail a flight only if a late tick ended the run, because every busy computer has late ticks."""
     late, steps = figures["late_ticks"], figures["steps"]
     detail = f"{late} of {steps} ticks were more than a step late"
     return Check("late ticks", _fault(figures) if figures["fault"] == LATE else None, detail)

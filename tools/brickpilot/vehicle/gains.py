@@ -1,7 +1,7 @@
 """A gain set: settings that tune the controller, as the raw integers that the firmware holds.
 
-`brickpilot tune` writes one. `run` and `hil` write it to the firmware as settings, `firmware` compiles it into
-an image. Each entry has value, unit and raw integer; `hal/wire/settings.toml` has the names and ranges.
+`brickpilot tune` writes a gain set. `run` and `hil` write the gain set to the firmware as settings, `firmware` compiles
+it into an image. Each entry has value, unit and raw integer; `hal/wire/settings.toml` has the names and ranges.
 
     name = "bench-7"
 
@@ -23,13 +23,13 @@ from brickpilot.errors import InputError
 from brickpilot.vehicle.settings import Setting, settings
 
 AT_MOST = (("creep", "cruise"), ("align", "pivot"))
-"""Pairs of settings: the first may not be above the second."""
+"""Pairs of settings: the first of a pair may not be above the second."""
 
 _KEYS = ("value", "unit", "raw")
 
 
 def tunable() -> dict[str, Setting]:
-    """Returns the settings that tune the controller, by name: all that do not describe the robot."""
+    """Returns the settings that tune the controller, by name: all settings that do not describe the robot."""
     return {name: setting for name, setting in settings().items() if not setting.compensation}
 
 
@@ -38,8 +38,8 @@ class Gains:
     """A gain set.
 
     Attributes:
-        name: of the robot or the file that they are for.
-        raw: setting -> integer as the firmware holds it; those left out keep the firmware's own.
+        name: the name of the robot or the file that the gains are for.
+        raw: setting -> integer as the firmware holds it; a setting that is left out keeps the firmware's value.
     """
 
     name: str

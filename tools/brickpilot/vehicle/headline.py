@@ -1,8 +1,8 @@
 """How much of each measured signal a model explains: over whole runs and a short time ahead, on each kind of run.
 
-`compare`, `calibrate` and `discover` get their numbers here, so that they agree for the same model and the same runs.
-`data.agreement` defines the number; `Comparable` defines where runs start. A short horizon is a row of open-loop
-windows that each start from measured values.
+`compare`, `calibrate` and `discover` get their numbers here, so that these numbers agree for the same model and the
+same runs. `data.agreement` defines the number; `Comparable` defines where runs start. A short horizon is a row of
+open-loop windows that each start from measured values.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ class Track:
     """The measured values of a data set, and the horizons at which a model can be compared with them.
 
     Attributes:
-        dataset: as it is simulated, with averaged starts.
+        dataset: the data set as it is simulated, with averaged start states.
         measured: run -> signal -> (n,) the compared values.
         notes: sentences on horizons that are absent or start from only a part of the state.
     """
@@ -90,7 +90,7 @@ def track(measured_runs: Dataset, dataset: Dataset, model: Model, horizons: Mapp
 
     Args:
         measured_runs, dataset: as measured, and as simulated; see `Comparable`.
-        horizons: name -> s, how far a prediction reaches, beside the free run.
+        horizons: name -> how far a prediction reaches, s; the free run is always added.
     """
     given = output_names(model)
     as_read = {run.name: run for run in measured_runs.runs}
@@ -99,7 +99,7 @@ def track(measured_runs: Dataset, dataset: Dataset, model: Model, horizons: Mapp
         both = {**run.outputs, **as_read[run.name].outputs}
         measured[run.name] = {
             name: values
-            for name, values in both.items()  # a motor's position beside its velocity keeps only the first sample
+            for name, values in both.items()  # a motor's position beside its velocity has only the first sample
             if is_compared(name, given, model) and np.count_nonzero(np.isfinite(values)) > 1
         }
     signals = tuple(dict.fromkeys(name for run in dataset.runs for name in measured[run.name]))
@@ -189,7 +189,7 @@ def _windowed(name: str, length: float, dataset: Dataset, starts: Mapping[str, M
 
 
 def _stretch(run: Run, edges: Sequence[int], length: float) -> Stretch:
-    """Returns a run in windows that start at `edges`; a sample at an edge is the last one of the window before."""
+    """Returns a run in windows that start at `edges`; a sample at an edge is the last sample of the earlier window."""
     starts = np.array([0, *edges], dtype=np.int64)
     start = starts[np.maximum(np.searchsorted(starts, np.arange(len(run.time)), side="left") - 1, 0)]
     within = run.time - run.time[start] <= length * (1 + 1e-6) + float(np.median(np.diff(run.time))) / 2
@@ -324,7 +324,7 @@ def _held_out(run: Run, roles: Roles) -> NDArray[np.bool_]:
 def repeatability(compared: Track, simulated: Mapping[str, Mapping[str, Array]]) -> dict[str, float]:
     """Returns signal -> the fit in percent that a perfect model would reach, estimated from repeats of the same inputs.
 
-    The difference of two repeats has twice the variance of one. The nominal model's errors are compared, not the
+    The difference of two repeats has twice the variance of one repeat. The nominal model's errors are compared, not the
     signals, so that small differences of inputs and start states cancel.
     """
     pairs = repeats(compared.dataset)

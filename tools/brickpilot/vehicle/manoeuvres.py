@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Points = tuple[tuple[float, float, float], ...]
-"""Break points: s, and the commands of the left and the right motor as shares of a voltage."""
+"""Break points: time, s, and the commands of the left and the right motor as shares of a voltage."""
 
 _REST_S, _END_S = 0.5, 1.0  # rest before and after a manoeuvre
 _REVERSALS = (1.6, 1.6, 0.8, 0.8, 0.4, 0.4, 0.2, 0.2, 0.2, 0.2)  # s from one reversal to the next

@@ -49,7 +49,7 @@ class Model:
     """One vehicle.
 
     Attributes:
-        name: for errors and reports.
+        name: the name for error messages and reports.
         vehicle: ``diff_drive``, ``motor`` or ``skid_steer``.
         profile: ``coupled`` or ``paper``.
         parameters: nominal parameter -> value, SI; absent ones keep the plant's presets.

@@ -40,10 +40,10 @@ class State:
     In a coupled vehicle the wheel speeds set surge and yaw_rate, unless both wheel speeds are 0.
 
     Attributes:
-        age: s since power-on.
-        charge: C drawn from the battery since power-on.
-        heat: K of the windings above their surroundings.
-        rest: s at rest before the run, while the windings cool.
+        age: time since power-on, s.
+        charge: charge drawn from the battery since power-on, C.
+        heat: temperature of the windings above their surroundings, K.
+        rest: time at rest before the run, s, in which the windings cool.
     """
 
     x: float = 0.0
@@ -69,7 +69,8 @@ class OpenLoopRun:
         time: (n,) s, strictly increasing.
         inputs: (n, 2) V left and right, or (n, 1) V of a motor; NaN: the motor floats.
         initial: state at time[0]; a mapping gives some fields of `State`; the others are 0.
-        motor_step, body_step: upper limits, s; 0: `constants.MOTOR_STEP_S` and `constants.STEP_S`.
+        motor_step, body_step: upper limits of the simulation steps, s; 0: `constants.MOTOR_STEP_S` and
+            `constants.STEP_S`.
         restarts: (sample, state), with increasing samples of 1 or more: from this sample on the run continues from this
             state. Values that are NaN in the state stay as simulated, and so do the effects' memories. The outputs of
             the sample itself are still those before the restart.

@@ -25,9 +25,9 @@ from brickpilot.vehicle.start_state import GEOMETRY, Readings
 
 Array = NDArray[np.float64]
 Outputs = Mapping[str, Array]
-_Own = tuple[tuple[str, float], ...]  # (kind, value) of each value that differs for one run
+_Own = tuple[tuple[str, float], ...]  # (kind, value) of each of a run's own values
 
-_MOST_BEGUN = 64  # number of `_Begun` that are kept
+_MOST_BEGUN = 64  # most `_Begun` that are kept
 _SLIDING_S = 0.003  # the longest motor step that resolves how contacts of a skid steer begin to slide
 
 
@@ -44,7 +44,7 @@ class _Begun:
     """Runs with their states at the start under a model.
 
     Attributes:
-        requests: (runs,) as the compiled plant reads them.
+        requests: (runs,) the runs as the compiled plant reads them.
         runs: holds the arrays that `requests` points to.
     """
 
@@ -57,12 +57,12 @@ class Replay:
     """A data set whose runs can be simulated under any model.
 
     Attributes:
-        dataset: as `reading.read` gives it.
+        dataset: the data set as `reading.read` returns it.
         motor_step, body_step: upper limits of the plant's steps, s; 0: the plant's own. Models with a fast effect get a
             shorter motor step.
         inputs: run -> (n, 1) or (n, 2) V; empty: the inputs of the data set.
-        whole: run -> time and inputs of the whole run that it was cut from, which values of runs change; empty: those
-            of the run itself.
+        whole: run -> time and inputs of the whole run that it was cut from; values of runs act on these. Empty: the
+            run's own.
     """
 
     dataset: Dataset
@@ -86,7 +86,7 @@ class Replay:
         signals: Collection[str] | None = None,
         marks: Mapping[str, Sequence[Mark]] | None = None,
     ) -> list[dict[str, Outputs]]:
-        """Simulates the runs under each model, and returns for each model run name -> outputs.
+        """Simulates the runs under each model, and returns, for each model, run name -> outputs.
 
         Args:
             only: the runs that are wanted; None: all. If charge or heat carries over, earlier runs are simulated too.
@@ -161,7 +161,7 @@ class Replay:
                     requests["restart_count"][at] = len(restarts)
             starts = np.add.outer([places[run] for run in runs], np.array(chosen) * length)
             last = plant.simulate_into(rows.reshape(-1), starts, own, requests, names, threads)
-            del begun  # until here, the requests pointed to its arrays
+            del begun  # until here, the requests pointed to the arrays in `begun`
             if chosen is carrying:
                 carried = last[0]
         return rows
@@ -220,7 +220,7 @@ class Replay:
         It also returns the `_Begun` that hold the arrays of these requests. Models with the same states share one.
         """
         if len(self._begun) > _MOST_BEGUN:
-            self._begun, self._acting = {}, {}  # another thread may still read the old ones
+            self._begun, self._acting = {}, {}  # new dictionaries, as another thread may still read the old ones
         names, begun = tuple(run.name for run, _ in batch), self._begun
         keys: list[tuple[object, ...]] = [
             (names, _start_key(model), tuple(_own_values(run, model) for run, _ in batch) if model.by_run else ())
@@ -312,11 +312,11 @@ class RunKind:
     Attributes:
         words: the quantity that differs, as the subject of a sentence.
         unit: SI; 1 is a share.
-        mechanism: as that of an effect.
+        mechanism: the mechanism, as for an effect.
         change: (time (n,), inputs (n, columns), value) -> inputs.
         sd: the prior sd of a value: the usual difference between runs of one machine. A held-out run has the value 0.
         low, high: the range of values.
-        tried: values from which a fit may start, because a small one has no influence.
+        tried: values from which a fit may start, because a small value has no influence.
     """
 
     words: str
@@ -338,7 +338,7 @@ RUN_KINDS: Mapping[str, RunKind] = {
     "delay": RunKind("The time from a command to its effect", "s", "timing", later, 0.1, -0.5, 0.5, _TRIED_DELAYS),
     "start": RunKind(_START, "s", "timing", held_back, 0.1, 0.0, 0.5, _TRIED_STARTS),
 }
-"""A battery's charge changes a run's gain, and the link its delay; a log may start before its commands act."""
+"""A battery's charge changes a run's gain, the link changes its delay; a log may start before its commands act."""
 
 
 ADDED = frozenset({"viscous_friction"})
@@ -350,8 +350,9 @@ def by_recording(
 ) -> Iterator[tuple[list[Model], frozenset[str]]]:
     """Yields the models as they are in each recording of a data set, with those of `runs` that belong to it.
 
-    `by_run` of a model holds, under a recording's name, what differs in it: for a value of runs the value, for a
-    nominal parameter the relative change, for a parameter in `ADDED` and an "effect.parameter" the added amount, SI.
+    `by_run` of a model holds, under a recording's name, the differences of this recording: for a value of runs the
+    value, for a nominal parameter the relative change, for a parameter in `ADDED` and an "effect.parameter" the added
+    amount, SI.
     """
     told = {name for model in models for table in model.by_run.values() for name in table}
     of = {run.name: run.recording if run.recording in told else "" for run in dataset.runs if run.name in runs}
@@ -361,7 +362,7 @@ def by_recording(
 
 
 def in_recording(model: Model, recording: str, runs: Collection[str]) -> Model:
-    """Returns the model as it is in `recording`, which has `runs`. An effect whose sizes are all 0 there is off."""
+    """Returns the model as it is in `recording`, which has `runs`. An effect whose sizes are all 0 in it is off."""
     own = {kind: table[recording] for kind, table in model.by_run.items() if recording in table}
     kept = {kind: table for kind, table in model.by_run.items() if kind in RUN_KINDS and recording not in table}
     parameters, effects = dict(model.parameters), {name: dict(table) for name, table in model.effects.items()}

@@ -64,13 +64,13 @@ class Scenario:
 
     Attributes:
         kind: "mission" or "manoeuvre".
-        duration: s.
-        start: x, y and heading.
-        start_at: s at rest before a mission begins; None: 1 s if the firmware has to learn a gyro bias, else 0.
-        cruise: profile -> m/s.
-        stop_at: m of path after which a manoeuvre shorts both motors.
+        duration: the duration, s.
+        start: x, y and heading at the start.
+        start_at: time at rest before a mission begins, s; None: 1 s if the firmware has to learn a gyro bias, else 0.
+        cruise: profile -> the cruise speed, m/s.
+        stop_at: path length, m, after which a manoeuvre shorts both motors.
         parameters, effects: values in which the plant differs from the controller's model.
-        faults: of the link between plant and controller, if there is one.
+        faults: the faults of the link between plant and controller, if there is one.
         packaged: whether the scenario comes with the package.
     """
 
@@ -160,7 +160,7 @@ def _list(toml: TomlFile, key: str, data: Mapping[str, Any], most: int) -> list[
 
 
 def _farthest() -> float:
-    """m: the largest coordinate of a waypoint that the firmware takes."""
+    """The largest coordinate of a waypoint that the firmware takes, m."""
     return float(interface()[1].BP_MAX_COORDINATE_M)
 
 
@@ -280,9 +280,9 @@ class Fault:
 
     Attributes:
         kind: one of FAULT_KINDS.
-        from_s, to_s: s of the flight; the restarts happen at ``from_s``.
+        from_s, to_s: times of the flight, s; a restart happens at ``from_s``.
         rate: share of the messages or bytes that are disturbed, or of the highest possible rate of noise pulses, 0..1.
-        direction: of the disturbed messages, one of FAULT_DIRECTIONS.
+        direction: the direction of the disturbed messages, one of FAULT_DIRECTIONS.
         sensor: for SENSOR_KINDS, one of FAULT_SENSORS.
     """
 

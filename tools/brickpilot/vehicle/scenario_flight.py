@@ -53,7 +53,7 @@ def prepare(
     compensation: Compensation | None = None,
     gains: Gains | None = None,
 ) -> flight.Plan:
-    """Reads the scenario and makes every choice of the flight; the arguments are those of `fly`.
+    """Reads the scenario and returns the plan of the flight; the arguments are those of `fly`.
 
     Raises:
         InputError: as `fly`.
@@ -81,13 +81,13 @@ def fly(
     """Flies a mission or a manoeuvre in simulation.
 
     Args:
-        scenario: the name of a packaged one, or a file.
-        model: of the robot; None: the packaged one.
+        scenario: the name of a packaged scenario, or a file.
+        model: the model of the robot; None: the packaged robot.
         profile: "coupled" or "paper"; None: the scenario's, else the model's.
         sensors: "ideal", "imu" or "imu+encoders"; None: the scenario's, else ideal.
-        seed: of the sensors' noise; None: the scenario's, else 0.
-        compensation: what the firmware knows of this robot.
-        gains: settings of the controller, of `brickpilot tune`.
+        seed: the seed of the sensors' noise; None: the scenario's, else 0.
+        compensation: the compensation of this robot in the firmware.
+        gains: settings of the controller from `brickpilot tune`.
 
     Raises:
         InputError: a file is bad, an argument is not one of those above, or the scenario needs a link.

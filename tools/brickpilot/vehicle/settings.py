@@ -42,8 +42,8 @@ class Setting:
     """A row of the table; its header explains every field.
 
     Attributes:
-        default: in `format.unit`; None: the vehicle file has it.
-        compensation: key in a compensation file; empty: the setting tunes the controller.
+        default: the default in `format.unit`; None: the vehicle file has the value.
+        compensation: the key in a compensation file; empty: the setting tunes the controller.
     """
 
     name: str

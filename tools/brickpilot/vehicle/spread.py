@@ -20,8 +20,8 @@ class Spread:
     Attributes:
         names: "mass" or "effect.parameter".
         values: estimates, SI.
-        units: SI: a coordinate is (value - estimate) / unit. None: it is log(value / estimate).
-        covariance: of the coordinates, (parameters, parameters).
+        units: the units, SI: a coordinate is (value - estimate) / unit. None: a coordinate is log(value / estimate).
+        covariance: the covariance of the coordinates, (parameters, parameters).
     """
 
     names: tuple[str, ...]

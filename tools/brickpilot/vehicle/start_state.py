@@ -1,7 +1,7 @@
 """The state from which a run starts, or a window that is cut out of a run.
 
 The state is estimated from several samples instead of one. A sensor effect of the model, such as a scale or a bias,
-lies between state and reading. So the result is the state at which the model's sensors give the measured values.
+changes the reading of a state. So the result is the state in which the model's sensors give the measured values.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ class Readings:
         measured: signal -> (samples,) reading, SI; NaN where blank.
         stated: signal -> (samples,) true value; NaN where none is stated.
         models: the models for which states are made.
-        of: (samples,) index in `models` of each sample's model.
-        age: (samples,) s since power-on.
+        of: (samples,) the index in `models` of each sample's model.
+        age: (samples,) time since power-on, s.
     """
 
     measured: Mapping[str, Array]
@@ -99,7 +99,7 @@ class Readings:
         return made
 
 
-_Value = Array | float  # (samples,), or the same for all
+_Value = Array | float  # (samples,), or one value for all samples
 _Fields = Mapping[str, _Value | tuple[_Value, _Value]]
 
 
@@ -154,7 +154,7 @@ def states(readings: Readings, *, restart: bool = False) -> NDArray[np.void]:
     built = plant.build_all(readings.models)
 
     def outputs(which: NDArray[np.intp]) -> Array:
-        """Returns (which, read): the sensors' readings of these values, at zero input; 0 where no reading is wanted."""
+        """Returns (which, read): the sensors' readings of these values, at zero input; 0 where no reading is needed."""
         start = readings.states(dict(zip(read, values.T, strict=True)))[which]
         models = [readings.models[k] for k in readings.of[which].tolist()]
         made = _sensor_outputs(models, start, tuple(read), built)
