@@ -1,1 +1,1 @@
-"""Data sets with a hidden effect, made by independent physics. Imports nothing of the program under test."""
+"""Makes data sets with hidden effects by independent physics; imports nothing of the program under test."""

@@ -1,4 +1,4 @@
-"""The commands that `tests/lab` calls besides the suites: lists of sets, and one more experiment for a set.
+"""Further commands that `tests/lab` calls: they list the sets of a suite, and add an experiment to a set.
 
 ``python -m hidden.benchmark list SUITE`` prints name and seed of each set, in order. ``python -m hidden.benchmark
 add FOLDER OUT --manoeuvre TABLE.json`` writes OUT/NAME: the set with one more run, made by the same engine with the
@@ -25,7 +25,7 @@ ADDED = "next_experiment"
 
 
 def recipe_of(data: Path) -> Recipe:
-    """Returns the recipe of the set in `data` by its truth, with the commands of its files, to five digits."""
+    """Returns the recipe of the set in `data` from its truth; its commands are read from its files, to five digits."""
     facts = json.loads(data.with_name(f"{data.name}.truth.json").read_text(encoding="ascii"))["recipe"]
     runs = tuple(_driven(data, name) for name in facts["runs"])
     return Recipe(**{**facts, "vehicle": Vehicle(**facts["vehicle"]), "runs": runs})
@@ -37,7 +37,7 @@ def _driven(data: Path, run: str) -> Manoeuvre:
 
 
 def with_run(data: Path, added: Manoeuvre, out: Path) -> Path:
-    """Writes OUT/NAME: the set in `data` with the run `added`, driven after the others. Its role is fit."""
+    """Writes OUT/NAME: the set in `data` with one more fit run, `added`, which is driven after the others."""
     recipe = recipe_of(data)
     longer = replace(recipe, runs=(*recipe.runs, replace(added, name=ADDED)))
     logged = measure.log(measure.sense(measure.tracks(longer), longer), longer)[-1]

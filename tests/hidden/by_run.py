@@ -1,4 +1,4 @@
-"""The values that differ from run to run and from frame to frame, by numbers alone: the same in both engines."""
+"""Values that vary from run to run and from frame to frame. They depend only on numbers, so both engines agree."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ import numpy as np
 from hidden.recipe import Floats
 
 FRAME_S = 0.05
-"""A command travels in frames of this length; each has its own delay."""
+"""s: commands are sent in frames of this length; each frame has its own delay."""
 
 _GOLDEN = 0.618033988749895
 
 
 def place(number: int) -> float:
-    """Returns a number from -1 to 1 for run `number`; those of all runs are spread evenly (golden ratio)."""
+    """Returns a number from -1 to 1 for run `number`; the numbers of all runs are spread evenly (golden ratio)."""
     return 2 * ((number + 1) * _GOLDEN % 1.0) - 1
 
 
 def delays(time: Floats, number: int, delay: float, jitter: float) -> Floats:
-    """Returns how late the command of each `time` (n,) s is: `delay` within +-`jitter`, one value for each frame."""
+    """Returns the delay in s of the command at each `time` (n,) s: `delay` +- `jitter`, one value for each frame."""
     frames = np.floor(time / FRAME_S).astype(np.int64)
     drawn = np.random.default_rng([97, number]).uniform(-1.0, 1.0, int(frames.max(initial=0)) + 1)
     return np.asarray(np.maximum(delay + jitter * drawn[frames], 0.0), dtype=float)

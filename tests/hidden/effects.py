@@ -1,4 +1,4 @@
-"""The effects that may be hidden: for each the parameters at which it shows clearly, and how they vary."""
+"""The effects that may be hidden: the parameters at which each is clearly visible, and how they are drawn."""
 
 from __future__ import annotations
 
@@ -18,14 +18,15 @@ class Effect:
     """How one effect is drawn.
 
     Attributes:
-        visible: parameters at size 1 on `recipe.BENCH`: some signal then changes by at least 5 noise sd, rms.
-        scaled: the parameters that grow with the size; the others stay.
-        offset: value at size 0 of a limit that the effect lowers.
-        signed: whether the scaled parameters also come with the other sign.
+        visible: parameters at size 1 on `recipe.BENCH`, which change some signal by at least 5 noise sd, rms.
+        scaled: the parameters that grow with the size; the others are constant.
+        offset: for a limit that the effect lowers, its value at size 0.
+        signed: whether the scaled parameters may have either sign.
         ranges: parameters that are drawn uniformly for each data set.
-        kind: how `scaled` grows with the strength of the vehicle, so that the effect shows on each vehicle.
+        kind: quantity by whose `strength` on the vehicle `scaled` is multiplied, so that the effect is visible on each
+            vehicle.
         grid: if above 0, scaled parameters are whole multiples of it.
-        absent: nominal values that must be 0 in the vehicle, because their law is that of the effect.
+        absent: nominal values that must be 0 in the vehicle, because they have the same law as the effect.
     """
 
     visible: Mapping[str, float]
@@ -158,13 +159,13 @@ ODD: dict[str, Effect] = {
     "odd_crosstalk": _one("share", 0.04, signed=True),
     "odd_gyro_cubic": _one("cubic", 0.003, signed=True),
 }
-"""Oddities that no library names. README.md says what each does."""
+"""Odd effects, which are in no library. README.md describes each of them."""
 
 TABLE = LIBRARY | ODD
 
 
 def strength(kind: Kind, vehicle: Vehicle) -> float:
-    """Returns the strength of this vehicle over that of the bench vehicle, in the quantity `kind`."""
+    """Returns the ratio of this vehicle to the bench vehicle in the quantity `kind`."""
 
     def torque(v: Vehicle) -> float:
         return v.torque_constant * v.battery_voltage / v.resistance
@@ -184,7 +185,7 @@ def strength(kind: Kind, vehicle: Vehicle) -> float:
 
 
 def draw(name: str, size: float, vehicle: Vehicle, random: np.random.Generator) -> dict[str, float]:
-    """Returns parameters of effect `name` at about `size` times the visible ones, with random sign and spread."""
+    """Returns parameters of effect `name`, about `size` times those in `visible`, with random sign and spread."""
     return drawn(TABLE[name], size, vehicle, random)
 
 

@@ -1,4 +1,4 @@
-"""Supply, drive and motors of a vehicle, in plain numbers: physics engines do not have them.
+"""Supply, drive and motors of a vehicle, which physics engines lack, in plain Python numbers.
 
 Equations are those of a brushed motor (eq. 12 of Worrall & McGookin 2006, seen at the wheel) and of the effects named
 in `Hidden`. There is one call a step; the current is exact for a speed that changes linearly within the step.
@@ -17,8 +17,8 @@ from hidden.electrics_laws import Circuit
 from hidden.recipe import Hidden, Vehicle
 
 COPPER = 0.00393  # 1/K, IEC 60028
-FLOOR = 0.01  # share of its voltage that an empty battery keeps
-ZERO = 0.01  # a drive that coasts takes commands up to this share of the battery's voltage as 0
+FLOOR = 0.01  # least battery voltage over the nominal voltage
+ZERO = 0.01  # share of the battery's voltage: a coasting drive takes smaller commands as 0
 
 EFFECTS = frozenset(
     {"start_delay", "input_delay", "battery_discharge", "battery_fade", "battery_sag", "odd_crosstalk",
@@ -26,11 +26,11 @@ EFFECTS = frozenset(
      "motor_asymmetry", "odd_voltage_gain", "supply_saturation", "pwm_coast", "zero_coast", "dead_time",
      "torque_constant_asymmetry", "motor_heating", *electrics_laws.LAWS}
 )  # fmt: skip
-"""The effects that act only here, in the order in which a command passes them; also the gain of direction_asymmetry."""
+"""The effects that act only here, in the order in which they change a command; also direction_asymmetry's gain."""
 
 
 def arriving(commands: NDArray[np.float64], hidden: Hidden, step_s: float, number: int = 0) -> NDArray[np.float64]:
-    """Returns the V (n,) that reach the drive, one per step: `commands` (n,) late (`input_delay`), or 0 at the start.
+    """Returns the voltages (n,) at the drive, one per step: `commands` (n,) with the delays; 0 before they arrive.
 
     Args:
         number: the run's number.
@@ -74,7 +74,7 @@ class Electrics:
         self._slope, self._sag = p("battery_discharge", "slope"), p("battery_sag", "resistance")
         self._crosstalk, self._quantum = p("odd_crosstalk", "share"), p("pwm_quantisation", "step")
         lag = p("actuator_lag", "time_constant")
-        # share of a difference that is closed at the end of a step, and on average over it
+        # share of a difference that the lag closes by the end of a step, and on average in the step
         self._closed = -math.expm1(-step_s / lag) if lag > 0 else 1.0
         self._midway = 1 - self._closed * lag / step_s if lag > 0 else 1.0
         slew = p("slew_limit", "time_per_volt")
@@ -101,7 +101,7 @@ class Electrics:
         self.start_run()
 
     def start_run(self) -> None:
-        """Sets everything to rest and no current. `heat`, `charge` and `age` stay."""
+        """Sets all states to rest, without current. `heat`, `charge` and `age` are kept."""
         self.current = [0.0, 0.0]
         self._lagged, self._held = [0.0, 0.0], [0.0, 0.0]
         self._sum = [0.0, 0.0]
@@ -111,14 +111,14 @@ class Electrics:
         self._circuit.start_run()
 
     def _decays(self, resistance: float) -> tuple[float, float]:
-        """Returns the share of a current's distance from its goal after a step, and its mean over the step."""
+        """Returns the share of a current's distance from its steady value after a step, and on average in the step."""
         if self._vehicle.inductance <= 0:
             return 0.0, 0.0
         x = self._step * resistance / self._vehicle.inductance
         return math.exp(-x), -math.expm1(-x) / x
 
     def step(self, command_left: float, command_right: float, speed_left: float, speed_right: float) -> list[float]:
-        """Returns mean torques (left, right), N m at the wheel, over one step at these V and mid-step rad/s."""
+        """Returns mean torques (left, right) in one step, N m at the wheel, from V and mid-step speeds in rad/s."""
         if self._plain:
             volts: list[float | None] = [command_left, command_right]
         else:
@@ -155,7 +155,7 @@ class Electrics:
         return torque
 
     def _drive(self, command_left: float, command_right: float) -> list[float | None]:
-        """Returns V at the motors (left, right); None: the motor floats."""
+        """Returns the voltages at the motors (left, right); None: the motor floats."""
         full = self._vehicle.battery_voltage
         open_voltage = full - self._slope * self.charge - self._fading * self.age
         c = self._circuit
@@ -198,7 +198,7 @@ class Electrics:
         return value
 
     def _switched(self, volts: float | None, emf: float) -> float | None:
-        """Returns V at a motor whose back EMF is `emf`, after what the drive's switches do."""
+        """Returns the voltage at a motor with back EMF `emf`, after the effects of the drive's switches."""
         if volts is None:
             return None
         if self._coasting and abs(volts) <= ZERO * self._vehicle.battery_voltage:
@@ -212,7 +212,7 @@ class Electrics:
         return max(-self.battery, min(self.battery, level))
 
     def _pulse(self, side: int, volts: float, fresh: bool) -> float | None:
-        """Returns full voltage or nothing for a tick: first-order density, as in brickOS. None: the motor floats."""
+        """Returns the voltage in a tick, pulse or pause (first-order pulse density, as in brickOS); None: floating."""
         if fresh:
             self._sum[side] += abs(volts) / self.battery
             self._on[side] = self._sum[side] >= 1 - 1e-9

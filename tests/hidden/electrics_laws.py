@@ -13,13 +13,13 @@ Parameters = Mapping[str, float]
 
 @dataclass
 class Circuit:
-    """The values of one vehicle that the laws read and change. Pairs are [left, right].
+    """The variables of one vehicle that the laws read and change. Pairs are [left, right].
 
     Attributes:
         age: s since power-on.
-        drawn: A from the supply.
-        commands: V, as they arrive, before the supply and the drive.
-        current: A of the motors at the start of a step.
+        drawn: A, current from the supply.
+        commands: V, the arriving commands, before the effects of supply and drive.
+        current: A, the motors' currents at the start of a step.
         slow: V, the voltage of Thevenin's capacitor.
         held: V, the output of a drive that climbs at a limited rate.
         emf: V, the motors' back EMF.
@@ -52,7 +52,7 @@ def _sag_with_memory(c: Circuit, p: Parameters) -> float:
 
 
 def _slew_when_driving(c: Circuit, p: Parameters, side: int, volts: float) -> float:
-    """The voltage climbs at a limited rate, and falls at once."""
+    """The size of the voltage rises at a limited rate, and falls at once."""
     held = abs(c.held[side]) if volts * c.held[side] > 0 else 0.0
     size = min(abs(volts), held + c.vehicle.battery_voltage / p["time"] * c.step)
     c.held[side] = math.copysign(size, volts)
@@ -60,7 +60,7 @@ def _slew_when_driving(c: Circuit, p: Parameters, side: int, volts: float) -> fl
 
 
 def _current_cut_softly(c: Circuit, p: Parameters, side: int, volts: float) -> float:
-    """Cuts a share of the voltage across a winding that is above the limit."""
+    """Removes a share of the voltage across a winding beyond the limit."""
     across = volts - c.emf[side]
     return volts - p["share"] * (across - max(-p["voltage"], min(p["voltage"], across)))
 
@@ -91,7 +91,7 @@ def _one_side_drop(_: Circuit, p: Parameters, side: int, volts: float) -> float:
 
 
 def _brake_late(c: Circuit, p: Parameters, side: int, volts: float) -> float | None:
-    """At a command of zero the drive first lets the motor float, and shorts it a while later."""
+    """At a command of zero the motor first floats; after a time the drive shorts it."""
     c.at_zero[side] = c.at_zero[side] + c.step if c.commands[side] == 0 else 0.0
     return None if 0 < c.at_zero[side] <= p["after"] else volts
 
@@ -99,7 +99,7 @@ def _brake_late(c: Circuit, p: Parameters, side: int, volts: float) -> float | N
 SUPPLY: dict[str, Callable[[Circuit, Parameters], float]] = {
     act.__name__[1:]: act for act in (_discharge_settling, _sag_with_memory)
 }
-"""Each returns the V that the supply loses."""
+"""Effect -> function that returns the voltage loss of the supply."""
 
 DRIVE: dict[str, Callable[[Circuit, Parameters, int, float], float | None]] = {
     act.__name__[1:]: act
@@ -108,7 +108,7 @@ DRIVE: dict[str, Callable[[Circuit, Parameters, int, float], float | None]] = {
         _current_cut_softly, _brake_late,
     )
 }  # fmt: skip
-"""Each returns V of one side (0: left) from V, in the order in which a command passes them. None: the motor floats."""
+"""Effect -> function from voltage to voltage of one side (0: left); None: floating. In the order of their action."""
 
 TIMING = ("start_delay_by_run", "command_jitter")
 MOTOR = ("one_motor_saturates", "heating_in_two_stages")

@@ -1,4 +1,4 @@
-"""Writes the data set of a recipe, and its truth beside the folder, never inside."""
+"""Writes the data set of a recipe into a folder, and its truth beside this folder."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ UNITS = {
     "accel_surge": "m/s^2", "accel_sway": "m/s^2", "yaw_rate": "rad/s",
     "wheel_speed_left": "rad/s", "wheel_speed_right": "rad/s",
 }  # fmt: skip
-_TURNS = {"accel_sway", "yaw_rate"}  # change sign between FRD and FLU
+_TURNS = {"accel_sway", "yaw_rate"}  # signals that change sign between FRD and FLU
 _SD_STATED = {"none": 0.0, "half": 0.5, "all": 1.0}  # share of the nominal values whose sd is stated
 
 
 def nominal(recipe: Recipe) -> dict[str, dict[str, float]]:
-    """Returns the experimenter's values: parameter -> value and, for as many as `recipe.sds` says, sd."""
+    """Returns the experimenter's values: parameter -> value and, for the share that `recipe.sds` states, sd."""
     random = np.random.default_rng([recipe.seed, 1_000_003])
     out = {}
     for parameter in fields(Vehicle):
@@ -42,7 +42,7 @@ def write(recipe: Recipe, parent: Path) -> Path:
     """Makes the data and writes PARENT/NAME and PARENT/NAME.truth.json, both or none; returns the folder.
 
     Raises:
-        FileExistsError: one of them exists already.
+        FileExistsError: one of the two exists already.
     """
     folder, truth = parent / recipe.name, parent / f"{recipe.name}.truth.json"
     for path in (folder, truth):

@@ -19,7 +19,7 @@ class Manoeuvre:
     Attributes:
         name: name of the run and of its file.
         time: (k,) s from the run's start, never decreasing; a step is two points at one time.
-        left: (k,) V, held before the first and after the last point.
+        left: (k,) V, constant before the first and after the last point.
         right: (k,) V.
         duration_s: length of the run, above 0.
     """
@@ -39,7 +39,7 @@ class Manoeuvre:
             raise ValueError(f"{self.name}: lasts {self.duration_s} s")
 
     def held(self, sample_s: float) -> tuple[Floats, Floats, Floats]:
-        """Returns time (n,) s, left (n,) and right (n,) V as a brick outputs them: sample k holds until sample k + 1.
+        """Returns the brick's outputs: time (n,) s, left (n,) and right (n,) V. Sample k is held until sample k + 1.
 
         At the time of a step the later point counts.
         """
@@ -73,7 +73,7 @@ def from_table(table: Mapping[str, Any]) -> Manoeuvre:
 
 
 def _both_sides(side: Floats, time: float) -> tuple[float, float]:
-    """Returns V just before and just after `time`."""
+    """Returns the voltages just before and just after `time`."""
     at, volts = side[:, 0], side[:, 1]
     exact = np.flatnonzero(at == time)
     if len(exact):
@@ -99,7 +99,7 @@ def ramps(name: str, duration_s: float, *points: tuple[float, float, float]) -> 
 
 
 def chirp(name: str, duration_s: float, amplitude: float, periods: Sequence[float], *, opposite: bool) -> Manoeuvre:
-    """Returns square waves of +-`amplitude` V that go through these periods, s, again and again; 0 V at the end."""
+    """Returns square waves of +-`amplitude` V; `periods` (s) are used cyclically. At the end the voltage is 0."""
     stages, now, index = [], 0.0, 0
     while now < duration_s - 1.0:
         half = 0.5 * periods[(index // 2) % len(periods)]
@@ -146,7 +146,7 @@ def short() -> tuple[Manoeuvre, ...]:
 
 
 def varied(runs: Sequence[Manoeuvre], random: np.random.Generator) -> tuple[Manoeuvre, ...]:
-    """Returns the runs, each with 82 to 100 % of its voltages, because nobody drives twice alike."""
+    """Returns the runs with voltages scaled by a random 82 to 100 %, a different one for each run."""
     shares = random.uniform(0.82, 1.0, len(runs))
     return tuple(
         replace(run, left=tuple(share * v for v in run.left), right=tuple(share * v for v in run.right))

@@ -1,4 +1,4 @@
-"""From the truth to the log: sensor errors, noise and converters; and how visible an effect is."""
+"""Makes the log from the truth, by sensor errors, noise and converters; computes how visible an effect is."""
 
 from __future__ import annotations
 
@@ -18,34 +18,34 @@ from hidden.recipe import GRAVITY, Engine, Floats, Recipe, Track, Vehicle
 NOISE_SD = {
     "accel_surge": 0.025, "accel_sway": 0.025, "yaw_rate": 0.014, "wheel_speed_left": 0.05, "wheel_speed_right": 0.05,
 }  # fmt: skip
-"""White noise of each sensor, SI, at noise 1."""
+"""sd of each sensor's white noise, SI, if the recipe's `noise` is 1."""
 
 RANGE = {
     "accel_surge": 2 * GRAVITY, "accel_sway": 2 * GRAVITY, "yaw_rate": 10.47,
     "wheel_speed_left": 51.2, "wheel_speed_right": 51.2,
 }  # fmt: skip
-"""Largest reading of each sensor, with either sign, SI."""
+"""Largest magnitude of each sensor's readings, SI."""
 
 BITS = 10
 
 SEEDED = frozenset({"planar"})
-"""Engines whose physics has a random texture of its own."""
+"""Engines whose physics contains random vibration and roughness, so that it depends on the seed."""
 
 SENSOR_EFFECTS = frozenset(
     {"imu_lever_arm", "accel_misalignment", "imu_lag", "accel_bias", "gyro_scale", "gyro_asymmetry", "gyro_bias",
      "gyro_drift", "gyro_saturation", "encoder_scale", "speed_lag", "unsigned_sensor", "speed_delay", "gyro_delay",
      "sensor_delay", "odd_gyro_cubic", *sensor_laws.LAWS}
 )  # fmt: skip
-"""The effects that act here and not in an engine."""
+"""The effects of sensors, which act here and not in an engine."""
 
 
 def resolution(signal: str) -> float:
-    """Returns one count of the converter of `signal`, SI."""
+    """Returns the converter's step for `signal`, SI."""
     return 2 * RANGE[signal] / float(2**BITS)
 
 
 def engine(name: str) -> Engine:
-    """Returns the engine of that name, and loads only what it needs."""
+    """Returns the engine `name`; only its own modules are loaded."""
     if name == "mujoco":
         from hidden import mujoco_engine
 
@@ -58,9 +58,9 @@ def engine(name: str) -> Engine:
 
 
 def sense(tracks: Sequence[Track], recipe: Recipe) -> list[dict[str, Floats]]:
-    """Returns what ideal converters would log without noise: for each run, signal -> (n,), every `recipe.sample_s`.
+    """Returns the noise-free logs of ideal converters: for each run, signal -> (n,), every `recipe.sample_s`.
 
-    Accelerometers give the mean over the sample before, as an integrating converter does. Other signals are
+    Accelerometers give the mean over the past sampling interval, like an integrating converter. Other signals are
     instantaneous.
     """
     signals, age = [], 0.0
@@ -77,7 +77,7 @@ def _sense(track: Track, recipe: Recipe, age: float, number: int) -> dict[str, F
     surge, sway, rate = ideal.surge, ideal.sway, ideal.rate
     arm = hidden.get("imu_lever_arm")
     if arm:
-        turn = rate - 0.5 * fine * track.yaw_accel  # in the middle of the time over which the accelerations are means
+        turn = rate - 0.5 * fine * track.yaw_accel  # at the middle of the interval of the mean accelerations
         surge = surge - turn**2 * arm["x"] - track.yaw_accel * arm["y"]
         sway = sway - turn**2 * arm["y"] + track.yaw_accel * arm["x"]
     angle = hidden.get("accel_misalignment", {}).get("angle", 0.0)
@@ -107,7 +107,7 @@ def _sense(track: Track, recipe: Recipe, age: float, number: int) -> dict[str, F
 
 
 def _late(name: str, values: Floats, hidden: Mapping[str, Mapping[str, float]], track: Track) -> Floats:
-    """Returns a signal behind its own lag and delay and behind the delay of all sensors."""
+    """Returns a signal after its own lag and delay and the common delay of all sensors."""
     effects, own = ["sensor_delay"], "speed_delay" if "speed" in name else "gyro_delay"
     lag = hidden.get("speed_lag", {}).get("time_constant", 0.0) if "speed" in name else 0.0
     if lag > 0:
@@ -124,14 +124,14 @@ def _late(name: str, values: Floats, hidden: Mapping[str, Mapping[str, float]], 
 
 
 def _lagged(values: Floats, lag: float, step: float) -> Floats:
-    """Returns a first-order low-pass that starts at the first value. It is exact for values linear in each step."""
+    """Returns the values after a first-order low-pass that starts settled; exact for values linear in each step."""
     numerator, denominator, _ = cont2discrete((np.array([1.0]), np.array([lag, 1.0])), step, method="foh")
     first = values[0]
     return np.asarray(lfilter(np.ravel(numerator), denominator, values - first) + first, dtype=float)
 
 
 def _mean_before(values: Floats, count: int) -> Floats:
-    """Returns the mean of each value and the count - 1 before it; the first ones as they are."""
+    """Returns the mean of each value and the `count` - 1 values before it; the first values are not changed."""
     sums = np.cumsum(np.concatenate([[0.0], values]))
     out = values.copy()
     out[count:] = (sums[count + 1 :] - sums[1:-count]) / count
@@ -139,7 +139,7 @@ def _mean_before(values: Floats, count: int) -> Floats:
 
 
 def log(signals: Sequence[Mapping[str, Floats]], recipe: Recipe) -> list[dict[str, Floats]]:
-    """Adds noise, range and, if the recipe says so, converters. The noise depends on seed, run and signal."""
+    """Applies noise, range and, if the recipe states it, quantisation. The noise depends on seed, run and signal."""
     out = []
     for number, run in enumerate(signals):
         logged = {}
@@ -154,7 +154,7 @@ def log(signals: Sequence[Mapping[str, Floats]], recipe: Recipe) -> list[dict[st
 
 
 def tracks(recipe: Recipe) -> list[Track]:
-    """Returns what truly happens in the runs. Results are cached: recipes often differ only in sensors."""
+    """Returns the true motion in the runs. Results are cached, because recipes often differ only in sensors."""
     physics = tuple(
         (name, tuple(sorted(values.items()))) for name, values in recipe.hidden.items() if name not in SENSOR_EFFECTS
     )
@@ -176,11 +176,11 @@ def _driven(
 
 @dataclass(frozen=True)
 class Shown:
-    """How the hidden effects show, against the same vehicle without them; nothing is refitted.
+    """The change of the signals by the hidden effects, compared with the vehicle without them; nothing is refitted.
 
     Attributes:
         visibility: signal -> rms change over all runs, in noise sd.
-        regions: where a signal changes by more than the noise: see `regions`.
+        regions: the spans in which a signal changes by more than the noise: see `regions`.
     """
 
     visibility: dict[str, float]
@@ -188,12 +188,12 @@ class Shown:
 
 
 def visibility(recipe: Recipe) -> dict[str, float]:
-    """Returns how far the hidden effects move each signal: rms over all runs, in noise sd. Nothing is refitted."""
+    """Returns signal -> rms change by the hidden effects over all runs, in noise sd. Nothing is refitted."""
     return shown(recipe).visibility
 
 
 def shown(recipe: Recipe) -> Shown:
-    """Returns how the hidden effects show."""
+    """Returns the change of the signals by the hidden effects."""
     driven = tracks(recipe)
     bare = replace(recipe, hidden={})
     with_it, without = sense(driven, recipe), sense(tracks(bare), bare)

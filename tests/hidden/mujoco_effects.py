@@ -1,7 +1,7 @@
 """Hidden effects that act from step to step as forces, torques and friction, on the vehicle that MuJoCo moves.
 
 Each function reads a `Step` and adds to its forces, torques or friction. Effects that are bodies, joints or contacts
-stand in `mujoco_model`, those of supply, drive and motor in `electrics`, those of sensors in `measure`.
+are in `mujoco_model`, effects of supply, drive and motor in `electrics`, effects of sensors in `measure`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ Parameters = Mapping[str, float]
 
 
 class Step:
-    """The state at the start of a step and what acts during it. Pairs are [left, right]; frame of the paper."""
+    """The state at the start of a step and the forces that act in it. Pairs are [left, right]; frame of the paper."""
 
     __slots__ = (
         "age", "angles", "cosine", "dry", "force", "heading", "load", "mass", "moment", "motor_angles", "motor_speeds",
@@ -24,7 +24,7 @@ class Step:
     x: float  # m
     y: float  # m, to the right
     heading: float  # rad, clockwise
-    cosine: float  # of the heading
+    cosine: float  # cosine of the heading
     sine: float
     surge: float  # m/s
     sway: float  # m/s, to the right
@@ -32,13 +32,13 @@ class Step:
     mass: float  # kg, with payload
     speeds: list[float]  # rad/s of the wheels
     angles: list[float]  # rad
-    motor_speeds: list[float]  # rad/s of the rotors; those of the wheels if no gear lies between
+    motor_speeds: list[float]  # rad/s of the rotors, at the wheel; without backlash as `speeds`
     motor_angles: list[float]  # rad
-    volts: list[float]  # commanded, as they arrive
-    torque: list[float]  # N m of the motors
-    load: list[float]  # N m on the wheels, whatever joins them to the motors
-    dry: list[float]  # N m, bound of the wheels' dry friction
-    force: float  # N ahead, at the middle of the axle
+    volts: list[float]  # commands as they arrive
+    torque: list[float]  # N m, torques of the motors
+    load: list[float]  # N m on the wheels, beyond any backlash
+    dry: list[float]  # N m, limits of the wheels' dry friction
+    force: float  # N forward, at the middle of the axle
     side: float  # N to the right
     moment: float  # N m clockwise
 
@@ -64,7 +64,7 @@ def _viscous_loss(s: Step, p: Parameters) -> None:
 
 
 def _direction_asymmetry(s: Step, p: Parameters) -> None:
-    """Acts as a torque. The gain of the effect acts in the drive."""
+    """The torque part of the effect; its gain acts in the drive."""
     for i in (0, 1):
         if s.speeds[i] * p["torque"] > 0:
             s.dry[i] += abs(p["torque"])
@@ -115,7 +115,7 @@ def _curve_scrub(s: Step, p: Parameters) -> None:
 
 
 def _carpet_nap(s: Step, p: Parameters) -> None:
-    """Pulls along the pile. The dry half is a ball that drags."""
+    """The constant half of the force, along the pile. The dry-friction half is a dragged ball of `mujoco_model`."""
     s.force += 0.5 * (p["force_x"] * s.cosine + p["force_y"] * s.sine)
     s.side += 0.5 * (p["force_y"] * s.cosine - p["force_x"] * s.sine)
 

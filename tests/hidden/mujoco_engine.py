@@ -28,10 +28,11 @@ KNOWN = (
 def simulate(
     vehicle: Vehicle, hidden: Hidden, runs: Sequence[Manoeuvre], seed: int, sample_s: float = 0.003
 ) -> list[Track]:
-    """Drives the runs: see `recipe.Engine`. `seed` changes nothing, because this engine is deterministic.
+    """Drives the runs: see `recipe.Engine`. `seed` has no effect, because this engine is deterministic.
 
     Raises:
-        ValueError: an effect that no engine knows, two that this engine cannot join, or values that make no vehicle.
+        ValueError: an unknown effect, two effects that this engine cannot combine, or values that give no valid
+            vehicle.
     """
     del seed
     unknown = hidden.keys() - KNOWN
@@ -61,7 +62,7 @@ class _Bench:
             self.advance = self._slipping_step
 
     def _settle(self) -> Floats:
-        """Returns the positions of the vehicle at rest on level ground, turned and moved back to the start."""
+        """Lets the vehicle settle on level ground; returns its positions, moved back to the start pose."""
         gravity = self.model.opt.gravity.copy()
         self.model.opt.gravity[:2] = 0.0
         self.data.qfrc_applied[:] = self.constant
@@ -75,7 +76,7 @@ class _Bench:
         return np.asarray(rest, dtype=float)
 
     def _slipping_step(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Does mj_step with the tangents of contacts along the vehicle. MuJoCo lays them along the world's axes."""
+        """Does mj_step with contact tangents along the vehicle's axes; MuJoCo's own are along the world's axes."""
         mujoco.mj_step1(model, data)
         heading = 2 * math.atan2(data.qpos[6], data.qpos[3]) + (0.5 * math.pi if self.across else 0.0)
         cosine, sine = math.cos(heading), math.sin(heading)
@@ -127,7 +128,7 @@ class _Bench:
 
 
 def _per_step(run: Manoeuvre, sample_s: float) -> tuple[Floats, Floats]:
-    """Returns the commanded V (left, right) at every step; the last sample counts for one step."""
+    """Returns the commanded voltages (left, right) at every step; the last sample lasts for one step."""
     hold = round(sample_s / DT)
     _, left, right = run.held(sample_s)
     return np.repeat(left, hold)[: (len(left) - 1) * hold + 1], np.repeat(right, hold)[: (len(left) - 1) * hold + 1]
@@ -149,7 +150,7 @@ class _Extras:
         ]
 
     def act(self, age: float, torque: list[float], volts_left: float, volts_right: float) -> None:
-        """Changes `torque` (left, right; N m) and sets the other forces of the step that begins."""
+        """Changes `torque` (left, right; N m) and sets the other forces of the next step."""
         names, data, s = self.bench.names, self.bench.data, self.step
         qpos, qvel = data.qpos, data.qvel
         (left, right), (left_angle, right_angle) = names.wheel_dof, names.wheel_angle
@@ -184,13 +185,13 @@ class _Extras:
 def _track(bench: _Bench, command: tuple[Floats, Floats], positions: Floats, speeds: Floats, electric: Floats) -> Track:
     """Returns the track in the paper's frame. The specific force is the change of speed less gravity, in body axes."""
     heading = np.unwrap(2 * np.arctan2(positions[:, 6], positions[:, 3]))
-    # A step turns the speed towards where the wheels pointed at its start (see SIDE_SLIP_RETURN), and a change of
-    # speed lies between two steps.
+    # A step turns the velocity towards the wheels' direction at its start (see SIDE_SLIP_RETURN). A change of speed
+    # belongs to the time between two steps.
     lean = 1 / SIDE_SLIP_RETURN
     cosine, sine = np.cos(_back(heading, lean)), np.sin(_back(heading, lean))
     w, x, y, z = _back(positions[:, 3:7], lean + 0.5).T
     felt = -bench.model.opt.gravity + np.diff(speeds[:, :3], axis=0, prepend=speeds[:1, :3]) / DT
-    # axes of the body in those of the world: the first two columns of the rotation matrix
+    # the body's axes in the world's frame: the first two columns of the rotation matrix
     ahead = np.column_stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)])
     aside = np.column_stack([2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)])
     if "floor_wavy" in bench.hidden:
@@ -219,7 +220,7 @@ def _track(bench: _Bench, command: tuple[Floats, Floats], positions: Floats, spe
 
 
 def _back(values: Floats, steps: float) -> Floats:
-    """Returns `values` (n, ...) of `steps` steps earlier, 0 to 2, linear between steps; the first value is repeated."""
+    """Returns `values` (n, ...) delayed by `steps` (0 to 2), linear between steps; the first value is repeated."""
     padded = np.concatenate([values[:1], values[:1], values])
     whole = int(steps)
     part = steps - whole

@@ -1,4 +1,4 @@
-"""Laws of `other_laws`, and a law of the library with a state, from step to step on the vehicle that MuJoCo moves.
+"""Laws of `other_laws`, and one law of the library that has a state, for the vehicle that MuJoCo moves.
 
 Each function takes a law's parameters, the number of the run and the vehicle, and returns a function that changes a
 `Step`. The returned function may have a state.
@@ -17,7 +17,7 @@ from hidden.recipe import GRAVITY, Vehicle, second_inertia
 Parameters = Mapping[str, float]
 Act = Callable[[Step], None]
 
-LUGRE_DAMPING = 0.3  # damping ratio of a bristle with its wheel
+LUGRE_DAMPING = 0.3  # damping ratio of a wheel on its bristles
 
 
 def _ripple_rectified(p: Parameters, _: int, __: Vehicle) -> Act:
@@ -63,7 +63,7 @@ def _coulomb_tanh(p: Parameters, _: int, __: Vehicle) -> Act:
 
 
 def _bristles(stiffness: float, damping: float, bound: Callable[[float], float]) -> Act:
-    """Returns friction of bristles: z' = w - stiffness |w| z / bound(w), torque stiffness z + damping z'.
+    """Returns bristle friction: z' = w - stiffness |w| z / bound(w), torque = stiffness z + damping z'.
 
     LuGre: Canudas de Wit et al. 1995, IEEE TAC 40(3). Without damping and with a constant bound: Dahl 1968.
     """
@@ -94,8 +94,8 @@ def _friction_lugre(p: Parameters, _: int, vehicle: Vehicle) -> Act:
 
 
 def _friction_by_load(p: Parameters, _: int, __: Vehicle) -> Act:
-    """Dry friction that grows with the torque that passes, most of it near rest: in the manner of M4 of Duclusaud et
-    al. 2025, Extended friction models for the physics simulation of servo actuators."""
+    """Dry friction that grows with the transmitted torque, mostly near rest: similar to model M4 of Duclusaud et al.
+    2025, Extended friction models for the physics simulation of servo actuators."""
 
     def act(s: Step) -> None:
         for i in (0, 1):
@@ -158,7 +158,7 @@ def _curve_drag(p: Parameters, _: int, __: Vehicle) -> Act:
 
 
 def _drag_power(p: Parameters, _: int, __: Vehicle) -> Act:
-    """Drag with the power 1.5 of the speed, between linear and square."""
+    """Drag with exponent 1.5 in speed, between linear and quadratic drag."""
 
     def act(s: Step) -> None:
         s.force -= p["drag"] * s.surge * math.sqrt(abs(s.surge))
@@ -175,7 +175,7 @@ def _nap_viscous(p: Parameters, _: int, __: Vehicle) -> Act:
 
 
 def _floor_wavy(p: Parameters, _: int, __: Vehicle) -> Act:
-    """The floor rises and falls along x. `mujoco_engine` lets the accelerometers feel it as a slope."""
+    """The floor rises and falls along x. `mujoco_engine` adds the slope to the accelerometers' readings."""
 
     def act(s: Step) -> None:
         pull = s.mass * GRAVITY * p["slope"] * math.sin(2 * math.pi * s.x / p["wave"])
@@ -186,7 +186,7 @@ def _floor_wavy(p: Parameters, _: int, __: Vehicle) -> Act:
 
 
 def _coupled_inertia(p: Parameters, _: int, vehicle: Vehicle) -> Act:
-    """A law of the library stands here because it has a state; `stretch` makes its spring harden, as rubber does."""
+    """The library's law, which is here because it has a state; `stretch` makes its spring stiffen, like rubber."""
     second = second_inertia(vehicle, p["share"], p["period"], p["damping"])
     twist, speed, stretch = [0.0, 0.0], [0.0, 0.0], p.get("stretch", math.inf)
 
@@ -206,7 +206,7 @@ def _inertia_on_rubber(p: Parameters, run: int, vehicle: Vehicle) -> Act:
 
 
 def _ballast_on_spring(p: Parameters, _: int, __: Vehicle) -> Act:
-    """A weight on each wheel gives way to gravity: its angle on the wheel follows the pull."""
+    """An elastically mounted weight on each wheel: gravity changes its angle on the wheel."""
 
     def act(s: Step) -> None:
         for i in (0, 1):

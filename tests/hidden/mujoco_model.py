@@ -12,14 +12,14 @@ import numpy as np
 from hidden.recipe import GRAVITY, Hidden, Vehicle
 
 DT = 0.001
-GRIP = 4.0  # friction of wheel on floor: a vehicle that may not slip
-FIRM = 300.0  # friction along the firm direction over friction along the direction that slips
+GRIP = 4.0  # friction of wheel on floor, for a vehicle that must not slip
+FIRM = 300.0  # friction in the firm direction over friction in the slipping direction
 SIDE_SLIP_RETURN = 1.5
-"""How far a step reverses the side slip of a wheel: 1 stops it, 2 mirrors it. The vehicle turns in each step, so 1
-dissipates energy (a drag of m u r^2 DT / 2 in curves). 2 dissipates none, but the slip never settles. 1.5 leaves a
-third of that drag."""
-# A ball that drags is light and has little friction under a large load: the friction cone of a contact lifts what
-# slides on it, by grip^2 times speed times mass.
+"""Factor by which a step corrects the side slip of a wheel: 1 stops the slip, 2 reverses it. The vehicle turns in each
+step, so factor 1 dissipates energy (a drag of m u r^2 DT / 2 in curves). Factor 2 dissipates none, but the slip never
+settles. Factor 1.5 leaves a third of that drag."""
+# A dragged ball is light and has little friction under a large load: the friction cone of a contact lifts a sliding
+# body, by grip^2 times speed times mass.
 CASTER_MASS = 5e-5
 CASTER_GRIP = 0.3
 WHEEL_SHARE = 0.04  # mass of each wheel as a share of the vehicle's
@@ -29,16 +29,16 @@ EFFECTS = frozenset(
      "com_lateral_offset", "payload_mass", "wheel_radius_mismatch", "wheel_slip", "side_slip", "tyre_grip",
      "backlash_soft", "tyre_deflating", "payload_sprung"}
 )  # fmt: skip
-"""The effects that are bodies, joints or contacts."""
+"""The effects that are modelled by bodies, joints or contacts."""
 
 
 @dataclass(frozen=True)
 class Slip:
-    """A tyre that slips along the vehicle or across it, while the other direction stays firm; or in both alike."""
+    """The slip of the tyres along the vehicle or across it, while the other direction is firm; or equally in both."""
 
     across: bool
-    creep: float  # m/(N s), of one tyre
-    limit: float  # N, of one tyre
+    creep: float  # m/(N s) for one tyre
+    limit: float  # N for one tyre
     both: bool = False
 
 
@@ -73,7 +73,7 @@ def build(vehicle: Vehicle, hidden: Hidden) -> tuple[mujoco.MjModel, Names]:
     across = 0.6 * spin
     casters = _casters(hidden, radius)
     chassis = mass - 2 * wheel_mass - CASTER_MASS * len(casters)
-    # the centre of the chassis alone: with it, the whole vehicle has the stated centre and inertia
+    # centre of the chassis alone, such that the whole vehicle has the stated centre and inertia
     centre_x, centre_y = mass * ahead / chassis, -mass * right / chassis
     others = 2 * (across + wheel_mass * (track**2 + ahead**2 + right**2))
     others += chassis * ((centre_x - ahead) ** 2 + (centre_y + right) ** 2)
@@ -138,7 +138,7 @@ def build(vehicle: Vehicle, hidden: Hidden) -> tuple[mujoco.MjModel, Names]:
         bodies.append(_sprung(sprung, low))
     slope_x, slope_y = p("floor_slope", "slope_x"), p("floor_slope", "slope_y")
     down = math.sqrt(1 - slope_x**2 - slope_y**2)
-    # the stiffness is not used, but 0 would select another format
+    # the first number is not used, but 0 would select another format
     grip = f'solreffriction="-0.0001 {-SIDE_SLIP_RETURN / DT:.12g}"'
     names.slip = _slip(hidden, names.mass)
     xml = f"""
@@ -179,7 +179,7 @@ def build(vehicle: Vehicle, hidden: Hidden) -> tuple[mujoco.MjModel, Names]:
 
 
 def _sprung(load: Mapping[str, float], low: float) -> str:
-    """Returns a load on a spring and a damper that swings along the vehicle, beside its middle."""
+    """Returns a load on a spring and a damper that can move along the vehicle, at a distance from its middle."""
     omega = 2 * math.pi * load["frequency"]
     spring, damper = load["mass"] * omega**2, 2 * load["damping"] * omega * load["mass"]
     return f"""
@@ -212,7 +212,7 @@ def _play(half_gap: float) -> str:
 
 
 def _casters(hidden: Hidden, radius: float) -> list[tuple[float, float]]:
-    """Returns (m ahead, N of friction) of each ball that drags: a caster, and the isotropic half of a carpet."""
+    """Returns (position ahead in m, friction in N) of each dragged ball: a caster, and half the force of a carpet."""
     out = []
     if "caster_drag" in hidden:
         out.append((hidden["caster_drag"]["forward"], hidden["caster_drag"]["force"]))
@@ -236,7 +236,7 @@ def _slip(hidden: Hidden, mass: float) -> Slip | None:
 
 
 def soften(model: mujoco.MjModel, data: mujoco.MjData, slip: Slip) -> None:
-    """Makes tangent 1 of the wheels' contacts soft, or both tangents, for the loads on them in `data`.
+    """Makes tangent 1 (or both tangents) of the wheels' contacts soft, for the contact loads in `data`.
 
     A contact creeps at R / B times its force, with B its damping and R = R_normal / impratio in tangent 1.
     """

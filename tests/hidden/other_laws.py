@@ -1,7 +1,7 @@
-"""Laws that are not those of the library: each acts where an effect of the library acts, by another equation.
+"""Laws that are not in the library: each acts at the same place as an effect of the library, by another equation.
 
-A law has its own name. Its entry states its mechanism, and the library's effects by whose names a user would call it.
-An odd law has no such names. Numbers are those of size 1 on `recipe.BENCH`, as in `effects.py`.
+A law has its own name. Its entry states its mechanism, and the names of the library's effects that are right for it. An
+odd law has no such names. The parameters are those of size 1 on `recipe.BENCH`, as in `effects.py`.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ class Law:
     """A law that no effect of the library has.
 
     Attributes:
-        effect: how it is drawn.
-        mechanisms: first the mechanism where it acts, then mechanisms whose laws give the same signals.
-        names: effects of the library that it stands in for; none: it is odd.
+        effect: how the law's parameters are drawn.
+        mechanisms: the mechanism in which the law acts, then mechanisms whose laws give the same signals.
+        names: effects of the library that the law replaces; empty: the law is odd.
         engines: the engines that can simulate it.
     """
 
@@ -163,7 +163,7 @@ OTHER: dict[str, Law] = {
     "wheel_speed_smoothed": _law({"time": 0.03}, "time", "sensor", "speed_lag speed_delay"),
     "gyro_smoothed": _law({"time": 0.03}, "time", "sensor", "gyro_delay imu_lag"),
 }  # fmt: skip
-"""Laws other than the library's, by name. README.md says what each does."""
+"""Laws other than the library's, by name. README.md describes each of them."""
 
 ODD_MECHANISMS: dict[str, tuple[str, ...]] = {
     "odd_periodic_force": ("body", "floor"),
@@ -180,18 +180,18 @@ ODD_MECHANISMS: dict[str, tuple[str, ...]] = {
     "odd_crosstalk": ("drive", "supply"),
     "odd_gyro_cubic": ("sensor",),
 }
-"""Where each oddity acts, and the mechanisms that give the same signals."""
+"""Odd effect -> the mechanism in which it acts, then mechanisms that give the same signals."""
 
 
 def relation(name: str) -> Relation:
-    """Returns whether the law of `name` is the library's, another one of a mechanism that it knows, or odd."""
+    """Returns "same" for a law of the library, "other" for another law of a known mechanism, or "odd"."""
     if name in OTHER:
         return "other"
     return "odd" if name in effects.ODD else "same"
 
 
 def told(name: str) -> dict[str, object]:
-    """Returns the truth's entry of one hidden effect. For a law of the library, the library states the mechanisms."""
+    """Returns the entry of one hidden effect in the truth. For a law of the library, `mechanisms` is None."""
     law = relation(name)
     if law == "other":
         return {"law": law, "mechanisms": list(OTHER[name].mechanisms), "names": list(OTHER[name].names)}
@@ -201,7 +201,7 @@ def told(name: str) -> dict[str, object]:
 
 
 def draw(name: str, size: float, vehicle: Vehicle, random: np.random.Generator) -> dict[str, float]:
-    """Returns parameters of an effect or law at about `size` times the visible ones: see `effects.draw`."""
+    """Returns parameters of an effect or law, about `size` times those in `visible`: see `effects.draw`."""
     if name in OTHER:
         return effects.drawn(OTHER[name].effect, size, vehicle, random)
     return effects.draw(name, size, vehicle, random)

@@ -1,6 +1,6 @@
 """The effects that may be hidden in `planar_plant`, each with the parameters that ``brickpilot effects`` states.
 
-Those of wheels and body stand here, those of supply, drive and motor in `planar_electrics`.
+Effects of wheels and body are here, effects of supply, drive and motor in `planar_electrics`.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ ELSEWHERE = (
     "gyro_drift", "gyro_saturation", "encoder_scale", "speed_lag", "unsigned_sensor", "speed_delay", "gyro_delay",
     "sensor_delay", "odd_gyro_cubic", *sensor_laws.LAWS,
 )  # fmt: skip
-"""Sensor effects: they change what is measured, not what happens."""
+"""Sensor effects: they change the measurements, not the motion."""
 
 
 def install(plant: Plant, hidden: Hidden) -> None:
-    """Puts the hidden effects into `plant`, in the order in which a command passes them.
+    """Adds the hidden effects to `plant`, in the order in which they change a command.
 
     Raises:
         ValueError: an effect that this plant does not know.
@@ -94,7 +94,7 @@ def _wheel_radius_mismatch(plant: Plant, p: Parameters) -> None:
 
 
 class _Limit:
-    """The force that the limit of a tyre takes away from the linear creep in the plant's matrix.
+    """The difference between a tyre's limited force and the linear creep force in the plant's matrix.
 
     It is extrapolated to the middle of the step, so that it can cancel nearly all of the linear force.
     """
@@ -103,7 +103,7 @@ class _Limit:
         self.before = before
 
     def __call__(self, linear: Floats, most: float) -> Floats:
-        """Returns (n, runs) N from the forces of a linear law and the largest force that the tyre bears."""
+        """Returns (n, runs) N from the forces of the linear law and the largest force of the tyre."""
         now = linear * (1 / np.sqrt(1 + (linear / most) ** 2) - 1)
         middle = 1.5 * now - 0.5 * self.before
         self.before[:] = now
@@ -135,7 +135,7 @@ def _side_slip(plant: Plant, p: Parameters) -> None:
 
 
 def _tyre_grip(plant: Plant, p: Parameters) -> None:
-    """Takes the force beyond the circle away from the linear creep along and across, by each wheel's own slip."""
+    """Reduces the linear creep forces, along and across, to the friction circle, by each wheel's own slip."""
     creep = p["creep"]
     plant.creep["wheel"], plant.creep["side"] = creep, 0.5 * creep
     before, track = plant.memory(4), plant.vehicle.half_track
@@ -244,7 +244,7 @@ def _com_lateral_offset(plant: Plant, p: Parameters) -> None:
 
 
 def _payload_mass(plant: Plant, p: Parameters) -> None:
-    """Makes one body of two: parallel axes about the common centre."""
+    """Joins vehicle and payload to one body, by the parallel-axis theorem about the common centre."""
     mass, place = p["mass"], np.array([p.get("forward", 0.0), p.get("right", 0.0)])
     total = plant.mass + mass
     common = (plant.mass * plant.com + mass * place) / total
@@ -311,4 +311,4 @@ EFFECTS: dict[str, Callable[[Plant, Parameters], None]] = {
     "odd_heading_spring": odd.heading_spring,
     "odd_tether": odd.tether,
 } | planar_laws.LAWS
-"""In the order in which a command passes them; `odd_...` and those of `planar_laws` are in no library."""
+"""The effects in the order in which they change a command; `odd_...` and `planar_laws` are in no library."""

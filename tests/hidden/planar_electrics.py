@@ -55,8 +55,8 @@ def pwm_quantisation(plant: Plant, p: Parameters) -> None:
 def actuator_lag(plant: Plant, p: Parameters) -> None:
     if p["time_constant"] <= 0:
         return
-    closed = -math.expm1(-plant.step / p["time_constant"])  # share of the difference that one step closes
-    midway = 1 - closed * p["time_constant"] / plant.step  # and on average over it
+    closed = -math.expm1(-plant.step / p["time_constant"])  # share of a difference that one step closes
+    midway = 1 - closed * p["time_constant"] / plant.step  # the same share, averaged over the step
     lagged = plant.memory(2)
 
     def hook(plant: Plant) -> None:
@@ -136,7 +136,7 @@ def supply_saturation(plant: Plant, p: Parameters) -> None:
 
 
 def pwm_coast(plant: Plant, p: Parameters) -> None:
-    """Each tick is a pulse or a pause: first-order density."""
+    """Each tick is a pulse or a pause, by first-order pulse density."""
     period, brakes = p.get("period", 0.001), p.get("brakes", 0.0) >= 0.5
     due, on, tick = plant.memory(2), plant.memory(2), plant.memory(1)
     tick -= 1
@@ -227,7 +227,7 @@ def cogging(plant: Plant, p: Parameters) -> None:
 
 
 def gear_backlash(plant: Plant, p: Parameters) -> None:
-    """Teeth meet softly enough for the step, are damped so that they do not bounce, and never pull."""
+    """The teeth are soft enough for the step size, are damped so that they do not bounce, and never pull."""
     half = 0.5 * p["gap"]
     plant.rotor_share = p["rotor_share"]
 
@@ -243,7 +243,7 @@ def gear_backlash(plant: Plant, p: Parameters) -> None:
 
 
 def coupled_inertia(plant: Plant, p: Parameters) -> None:
-    """Hangs a second inertia on each wheel, behind a spring and a damper."""
+    """Couples a second inertia to each wheel, by a spring and a damper."""
     second = second_inertia(plant.vehicle, p["share"], p["period"], p["damping"])
     twist, speed = plant.memory(2), plant.memory(2)
 
@@ -264,5 +264,5 @@ def gravity_load(plant: Plant, p: Parameters) -> None:
 
 
 def _hardened(twist: Floats, p: Parameters) -> Floats:
-    """Returns the twist as the spring feels it: rubber hardens with its `stretch`, a spring does not."""
+    """Returns the twist of an equivalent linear spring: with `stretch` the spring stiffens like rubber."""
     return np.asarray(twist * (1 + (twist / p["stretch"]) ** 2)) if "stretch" in p else twist

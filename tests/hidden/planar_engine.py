@@ -1,6 +1,6 @@
-"""Engine "planar": `planar_plant` driven through a sequence of runs, with the texture of a real log on top.
+"""Engine "planar": drives `planar_plant` through a sequence of runs and adds texture, as in a real log.
 
-Texture is vibration on the accelerations and roughness under the wheels: small, seeded, and in no model.
+Texture is vibration in the accelerations and roughness under the wheels: small, seeded, and in no model.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ ROUGHNESS = 4e-4  # rms slope under each wheel
 ROUGH_WAVES_M = (0.04, 0.4)
 ROUGH_CELL_M = 0.001
 ROUGH_CELLS = 8192
-ROUGH_ROLLS = 0.3  # rad/s: a slower wheel rests in a hollow
+ROUGH_ROLLS = 0.3  # rad/s: below this speed, the roughness force fades, as for a wheel in a hollow
 
 STEPS_PER_SAMPLE = 2
-CARRY_ERROR = 1e-5  # error of charge and heat from one run to the next, as a share of the largest
+CARRY_ERROR = 1e-5  # largest error of the charge and heat carried over, as a share of the largest value
 
 
 class Roughness:
@@ -62,11 +62,11 @@ def simulate(
     *,
     texture: float = 1.0,
 ) -> list[Track]:
-    """Drives the runs: see `recipe.Engine`. `texture` scales vibration and roughness. Sensor effects do nothing here.
+    """Drives the runs: see `recipe.Engine`. `texture` scales vibration and roughness. Sensor effects do not act here.
 
     Raises:
         ValueError: an effect that this plant does not know.
-        KeyError: an effect without one of its parameters.
+        KeyError: a parameter of an effect is missing.
     """
     count = len(runs)
     samples = np.array([round(float(run.held(sample_s)[0][-1]) / OVERSAMPLE_S) for run in runs])
@@ -91,9 +91,9 @@ def simulate(
 def _in_sequence(
     drive: Callable[[Floats, Floats], tuple[Plant, Floats]], count: int, *, carries: bool
 ) -> tuple[Plant, Floats]:
-    """Drives all runs together until each one starts with the charge and heat that the one before it left.
+    """Drives all runs together, repeatedly, until each starts with the charge and heat at the end of the run before.
 
-    A run's end depends on its start nearly linearly, so the secant of two passes predicts the next.
+    The end values depend nearly linearly on the start values, so a secant through two passes predicts the next start.
     """
     start = np.zeros((3, count))
     before: tuple[Floats, Floats] | None = None
@@ -115,7 +115,7 @@ def _in_sequence(
 
 
 def _record(plant: Plant, runs: Sequence[Manoeuvre], sample_s: float, samples: NDArray[np.int64]) -> Floats:
-    """Drives the runs. Returns (samples, 11, runs): ten rows of the state and the supply, every OVERSAMPLE_S."""
+    """Drives the runs. Returns (samples, 11, runs): ten states and the supply voltage, every OVERSAMPLE_S."""
     longest = int(samples.max())
     command = _commands(plant, runs, sample_s, longest * STEPS_PER_SAMPLE)
     record = np.empty((longest + 1, 11, plant.runs))
@@ -130,7 +130,7 @@ def _record(plant: Plant, runs: Sequence[Manoeuvre], sample_s: float, samples: N
 
 
 def _commands(plant: Plant, runs: Sequence[Manoeuvre], sample_s: float, steps: int) -> Floats:
-    """Returns (steps, 2, runs) V that arrive: means over each step, because a delay is no multiple of the step."""
+    """Returns (steps, 2, runs): arriving voltages, means over each step, as a delay may be no multiple of the step."""
     out = np.zeros((steps, 2, plant.runs))
     clock = np.asarray(np.arange(steps + 1) * plant.step, dtype=np.float64)
     late = np.broadcast_to(plant.late_start, plant.runs)
@@ -148,7 +148,7 @@ def _commands(plant: Plant, runs: Sequence[Manoeuvre], sample_s: float, steps: i
 
 
 def _by_frames(run: Manoeuvre, sample_s: float, time: Floats, number: int, delay: float, jitter: float) -> Floats:
-    """Returns (n, 2) V that arrive at each `time` (n,) s if every frame of commands has its own delay."""
+    """Returns (n, 2): the voltages that arrive at each `time` (n,) s if each frame of commands has its own delay."""
     given_at, left, right = run.held(sample_s)
     sent = time - delays(time, number, delay, jitter)
     held = np.searchsorted(given_at, sent, side="right") - 1
@@ -209,7 +209,7 @@ def _integral(speed: Floats) -> Floats:
 
 
 def _vibration(count: int, rng: np.random.Generator) -> Floats:
-    """Returns (count, 3) of rms 1 in VIBRATION_BAND_HZ, settled from the start."""
+    """Returns (count, 3): band-limited noise of rms 1 in VIBRATION_BAND_HZ, without initial transient."""
     filters = butter(2, VIBRATION_BAND_HZ, btype="bandpass", fs=1 / OVERSAMPLE_S, output="sos")
     settling = 500
     noise: Floats = np.asarray(sosfilt(filters, rng.standard_normal((settling + count, 3)), axis=0))[settling:]

@@ -1,4 +1,4 @@
-"""Laws of `other_laws` in `planar_plant`: each puts its own law where an effect of the library would act."""
+"""Laws of `other_laws` in `planar_plant`: each acts at the same place as an effect of the library."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hidden.recipe import GRAVITY, Floats
 Parameters = Mapping[str, float]
 
 FIRM_CREEP = 0.0024  # m kg/(N s): a firm tyre's creep times the vehicle's mass
-LUGRE_DAMPING = 0.3  # damping ratio of a bristle with its wheel
+LUGRE_DAMPING = 0.3  # damping ratio of a wheel on its bristles
 
 
 def _places(plant: Plant) -> Floats:
@@ -38,7 +38,7 @@ def _discharge_settling(plant: Plant, p: Parameters) -> None:
 
 
 def _sag_with_memory(plant: Plant, p: Parameters) -> None:
-    """Thevenin's battery: a resistance, and a second one beside a capacitor."""
+    """Thevenin's battery: a resistance in series with a parallel resistance and capacitor."""
     slow = plant.memory(1)[0]
 
     def fall(plant: Plant) -> Floats:
@@ -52,7 +52,7 @@ def _sag_with_memory(plant: Plant, p: Parameters) -> None:
 
 
 def _slew_when_driving(plant: Plant, p: Parameters) -> None:
-    """The voltage climbs at a limited rate, and falls at once."""
+    """The size of the voltage rises at a limited rate, and falls at once."""
     most = plant.vehicle.battery_voltage / p["time"] * plant.step
     held = plant.memory(2)
 
@@ -66,7 +66,7 @@ def _slew_when_driving(plant: Plant, p: Parameters) -> None:
 
 
 def _current_cut_softly(plant: Plant, p: Parameters) -> None:
-    """Cuts a share of the voltage across a winding that is above the limit."""
+    """Removes a share of the voltage across a winding beyond the limit."""
 
     def hook(plant: Plant) -> None:
         across = plant.voltage - plant.vehicle.emf_constant * plant.flux * plant.rotor
@@ -103,7 +103,7 @@ def _switching_loss(plant: Plant, p: Parameters) -> None:
 
 
 def _brake_late(plant: Plant, p: Parameters) -> None:
-    """At a command of zero the drive first lets the motor float, and shorts it a while later."""
+    """At a command of zero the motor first floats; after a time the drive shorts it."""
     at_zero = plant.memory(2)
 
     def hook(plant: Plant) -> None:
@@ -173,12 +173,12 @@ def _backlash_soft(plant: Plant, p: Parameters) -> None:
 
 
 def _inertia_on_rubber(plant: Plant, p: Parameters) -> None:
-    """Hangs a second inertia on each wheel behind rubber, which hardens as it is stretched."""
+    """Couples a second inertia to each wheel by rubber, which stiffens as it is twisted."""
     coupled_inertia(plant, p)
 
 
 def _ballast_on_spring(plant: Plant, p: Parameters) -> None:
-    """A weight on each wheel gives way to gravity: its angle on the wheel follows the pull."""
+    """An elastically mounted weight on each wheel: gravity changes its angle on the wheel."""
 
     def hook(plant: Plant) -> None:
         plant.torque -= p["torque"] * np.cos(plant.angle - p["give"] * np.cos(plant.angle))
@@ -197,7 +197,7 @@ def _coulomb_tanh(plant: Plant, p: Parameters) -> None:
 
 
 def _bristles(plant: Plant, stiffness: float, damping: float, bound: Callable[[Floats], Floats | float]) -> None:
-    """Adds friction of bristles: z' = w - stiffness |w| z / bound(w), torque stiffness z + damping z'.
+    """Adds bristle friction: z' = w - stiffness |w| z / bound(w), torque = stiffness z + damping z'.
 
     LuGre: Canudas de Wit et al. 1995, IEEE TAC 40(3). Without damping and with a constant bound: Dahl 1968.
     """
@@ -228,8 +228,8 @@ def _friction_lugre(plant: Plant, p: Parameters) -> None:
 
 
 def _friction_by_load(plant: Plant, p: Parameters) -> None:
-    """Dry friction that grows with the torque that passes, most of it near rest: in the manner of M4 of Duclusaud et
-    al. 2025, Extended friction models for the physics simulation of servo actuators."""
+    """Dry friction that grows with the transmitted torque, mostly near rest: similar to model M4 of Duclusaud et al.
+    2025, Extended friction models for the physics simulation of servo actuators."""
 
     def hook(plant: Plant) -> None:
         rest = 0.3 + 0.7 * np.exp(-((plant.wheel / p["speed"]) ** 2))
@@ -288,7 +288,7 @@ def _take_away(plant: Plant, missing: Floats) -> None:
 
 
 def _grip_circle(plant: Plant, p: Parameters) -> None:
-    """Each tyre is firm until the size of its force, along and across together, is friction times its load."""
+    """Each tyre is firm until its resultant force, along and across, reaches friction times load."""
     plant.creep["wheel"] = plant.creep["side"] = creep = FIRM_CREEP / plant.mass
     along, aside = _Midway(plant.memory(2)), _Midway(plant.memory(2))
 
@@ -303,7 +303,7 @@ def _grip_circle(plant: Plant, p: Parameters) -> None:
 
 
 def _grip_that_fades(plant: Plant, p: Parameters) -> None:
-    """A tyre that creeps, and whose friction falls as it slips faster."""
+    """A creeping tyre whose friction falls with its slip speed."""
     creep = plant.creep["wheel"] = p["creep"]
     midway = _Midway(plant.memory(2))
 
@@ -318,7 +318,7 @@ def _grip_that_fades(plant: Plant, p: Parameters) -> None:
 
 
 def _side_skid(plant: Plant, p: Parameters) -> None:
-    """Tyres hold across until they skid, and then with a constant force."""
+    """Tyres are firm across until they skid; then their side force is constant."""
     creep = plant.creep["side"] = FIRM_CREEP / plant.mass
     midway = _Midway(plant.memory(1))
 
@@ -361,7 +361,7 @@ def _curve_drag(plant: Plant, p: Parameters) -> None:
 
 
 def _drag_power(plant: Plant, p: Parameters) -> None:
-    """Drag with the power 1.5 of the speed, between linear and square."""
+    """Drag with exponent 1.5 in speed, between linear and quadratic drag."""
 
     def hook(plant: Plant) -> None:
         plant.force[0] -= p["drag"] * plant.surge * np.sqrt(np.abs(plant.surge))
@@ -378,7 +378,7 @@ def _nap_viscous(plant: Plant, p: Parameters) -> None:
 
 
 def _floor_wavy(plant: Plant, p: Parameters) -> None:
-    """The floor rises and falls along x. Accelerometers feel it as a slope."""
+    """The floor rises and falls along x. Accelerometers measure its slope, too."""
     plant.needs_position = True
     plant.waves = (p["slope"], p["wave"])
 
@@ -402,4 +402,4 @@ LAWS: dict[str, Callable[[Plant, Parameters], None]] = {
         _floor_wavy,
     )
 }  # fmt: skip
-"""In the order in which a command passes them."""
+"""The laws in the order in which they change a command."""

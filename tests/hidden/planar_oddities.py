@@ -1,4 +1,4 @@
-"""Oddities that no library names. Each changes `planar_plant` in its own way."""
+"""Odd effects, which are in no library. Each function adds one of them to `planar_plant`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Parameters = Mapping[str, float]
 
 
 def crosstalk(plant: Plant, p: Parameters) -> None:
-    """Takes away a share of the other side's voltage."""
+    """Subtracts a share of the other side's voltage from each side's voltage."""
     mix = np.array([[1.0, -p["share"]], [-p["share"], 1.0]])
 
     def hook(plant: Plant) -> None:
@@ -32,7 +32,7 @@ def voltage_gain(plant: Plant, p: Parameters) -> None:
 
 
 def periodic_force(plant: Plant, p: Parameters) -> None:
-    """Pushes along the vehicle, a sine of the time since power-on."""
+    """Adds a force along the vehicle, a sine of the time since power-on."""
 
     def hook(plant: Plant) -> None:
         plant.force[0] += p["force"] * np.sin(2 * math.pi * p["frequency"] * (plant.age + plant.time))
@@ -41,7 +41,7 @@ def periodic_force(plant: Plant, p: Parameters) -> None:
 
 
 def friction_with_voltage(plant: Plant, p: Parameters) -> None:
-    """Adds dry friction to a wheel that grows with its commanded voltage, N m/V."""
+    """Adds dry friction to each wheel that grows with the wheel's commanded voltage, N m/V."""
 
     def hook(plant: Plant) -> None:
         plant.bound += p["slope"] * np.abs(plant.command)
@@ -50,7 +50,7 @@ def friction_with_voltage(plant: Plant, p: Parameters) -> None:
 
 
 def drag_patch(plant: Plant, p: Parameters) -> None:
-    """Adds linear drag, N s/m, between two x."""
+    """Adds linear drag, N s/m, between two values of x."""
     plant.needs_position = True
 
     def hook(plant: Plant) -> None:
@@ -77,7 +77,7 @@ def cubic_drag(plant: Plant, p: Parameters) -> None:
 
 
 def yaw_by_speed(plant: Plant, p: Parameters) -> None:
-    """Adds a clockwise moment that grows with surge squared."""
+    """Adds a clockwise moment proportional to the square of surge."""
 
     def hook(plant: Plant) -> None:
         plant.force[2] += p["moment"] * plant.surge**2
@@ -113,7 +113,7 @@ def heading_spring(plant: Plant, p: Parameters) -> None:
 
 
 def tether(plant: Plant, p: Parameters) -> None:
-    """Adds a spring, N/m, to where the run began."""
+    """Adds a spring, N/m, between the vehicle and the run's start point."""
     plant.needs_position = True
 
     def hook(plant: Plant) -> None:

@@ -1,8 +1,8 @@
 """The planar plant: a robot on brush tyres. It is written from mechanics and shares no code with brickpilot's plant.
 
 State: currents, wheel speeds, velocity of the axle's middle, wheel angles, heading, and the stretch of the tyres'
-brushes (with backlash also the rotors). All that is linear - windings, tyres, losses, masses - is advanced exactly by
-one matrix exponential a step, for all runs at once; the rest enters as torques and forces held over the step
+brushes (with backlash also the rotors). The linear part (windings, tyres, losses, masses) is advanced exactly by one
+matrix exponential per step, for all runs at once; the nonlinear part acts as torques and forces held over the step
 (exponential Euler method, Hochbruck & Ostermann 2010, Acta Numerica 19). A tyre is a spring whose stretch the rolling
 wheel carries away (brush model, Pacejka 2012, ch. 3): under load it creeps by less than a thousandth of its speed. Dry
 friction is a stiff spring that yields (Prandtl 1928), so it holds at rest.
@@ -20,12 +20,12 @@ from hidden.recipe import GRAVITY, Floats, Vehicle
 
 Hook = Callable[["Plant"], None]
 
-# Tyres: a wheel that pushes with its whole load creeps by 1/300 of its speed, after a few millimetres of rolling.
+# Tyres: a wheel whose force equals its load creeps by 1/300 of its speed, after a few millimetres of rolling.
 CREEP_STIFFNESS = 300.0  # force over load, at a slip of 1
 RELAXATION_M = 0.003
-BRUSH_DAMPING = 0.6  # damping ratio of wheel against body at rest
+BRUSH_DAMPING = 0.6  # damping ratio of the wheel relative to the body, at rest
 
-# Contacts: a spring and a damper, as shares of what would stop the motion within one step.
+# Contacts: stiffness and damping, as shares of the values that would stop the motion within one step.
 SPRING_SHARE, DAMPER_SHARE = 0.2, 0.6  # dry friction
 TEETH_SPRING, TEETH_DAMPER = 0.1, 0.9  # gears: overdamped, so that they do not bounce
 
@@ -40,30 +40,30 @@ BRUSH, SIDE_BRUSH, ROTOR, PLAY = slice(10, 12), 12, slice(13, 15), slice(15, 17)
 # Inputs, counted from the end of the state.
 VOLTAGE, TORQUE, GEAR, FORCE = slice(0, 2), slice(2, 4), slice(4, 6), slice(6, 9)
 INPUTS = 9
-LEFT_RIGHT = np.array([[1.0], [-1.0]])  # sign of clockwise moment and yaw at either wheel
+LEFT_RIGHT = np.array([[1.0], [-1.0]])  # sign of the moment and yaw, clockwise, at the left and the right wheel
 
 
 class Slider:
-    """Dry friction of one motion: a stiff spring and damper whose force yields at a bound.
+    """Dry friction of one motion: a stiff spring and damper with a limited force.
 
     Args:
-        speeds: rows of the state that move with it.
-        forces: inputs that it acts on, one for each speed.
-        shares: (motions, speeds): what a unit of friction adds to each input, for each motion that it holds.
+        speeds: rows of the state with the speeds of the motion.
+        forces: inputs on which the friction acts, one for each speed.
+        shares: (motions, speeds): what a unit of friction of each motion adds to each input.
         shape: shape of the speeds that `force` or `planar` take.
     """
 
     def __init__(self, speeds: slice, forces: slice, shares: Sequence[Sequence[float]], shape: tuple[int, ...]) -> None:
         self.speeds, self.forces, self.shares = speeds, forces, np.array(shares)
-        self.stretch = np.zeros(shape)  # as a force
+        self.stretch = np.zeros(shape)  # the spring's force
 
     def tune(self, response: Floats) -> None:
-        """Sets spring and damper. `response`: what a unit of each of `forces` adds to each of `speeds` in a step."""
+        """Sets stiffness and damping. `response`: change of `speeds` in a step by a unit of each of `forces`."""
         largest = (self.shares @ response @ self.shares.T).diagonal().max()
         self.spring, self.damping = SPRING_SHARE / largest, DAMPER_SHARE / largest
 
     def force(self, speed: Floats, against_forward: Floats | float, against_backward: Floats | float) -> Floats:
-        """Returns friction on the moving part, between -against_forward and against_backward."""
+        """Returns the friction on the moving part, between -`against_forward` and `against_backward`."""
         force = self.stretch
         force += self.spring * speed
         np.clip(force, -against_backward, against_forward, out=force)
@@ -71,7 +71,7 @@ class Slider:
         return total
 
     def planar(self, speed: Floats, bound: Floats | float) -> Floats:
-        """Returns friction (2, n) against a velocity (2, n), its size within `bound`."""
+        """Returns the friction (2, n) against a velocity (2, n); its magnitude is at most `bound`."""
         force = self.stretch
         force += self.spring * speed
         force *= np.minimum(1.0, bound / np.maximum(np.hypot(force[0], force[1]), 1e-30))
@@ -83,10 +83,10 @@ class Slider:
 class Plant:
     """One vehicle in several runs, all advanced together.
 
-    Effects change the build values and add hooks; then `assemble`, then one `advance_by` a step. Hooks in ``drive``
-    change ``voltage``; those in ``loads`` add to ``torque`` (on the wheels), ``gear`` (on the motors' side of the play)
-    and ``force`` (X, Y, N at the axle's middle); those in ``bounds`` add to ``bound``, the wheels' dry friction.
-    Arrays are (2, runs), left and right, or (runs,); frame and units are `recipe.Hidden`'s.
+    Effects change the build values and add hooks; then `assemble` is called once, and `advance_by` in each step. Hooks
+    in ``drive`` change ``voltage``; those in ``loads`` add to ``torque`` (on the wheels), ``gear`` (on the motors' side
+    of the play) and ``force`` (X, Y, N at the axle's middle); those in ``bounds`` add to ``bound``, the wheels' dry
+    friction. Arrays are (2, runs), left and right, or (runs,); frame and units are `recipe.Hidden`'s.
     """
 
     def __init__(self, vehicle: Vehicle, runs: int, step: float) -> None:
@@ -94,15 +94,15 @@ class Plant:
         self.mass, self.yaw_inertia, self.com = vehicle.mass, vehicle.yaw_inertia, np.zeros(2)
         self.radius = vehicle.wheel_radius * np.ones((2, 1))
         self.flux = np.ones((2, 1))
-        self.creep: dict[str, float] = {}  # m/(N s) along ("wheel") and across ("side"), in place of a brush
+        self.creep: dict[str, float] = {}  # m/(N s) along ("wheel") and across ("side"); replaces a brush
         self.rotor_share = 0.0  # share of the wheel's inertia on the motor's side of the play; 0: no play
         self.supply_slope = self.supply_resistance = self.supply_fade = 0.0
         self.heating: tuple[float, float] | None = None  # thermal resistance, time constant
-        self.falls: list[Callable[[Plant], Floats]] = []  # V that the supply loses besides the losses above
+        self.falls: list[Callable[[Plant], Floats]] = []  # further voltage losses of the supply
         self.command_delay = 0.0
-        self.late_start: Floats | float = 0.0  # s, of all runs or (runs,)
+        self.late_start: Floats | float = 0.0  # s: one value for all runs, or (runs,)
         self.frames: tuple[float, float] | None = None  # delay and jitter of the frames that carry commands
-        self.against = np.zeros((2, 2, runs))  # wheels' dry friction against forward, backward; left, right
+        self.against = np.zeros((2, 2, runs))  # wheels' dry friction: (against forward or backward, side, run)
         self.drive: list[Hook] = []
         self.loads: list[Hook] = []
         self.bounds: list[Hook] = []
@@ -117,7 +117,7 @@ class Plant:
     # ---- building
 
     def memory(self, rows: int) -> Floats:
-        """Returns (rows, runs) of zeros, which a hook may keep."""
+        """Returns (rows, runs) of zeros, as the state of a hook."""
         return np.zeros((rows, self.runs))
 
     def slider(self, motion: str, forward: float = 0.0) -> Slider:
@@ -181,7 +181,7 @@ class Plant:
         a, b = np.zeros((size, size)), np.zeros((size, INPUTS))
         wheel_inertia = (1 - self.rotor_share) * v.wheel_inertia
         driven_inertia = self.rotor_share * v.wheel_inertia or wheel_inertia
-        inductance = max(v.inductance, 1e-5 * v.resistance)  # 0 H is a current that settles within 10 us
+        inductance = max(v.inductance, 1e-5 * v.resistance)  # with 0 H, the current settles within 10 us
         for k, side in enumerate((1.0, -1.0)):
             current, wheel, rotor = CURRENT.start + k, WHEEL.start + k, self.rotor_rows.start + k
             a[current, current] = -v.resistance / inductance
@@ -197,7 +197,7 @@ class Plant:
             self._tyre(a, k, side, wheel_inertia)
         self._side_tyre(a)
         a[HEADING, YAW] = 1.0
-        # Forces on the axle's middle become accelerations of it; the centre of mass lies elsewhere.
+        # Forces at the axle's middle become accelerations there; the centre of mass may be elsewhere.
         forward, right = self.com
         m = self.mass
         inertias = np.array(
@@ -210,7 +210,7 @@ class Plant:
         return a, b
 
     def losses(self) -> Floats:
-        """Returns the losses of each wheel, N m s/rad, with the whole weight on each, as the nominal values mean it."""
+        """Returns the losses of each wheel, N m s/rad, by the nominal values' definition: the whole weight on each."""
         return self.vehicle.viscous_friction + self.mass * GRAVITY * self.vehicle.rolling_friction * self.radius**2
 
     def _tyre(self, a: Floats, k: int, side: float, inertia: float) -> None:
@@ -243,7 +243,7 @@ class Plant:
         a[SIDE_BRUSH] = slip
 
     def brush_stiffness(self, load_share: float) -> float:
-        """N/m."""
+        """Returns the stiffness of a brush, N/m, for a tyre with this share of the weight."""
         return CREEP_STIFFNESS * load_share * self.mass * GRAVITY / RELAXATION_M
 
     @property
@@ -253,7 +253,7 @@ class Plant:
     # ---- running
 
     def advance_by(self, command: Floats, running: NDArray[np.bool_]) -> None:
-        """Does one step with commanded voltages (2, runs). Runs that are over (False) draw no current."""
+        """Does one step with commanded voltages (2, runs). Finished runs (`running` False) draw no current."""
         self.command = command
         self.voltage[:] = command
         self._draw(running)
@@ -304,7 +304,7 @@ class Plant:
             self.voltage -= warmer * self.current
 
     def _roll_tyres(self) -> None:
-        """Leaves the stretch of a brush behind as the wheel rolls on."""
+        """Reduces the stretch of the brushes as the wheels roll on."""
         rolled = 1.0 + self.rolled * np.abs(self.wheel)
         self.brush[:2] /= rolled
         self.brush[2] /= rolled.mean(axis=0)

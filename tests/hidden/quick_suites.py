@@ -1,4 +1,4 @@
-"""Quick suites, each reported apart: eight runs of 5 s a set. Same law, other law, outside, nulls, nominal, scales."""
+"""Quick suites, each reported separately: same, other, outside, nulls, nominal and scales. A set has 8 runs of 5 s."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hidden.recipe import VEHICLES, Hidden, Recipe, Vehicle, specimen
 Engine = Literal["mujoco", "planar"]
 
 SIZE = 2.0
-"""Size of every hidden effect: it shows clearly, so that a miss is not due to a lack of data."""
+"""Size of every hidden effect: clearly visible, so that a miss is not due to a lack of data."""
 
 PAYLOAD = 0.25
 """Payload as a share of the vehicle's mass; no nominal value includes it."""
@@ -29,7 +29,7 @@ def _set(
     suite: str, name: str, index: int, seed_offset: int, engine: Engine, kind: Vehicle, hidden: str | None = None,
     **options: object,
 ) -> Recipe:  # fmt: skip
-    """Returns one set: its vehicle, voltages, noise and nominal values are drawn from suite, index and seed offset."""
+    """Returns one set; suite, index and seed offset give its vehicle, voltages, noise and nominal values."""
     random = np.random.default_rng((_STREAMS[suite], seed_offset, index))
     vehicle = specimen(kind, random)
     absent = effects.TABLE[hidden].absent if hidden in effects.TABLE else ()
@@ -52,23 +52,23 @@ def _each(suite: str, names: Mapping[str, object], seed_offset: int, engine: Eng
 
 
 def same(seed_offset: int = 0, engine: Engine = "mujoco") -> list[Recipe]:
-    """Every effect of the library alone, with wheel speeds."""
+    """Returns sets with one effect of the library each, with wheel speeds."""
     return _each("same", effects.LIBRARY, seed_offset, engine)
 
 
 def other(seed_offset: int = 0, engine: Engine = "mujoco") -> list[Recipe]:
-    """Every law of `other_laws` that this engine can make, alone, with wheel speeds."""
+    """Returns sets with one law of `other_laws` each, if this engine can simulate the law, with wheel speeds."""
     made = _each("other", other_laws.OTHER, seed_offset, engine)
     return [recipe for recipe in made if engine in other_laws.OTHER[next(iter(recipe.hidden))].engines]
 
 
 def outside(seed_offset: int = 0, engine: Engine = "mujoco") -> list[Recipe]:
-    """Every oddity alone, with wheel speeds."""
+    """Returns sets with one odd effect each, with wheel speeds."""
     return _each("outside", effects.ODD, seed_offset, engine)
 
 
 def nulls(seed_offset: int = 0, engine: Engine = "mujoco", count: int = 200) -> list[Recipe]:
-    """Nothing hidden: six kinds of robots, three levels of noise, sds stated for half, all or none of the values."""
+    """Returns sets with nothing hidden: six kinds of robots, three noise levels, half, all or no sds stated."""
     kinds = _KINDS + scales.KINDS
     return [
         _set(
@@ -81,7 +81,7 @@ def nulls(seed_offset: int = 0, engine: Engine = "mujoco", count: int = 200) -> 
 
 
 def nominal(seed_offset: int = 0, engine: Engine = "mujoco") -> list[Recipe]:
-    """Nothing hidden but a nominal value that is wrong, with an sd of 2 % stated for every value."""
+    """Returns sets with no hidden effect but a wrong nominal value; an sd of 2 % is stated for every value."""
     without = 1 / (1 + PAYLOAD) - 1
     wrong: dict[str, dict[str, float]] = {
         "payload": {"mass": without, "yaw_inertia": 0.5 * without},
@@ -112,7 +112,7 @@ def nominal(seed_offset: int = 0, engine: Engine = "mujoco") -> list[Recipe]:
 
 
 def scaled(seed_offset: int = 0, engine: Engine = "mujoco") -> list[Recipe]:
-    """Robots of 0.3, 2.5 and 8 kg at 6, 12 and 24 V: each with nothing hidden, with library laws and with others."""
+    """Returns sets of robots of 0.3, 2.5 and 8 kg (6, 12, 24 V): nothing hidden, library laws, and other laws."""
     hidden: dict[str, str | None] = {
         "none": None, "coulomb_friction": "coulomb_friction", "yaw_scrub": "yaw_scrub",
         "friction_lugre": "friction_lugre", "discharge_settling": "discharge_settling", "gyro_scale": "gyro_scale",

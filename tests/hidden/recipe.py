@@ -1,4 +1,4 @@
-"""What a data set is made from: the vehicle, the hidden effects, the sensors; and what an engine returns."""
+"""The recipe of a data set (vehicle, hidden effects, sensors), and the track that an engine returns."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ class Vehicle:
     whole weight on each. So the losses of a wheel are linear in its speed (`wheel_damping`).
     """
 
-    mass: float = 0.6  # kg, all of it
-    yaw_inertia: float = 0.002  # kg m^2, all of it, about the centre of mass
+    mass: float = 0.6  # kg, of the whole vehicle
+    yaw_inertia: float = 0.002  # kg m^2, of the whole vehicle about its centre of mass
     half_track: float = 0.07  # m
     wheel_radius: float = 0.028  # m
     wheel_inertia: float = 5e-4  # kg m^2 per side, rotor included, at the wheel
@@ -43,17 +43,17 @@ class Vehicle:
     emf_constant: float = 0.25  # V s/rad at the wheel
     viscous_friction: float = 1e-4  # N m s/rad per side
     rolling_friction: float = 0.015  # s/m
-    battery_voltage: float = 9.0  # V; a command of this many volts is full duty
+    battery_voltage: float = 9.0  # V; a command of this voltage is full duty
 
     def wheel_damping(self, mass: float | None = None, radius: float | None = None) -> float:
-        """Returns viscous and rolling losses of a wheel, N m s/rad. Defaults: own mass, kg, and radius, m."""
+        """Returns viscous and rolling losses of a wheel, N m s/rad. Defaults: the own mass, kg, and radius, m."""
         load = (self.mass if mass is None else mass) * GRAVITY
         return self.viscous_friction + load * self.rolling_friction * (radius or self.wheel_radius) ** 2
 
 
 @dataclass(frozen=True)
 class SecondInertia:
-    """A second inertia that hangs on a wheel behind a spring and a damper: kg m^2, N m/rad, N m s/rad."""
+    """A second inertia, coupled to a wheel by a spring and a damper: kg m^2, N m/rad, N m s/rad."""
 
     inertia: float
     stiffness: float
@@ -64,9 +64,10 @@ def second_inertia(vehicle: Vehicle, share: float, period: float, damping: float
     """Returns a second inertia on a spring and a damper.
 
     Args:
-        share: its inertia as a share of the inertia that a wheel moves: its own and half of the vehicle's.
-        period: s, period of the free swing of both inertias against each other.
-        damping: damping ratio of that swing.
+        share: the second inertia over the first one, which is a wheel's own inertia and half the vehicle's mass at the
+            wheel.
+        period: s, period of the free oscillation of both inertias against each other.
+        damping: damping ratio of this oscillation.
     """
     first = vehicle.wheel_inertia + vehicle.mass * vehicle.wheel_radius**2 / 2
     rate, reduced = 2 * math.pi / period, share / (1 + share) * first
@@ -86,7 +87,7 @@ VEHICLES = {"bench": BENCH, "rcx": RCX, "heavy": HEAVY}
 
 
 def specimen(vehicle: Vehicle, random: np.random.Generator, spread: float = 0.08) -> Vehicle:
-    """Returns another vehicle of this kind: every value differs by up to +-`spread`, except the battery voltage."""
+    """Returns a vehicle of this kind whose values differ by up to +-`spread`; the battery voltage is the same."""
     values = {f.name: getattr(vehicle, f.name) for f in fields(vehicle)}
     off = {name: float(value * (1 + random.uniform(-spread, spread))) for name, value in values.items()}
     return Vehicle(**{**off, "battery_voltage": vehicle.battery_voltage})
@@ -94,14 +95,14 @@ def specimen(vehicle: Vehicle, random: np.random.Generator, spread: float = 0.08
 
 @dataclass(frozen=True)
 class Track:
-    """What truly happened in one run: arrays (n,) at every `OVERSAMPLE_S` from 0 on; SI, the paper's frame.
+    """The true motion in one run: arrays (n,) at every `OVERSAMPLE_S` from 0 on; SI, the paper's frame.
 
-    Speeds and accelerations are those of the middle of the axle. ``accel_surge`` and ``accel_sway`` are the specific
-    force there (what an ideal accelerometer shows), a mean over the millisecond before; ``yaw_accel`` likewise.
+    Speeds and accelerations are those of the axle's middle. ``accel_surge`` and ``accel_sway`` are the specific force
+    there (an ideal accelerometer's reading), as means over the past millisecond; so is ``yaw_accel``.
     """
 
     time: Floats
-    command_left: Floats  # V, what was commanded, held from one sample to the next
+    command_left: Floats  # V, commanded, held from one sample to the next
     command_right: Floats
     surge: Floats
     sway: Floats
@@ -126,8 +127,9 @@ class Track:
 
 
 class Engine(Protocol):
-    """Drives the runs one after the other, without a gap: each starts at rest at the origin, heading 0, wheel angles 0,
-    no current; heat, charge and the time since power-on carry over. The same arguments give the same numbers."""
+    """Drives the runs one after the other, without a pause. Each run starts at rest at the origin, with heading 0,
+    wheel angles 0 and no current; heat, charge and the time since power-on carry over. Equal arguments give equal
+    numbers."""
 
     def __call__(
         self, vehicle: Vehicle, hidden: Hidden, runs: Sequence[Manoeuvre], seed: int, sample_s: float = 0.003
@@ -136,20 +138,20 @@ class Engine(Protocol):
 
 @dataclass(frozen=True)
 class Recipe:
-    """One data set.
+    """The recipe of one data set.
 
     Attributes:
         name: name of its folder.
         engine: the physics, "mujoco" or "planar".
-        hidden: what the nominal model lacks.
+        hidden: the effects that the nominal model lacks.
         noise: factor on the usual noise of the sensors.
         nominal_error: relative sd of each nominal value around the true one.
         frame: frame of the written signals.
-        quantised: converters have 10 bits over the range of each sensor.
+        quantised: whether readings are quantised to 10 bits over the range of each sensor.
         noise_sd_stated: whether dataset.toml states the noise.
-        sds: for how many nominal values the sd is stated.
-        wrong: nominal value -> its error as a share of the true one; its sd is stated as `nominal_error`, and a
-            discovery should find that the value is wrong.
+        sds: for which share of the nominal values the sd is stated.
+        wrong: nominal value -> its error as a share of the true value; its sd is stated as `nominal_error`, so that
+            discovery should find the error.
         called: effects of the library that describe the same difference as `wrong`.
         suite: the suite of `quick_suites` that the set belongs to; empty: none.
     """

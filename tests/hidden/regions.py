@@ -1,6 +1,6 @@
-"""Where a hidden effect shows: the runs, signals and spans in which the engine's own runs with and without it differ.
+"""The regions of a hidden effect: the runs, signals and spans in which the engine's runs with and without it differ.
 
-Nothing is refitted, so a region shows the effect and all that follows from it, up to the end of each run.
+Nothing is refitted, so a region also contains all consequences of the effect up to the run's end.
 """
 
 from __future__ import annotations
@@ -14,26 +14,26 @@ from numpy.typing import NDArray
 from hidden.recipe import Floats, Track
 
 WINDOW_S = 0.1
-"""The difference is an rms over windows of this length."""
+"""s: length of the windows over which the rms of the difference is taken."""
 ABOVE = 1.0
 """Noise sd: a window with a larger difference belongs to the region."""
 BRIDGED_S = 0.3
-"""A shorter break in a region is part of it."""
+"""s: a shorter break in a region is part of the region."""
 
 SLOW_M_S, SLOW_RAD_S = 0.02, 0.05
-"""A run that never drives or turns faster than this has no condition of speed or turn."""
+"""Least speed and yaw rate, m/s and rad/s, for the conditions of speed and turn."""
 
 COVERS, LIFT = 0.6, 1.3
-"""A condition must cover this share of a region's squared difference, and this many times its own share of the time."""
+"""A condition must cover the share `COVERS` of a region's squared difference, and `LIFT` times its share of time."""
 
 
 @dataclass(frozen=True)
 class Region:
-    """A span of one signal of one run in which the effect shows.
+    """A span of one signal of one run in which the effect is visible.
 
     Attributes:
-        share: share of the squared difference of all regions, in noise sd.
-        when: the vehicle's motion there: "throughout" if no narrower condition covers it.
+        share: this region's share, 0..1, in the squared differences (in noise sd) of all regions.
+        when: the vehicle's motion in the region; "throughout" if no narrower condition covers it.
     """
 
     run: str
@@ -58,7 +58,7 @@ def of(
         names: names of the runs.
         changed, plain: signal -> (n,) of each run with and without the effect, free of noise.
         tracks: the tracks with the effect.
-        noise_sd: signal -> sd of its noise.
+        noise_sd: signal -> noise sd.
     """
     found: list[tuple[Region, float]] = []
     for name, with_it, without, track in zip(names, changed, plain, tracks, strict=True):
@@ -91,7 +91,7 @@ def _spans(square: Floats, sample_s: float) -> list[tuple[int, int]]:
 
 
 def conditions(speed: Floats, turn: Floats) -> dict[str, NDArray[np.bool_]]:
-    """Returns condition -> (n,) whether it holds, from surge, m/s, and yaw rate, rad/s, clockwise."""
+    """Returns condition -> (n,) true where the condition holds, from surge, m/s, and yaw rate, rad/s, clockwise."""
     fast = max(0.5 * float(np.abs(speed).max()), SLOW_M_S)
     turning = max(0.2 * float(np.abs(turn).max()), SLOW_RAD_S)
     return {
@@ -106,7 +106,7 @@ def conditions(speed: Floats, turn: Floats) -> dict[str, NDArray[np.bool_]]:
 
 
 def _condition(track: Track, square: Floats, inside: slice, sample_s: float) -> str:
-    """Returns the narrowest condition that covers most of a region's squared difference."""
+    """Returns the condition that covers most of a region's squared difference in the smallest share of time."""
     hold = round(sample_s / track.oversample_s)
     speed, turn = track.surge[::hold][: len(square)], track.yaw_rate[::hold][: len(square)]
     part = np.zeros(len(square))

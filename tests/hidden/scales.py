@@ -1,4 +1,4 @@
-"""Robots of other scales: 0.3 to 8 kg, 6 to 24 V. All drive and turn equally fast, relative to the sensors' ranges."""
+"""Robots of other scales: 0.3 to 8 kg, 6 to 24 V. Relative to the sensors' ranges, all drive and turn equally fast."""
 
 from __future__ import annotations
 

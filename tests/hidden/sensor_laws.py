@@ -1,4 +1,4 @@
-"""Errors of sensors that are not the library's laws. They act on what an engine returns, so both engines have them."""
+"""Sensor errors whose laws are not in the library. They act on the track of an engine, so both engines have them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Parameters = Mapping[str, float]
 
 @dataclass
 class Readings:
-    """The readings of ideal sensors in one run, (n,) each, every `step` s; the laws change them in turn."""
+    """The readings of ideal sensors in one run, (n,) each, every `step` s; the laws change them one after the other."""
 
     surge: Floats
     sway: Floats
@@ -46,14 +46,14 @@ def read(track: Track, hidden: Hidden, age: float, number: int) -> Readings:
 
 
 def _second_order(values: Floats, omega: float, damping: float, step: float) -> Floats:
-    """Returns a low-pass of order two that starts settled; a value holds over a step (zero-order hold)."""
+    """Returns the values after a second-order low-pass that starts settled (zero-order hold)."""
     filtered = cont2discrete((np.array([omega**2]), np.array([1.0, 2 * damping * omega, omega**2])), step, method="zoh")
     first = values[0]
     return np.asarray(lfilter(filtered[0].ravel(), filtered[1], values - first) + first, dtype=float)
 
 
 def _arm_on_mast(r: Readings, p: Parameters, track: Track) -> None:
-    """The IMU stands off the axle on a mast that swings: the arm's accelerations come through a resonance."""
+    """The IMU is on a flexible mast off the axle: a resonance filters the accelerations due to the lever arm."""
     turn = track.yaw_rate - 0.5 * r.step * track.yaw_accel
     omega = 2 * math.pi * p["frequency"]
     ahead = -(turn**2) * p["x"] - track.yaw_accel * p["y"]
@@ -63,7 +63,7 @@ def _arm_on_mast(r: Readings, p: Parameters, track: Track) -> None:
 
 
 def _accel_cross_axis(r: Readings, p: Parameters, _: Track) -> None:
-    """The surge axis reads a share of the sway acceleration, but the sway axis none of the surge acceleration."""
+    """The surge axis also measures a share of the sway acceleration; the sway axis has no such error."""
     r.surge = r.surge + p["share"] * r.sway
 
 
@@ -82,7 +82,7 @@ def _gyro_scale_bent(r: Readings, p: Parameters, _: Track) -> None:
 
 
 def _gyro_curved_one_way(r: Readings, p: Parameters, _: Track) -> None:
-    """The gain grows with the square of the rate, in turns to the right alone."""
+    """The gain grows with the square of the rate, only in turns to the right."""
     r.rate = r.rate + p["cubic"] * np.maximum(r.rate, 0.0) ** 3
 
 
@@ -99,7 +99,7 @@ def _gyro_soft_limit(r: Readings, p: Parameters, _: Track) -> None:
 
 
 def _encoder_eccentric(r: Readings, p: Parameters, _: Track) -> None:
-    """The code wheels run out of true: the reading swings once a turn, half a turn apart at the two wheels."""
+    """The code wheels are eccentric: the reading varies once a turn, in opposite phase at the two wheels."""
     left, right = np.cumsum(r.left) * r.step, np.cumsum(r.right) * r.step
     r.left, r.right = r.left * (1 + p["share"] * np.cos(left)), r.right * (1 - p["share"] * np.cos(right))
 
@@ -146,4 +146,4 @@ LAWS: dict[str, Callable[[Readings, Parameters, Track], None]] = {
         _wheel_speed_smoothed, _gyro_smoothed,
     )
 }  # fmt: skip
-"""In the order in which a reading passes them."""
+"""The laws in the order in which they change a reading."""

@@ -1,4 +1,4 @@
-"""Lists of recipes. Thresholds are set and results are reported with different seeds: see `CALIBRATION`."""
+"""Lists of recipes. Thresholds are set with other seeds than those of reported results: see `CALIBRATION`."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def _recipe(
     name: str, hidden: list[tuple[str, float]], stream: tuple[int, ...], noise_seed: int, engine: Engine,
     sensors: Sensors, kind: int = 0, **options: float | bool | str,
 ) -> Recipe:  # fmt: skip
-    """`stream` seeds what is driven and hidden, `noise_seed` what is measured and believed of it."""
+    """Returns a recipe. `stream` seeds vehicle, runs and effects; `noise_seed` seeds noise and nominal errors."""
     random = np.random.default_rng(stream)
     vehicle = specimen(_KINDS[kind % len(_KINDS)], random)
     vehicle = replace(vehicle, **{value: 0.0 for effect, _ in hidden for value in effects.TABLE[effect].absent})
@@ -58,7 +58,7 @@ def _recipe(
 def _graded(
     table: tuple[str, ...], sizes: tuple[float, ...], suite: str, seed_offset: int, engine: Engine
 ) -> list[Recipe]:
-    """Each effect at each size with both sets of sensors: one vehicle and one sign an effect, so that sizes compare."""
+    """Returns sets of each effect, size and sensor set. An effect has one vehicle and sign, so that sizes compare."""
     out = []
     for index, effect in enumerate(table):
         for size in sizes:
@@ -82,17 +82,17 @@ def _graded(
 
 
 def single(seed_offset: int = CALIBRATION, engine: Engine = "mujoco") -> list[Recipe]:
-    """Every effect of the library alone, at sizes `SIZES`, with and without wheel speeds."""
+    """Returns sets with one effect of the library each, at sizes `SIZES`, with and without wheel speeds."""
     return _graded(tuple(effects.LIBRARY), SIZES, "single", seed_offset, engine)
 
 
 def odd(seed_offset: int = CALIBRATION, engine: Engine = "mujoco") -> list[Recipe]:
-    """Every oddity that no library names, from half to twice what shows clearly, with and without wheel speeds."""
+    """Returns sets with one odd effect each, at half to twice the visible size, with and without wheel speeds."""
     return _graded(tuple(effects.ODD), SIZES[1:], "odd", seed_offset, engine)
 
 
 def none(seed_offset: int = CALIBRATION, engine: Engine = "mujoco", count: int = 200) -> list[Recipe]:
-    """Nothing hidden: `count` sets with nominal values 2 % off, a tenth of it with 0 % and as many with 5 %."""
+    """Returns sets with nothing hidden: `count` with nominal errors of 2 %, a tenth as many with 0 %, and with 5 %."""
     plan = [(2, i) for i in range(count)] + [(percent, i) for percent in (0, 5) for i in range(count // 10)]
     out = []
     for percent, i in plan:
@@ -141,17 +141,17 @@ def _several(suite: str, at_once: int, count: int, seed_offset: int, engine: Eng
 
 
 def pairs(seed_offset: int = CALIBRATION, engine: Engine = "mujoco", count: int = 60) -> list[Recipe]:
-    """Two effects at once, each of a size that shows clearly, with and without wheel speeds."""
+    """Returns sets with two effects, both clearly visible, with and without wheel speeds."""
     return _several("pairs", 2, count, seed_offset, engine)
 
 
 def triples(seed_offset: int = CALIBRATION, engine: Engine = "mujoco", count: int = 12) -> list[Recipe]:
-    """Three effects at once."""
+    """Returns sets with three effects."""
     return _several("triples", 3, count, seed_offset, engine)
 
 
 def ci(seed_offset: int = CALIBRATION, engine: Engine = "mujoco") -> list[Recipe]:
-    """Eight small fixed sets for continuous integration: eight runs of 5 s, the bench vehicle as it stands."""
+    """Returns eight small fixed sets for continuous integration: eight runs of 5 s with the bench vehicle."""
 
     def small(name: str, sensors: Sensors, seed: int, hidden: dict[str, dict[str, float]]) -> Recipe:
         return Recipe(name, hidden, BENCH, engine, sensors, runs=short(), seed=seed_offset + seed)

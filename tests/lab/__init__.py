@@ -1,4 +1,4 @@
-"""What is measured from a checkout, and no part of the package: how often discovery is right, and what a step costs.
+"""Measurements from a checkout, not in the package: how often discovery is right, and what a control step costs.
 
 `sh tests/lab/run discover`, on data sets whose truth is known:
 
@@ -7,29 +7,29 @@
     result.py          one result, a line of results.jsonl: truth and verdict
     score.py           the score of one result
     law_score.py       the score of one result of a quick suite: by mechanism, law and place
-    claims.py          what discovery is asked to show, as shares and figures over many results
-    law_claims.py      the same for the quick suites, each apart
+    claims.py          the required performance of discovery, as shares and figures over many results
+    law_claims.py      the same for each of the quick suites
     table.py           the whole table, as an object and as text
 
 `sh tests/lab/run real`, on measured data sets:
 
     real_logs.py       the public logs that are known, of real_logs.toml, and their data sets
     peers              other libraries on the same runs; its own docstring lists them
-    real_score.py      the figure: fit percent of a free run
+    real_score.py      the score: fit percent of a free run
     real_run.py        runs discovery and its peers on one data set
     real_results.py    the kept results
     real_table.py      the table in tools/docs/benchmarks.md, from the kept results alone
 
-`brickpilot bench`, whose `--target` measures a brick's processor, and `--scaling` how time grows with work:
+`brickpilot bench`: `--target` measures a brick's processor, `--scaling` measures how time grows with work:
 
-    step_costs.py      the program that it runs, and its tables
+    step_costs.py      the program that `--target` runs, and its tables
     rcx_budget.py      instructions, states, stack and bytes of a control step on the H8 simulator; the kernel's share
     avr_budget.py      cycles, stack and bytes of a control period on simavr, drivers and interrupts included
-    control_peers.py   the control law on a brick's processor, beside other arithmetic
+    control_peers.py   the control law on a brick's processor, compared with other arithmetics
     scaling.py         how time grows with runs, samples, candidates and workers
-    scaling_page.py    the program that measures it, and its page
+    scaling_page.py    the program that `--scaling` runs, and its page
 
-`discover` and `real` write a page, page.py. `parts.py`, `surer.py` and `flights.py` are programs by themselves: whether
-parts of a log give one answer, whether more runs give a surer one, and whether a flight tells what its firmware does
-not know.
+`discover` and `real` write a page (page.py). `parts.py`, `surer.py` and `flights.py` are separate programs. They test
+whether parts of a log give the same answer, whether more runs give a surer answer, and whether a flight reveals effects
+that its firmware lacks.
 """

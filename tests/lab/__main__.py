@@ -246,7 +246,7 @@ def lab_changed(
 
 
 def _real_data_sets(folders: tuple[str, ...], fetched: str | None, out: Path, only: tuple[str, ...]) -> list[Path]:
-    """Returns the folders of the data sets that are asked for, those of public logs made first.
+    """Returns the folders of the chosen data sets; those of public logs are made first.
 
     Raises:
         InputError: no folder is named, or it holds no data set.
@@ -266,7 +266,7 @@ def _real_data_sets(folders: tuple[str, ...], fetched: str | None, out: Path, on
 
 
 def _workers(at_a_time: int, scheduler: str | None) -> workers.Workers:
-    """Returns where the data sets run: by default in this process, which shows the progress of each."""
+    """Returns the workers for the data sets; by default this process, which shows the progress of each set."""
     return workers.Here() if scheduler is None and at_a_time == 1 else workers.chosen(at_a_time, scheduler)
 
 

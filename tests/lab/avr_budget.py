@@ -1,7 +1,7 @@
-"""What a control step costs on an AVR chip, with its drivers and interrupts, and what the image takes of the chip.
+"""What a control step costs on an AVR chip, with drivers and interrupts, and how much memory the image needs.
 
 The image flies the mission on simavr, in simulated time: it reads its own sensors and drives its own motors. Cycles are
-those of simavr, which charges each instruction what the data sheet says.
+those of simavr, which counts each instruction as the data sheet states.
 """
 
 from __future__ import annotations
@@ -41,13 +41,13 @@ TELEMETRY_EVERY = 10
 
 @dataclass(frozen=True)
 class Image:
-    """What an image takes, bytes.
+    """The memory that an image needs, in bytes.
 
     Attributes:
         flash: code, constants and the start values of variables.
-        ram: variables; the stack has the rest.
+        ram: variables; the rest of the RAM is for the stack.
         at: function -> its address.
-        vectors_end: the first address behind the interrupts' vectors.
+        vectors_end: the first address after the interrupt vectors.
     """
 
     flash: int
@@ -77,7 +77,7 @@ class AvrBudget:
         cycles: part -> its cycles in each period, shape (periods,): the stages of `rcx_budget.STAGES`, "rest", "step"
             (the sum of these), "drivers" (the HAL's functions within the step), "commands" (the host's requests, with
             their drivers), "interrupts", and "all": all time outside sleep.
-        stack: the most bytes of stack, interrupts included.
+        stack: largest stack in bytes, including interrupts.
     """
 
     target: str
@@ -91,7 +91,7 @@ def _tool(*command: str | Path) -> str:
 
 
 def _functions(image: Image) -> tuple[list[str], list[tuple[int, int]]]:
-    """Returns the names of the parts, and entry and part of each function. Part 0 is the rest of the step."""
+    """Returns the parts' names, and (entry address, part) of each function. Part 0 is the rest of the step."""
     parts = {"rest": (STEP,)} | STAGES | {"commands": (COMMANDS,)}
     parts["drivers"] = tuple(name for name in image.at if name.startswith("hal_"))
     functions = [

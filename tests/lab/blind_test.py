@@ -1,7 +1,7 @@
 """The blind test of discovery: runs it on data sets whose truth is known, and appends one result for each set.
 
-A set whose result exists already is not run again, so that a long benchmark can be interrupted and continued. What is
-printed is computed from the results alone (table.py).
+A set that already has a result is not run again, so that a long benchmark can be interrupted and continued. All output
+is computed only from the results (table.py).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from lab import measured
 from lab.result import RESULTS, append, held_out_gap, load, put_in_order, truth_fields, verdict_fields
 from lab.sets import Maker, Task, truth_of
 
-_FIRST = 8  # if none of so many first sets can be made, the test ends with an error
+_FIRST = 8  # if none of this number of first sets can be made, the test ends with an error
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Work:
 
 @dataclass(frozen=True)
 class _Asked:
-    """One set for a worker."""
+    """One set and the work on it, for a worker."""
 
     task: Task
     work: Work
@@ -53,19 +53,19 @@ class _Asked:
 
 @dataclass(frozen=True)
 class _Ran:
-    """The result of one set; `unmade` says why it could not be made."""
+    """The result of one set; `unmade`: why the set could not be made, or None."""
 
     result: dict[str, Any]
     unmade: str | None
 
 
 def run(tasks: Sequence[Task], out: Path, *, work: Work, workers: Workers, progress: Progress) -> list[dict[str, Any]]:
-    """Runs the sets that have no result in OUT/results.jsonl yet, or an error, and returns all results.
+    """Runs the sets without a result in OUT/results.jsonl, or with an error there, and returns all results.
 
-    A result is appended as it comes. At the end the results of `tasks` stand last, in the order of `tasks`.
+    A result is appended as soon as it is there. At the end the results of `tasks` are last, in the order of `tasks`.
 
     Args:
-        workers: where the sets run.
+        workers: the workers that run the sets.
         progress: called with (sets done, all sets, text).
 
     Raises:
@@ -94,7 +94,7 @@ def _key(result: Mapping[str, Any]) -> tuple[str, str, int]:
 
 
 def _run_asked(asked: _Asked) -> _Ran:
-    """Makes a set if it does not exist yet, and runs discovery on it. This function runs on the worker."""
+    """Makes a set if it does not exist yet, and runs discovery on it. It is called on the worker."""
     task, work, unmade = asked.task, asked.work, None
     if work.maker is not None:
         shared(work.maker.tests)
@@ -116,7 +116,7 @@ def _run_asked(asked: _Asked) -> _Ran:
 def run_one(task: Task, folder: Path, further: Path, maker: Maker | None, jobs: int) -> dict[str, Any]:
     """Returns the result of one set: truth, verdict, and the verdict after the next experiment.
 
-    An exception becomes the `error` of the result, so that one set does not end the benchmark.
+    An exception becomes the `error` of the result, so that it does not end the benchmark.
     """
     result: dict[str, Any] = {
         "name": task.name,

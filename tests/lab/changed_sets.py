@@ -1,8 +1,8 @@
-"""How often `changed` is right: pairs of recordings of the test engines, labelled pairs of real machines, and halves.
+"""How often `changed` is right: on pairs of an engine's recordings, labelled real pairs, and halves of logs.
 
-A pair of an engine is one vehicle driven twice, with other voltages and other noise. One of the two has an effect, or
-neither has one. Three kinds of answers are told apart by the mechanism: right alone, right with another name beside it,
-and right among rivals.
+A pair of an engine is one vehicle driven twice, with different voltages and noise. One recording has an effect, or
+neither has one. Right answers are of three kinds, by their mechanisms: only the right one, the right one with an extra
+name, and the right one among rivals.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from lab.parts import part
 Engine = Literal["mujoco", "planar"]
 BEGIN, END = "<!-- changed -->", "<!-- end of changed -->"
 
-_STREAM = 17  # stream of random numbers; no other suite uses it
+_STREAM = 17  # random stream that no other suite uses
 _KINDS = tuple(VEHICLES.values())
 _SDS: tuple[Literal["half", "all", "none"], ...] = ("half", "all", "none")
 
-# The labels in the README of the measured data: (before, after) -> change that may be named -> its range in percent.
+# Labels from the README of the measured data: (before, after) -> name of an allowed change -> its range in percent.
 LABELLED: Mapping[tuple[str, str], Mapping[str, tuple[float, float]]] = {
     ("shaft_damper_off", "shaft_damper_on"): {"kV": (33, 43)},
     ("shaft_damper_on", "shaft_damper_off"): {"kV": (-30.1, -24.8)},
@@ -46,9 +46,9 @@ class Pair:
     """Two recordings of an engine.
 
     Attributes:
-        effect: the effect that differs; None: nothing differs.
-        size: its size over the size that shows clearly.
-        gone: whether the effect is in the first recording alone; False: in the second alone.
+        effect: the effect in which the recordings differ; None: they do not differ.
+        size: the effect's size over its clearly visible size.
+        gone: True: only the first recording has the effect; False: only the second.
         index: number of the pair in its suite.
     """
 
@@ -65,7 +65,7 @@ class Pair:
         return f"{self.engine}-{self.effect or 'nothing'}{way}-{self.size:g}-{self.index}-{self.seed_offset}"
 
     def recipes(self) -> tuple[Recipe, Recipe]:
-        """Returns how both recordings are made: vehicle, voltages and noise are drawn from index and seed offset."""
+        """Returns the recipes of both recordings; index and seed offset give vehicle, voltages and noise."""
         random = np.random.default_rng((_STREAM, self.seed_offset, self.index))
         vehicle = specimen(_KINDS[self.index % len(_KINDS)], random)
         absent = effects.TABLE[self.effect].absent if self.effect in effects.TABLE else ()
@@ -93,7 +93,7 @@ class Pair:
 
 
 def pairs(engine: Engine, size: float, nulls: int, seed_offset: int) -> Iterator[Pair]:
-    """Yields each effect of the library as new and as gone, and pairs in which nothing differs."""
+    """Yields two pairs for each effect of the library, with the effect new and gone, and pairs without a difference."""
     for index, effect in enumerate(effects.LIBRARY):
         for gone in (False, True):
             yield Pair(engine, effect, size, gone, index, seed_offset)
@@ -102,7 +102,7 @@ def pairs(engine: Engine, size: float, nulls: int, seed_offset: int) -> Iterator
 
 
 def ask(pair: Pair, data: Path, jobs: int) -> dict[str, Any]:
-    """Returns the answer to a pair in short, and its score."""
+    """Returns a summary of the answer for a pair, with its score."""
     made = [data / one.name if (data / one.name).is_dir() else folder.write(one, data) for one in pair.recipes()]
     began = time.perf_counter()
     said = _short(bp.changed(*made, jobs=jobs))
@@ -125,7 +125,7 @@ def _short(found: bp.Changed) -> dict[str, Any]:
 
 
 def score(said: Mapping[str, Any], truth: str | None) -> str:
-    """Returns the score of an answer; `truth` is the mechanism that differs, None: nothing differs."""
+    """Returns the score of an answer. `truth`: the mechanism that differs; None: nothing differs."""
     verdict, names = said["verdict"], {one["mechanism"] for one in said["changes"]}
     if truth is None:
         return "right" if verdict == "nothing" else "wrong" if verdict == "changed" else verdict
@@ -139,7 +139,7 @@ def score(said: Mapping[str, Any], truth: str | None) -> str:
 
 
 def labelled(data: Path, jobs: int) -> Iterator[dict[str, Any]]:
-    """Yields the answers to labelled pairs of real machines, and whether the intervals overlap the labels' ranges."""
+    """Yields the answers for labelled pairs of real machines, and whether intervals and labelled ranges overlap."""
     for (before, after), label in LABELLED.items():
         if not ((data / before).is_dir() and (data / after).is_dir()):
             continue
@@ -154,7 +154,7 @@ def labelled(data: Path, jobs: int) -> Iterator[dict[str, Any]]:
 
 
 def halves(data: Path, jobs: int) -> Iterator[dict[str, Any]]:
-    """Yields the answers to the first and the second half of each measured log: nothing should have changed."""
+    """Yields the answer for the two halves of each measured log, between which nothing should change."""
     for place in sorted(one.parent for one in data.glob("*/dataset.toml")):
         dataset = bp.read(place)
         first, second = (replace(part(dataset, index, 2), name=f"half {index + 1}") for index in range(2))
@@ -163,7 +163,7 @@ def halves(data: Path, jobs: int) -> Iterator[dict[str, Any]]:
 
 
 def lines(results: Iterable[Mapping[str, Any]]) -> list[str]:
-    """Returns the table in Markdown: each kind of pair, and how its answers score."""
+    """Returns the table in Markdown: the scores for each kind of pair."""
     rows = [one for one in results if "score" in one]
     real = [one for one in results if "right" in one]
     kinds = {

@@ -1,4 +1,4 @@
-"""The claims of the blind test: what discovery is asked to show, as shares and figures over many results."""
+"""The claims of the blind test: the required performance of discovery, as shares and figures over many results."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from lab.score import (
 
 SENSORS = {"imu+encoders": "wheel speeds measured", "imu": "IMU alone"}
 
-_LEAST_CLEAN = 100  # least number of sets with nothing hidden: a share of fewer says nothing
+_LEAST_CLEAN = 100  # least number of sets with nothing hidden for a meaningful share
 _ANSWER_S = 15.0
 _OVER_FLOOR = 1.1
 
@@ -43,10 +43,10 @@ class Claim:
     Attributes:
         what: the claim in words.
         value: a share if `unit` is "%", else a figure in `unit`; None if there are no sets.
-        of: the number of sets, or of parameters.
+        of: the number of sets or parameters that count.
         interval: the 95 % interval of a share.
-        wanted: the lowest and the highest value that is asked for; None: no value is asked for.
-        least: with fewer sets `holds` stays None.
+        wanted: the required range, (lowest, highest); None: nothing is required.
+        least: least number of sets; with fewer, `holds` is None.
     """
 
     what: str
@@ -82,7 +82,7 @@ def share_of(
     wanted: Wanted | None = None,
     least: int = 1,
 ) -> Claim:
-    """Returns the claim on the share of `among` for which `count` is true, or on the mean of its values, 0 to 1."""
+    """Returns the claim on the mean of `count`, 0 to 1, over `among`; true counts as 1."""
     share = Share(sum(_counted(count(one)) for one in among), len(among))
     return Claim(what, share.value, share.of, share.interval, "%", wanted, least)
 
@@ -98,7 +98,7 @@ def _figure(
 
 
 def claims(results: Sequence[Result]) -> list[Claim]:
-    """Returns all claims on the long suites, with or without a value that is asked for."""
+    """Returns all claims on the long suites, with or without a required value."""
     of = {name: [one for one in results if kind(one) == name] for name in ("single", "none", "pairs", "triples", "odd")}
     return [
         *_single(of["single"]),

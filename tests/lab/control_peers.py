@@ -1,8 +1,8 @@
-"""The control law on a brick's processor: the firmware's arithmetic beside Q16.16 and floating point in software.
+"""The control law on a brick's processor: the firmware's arithmetic compared with Q16.16 and software floating point.
 
-The law is line of sight, two PIDs and the mixer, of `tests/peers`. Every program is fed the same steps of a recorded
-mission, and must give the firmware's answers within `BOUNDS_V`, so that all do the same work. The Q16.16 arithmetic is
-our own, of libfixmath's kind. Floating point is that of the brick's own tools: avr-libc's, and brickOS's on the RCX.
+The law of `tests/peers` is line of sight, two PIDs and the mixer. Every program gets the same steps of a recorded
+mission, and must give the firmware's voltages within `BOUNDS_V`, so that all do the same work. The Q16.16 arithmetic is
+our own, similar to libfixmath. Floating point is that of avr-libc on the AVR, and that of brickOS on the RCX.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ from lab import rcx_budget
 Array = NDArray[np.float64]
 
 STEPS = 500
-"""Number of mission steps that are compared: their tables and the largest program fit into an ATmega328P's flash."""
+"""Number of compared mission steps: their tables and the largest program fit into an ATmega328P's flash."""
 
 BOUNDS_V = {"typical": 0.005, "most": 0.05}
-"""Bounds of a motor voltage's difference from the firmware's, median and largest. The firmware brakes by a distance in
-whole mm; 1 mm is 0.03 V near a waypoint."""
+"""V: largest median and largest maximum of the difference from the firmware's motor voltages. The firmware computes
+braking from a distance in whole mm; near a waypoint 1 mm is 0.03 V."""
 
 ARITHMETICS = {
     "ours": "the firmware's 16 and 32 bits",
@@ -56,12 +56,12 @@ _NUMBERS = 5
 
 @dataclass(frozen=True)
 class LawCost:
-    """What a step of the control law costs in one arithmetic.
+    """The cost of a step of the control law in one arithmetic.
 
     Attributes:
-        cycles: cycles of each step, shape (steps,); states on the H8.
-        flash: bytes of code and constants, with the routines of the arithmetic.
-        voltages: the answers, shape (steps, 2), V.
+        cycles: clock cycles of each step, shape (steps,).
+        flash: bytes of code and constants, including the arithmetic's routines.
+        voltages: the computed motor voltages, shape (steps, 2), V.
     """
 
     cycles: NDArray[np.int64]
@@ -78,7 +78,7 @@ def measure(brick: str, steps: int = STEPS) -> dict[str, LawCost]:
 
     Raises:
         InputError: no checkout of the project, no compiler or no simulator.
-        SimulationError: a program failed, or its answers are not the firmware's within `BOUNDS_V`.
+        SimulationError: a program failed, or its voltages differ from the firmware's by more than `BOUNDS_V`.
     """
     records = record(steps)
     with tempfile.TemporaryDirectory() as place:
@@ -121,7 +121,7 @@ def missing(brick: str) -> str | None:
 
 
 def figures_here() -> tuple[dict[str, LawFigure], list[str]]:
-    """Returns the figures of each brick that can be measured here, and the reasons why others cannot."""
+    """Returns the figures of the bricks that can be measured here, and the reasons why the other bricks cannot."""
     reasons = {brick: missing(brick) for brick in BRICKS}
     found: dict[str, LawFigure] = {}
     for brick, reason in reasons.items():
@@ -131,7 +131,7 @@ def figures_here() -> tuple[dict[str, LawFigure], list[str]]:
 
 
 def figures(brick: str, costs: Mapping[str, LawCost]) -> dict[str, LawFigure]:
-    """Returns the firmware's arithmetic beside each other one on a brick, as figures of `brickpilot bench`."""
+    """Returns the comparison of the firmware's arithmetic with each other one, as figures of `brickpilot bench`."""
     ours = costs["ours"]
     value = float(np.median(ours.cycles))
     return {
@@ -187,7 +187,7 @@ def _on_h8(folder: Path, name: str, steps: int) -> tuple[NDArray[np.int64], NDAr
 
 
 def _code_bytes(brick: str, program: Path) -> int:
-    """Returns the bytes of code, constants and start values of a program."""
+    """Returns the number of bytes of a program's code, constants and start values."""
     file = program.with_suffix(".coff") if brick == "h8" else program
     tool = "h8300-hms-size" if brick == "h8" else "avr-size"
     listed = subprocess.run([tool, file], stdout=subprocess.PIPE, text=True, check=True).stdout
@@ -196,7 +196,7 @@ def _code_bytes(brick: str, program: Path) -> int:
 
 
 PHASES = (1, 2, 3)
-"""BRAKE, TURN and DRIVE, as the firmware's guidance numbers them."""
+"""The numbers of BRAKE, TURN and DRIVE in the firmware's guidance."""
 
 _TURN = 2.0 * math.pi
 
@@ -205,8 +205,8 @@ _TURN = 2.0 * math.pi
 class Records:
     """Steps of a flight in SI units: ``x`` to ``battery`` (steps,), ``waypoint`` and ``phase`` as integers.
 
-    ``waypoints`` is (count, 2), m. The firmware's own signals are rounded to its formats, so each value is exact in
-    these formats.
+    ``waypoints`` is (count, 2), m. The signals come from the firmware and are already rounded, so each value is exact
+    in the firmware's formats.
     """
 
     x: Array
@@ -222,9 +222,9 @@ class Records:
 
 
 def record(steps: int) -> Records:
-    """Flies the packaged mission and returns `steps` of the steps in which it drives, spread evenly over it.
+    """Flies the packaged mission and returns `steps` of its driving steps, spread evenly.
 
-    The rate of change of the speed is the difference of two steps, because the log has no filtered rate.
+    The acceleration is the difference quotient of the speed, because the log has no filtered acceleration.
     """
     mission = scenario.load(scenario.packaged()["mission"])
     flown = flight.fly(flight.plan(mission, rcx(), profile="coupled", sensors="imu+encoders", seed=0))
@@ -251,7 +251,7 @@ def record(steps: int) -> Records:
 
 
 def write_records(records: Records, folder: Path) -> None:
-    """Writes what tests/peers/build compiles: constants.inc, and a records.inc in each of the folders inputs_FORMAT."""
+    """Writes the files that tests/peers/build compiles: constants.inc, and records.inc in each folder inputs_FORMAT."""
     _write_constants(records, folder / "constants.inc")
     native = [
         np.round(one).astype(np.int64)
@@ -283,7 +283,7 @@ def write_records(records: Records, folder: Path) -> None:
 
 
 def holding_voltage(model: Model) -> float:
-    """Returns the volts per m/s that both motors need on level ground: back EMF, and the current against eq. 13, 14."""
+    """Returns the voltage per speed, V s/m, on level ground: back EMF, and the losses of eq. 13 and 14."""
     p = model.parameters
     loss = p["viscous_friction"] + p["mass"] * p["gravity"] * p["rolling_friction"] * p["wheel_radius"] ** 2
     return (p["emf_constant"] + p["resistance"] * loss / p["torque_constant"]) / p["wheel_radius"]

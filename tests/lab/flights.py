@@ -5,8 +5,8 @@
 With --changed: what is different since a flight without an effect, of another seed?
 
 The effects are drawn from the library, at their preset sizes. The packaged IMU has biases that the nominal model lacks,
-so `accel_bias` and `gyro_bias` are right beside each effect. Each flight's data set and answer are kept in DIR, so an
-interrupted call goes on where it stopped.
+so `accel_bias` and `gyro_bias` are always right in addition. Each flight's data set and answer are kept in DIR, so an
+interrupted call continues where it stopped.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ BIASES = {"accel_bias", "gyro_bias"}
 
 
 def drawn(count: int, seed: int) -> list[str]:
-    """Returns "" for a flight without an effect, and `count` effects of the library that have a preset size."""
+    """Returns the flights' effects: "" (no effect), and `count` effects of the library that have a preset size."""
     known = [one.name for one in catalogue.effects() if one.parameters and one.parameters[0].preset]
     return ["", *np.random.default_rng(seed).permutation(known)[:count].tolist()]
 
 
 def data_of(effect: str, folder: Path, sensors: str, seed: int) -> Path:
-    """Returns the data set of a flight with an effect; flies it if the data set is not there yet."""
+    """Returns the data set of a flight with an effect; if it does not exist yet, flies the flight."""
     made = folder / "data"
     if not made.is_dir():
         folder.mkdir(parents=True, exist_ok=True)
@@ -51,7 +51,7 @@ def data_of(effect: str, folder: Path, sensors: str, seed: int) -> Path:
 
 
 def answer(effect: str, folder: Path, jobs: int) -> dict[str, Any]:
-    """Returns the answer to a flight: its score is right, among rivals, silent (unknown or nothing more), or wrong."""
+    """Returns a flight's answer and its score: right, among rivals, silent (unknown or nothing more), or wrong."""
     began = time.perf_counter()
     found = bp.discover(reading.read(folder / "data"), jobs=jobs)
     names = [one.name for one in found.effects if one.claimed]
@@ -69,7 +69,7 @@ def answer(effect: str, folder: Path, jobs: int) -> dict[str, Any]:
 
 
 def change(effect: str, folder: Path, before: Path, jobs: int) -> dict[str, Any]:
-    """Returns the answer to what differs from the flight `before`, scored as in `answer`, by the mechanism."""
+    """Returns the answer of `changed` from the flight `before` to this one, scored by mechanism as in `answer`."""
     began = time.perf_counter()
     found = bp.changed(before, folder / "data", jobs=jobs)
     (verdict,) = found.verdicts.values()
@@ -88,7 +88,7 @@ def change(effect: str, folder: Path, before: Path, jobs: int) -> dict[str, Any]
 
 
 def main(words: list[str]) -> None:
-    """Flies, asks, and prints a line for each effect and the counts."""
+    """Flies each effect, runs discovery, and prints a line for each effect and the counts."""
     parser = argparse.ArgumentParser(description=str(__doc__).partition("\n")[0])
     parser.add_argument("out", type=Path)
     parser.add_argument("--changed", action="store_true")

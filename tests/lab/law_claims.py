@@ -1,4 +1,4 @@
-"""The claims of the quick suites, each suite apart: shares with Wilson's interval, medians with that of their ranks."""
+"""The claims of each quick suite: shares with Wilson's interval, medians with an interval from order statistics."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from lab import law_score
 from lab.claims import Claim, Wanted, share_of
 from lab.score import Result, Share, detected, intervals_hold
 
-_NULLS = 200  # least number of sets with nothing hidden: a share of fewer says little
+_NULLS = 200  # least number of sets with nothing hidden for a meaningful share
 _WORDS = {
     "same": "one effect, by the library's law",
     "other": "one effect, by another law",

@@ -1,7 +1,7 @@
 """The score of one result of a quick suite: by mechanism, law, name, nominal value and place (see result.py).
 
-A quick suite says of every hidden effect whether its law is the library's ("same"), another one of a mechanism that the
-library knows ("other"), or outside every law of it ("odd"); and where the engine's own runs show it.
+For every hidden effect, a quick suite states its law: of the library ("same"), another law of a mechanism that the
+library knows ("other"), or outside the library ("odd"). It also states the regions in which the effect is visible.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from lab.score import Result, explanations, named
 GROUPS = ("same", "other", "outside", "nulls", "nominal", "scales")
 
 ADEQUATE = 1.1
-"""Held-out residual over the noise floor: if a law leaves no more, the data cannot tell it from the true law."""
+"""Held-out residual over the noise floor: up to this value, the data cannot separate a law from the true law."""
 
 _GRID_S = 0.01  # places are compared on a grid of this step
 
 
 @dataclass(frozen=True)
 class Overlap:
-    """Seconds of signals: said to hold the effect, known to hold it, and both."""
+    """Seconds of signals in which the verdict places the effect (said), the truth places it (known), or both do."""
 
     said: float
     known: float
@@ -43,7 +43,7 @@ def _laws(result: Result) -> Sequence[Mapping[str, Any]]:
 
 
 def true_mechanisms(result: Result) -> frozenset[str]:
-    """Returns the mechanisms that are right; for the library's own laws, these stand in the catalogue."""
+    """Returns the right mechanisms; for laws of the library they are those of the catalogue."""
     right: set[str] = set()
     for law in _laws(result):
         right |= set(law["mechanisms"] or (catalogue.effect(name).mechanism for name in law["names"]))
@@ -51,7 +51,7 @@ def true_mechanisms(result: Result) -> frozenset[str]:
 
 
 def true_names(result: Result) -> frozenset[str]:
-    """Returns the names that are right; none for an odd law."""
+    """Returns the right names; an odd law has none."""
     return frozenset(name for law in _laws(result) for name in law["names"])
 
 
@@ -75,24 +75,24 @@ def said_mechanism(result: Result) -> str | None:
 
 
 def mechanism_right(result: Result) -> bool:
-    """Returns whether the verdict says that something is missing, and its mechanism is a right one."""
+    """Returns whether the verdict states that something is missing, with a right mechanism."""
     return said_mechanism(result) in true_mechanisms(result)
 
 
 def name_right(result: Result) -> bool:
-    """Returns whether the first name is a right one or of its family, claimed or only suspected."""
+    """Returns whether the first name, claimed or suspected, is right or of a right name's family."""
     names = [] if result.get("error") else first_names(result)[:1]
     right = true_names(result)
     return bool(right) and bool(names) and _is_called(names[0], right)
 
 
 def law_right(result: Result) -> bool:
-    """Returns whether the law is right, or said to differ.
+    """Returns whether the verdict is right about the law.
 
-    The library's own law is right if its name, or the family's, is claimed alone or among rivals, and not said to
-    differ. Another law is said to differ if the verdict is `unknown` with the right mechanism, or says so of a claimed
-    name that is right. If it does not say so, the residual on held-out runs has to be noise: then the data cannot tell
-    both laws apart.
+    A law of the library is right if its name, or one of its family, is claimed alone or among rivals, and the verdict
+    does not state that the law differs. For another law, the verdict has to be `unknown` with the right mechanism, or
+    to claim a right name and state that its law differs. Without that statement, the residual on held-out runs has to
+    be noise, so that the data cannot separate both laws.
     """
     if result.get("error"):
         return False
@@ -113,7 +113,7 @@ def law_right(result: Result) -> bool:
 
 
 def false_names(result: Result) -> list[str]:
-    """Returns the names that are given as certain and are neither right nor of a right one's family."""
+    """Returns the names that are claimed as certain but are neither right nor of a right name's family."""
     if result.get("error") or result["verdict"] != "named":
         return []
     right = true_names(result) | set(result.get("called", ()))
@@ -129,7 +129,7 @@ def nominal_found(result: Result) -> bool:
 
 
 def overlap(result: Result) -> Overlap:
-    """Returns how far the places of the verdict and the known regions overlap, in seconds summed over signals."""
+    """Returns the overlap of the verdict's places with the known regions, in seconds summed over signals."""
     said, known = (_by_signal(result[key]) for key in ("where", "regions"))
     empty = np.zeros(0, dtype=bool)
     both = 0
@@ -141,7 +141,7 @@ def overlap(result: Result) -> Overlap:
 
 
 def _by_signal(spans: Sequence[Mapping[str, Any]]) -> dict[tuple[str, str], NDArray[np.bool_]]:
-    """Returns (run, signal) -> whether each step of the grid lies in a span."""
+    """Returns (run, signal) -> for each step of the grid, whether it is in a span."""
     found: dict[tuple[str, str], NDArray[np.bool_]] = {}
     for span in spans:
         key = (str(span["run"]), str(span["signal"]))

@@ -14,7 +14,7 @@ UNKNOWN = "a commit that was not kept"
 
 @cache
 def state() -> str:
-    """Returns commit and day, as "`1a2b3c4` of 2026-11-23"; a checkout with changes says so."""
+    """Returns commit and day, such as "`1a2b3c4` of 2026-11-23"; uncommitted changes are noted."""
     asked = ("git", "-C", str(Path(__file__).parent), "describe", "--always", "--exclude=*", "--dirty=, changed,")
     told = subprocess.run(asked, capture_output=True, text=True, check=False)
     commit, *changed = told.stdout.strip().split(",", 1)
@@ -22,7 +22,7 @@ def state() -> str:
 
 
 def told(states: Iterable[str | None], what: str) -> str:
-    """Returns at which states results were measured, the commonest first; `what`: the plural of a result."""
+    """Returns the states at which results were measured, the most frequent first; `what`: the plural of a result."""
     counted = Counter(one or UNKNOWN for one in states)
     found = [one if len(counted) == 1 else f"{one} ({number} {what})" for one, number in counted.most_common()]
     return f"measured at {', '.join(found)}" if found else f"no {what}"

@@ -1,7 +1,7 @@
 """The pages of the benchmark: on hidden effects, and on real logs.
 
-`hidden` and `real` make plain content of results: the cells of the tables, and the numbers behind them for the figures.
-`hidden_page` and `real_page` draw this content and compute nothing again.
+`hidden` and `real` turn results into plain content: the cells of the tables and the numbers for the charts.
+`hidden_page` and `real_page` only draw this content.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _HOLDS: dict[bool | None, tuple[str, Colour]] = {
     False: ("not met", "orange"),
     None: ("nothing asked, or too few sets", "grey"),
 }
-_LEAST = 0.0  # percent: the lower end of a figure, which shows smaller values there
+_LEAST = 0.0  # percent: the lower end of a chart; smaller values are drawn there
 
 
 def hidden_page(content: Mapping[str, Any]) -> str:
@@ -44,7 +44,7 @@ def hidden_page(content: Mapping[str, Any]) -> str:
 
 
 def _claims_chart(title: str, claims: Sequence[Mapping[str, Any]]) -> Markup | None:
-    """Draws the shares among the claims, by their numbers in the table; None: no claim is a share."""
+    """Draws the claims that are shares, with their numbers in the table; None: no claim is a share."""
     shares = [(number, one) for number, one in enumerate(claims, 1) if one["unit"] == "%" and one["value"] is not None]
     if not shares:
         return None
@@ -95,16 +95,16 @@ def real_page(content: Mapping[str, Any]) -> str:
 
 
 def marked(text: str) -> Markup:
-    """Returns a line of Markdown whose only marks are those of code; all else is escaped."""
+    """Returns a line of Markdown as HTML: code marks are converted, all else is escaped."""
     parts = [escape(part) for part in text.split("`")]
     return Markup("").join(Markup("<code>{}</code>").format(part) if k % 2 else part for k, part in enumerate(parts))
 
 
 def _overview(logs: Sequence[Mapping[str, Any]], peer: str) -> Markup:
-    """Draws a row for each log: the nominal model, one peer, discovery, and what is attainable."""
+    """Draws a row for each log: the fits of the nominal model, one peer and discovery, and the attainable fit."""
     columns: dict[str, Colour] = {"nominal": "grey", peer: "orange", "discover": "blue"}
     limit: dict[str, tuple[Colour, list[float | None]]] = {
-        "attainable": ("green", [_place(one["attainable"]) for one in logs])  # first: another mark may cover it
+        "attainable": ("green", [_place(one["attainable"]) for one in logs])  # drawn first: another mark may cover it
     }
     curves = limit | {
         name: (colour, [_place(one["models"][name][one["role"]]) for one in logs]) for name, colour in columns.items()
@@ -120,7 +120,7 @@ def _overview(logs: Sequence[Mapping[str, Any]], peer: str) -> Markup:
 
 
 def _models_chart(log: Mapping[str, Any]) -> Markup:
-    """Draws a row for each model of one log: the runs that judge and, where they are others, the fit runs."""
+    """Draws a row for each model of one log: its fit on the fit runs and, if there are any, on held-out runs."""
     models, role = log["models"], log["role"]
     curves: dict[str, tuple[Colour, list[float | None]]] = {
         "fit runs": ("grey", [_place(one["fit"]) for one in models.values()])
@@ -151,7 +151,7 @@ Result = Mapping[str, Any]
 
 
 def hidden(results: Sequence[Result], found: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns the content of the page on hidden effects; `found` is what `table.table` returns of the results."""
+    """Returns the content of the page on hidden effects; `found`: the table of the results by `table.table`."""
     return {
         "headline": table.headline(found),
         "versions": found["versions"],
@@ -167,7 +167,7 @@ def hidden(results: Sequence[Result], found: Mapping[str, Any]) -> dict[str, Any
 
 
 def _set(result: Result) -> dict[str, Any]:
-    """Returns the row of one set. A value that its truth does not tell is None."""
+    """Returns the row of one set. A value is None if the set's truth does not state it."""
     names = [*(result["hidden"] or ()), *(f"nominal {name}" for name in result.get("wrong", ()))]
     lawful = bool(result.get("laws"))
     return {
@@ -187,7 +187,7 @@ def _set(result: Result) -> dict[str, Any]:
 
 
 def is_right(result: Result) -> bool:
-    """Returns whether one set counts as right in all that its suite asks: see `score.right` for the long suites."""
+    """Returns whether one set is right in all criteria of its suite; for the long suites see `score.right`."""
     if not result.get("group") or result.get("error"):
         return score.right(result)
     told = not law_score.false_names(result)
@@ -217,7 +217,7 @@ def _share(value: float | None) -> str:
 def _log(result: Result) -> dict[str, Any]:
     """Returns model -> fit percent of one log by role.
 
-    "nominal" is calibrated, "discover" the explanation that is written, "predictor" what `--predictor` writes.
+    "nominal" is the calibrated model, "discover" the written explanation, "predictor" the model of `--predictor`.
     """
     found = models(result)
     entries = {"nominal": found.get("before"), "discover": found.get("after"), "predictor": found.get("predictor")}

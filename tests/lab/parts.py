@@ -2,10 +2,10 @@
 
     python tests/lab/parts.py DATASET... [--parts 2] [--jobs 1] [--out parts.jsonl]
 
-Each run is cut into as many stretches of equal length, and part k holds stretch k of every run. Each part keeps its
+Each run is cut into `--parts` stretches of equal length, and part k holds stretch k of every run. Each part keeps its
 likeliest explanations, which together hold 95 % of the weight. Two parts agree if one mechanism occurs among those of
 both, or if both say that nothing is missing. An `unknown` agrees with `unknown`. Each part is saved when it is done, so
-an interrupted call goes on where it stopped.
+an interrupted call continues where it stopped.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from brickpilot.data.dataset import Dataset, Run
 
 
 def part(dataset: Dataset, index: int, count: int) -> Dataset:
-    """Returns part `index` of `count`: that stretch of each run, with roles chosen anew."""
+    """Returns part `index` of `count`: this stretch of each run; the roles are chosen again."""
     return dataclasses.replace(dataset, runs=tuple(_cut(run, index, count) for run in dataset.runs))
 
 
@@ -40,7 +40,7 @@ def _cut(run: Run, index: int, count: int) -> Run:
 
 
 def answer(dataset: Dataset, jobs: int) -> dict[str, Any]:
-    """Returns the answer of discovery to a data set, in short."""
+    """Returns a summary of the answer of discovery for a data set."""
     began = time.perf_counter()
     found = bp.discover(dataset, jobs=jobs)
     return {
@@ -53,7 +53,7 @@ def answer(dataset: Dataset, jobs: int) -> dict[str, Any]:
 
 
 def agree(one: dict[str, Any], other: dict[str, Any]) -> bool:
-    """Returns whether two answers name one mechanism, or both none, or are both `unknown`."""
+    """Returns whether two answers share a mechanism, or are both `none`, or are both `unknown`."""
     if "unknown" in (one["verdict"], other["verdict"]):
         return bool(one["verdict"] == other["verdict"])
     if "none" in (one["verdict"], other["verdict"]):

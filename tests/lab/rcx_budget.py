@@ -1,15 +1,15 @@
-"""What a control step of the firmware costs on the RCX's processor, and what the kernel takes beside the program.
+"""What a control step of the firmware costs on the RCX's processor, and the kernel's share of its time.
 
 A mission is flown in lockstep on the simulator of the instruction set, and the instructions are counted. A step is one
-call of `loop_tick`: sensors in, motors out, telemetry included. The HAL is counted apart: on the simulator it is the
-link to the host, on a brick it is drivers.
+call of `loop_tick`: it reads sensors, drives motors and sends telemetry. The HAL is counted separately: on the
+simulator it is the link to the host, on a brick it consists of drivers.
 
-For the share of kernel and interrupts, and whether a control step is in time, the image flies the mission in a
-simulated brick, in which every instruction and every interrupt takes its time.
+To measure the share of kernel and interrupts, and the timing of control steps, the image flies the mission in a
+simulated brick, in which every instruction and every interrupt takes its real time.
 
-States are cycles of the clock. On-chip memory answers a byte or a word in 2 states. Behind the 8-bit external bus a
-byte takes 3 states and a word 6, without wait states. The RCX holds brickOS and programs in external RAM; `EXTERNAL`
-assumes that for code, data and stack.
+States are clock cycles. On-chip memory needs 2 states for a byte or a word. On the 8-bit external bus a byte needs 3
+states and a word 6, without wait states. On the RCX, brickOS and programs are in external RAM; `EXTERNAL` assumes
+external RAM for code, data and stack.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ STAGES = {
     "mixer": ("mixer_step",),
     "telemetry": ("telemetry_part",),
 }
-"""Stage -> its functions in firmware/. Those of the HAL are "hal"; everything else in a step is "rest"."""
+"""Stage -> its functions in firmware/. The HAL's functions are "hal"; everything else in a step is "rest"."""
 
 COSTS = h8_states.load((Path(__file__).parents[2] / "hal/h8sim/states.toml").read_text(encoding="utf-8"))
 
@@ -72,7 +72,7 @@ ON_CHIP = Memory(word=2, byte=2)
 MEMORIES = {"external": EXTERNAL, "on_chip": ON_CHIP}
 
 _CHUNK = 1 << 22
-"""Instructions of a trace that are read at a time."""
+"""Number of instructions of a trace that are read at a time."""
 
 
 @dataclass(frozen=True)
@@ -97,8 +97,8 @@ class Budget:
     """The cost of a control step.
 
     Attributes:
-        stages: those of `STAGES`, "rest", "step" (the sum of these), and "hal".
-        stack: the most bytes of stack that a step needs.
+        stages: counts of each stage of `STAGES`, of "rest", of "step" (the sum of these), and of "hal".
+        stack: largest stack of a step, in bytes.
         sizes: size of each folder of the firmware and of hal/wire, as compiled, before linking.
     """
 
@@ -142,7 +142,7 @@ class Program:
 
 
 class Counter:
-    """Takes a trace in pieces of any size and keeps the counts of each step. ``stack`` is that of `Budget`."""
+    """Counts the steps in a trace that comes in pieces of any size. ``stack``: as in `Budget`."""
 
     def __init__(self, program: Program) -> None:
         self._program = program
@@ -158,7 +158,7 @@ class Counter:
         self.stack = 0
 
     def take(self, trace: NDArray[np.uint16]) -> None:
-        """Takes address and stack pointer of each instruction, shape (n, 2), in the order of execution."""
+        """Counts a piece of the trace, (n, 2): address and stack pointer of each executed instruction, in order."""
         trace = np.concatenate([self._rest, trace])
         program_counter, stack_pointer = trace[:, 0], trace[:, 1]
         begins = np.flatnonzero(program_counter == self._program.at[STEP])
@@ -217,7 +217,7 @@ class Counter:
 def end_of_call(stack_pointer: NDArray[np.uint16], entry: int) -> int | None:
     """Returns the index of the first instruction after the function entered at `entry`.
 
-    At this instruction the function's return address has left the stack.
+    There, the function's return address is no longer on the stack.
     """
     for first in range(entry, len(stack_pointer), 1 << 14):
         popped = np.flatnonzero(stack_pointer[first : first + (1 << 14)] > stack_pointer[entry])
@@ -313,7 +313,7 @@ SERIAL = ("ERI", "RXI", "TXI", "TEI")
 
 @dataclass(frozen=True)
 class Share:
-    """The time of one kind: its share of all time, 0..1; its interrupts per s; and the mean states of one interrupt."""
+    """The time of one kind: its share of all time, 0..1, its interrupts per s, and the mean states of an interrupt."""
 
     share: float
     per_s: float
@@ -325,9 +325,9 @@ class KernelShare:
     """The measured values of a flight.
 
     Attributes:
-        seconds: simulated time from the button Run on.
-        ticks_ms: from the beginning of one control step to that of the next.
-        shares: each kind of `LABELS`.
+        seconds: simulated time since Run was pressed.
+        ticks_ms: times between the beginnings of successive control steps.
+        shares: kind of `LABELS` -> its share.
     """
 
     seconds: float
@@ -340,7 +340,7 @@ def measure_shares(sensors: str, seconds: float, progress: Callable[[int, int, s
 
     Args:
         sensors: ``imu`` or ``rotation``.
-        seconds: duration from the button Run on; the robot rests for the first two.
+        seconds: duration since Run is pressed; the robot rests for the first two seconds.
         progress: called with the steps done, all steps, and a text.
 
     Raises:

@@ -33,11 +33,11 @@ _KINDS = ("table", "matlab", "wpilib")
 
 @dataclass(frozen=True)
 class HiddenTest:
-    """A benchmark's own protocol: fits see no sample of `run`; the error of `signal` counts after `skip` samples.
+    """A benchmark's own protocol: `run` is used in no fit; the error of `signal` counts after `skip` samples.
 
     Attributes:
-        unit: the unit of the benchmark's error; the signal's SI unit has `scale` of them.
-        published: the errors that others reached, in words.
+        unit: the unit of the benchmark's error; one SI unit of the signal is `scale` such units.
+        published: published errors of others, in words.
     """
 
     run: str
@@ -51,12 +51,12 @@ class HiddenTest:
 
 @dataclass(frozen=True)
 class RealLog:
-    """One public log: where it is, how it becomes a data set, and what is known of its machine.
+    """One public log: its source, the import options, and the known facts of its machine.
 
     Attributes:
         repository: "owner/name"; empty: the user has the log as a data set.
-        files: groups of paths or patterns; the files of a group stand side by side.
-        mapping: ``SIGNAL=SOURCE[:UNIT]``, as the importers take it.
+        files: groups of paths or patterns; the columns of a group's files are joined.
+        mapping: ``SIGNAL=SOURCE[:UNIT]``, as for the importers.
         nominal: `[nominal]` of the data set.
         mechanisms: the mechanisms that an expert on the machine would look for.
     """
@@ -122,14 +122,14 @@ def by_name(path: Path = TABLE) -> dict[str, RealLog]:
 
 
 def clone_of(log: RealLog, fetched: Path) -> Path | None:
-    """Returns the clone of a log's repository among those in `fetched`; None: it is not there."""
+    """Returns the clone of a log's repository in `fetched`; None: there is no clone."""
     owner, _, name = log.repository.partition("/")
     places = (fetched / owner / name, fetched / f"{owner}+{name}", fetched / name)
     return next((place for place in places if place.is_dir()), None)
 
 
 def build(log: RealLog, fetched: Path, out: Path) -> Path | None:
-    """Makes the data set of a log in the new folder `out`; returns it, or None if its repository is not there.
+    """Makes the data set of a log in the new folder `out` and returns `out`; None: there is no clone of its repository.
 
     Raises:
         InputError: a file of the log is missing or damaged.
@@ -148,12 +148,12 @@ def build(log: RealLog, fetched: Path, out: Path) -> Path | None:
 
 
 def build_once(log: RealLog, fetched: Path, out: Path) -> Path | None:
-    """Returns the data set of a log, made by `build` unless it is there already."""
+    """Returns the data set of a log; if it does not exist yet, `build` makes it."""
     return out if (out / "dataset.toml").is_file() else build(log, fetched, out)
 
 
 def _found(clone: Path, patterns: Sequence[str]) -> list[tuple[Path, ...]]:
-    """Returns the files that stand side by side: one tuple for each match of the first pattern."""
+    """Returns the files whose columns are joined: one tuple for each match of the first pattern."""
     columns = [sorted(clone.glob(pattern)) for pattern in patterns]
     for pattern, files in zip(patterns, columns, strict=True):
         if not files:
@@ -179,7 +179,7 @@ def _imported(log: RealLog, groups: Sequence[tuple[Path, ...]], raw: Path) -> No
 
 
 def _plain(log: RealLog, group: Sequence[Path], out: Path) -> Path:
-    """Writes a table without comments, with the files of a group side by side and a column of time if asked for."""
+    """Writes a table without comments: the joined columns of a group's files, and a time column if `step_s` is set."""
     columns = [_lines(path, log.comment) for path in group]
     rows = [log.delimiter.join(cells) for cells in zip_longest(*columns, fillvalue="")]
     if log.step_s:
@@ -197,7 +197,7 @@ def _lines(path: Path, comment: str) -> list[str]:
 
 
 def _reshaped(log: RealLog, raw: Path, out: Path, source: Path) -> None:
-    """Writes the imported data set again: without its first rows, with every `log.every`-th row, cut into runs."""
+    """Writes the imported data set again, without its first rows, with every `log.every`-th row, and cut into runs."""
     imported = describe(raw / "dataset.toml")
     runs: list[NewRun] = []
     layout = CsvFormat(",", True)

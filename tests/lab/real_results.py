@@ -1,4 +1,4 @@
-"""The kept results of the benchmark on real logs: one JSON file, from which the table is made again at any time."""
+"""The stored results of the benchmark on real logs: one JSON file, from which the table can be made at any time."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ KEPT = Path(__file__).with_name("real_results.json")
 
 
 def load(path: Path) -> dict[str, dict[str, Any]]:
-    """Returns the results by data set. A file that does not exist holds none.
+    """Returns the results by data set. If the file does not exist, there are none.
 
     Raises:
         InputError: the file is not what `save` writes.
@@ -29,7 +29,7 @@ def load(path: Path) -> dict[str, dict[str, Any]]:
 
 
 def save(results: Mapping[str, Mapping[str, Any]], path: Path) -> None:
-    """Writes the results, sorted by data set, one data set a line, whole or not at all."""
+    """Writes the results, one line for each data set, sorted by name; the file is replaced only when complete."""
     lines = [json.dumps(results[name], allow_nan=False, sort_keys=True) for name in sorted(results)]
     path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_name(f".{path.name}.{os.getpid()}")
@@ -38,7 +38,7 @@ def save(results: Mapping[str, Mapping[str, Any]], path: Path) -> None:
 
 
 def pooled(entry: Mapping[str, Any] | None, role: str) -> float | None:
-    """Returns the pooled fit percent of a peer, or of a model of discovery; None: it has none."""
+    """Returns the pooled fit percent of a peer or of a model of discovery; None: there is no such value."""
     found = (entry or {}).get(role) or {}
     value = found.get("pooled")
     return None if value is None else float(value)
@@ -51,10 +51,10 @@ def models(result: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def judged_on(result: Mapping[str, Any]) -> str:
-    """Returns the role whose runs judge: "held_out", or "fit" where no run is held out."""
+    """Returns the role of the runs that are scored: "held_out", or "fit" if no run is held out."""
     return "held_out" if result["roles"]["held_out"] else "fit"
 
 
 def peers_of(results: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Returns the peers that any result has, in their first order."""
+    """Returns the names of all peers in the results, in order of first appearance."""
     return list(dict.fromkeys(name for result in results for name in result.get("peers", {})))

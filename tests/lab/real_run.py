@@ -1,4 +1,4 @@
-"""Runs discovery and its peers on one measured data set, and returns the plain data that the table needs."""
+"""Runs discovery and its peers on measured data sets, and returns results as plain data for the table."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Work:
     Attributes:
         discover: whether discovery runs.
         peers: the peers that run.
-        seed, jobs, budget_s: options of discovery; budget None: it takes as long as it needs.
+        seed, jobs, budget_s: options of discovery; budget_s None: no limit of time.
     """
 
     discover: bool = True
@@ -72,7 +72,7 @@ class Work:
 
 @dataclasses.dataclass(frozen=True)
 class _Asked:
-    """One data set for a worker."""
+    """One data set and the work on it, for a worker."""
 
     folder: Path
     known: Mapping[str, RealLog]
@@ -91,12 +91,13 @@ def run(
     workers: Workers,
     progress: Progress,
 ) -> None:
-    """Runs data sets, and puts each result into `kept` and into the file `path` as it comes.
+    """Runs data sets, and puts each result into `kept` and into the file `path` as soon as it is there.
 
     Args:
         known: what is known of the logs, by name.
         kept: the last results by name.
-        workers: where the data sets run. In this process, each shows its own progress; else the number done is shown.
+        workers: the workers that run the data sets. In this process each set shows its own progress; otherwise the
+            number of finished sets is shown.
         progress: called with (done, all, text).
 
     Raises:
@@ -122,7 +123,7 @@ def _run_asked(asked: _Asked) -> dict[str, Any]:
 
 
 def _silent(done: int, total: int, text: str) -> None:
-    """Shows nothing: a worker has no terminal."""
+    """Shows no progress, because a worker has no terminal."""
 
 
 def run_log(
@@ -132,11 +133,11 @@ def run_log(
 
     Args:
         known: what is known of the logs, by name.
-        kept: the last results by name; the last result of this data set gives the parts that `work` leaves out.
+        kept: the last results by name; the parts that `work` leaves out are taken from this data set's last result.
     """
     data = reading.read(folder)
     before = kept.get(data.name, {})
-    before = before if before.get("figure") == FIGURE else {}  # figures of two kinds are not put side by side
+    before = before if before.get("figure") == FIGURE else {}  # figures of different kinds are not compared
     log = known.get(data.name)
     roles = holdout.assign(data, Replay(data).inputs)
     result = {
@@ -193,7 +194,7 @@ def _predictor(found: Finding) -> Model:
 
 
 def _signals(data: Dataset, simulated: Predictions) -> tuple[str, ...]:
-    """Returns the measured signals that the model gives."""
+    """Returns the measured signals that are simulated."""
     return tuple(name for name in signals_of(data) if any(name in outputs for outputs in simulated.values()))
 
 
@@ -202,7 +203,7 @@ def _named(name: str, progress: Progress) -> Progress:
 
 
 def _written(model: Model) -> Model:
-    """Returns the model as a user would read it from its file."""
+    """Returns the model after it is saved and loaded, as a user would read it."""
     with tempfile.TemporaryDirectory() as place:
         path = Path(place) / "model.toml"
         model_file.save(model, path)
@@ -210,13 +211,13 @@ def _written(model: Model) -> Model:
 
 
 def _free_runs(data: Dataset, model: Model, only: Collection[str] | None = None) -> Predictions:
-    """Returns free runs from the starts that `compare` takes, so that both give the same figures."""
+    """Returns free runs from the same initial states as in `compare`, so that both give the same figures."""
     found: Predictions = Replay(comparable(data).started).simulate([model], only=only)[0]
     return found
 
 
 def _said(found: Finding) -> dict[str, Any]:
-    """Returns verdict, effects and mechanisms of a finding, and its own figures of fit where it has them."""
+    """Returns verdict, effects and mechanisms of a finding, and its attainable fits if they are stated."""
     full = verdict_json(found)
     mechanisms = {effect.name: effect.mechanism for effect in catalogue.effects()}
     effects = [
@@ -241,7 +242,7 @@ def _said(found: Finding) -> dict[str, Any]:
 
 
 def _attainable(fit_percent: Mapping[str, Any]) -> dict[str, dict[str, float]]:
-    """Returns "fit" and "held_out" -> signal -> the fit percent that a free run can reach, if discovery states it."""
+    """Returns "fit" and "held_out" -> signal -> the attainable fit percent of a free run, if discovery states it."""
     free = {signal: horizons.get(_FREE_RUN) or {} for signal, horizons in fit_percent.items()}
     by_role = {"fit": free, "held_out": {signal: one.get("held_out") or {} for signal, one in free.items()}}
     return {
@@ -264,7 +265,7 @@ def _value(value: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _plain(value: float | None) -> float | None:
-    """Returns a number with six digits, or None where it is not finite: JSON has no such numbers."""
+    """Returns a number with six digits, or None if it is not finite, because JSON has no such numbers."""
     return None if value is None or not np.isfinite(value) else float(f"{value:.6g}")
 
 
@@ -282,9 +283,9 @@ def _peer(peer: Peer, data: Dataset, roles: Roles, signals: Sequence[str]) -> di
 
 
 def _tested(data: Dataset, test: HiddenTest, work: Work, before: dict[str, Any], progress: Progress) -> dict[str, Any]:
-    """Returns the error on the test run, in the signal's SI unit, of each model that was fitted without this run.
+    """Returns the error of each model on the test run, in the signal's SI unit; the models are fitted without this run.
 
-    The error is that of the benchmark's own package: RMSE after the samples that serve to find the state.
+    The error is computed by the benchmark's own package: RMSE after the samples that are used to estimate the state.
     """
     if find_spec("nonlinear_benchmarks") is None:
         return {"missing": "the benchmark's own protocol is left out: pip install 'brickpilot[peers]'"}
@@ -320,10 +321,10 @@ def _error(data: Dataset, test: HiddenTest, predicted: Predictions) -> float | N
 
 
 def peers_named(names: Sequence[str]) -> tuple[Peer, ...]:
-    """Returns the peers with these names, in the table's order; all where none is named.
+    """Returns the peers with these names, in the table's order; without names, all peers.
 
     Raises:
-        InputError: a name that no peer has.
+        InputError: no peer has one of the names.
     """
     known = {peer.name: peer for peer in PEERS}
     for name in names:

@@ -1,4 +1,4 @@
-"""The free-run fit of a model to measured runs, in percent: the same figure for discovery and for every peer."""
+"""The free-run fit of a model to measured runs, in percent; discovery and all peers have the same definition."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ Predictions = Mapping[str, Mapping[str, Array]]
 """Run -> signal -> (n,) values at the run's own times."""
 
 WORST = -999.0
-"""Percent: a lower fit, and the fit of a model that diverged, are written as this value."""
+"""Percent: this value stands for a lower fit, and for the fit of a model that diverged."""
 
 ROLES = ("fit", "held_out")
 
 FIGURE = "share of the signal"
 """The kind of a result's figures; results without this entry were scored about the signal's mean."""
 
-_DIVERGED = 1e200  # SI: beyond it, squares overflow
+_DIVERGED = 1e200  # SI: squares of larger values overflow
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Fit:
 
     Attributes:
         by_signal: signal -> fit percent over these runs.
-        pooled: the mean over the signals; None: there is no such run.
+        pooled: the mean over the signals; None: there is no run of this role.
     """
 
     by_signal: Mapping[str, float]
@@ -45,10 +45,10 @@ class Fit:
 
 
 def fits(dataset: Dataset, roles: Roles, predicted: Predictions, signals: Collection[str]) -> dict[str, Fit]:
-    """Returns "fit" and "held_out" -> how well `predicted` fits these runs.
+    """Returns "fit" and "held_out" -> the fit of `predicted` to the runs of this role.
 
     A sample without a prediction counts as predicted 0, which explains 0 %. A signal of arbitrary origin counts from
-    its first known sample. A signal that is zero, or no more than its noise, is left out.
+    its first known sample. A signal that is zero, or not larger than its noise, is left out.
     """
     return {
         role: _fit(dataset, [n for n, own in roles.by_run.items() if own == role], predicted, signals) for role in ROLES

@@ -1,4 +1,4 @@
-"""The table of the benchmark on real logs, and its summary, from the kept results alone."""
+"""The table of the benchmark on real logs, and its summary, made only from the stored results."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def _verdict(result: Result) -> str:
     if others:
         text += "; likely " + ", ".join(_effect(one) for one in others)
     if said["term"]:
-        text += f"; term {said['term'].split('. Δ')[0]}"  # what follows explains its letters
+        text += f"; term {said['term'].split('. Δ')[0]}"  # the rest of the text explains the symbols
     return text
 
 
@@ -100,7 +100,7 @@ def fit_cells(one: Result) -> list[str]:
 
 
 def _both(entry: Mapping[str, Any] | None) -> str:
-    """Returns held-out percent, and in brackets that of the fit runs."""
+    """Returns the fit percent of held-out runs, and in brackets that of fit runs."""
     if entry is None or "missing" in entry:
         return "-"
     if "error" in entry:
@@ -116,13 +116,13 @@ def _one(value: float | None) -> str:
 
 
 def attainable(result: Result) -> float | None:
-    """Returns the mean fit percent that can be reached on the runs that judge, by discovery; None: unknown."""
+    """Returns the mean attainable fit percent on the scored runs, as discovery states it; None: unknown."""
     limits = _limits(result)
     return sum(limits.values()) / len(limits) if limits else None
 
 
 def _limits(result: Result) -> dict[str, float]:
-    """Returns signal -> the fit percent that can be reached on the runs that judge."""
+    """Returns signal -> the attainable fit percent on the scored runs."""
     role = judged_on(result)
     found = (result.get("discover", {}).get("attainable") or {}).get(role) or {}
     scored = models(result).get("after", {}).get(role) or {}
@@ -130,10 +130,10 @@ def _limits(result: Result) -> dict[str, float]:
 
 
 def removed(result: Result) -> float | None:
-    """Returns the share of the predictable error that the written model removes on the runs that judge.
+    """Returns the share of the predictable error that the written model removes on the scored runs.
 
-    The predictable error is the squared error of the calibrated nominal model less the attainable squared error, each
-    signal in units of its own norm.
+    The predictable error is the squared error of the calibrated nominal model minus the attainable squared error; each
+    signal is divided by its norm.
     """
     role, limits = judged_on(result), _limits(result)
     before, after = (models(result).get(model, {}).get(role) or {} for model in ("before", "after"))
@@ -185,7 +185,7 @@ def _roles(results: Sequence[Result]) -> str:
 
 
 def _wins(results: Sequence[Result], peers: Sequence[str], model: str) -> str:
-    """Returns on how many logs a model of discovery is better than these peers, of those that have both."""
+    """Returns on how many logs a model of discovery is better than these peers, of the logs with both."""
     both = []
     for one in results:
         role = judged_on(one)
@@ -232,7 +232,7 @@ def write_between_marks(path: Path, text: Sequence[str], marks: tuple[str, str] 
     """Replaces the text between the marks of a file.
 
     Raises:
-        InputError: the file has not each mark once.
+        InputError: the file does not contain each mark exactly once.
     """
     content = path.read_text(encoding="utf-8")
     begin, end = marks

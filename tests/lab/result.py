@@ -18,14 +18,14 @@ from numpy.typing import NDArray
 
 RESULTS = "results.jsonl"
 
-_RANKED = 5  # explanations that a result keeps
+_RANKED = 5  # number of explanations that a result keeps
 _UNMADE = {"hidden": None, "sensors": "imu", "noise": 1.0, "nominal_error": 0.0}  # for a set without a recipe
 
 _SIZE = re.compile(r"-x([0-9.]+)-")
 
 
 def load(path: Path) -> list[dict[str, Any]]:
-    """Returns the results of a file, the last one of each set. A last line that was cut off is left out.
+    """Returns the results of a file, the last one of each set. An incomplete last line is left out.
 
     Raises:
         InputError: the file does not exist, or a line is not a result.
@@ -45,7 +45,7 @@ def load(path: Path) -> list[dict[str, Any]]:
 
 
 def append(path: Path, result: Mapping[str, Any]) -> None:
-    """Appends one line in one write, so that it is there completely or not at all. A line cut off before is removed."""
+    """Appends one line in a single write, so that it is never incomplete. An incomplete last line is removed first."""
     path.parent.mkdir(parents=True, exist_ok=True)
     line = _line(result).encode()
     handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
@@ -60,10 +60,10 @@ def append(path: Path, result: Mapping[str, Any]) -> None:
 
 
 def put_in_order(path: Path, keys: Sequence[tuple[str, str, int]]) -> list[dict[str, Any]]:
-    """Returns the results of a file, those with `keys` last and in that order, and writes them if the order changes.
+    """Returns the results of a file, with those of `keys` last and in this order; writes the file if the order changes.
 
     Args:
-        keys: engine, name and seed of results, which may have come in any order.
+        keys: engine, name and seed of results, in the wanted order.
     """
     found = {(one["engine"], one["name"], one["seed"]): one for one in load(path)}
     places = {key: place for place, key in enumerate(keys)}
@@ -78,7 +78,7 @@ def _line(result: Mapping[str, Any]) -> str:
 
 
 def truth_fields(name: str, truth: Mapping[str, Any] | None) -> dict[str, Any]:
-    """Returns the fields of a result that tell the truth, and empty fields for the verdict."""
+    """Returns the fields of a result for the truth, and empty fields for the verdict."""
     facts: Mapping[str, Any] = {"recipe": _UNMADE, "visibility": {}} if truth is None else truth
     recipe = facts["recipe"]
     size = _SIZE.search(name)
@@ -110,7 +110,7 @@ def truth_fields(name: str, truth: Mapping[str, Any] | None) -> dict[str, Any]:
 
 
 def verdict_fields(found: Finding) -> dict[str, Any]:
-    """Returns the fields of a result that tell a finding."""
+    """Returns the fields of a result for a finding."""
     full = verdict_json(found)
     return {
         "verdict": found.verdict,
@@ -155,7 +155,7 @@ def _effect(effect: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _without_nan(tree: Any) -> Any:
-    """Returns a tree of JSON with null where a number is not finite."""
+    """Returns a JSON tree in which numbers that are not finite are None."""
     if isinstance(tree, Mapping):
         return {key: _without_nan(value) for key, value in tree.items()}
     if isinstance(tree, list | tuple):
@@ -174,9 +174,9 @@ def _interval(ci95: Sequence[float] | None) -> list[float] | None:
 def held_out_gap(found: Finding) -> dict[str, Any]:
     """Returns the gap on the held-out runs: the rms over all samples of (measured - simulated) / noise floor.
 
-    The floor is the noise that the data set states, with the converter's step, so that it does not depend on what
-    discovery estimates. Where the data set states none, the floor is that estimate. `removed` is the share of the mean
-    square above the floor that the augmented model removes.
+    The floor is the stated noise of the data set, with the converter's step, so that it does not depend on discovery's
+    estimate. If the data set states no noise, the floor is this estimate. `removed` is the share of the mean square
+    above the floor that the augmented model removes.
     """
     stated = {
         name: float(np.hypot(one.noise_sd, (one.resolution or 0.0) / 12**0.5))

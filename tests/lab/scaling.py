@@ -1,9 +1,9 @@
-"""How time grows with the amount of work: runs, samples and candidates; and what more workers gain.
+"""How time grows with the amount of work (runs, samples, candidates), and the gain by more workers.
 
-Times of one process are processor time, because other programs on the machine hardly change it. The fixed cost of a
+Times of one process are processor times, because other programs on the machine hardly change them. The fixed cost of a
 call, such as loading and checking, is measured at a very small size. This cost is subtracted from each time and this
-size from each size, so the exponent describes the rest alone. The time of a campaign's flights is the processor time of
-its worker and of this process. The gain of more workers is in wall time, from the first result to the last.
+size from each size, so the exponent describes only the rest. The time of a campaign's flights is the processor time of
+its worker and of this process. The gain by more workers is measured in wall time, from the first result to the last.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from threadpoolctl import threadpool_limits
 
 Progress = Callable[[int, int, str], None]
 Work = Callable[[int], Callable[[], object]]
-"""Size -> a function that does the work of this size; the time to make the function does not count."""
+"""Size -> a function that does the work of this size; the time to create the function does not count."""
 
 _PERIOD_S = 0.01
 _RUNS = 4
@@ -52,7 +52,7 @@ class Sweep:
         name: name of its figures.
         what: the work in words.
         unit: the unit of a size.
-        sizes: three or more.
+        sizes: three or more sizes.
         work: size -> the work.
         least: a very small size; it and its time are subtracted from each size and time; 0: nothing is subtracted.
         repeats: repeats of each size.
@@ -81,7 +81,7 @@ class Measured:
 
     @property
     def law(self) -> PowerLaw:
-        """How the time beyond `fixed_s` grows with the size beyond `least`."""
+        """The power law of the time minus `fixed_s` over the size minus `least`."""
         return fit([size - self.least for size in self.sizes], self.seconds)
 
     @property
@@ -91,13 +91,13 @@ class Measured:
 
     @property
     def times_as_long(self) -> float:
-        """The time of the largest amount of work over that of the smallest."""
+        """The time of the largest amount of work over the time of the smallest."""
         return min(self.seconds[-1]) / min(self.seconds[0])
 
 
 @dataclass(frozen=True)
 class Crowd:
-    """Flights per second of a campaign, by workers: shape (repeats,) each."""
+    """Flights per second of a campaign for each number of workers: shape (repeats,) each."""
 
     workers: tuple[int, ...]
     flights: int
@@ -106,14 +106,14 @@ class Crowd:
 
     @property
     def gains(self) -> list[float]:
-        """Flights per second over those of one worker, for each number of workers."""
+        """Flights per second over those with one worker, for each number of workers."""
         best = [max(rates) for rates in self.flights_per_s]
         return [rate / best[0] for rate in best]
 
 
 @dataclass(frozen=True)
 class Scaling:
-    """All that `brickpilot bench --scaling` measures, and on which machine."""
+    """All results of `brickpilot bench --scaling`, and the machine."""
 
     machine: str
     sweeps: tuple[Measured, ...]
@@ -141,7 +141,7 @@ def recording(samples: int) -> Dataset:
 
 
 def sweeps() -> list[Sweep]:
-    """Returns the work whose growth is measured; it takes two minutes of a processor."""
+    """Returns the sweeps that are measured; together they take two minutes of processor time."""
     thousand = 1000
     return [
         Sweep(
@@ -203,13 +203,13 @@ def measure(
     crowd_flights: int = 600,
     repeats: int = 2,
 ) -> Scaling:
-    """Measures all sweeps, the flights of a campaign, and workers from one to one more than there are cores.
+    """Measures all sweeps, the flights of a campaign, and the gain by workers, from one to one more than the cores.
 
     Args:
         progress: called with (done, total, text).
         chosen: the sweeps; None: `sweeps`.
         flights_of: numbers of flights of the campaign with one worker.
-        crowd_flights: flights of each number of workers.
+        crowd_flights: number of flights for each number of workers.
         repeats: repeats of each number of flights.
     """
     chosen = sweeps() if chosen is None else chosen
@@ -258,7 +258,7 @@ def _on_recording(function: Callable[[Dataset], object]) -> Work:
 
 
 def _screening(samples: int, times: int | None = None) -> Callable[[], object]:
-    """Screens all effects beside the calibrated model; with `times`: so many candidates, by repeating the list."""
+    """Screens all effects as additions to the calibrated model; `times`: number of candidates (the list repeats)."""
     prepared, _ = prepare.prepare(recording(samples), None, seed=0, jobs=1)
     prepared, nominal = prepare.calibrate(prepared)
     here = Problem(prepared.coarse, nominal.plan).keeping(nominal.point, len(nominal.point))
@@ -279,7 +279,7 @@ def _plans(count: int) -> Iterator[engine.Part]:
 
 
 def flown_by(plan: flight.Plan) -> float:
-    """Flies a plan, and returns the processor time of this worker so far, s."""
+    """Flies a plan, and returns the processor time that this worker has used since its start, s."""
     runs.row(plan)
     return time.process_time()
 
@@ -322,7 +322,7 @@ def _crowd(count: int, repeats: int) -> Crowd:
 
 
 def as_dict(found: Scaling) -> dict[str, Any]:
-    """Returns all of it for JSON: the exponents with their 95 % intervals first."""
+    """Returns all results for JSON, the exponents with their 95 % intervals first."""
     return {
         "machine": found.machine,
         "sweeps": {
@@ -351,10 +351,10 @@ def as_dict(found: Scaling) -> dict[str, Any]:
 
 
 LINEAR = 0.1
-"""Growth is called linear where the exponent's 95 % interval lies within 1 +- this, ..."""
+"""Growth is called linear if the exponent's 95 % interval lies within 1 +- `LINEAR`, ..."""
 
 NARROW = 0.3
-"""... or holds 1 and reaches this far to each side at most: that leaves out the root, 0.5, and the square, 2."""
+"""... or contains 1 and is at most 2 `NARROW` wide: so it excludes the exponents 0.5 and 2."""
 
 
 @dataclass(frozen=True)
@@ -368,7 +368,7 @@ class PowerLaw:
 
     @property
     def verdict(self) -> str:
-        """In words: "linear", "less than linear", "more than linear", or "not determined" by these times."""
+        """The growth in words: "linear", "less than linear", "more than linear", or "not determined"."""
         within = self.low >= 1 - LINEAR and self.high <= 1 + LINEAR
         if within or (self.low <= 1 <= self.high and self.high - self.low <= 2 * NARROW):
             return "linear"
@@ -380,8 +380,8 @@ class PowerLaw:
 def fit(sizes: Sequence[float], seconds: Sequence[Sequence[float]]) -> PowerLaw:
     """Fits a power law to the smallest time of each size.
 
-    The smallest is the one that other programs on the machine disturbed least. The interval comes from the scatter of
-    the sizes about the line (Student's t), so that it includes errors that repeats of one size do not show.
+    The smallest time is the least disturbed by other programs. The interval comes from the scatter of the points about
+    the line (Student's t), so that it includes errors that repeats of one size do not show.
 
     Args:
         sizes: three or more, above 0.

@@ -1,4 +1,4 @@
-"""What `brickpilot bench --scaling` runs in a checkout: it measures how time grows, and shows it on a page.
+"""The program that `brickpilot bench --scaling` runs in a checkout: it measures how time grows, and writes a page.
 
 python -m lab.scaling_page --out DIR [--json]
 """
@@ -56,7 +56,7 @@ def _row(one: Content) -> dict[str, str]:
 
 
 def _growth(one: Content) -> Markup:
-    """Draws time against size as multiples of the smallest, both logarithmic: each repeat, and linear growth."""
+    """Draws time against size, relative to the smallest, on logarithmic axes: each repeat, and linear growth."""
     beyond = np.array(one["sizes"], dtype=float) - one["least"]
     sizes = beyond / beyond[0]
     seconds = np.array(one["seconds"], dtype=float)

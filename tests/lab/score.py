@@ -14,14 +14,14 @@ from typing import Any
 Result = Mapping[str, Any]
 
 VISIBLE = 5.0
-"""In noise sd: an effect that changes some signal by at least this rms is called clearly visible."""
+"""Noise sd: an effect is clearly visible if it changes some signal by at least this rms."""
 
 AMONG = {"imu+encoders": 3, "imu": 4}
-"""Sensors -> the most names that an `ambiguous` verdict may hold."""
+"""Sensors -> the largest number of names in an `ambiguous` verdict, for each hidden effect."""
 AMBIGUOUS_CREDIT = {"imu+encoders": 0.5, "imu": 1.0}
 """Sensors -> the credit of an `ambiguous` verdict."""
 REMOVED = 0.8
-"""Share of the held-out gap that a composed term has to remove."""
+"""Least share of the held-out gap that a composed term has to remove."""
 
 _Z = 1.959964  # quantile of the normal distribution for 95 %
 _FULL_TURN = 2 * math.pi
@@ -29,7 +29,7 @@ _FULL_TURN = 2 * math.pi
 
 @dataclass(frozen=True)
 class Share:
-    """`hits` (halves are possible) out of `of`, with the 95 % interval of Wilson 1927. Without sets all is None."""
+    """`hits` (halves are possible) out of `of`, with the 95 % interval of Wilson 1927. Without sets both are None."""
 
     hits: float
     of: int
@@ -59,7 +59,7 @@ def kind(result: Result) -> str:
 
 
 def move(result: Result) -> float:
-    """Returns how far the hidden effects move the signal that they move most, in noise sd, rms."""
+    """Returns the largest change of a signal by the hidden effects, rms in noise sd."""
     return float(max(result["visibility"].values(), default=0.0))
 
 
@@ -99,9 +99,9 @@ def found(result: Result) -> frozenset[str]:
 def credit(result: Result) -> float:
     """Returns the credit of a set with hidden effects, 0 to 1.
 
-    `named` counts 1 if the true name comes first or, of several effects, if all are among the names. `ambiguous` counts
-    `AMBIGUOUS_CREDIT` if one explanation holds all hidden effects, and all explanations together hold at most `AMONG`
-    names for each hidden effect.
+    `named` counts 1 if the true name comes first or, with several effects, if all are among the names. `ambiguous`
+    counts `AMBIGUOUS_CREDIT` if one explanation contains all hidden effects, and all explanations together have at most
+    `AMONG` names for each hidden effect.
     """
     truth = set(result["hidden"])
     if result.get("error") or not truth:
@@ -117,12 +117,12 @@ def credit(result: Result) -> float:
 
 
 def wrong(result: Result) -> bool:
-    """Returns whether a wrong name is given as certain: in a verdict `named`, or beside a composed term."""
+    """Returns whether a wrong name is claimed as certain: in a verdict `named`, or beside a composed term."""
     return result["verdict"] in ("named", "unknown") and bool(set(named(result)) - set(result["hidden"]))
 
 
 def right(result: Result) -> bool:
-    """Returns whether the verdict is the best possible: `none`, `unknown`, or the true names and no other."""
+    """Returns whether the verdict is the best possible: `none`, `unknown`, or exactly the true names."""
     expected = {"none": "none", "odd": "unknown"}.get(kind(result), "named")
     return (
         not result.get("error")
@@ -139,7 +139,7 @@ def decided(result: Result) -> bool:
 def parameter_errors(results: Iterable[Result], *, main: bool) -> list[float]:
     """Returns relative errors of the fitted parameters of rightly named effects.
 
-    A true value of zero has no relative error and is left out. The error of an angle is taken over pi.
+    A true value of zero has no relative error and is left out. The error of an angle is divided by pi.
 
     Args:
         main: only the first parameter that an effect lists, which is its size.
@@ -156,7 +156,7 @@ def parameter_errors(results: Iterable[Result], *, main: bool) -> list[float]:
 
 
 def intervals_hold(results: Iterable[Result]) -> Share:
-    """Returns how many of the 95 % intervals of rightly named effects hold the true value."""
+    """Returns the share of the 95 % intervals of rightly named effects that contain the true value."""
     holding = []
     for effect, truth in _rightly_named(results):
         for name, value in effect["parameters"].items():
@@ -190,7 +190,7 @@ def whole(result: Result) -> bool:
 
 
 def clean_part(result: Result) -> bool:
-    """Returns whether at least one hidden effect is found, and no other."""
+    """Returns whether at least one hidden effect is found, and no other effect."""
     return bool(found(result)) and found(result) <= set(result["hidden"])
 
 

@@ -18,7 +18,7 @@ from brickpilot.errors import InputError, SimulationError
 SUITES = ("single", "pairs", "triples", "none", "odd")
 QUICK = ("same", "other", "outside", "nulls", "nominal", "scales")
 REPORT = 1_000_000
-"""Seed offset of reported results. Thresholds were set with 0."""
+"""Seed offset of reported results. Thresholds are set with offset 0."""
 
 Engine = Literal["mujoco", "planar"]
 
@@ -29,7 +29,7 @@ class Task:
 
     Attributes:
         seed: the seed of its noise.
-        folder: the folder of a set that exists already; None: it has to be made.
+        folder: the folder of an existing set; None: the set has to be made.
     """
 
     name: str
@@ -45,7 +45,7 @@ class Task:
 
 
 class Maker:
-    """Runs `tests/hidden` in processes of its own, because it must share nothing with the program that it judges."""
+    """Runs `tests/hidden` in separate processes, because it must share nothing with the program under test."""
 
     tests = Path(__file__).parents[1]
 
@@ -63,7 +63,7 @@ class Maker:
         self._run("hidden", str(first.suite), str(out), *options, *chosen)
 
     def follow(self, folder: Path, asked: Mapping[str, Any], out: Path) -> Path | None:
-        """Makes the experiment that a verdict asks for, OUT/NAME; None if the engine cannot make it."""
+        """Makes the experiment that a verdict proposes, OUT/NAME; None if the engine cannot make it."""
         if asked.get("name") is not None:
             table = out / "manoeuvre.json"
             table.parent.mkdir(parents=True, exist_ok=True)
@@ -80,7 +80,7 @@ class Maker:
         """Returns the stdout of ``python -m MODULE ARGUMENTS``.
 
         Raises:
-            SimulationError: it failed; holds the last line of its stderr.
+            SimulationError: it failed; the message contains the last line of its stderr.
         """
         path = os.pathsep.join(filter(None, [str(self.tests), os.environ.get("PYTHONPATH")]))
         environment = {**os.environ, "PYTHONPATH": path, "OPENBLAS_NUM_THREADS": "1"}
@@ -96,10 +96,10 @@ class Maker:
 def planned(
     maker: Maker, suite: str, engine: str, seed_offset: int, only: Sequence[str], limit: int | None
 ) -> list[Task]:
-    """Returns at most `limit` sets of each suite and engine, of those whose names match `only`.
+    """Returns at most `limit` sets of each suite and engine, among the sets whose names match `only`.
 
     Args:
-        suite: one of `SUITES` or `QUICK`, "ci", "all" for all of the former, "quick" for all of the latter.
+        suite: one of `SUITES` or `QUICK`, "ci", "all" for all of `SUITES`, or "quick" for all of `QUICK`.
         engine: "mujoco", "planar" or "both".
 
     Raises:
@@ -120,7 +120,7 @@ def planned(
 
 
 def existing(data: Path, only: Sequence[str], limit: int | None) -> list[Task]:
-    """Returns the sets in a folder that holds their truths too.
+    """Returns the sets in a folder that also contains their truths.
 
     Raises:
         InputError: there is no such set.
@@ -146,7 +146,7 @@ def truth_of(folder: Path) -> dict[str, Any]:
     """Returns the truth that `tests/hidden` wrote beside the folder of a set.
 
     Raises:
-        InputError: the file is missing, or holds something else.
+        InputError: the file is missing, or is no truth.
     """
     path = folder.with_name(f"{folder.name}.truth.json")
     try:

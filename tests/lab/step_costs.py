@@ -1,4 +1,4 @@
-"""Prints what a control step costs on a brick: what `brickpilot bench --target` runs in a checkout.
+"""Prints what a control step costs on a brick: the program that `brickpilot bench --target` runs in a checkout.
 
 python -m lab.step_costs TARGET --profile P --sensors S [--seconds S] [--json]    a table, or its figures
 python -m lab.step_costs law                                          the control law beside its peers, as JSON
@@ -21,7 +21,7 @@ from brickpilot.hil.rcx_flight import CLOCK_HZ
 from lab import avr_budget, control_peers, rcx_budget
 
 _KERNEL_S = 8.0
-"""The part of the mission, s, in which the kernel's share is measured; the share does not change later."""
+"""s: first part of the mission, in which the kernel's share is measured; the share does not change later."""
 
 
 @click.command()

@@ -2,8 +2,8 @@
 
     PYTHONPATH=tests:tests/python python tests/lab/surer.py [--logs 20] [--jobs 2] [--out surer.jsonl]
 
-Each log is one of the test engine's robots with one hidden fault; all that the user measured is stated, and the logs
-differ in fault, robot, side and seed. Each answer is kept when it is done, so an interrupted call goes on.
+Each log is of a robot of the test engines with one hidden fault; all measured values are stated. The logs differ in
+fault, robot, side and seed. Each answer is saved when it is done, so an interrupted call continues where it stopped.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ FAULTS = (
 )  # fmt: skip
 FIRST = (steps("straight", 6.0, (0.5, 5.5, 5.5), (5.0, 0, 0)),)
 SECOND = (steps("curve", 6.0, (0.5, 4.2, 2.4), (5.0, 0, 0)),)
-SIZE = 2.0  # size of a fault over the size at which it shows
+SIZE = 2.0  # size of a fault over its clearly visible size
 
 
 def faulty(number: int) -> tuple[str, str, dict[str, dict[str, float]]]:
-    """Returns robot, fault and its values of a log."""
+    """Returns the robot of a log, its fault, and the fault's values."""
     name = FAULTS[number % len(FAULTS)]
     robot = list(ROBOTS)[(number + number // len(FAULTS)) % len(ROBOTS)]
     effect = LIBRARY[name]
@@ -45,7 +45,7 @@ def faulty(number: int) -> tuple[str, str, dict[str, dict[str, float]]]:
 
 
 def asked(logs: list[Path], robot: str, jobs: int) -> dict[str, Any]:
-    """Returns the answer of `why` to logs: ending, names, and the 95 % interval of each parameter over its value."""
+    """Returns the answer of `why` for logs: verdict, names, and the 95 % interval of each parameter over its value."""
     known = ROBOTS[robot]
     nominal = {name: getattr(known, name) for name in ("wheel_radius", "half_track", "mass", "resistance")}
     found = bp.why(logs, nominal={**nominal, "battery_voltage": 9.0}, jobs=jobs)
@@ -76,7 +76,7 @@ def row(number: int, jobs: int) -> dict[str, Any]:
 
 
 def table(rows: list[dict[str, Any]]) -> list[str]:
-    """Returns the table in words: of each step from fewer runs to more, how many logs changed and how."""
+    """Returns the table as text: for each step from fewer to more runs, how many answers changed, and how."""
     found = ["| from | logs | named or ambiguous before | another mechanism | another name | narrower |"]
     found.append("|---|---|---|---|---|---|")
     for step, text in enumerate(("one run to two", "two runs to all")):

@@ -1,4 +1,4 @@
-"""The table of the blind test, from its results alone: claims and power curves, as one object and as text."""
+"""The table of the blind test, made only from its results: claims and power curves, as one object and as text."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _BINS = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, math.inf)  # edges of the bins of the p
 
 
 def power(results: Sequence[Result]) -> list[dict[str, Any]]:
-    """Returns for each effect, size and set of sensors the share of sets detected, and rightly named."""
+    """Returns, for each effect, size and set of sensors, the shares of detected and of rightly named sets."""
     cells: dict[tuple[str, str, float], list[Result]] = {}
     for one in results:
         if kind(one) in ("single", "odd") and one["size"] is not None:
@@ -109,7 +109,7 @@ def table(results: Sequence[Result]) -> dict[str, Any]:
 
 
 def lines(table: Mapping[str, Any]) -> Iterator[str]:
-    """Yields the lines of what `table` returns."""
+    """Yields the lines of the text for a result of `table`."""
     yield headline(table)
     yield "In brackets: 95 % intervals (Wilson). [+]: what is asked for holds; [-]: it does not."
     for title, counted in sections(table).items():
@@ -139,7 +139,7 @@ def headline(table: Mapping[str, Any]) -> str:
 
 
 def sections(table: Mapping[str, Any]) -> dict[str, list[Mapping[str, Any]]]:
-    """Returns title -> its claims that count at least one set; a title without such a claim is left out."""
+    """Returns title -> its claims on at least one set; a title without such claims is left out."""
     titles = {f"claims, {group}": made for group, made in table["claims"].items()}
     titles |= {f"suite {name}": made for name, made in table["suites"].items()}
     counted = {title: [one for one in made if one["of"]] for title, made in titles.items()}
@@ -147,11 +147,11 @@ def sections(table: Mapping[str, Any]) -> dict[str, list[Mapping[str, Any]]]:
 
 
 MARKS = ("<!-- hidden effects -->", "<!-- end of hidden effects -->")
-"""They enclose the quick suites' table on a page."""
+"""The marks before and after the quick suites' table on a page."""
 
 
 def write(table: Mapping[str, Any], folder: Path) -> None:
-    """Writes FOLDER/table.json, everything, and FOLDER/table.md, the quick suites."""
+    """Writes FOLDER/table.json, the whole table, and FOLDER/table.md, the quick suites."""
     (folder / "table.json").write_text(json.dumps(table, indent=1, allow_nan=False) + "\n", encoding="utf-8")
     (folder / "table.md").write_text("\n".join(markdown(table)) + "\n", encoding="utf-8")
 
@@ -162,7 +162,7 @@ def _claim_line(one: Mapping[str, Any]) -> str:
 
 
 def markdown(table: Mapping[str, Any]) -> Iterator[str]:
-    """Yields a line on what was run and at which state, then the lines of the quick suites' table for a page."""
+    """Yields a line on the sets and the state of the checkout, then the lines of the quick suites' table for a page."""
     yield f"{headline(table)}; {table['measured']}."
     yield ""
     yield "| suite | figure | result | 95 % interval | of | asked for |"
@@ -182,7 +182,7 @@ def claim_cells(claim: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _power_lines(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
-    """Yields a line for each effect and set of sensors: share that is right and change in noise sd at each size."""
+    """Yields a line for each effect and set of sensors: for each size, the right share and the change in noise sd."""
     sizes = sorted({one["size"] for one in rows})
     if not sizes:
         return

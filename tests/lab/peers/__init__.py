@@ -1,6 +1,6 @@
-"""Other ways to model the same logs, from well-known libraries: each is fitted on the fit runs and simulates every run.
+"""Peers: models of the same logs by well-known libraries. Each is fitted to the fit runs and simulates all runs.
 
-    grid.py            runs on even steps, and the choice of a peer's settings on the fit runs alone
+    grid.py            runs on even time steps, and the choice of a peer's settings by the fit runs
     feedforward.py     kS/kV/kA: with delays by simulation, and WPILib's own regression
     sindy.py           PySINDy in discrete time
     narx.py            SysIdentPy's polynomial NARX
@@ -28,9 +28,9 @@ class Peer:
     """One peer.
 
     Attributes:
-        function: ``module:name`` of a function that takes a data set and its roles, fits on the fit runs alone, and
-            returns the free run of every run.
-        package: the import that it needs, or ``import:name``; None: nothing beyond this package.
+        function: ``module:name`` of a function of a data set and its roles; it fits to the fit runs only and returns
+            the free run of every run.
+        package: the needed import, or ``import:name``; None: only this package is needed.
     """
 
     name: str
@@ -51,7 +51,7 @@ class Peer:
 
 
 def _installed(needs: str) -> bool:
-    """Whether a package can be imported; with ``package:name``, whether it holds that name."""
+    """Whether a package can be imported; with ``package:name``, also whether it contains the name."""
     package, _, name = needs.partition(":")
     try:
         return find_spec(package) is not None and (not name or hasattr(importlib.import_module(package), name))

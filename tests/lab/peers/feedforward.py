@@ -1,4 +1,4 @@
-"""The peers kS/kV/kA: the voltage of a side is kS sgn(v) + kV v + kA dv/dt, as WPILib models a drivetrain."""
+"""The peers kS/kV/kA, WPILib's model of a drivetrain: the voltage of a side is kS sgn(v) + kV v + kA dv/dt."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from lab.real_score import Predictions
 
 Array = NDArray[np.float64]
 
-_MOST_SAMPLES = 10_000  # most samples of all runs together in the fit with delays
-_MOVING = 0.02  # share of the largest speed below which a sample stands still: WPILib leaves it out
+_MOST_SAMPLES = 10_000  # largest number of samples of all runs in the fit with delays
+_MOVING = 0.02  # share of the largest speed: slower samples are left out, as in WPILib
 
 
 def with_delays(dataset: Dataset, roles: Roles) -> Predictions:
-    """Returns the free runs of the law with a delay of the command and of each channel, fitted by simulation.
+    """Returns the free runs of the law with delays of the commands and of each channel, fitted by simulation.
 
-    A long log is thinned first, by whole numbers of samples, because the fit simulates it some hundred times.
+    A long log is first thinned to every k-th sample, because the fit simulates it some hundred times.
     """
     every = 1 + sum(len(run.time) for run in dataset.runs) // _MOST_SAMPLES
     thinned = dataclasses.replace(dataset, runs=tuple(_thinned(run, every) for run in dataset.runs))
@@ -52,7 +52,7 @@ def _thinned(run: Run, every: int) -> Run:
 def by_regression(dataset: Dataset, roles: Roles) -> Predictions:
     """Returns the free runs of WPILib's own fit: one least-squares regression of the acceleration, without delays.
 
-    The regression is that of SysId: (v' - v) / dt on v, volts and sgn(v), over the samples that move.
+    The regression is that of SysId: (next v - v) / dt on v, volts and sgn(v), over the samples in motion.
     """
     return simulated_by_side(on_grid(dataset, steps_for(dataset)[0]), roles.fit(), _regressed)
 
@@ -72,7 +72,7 @@ def _regressed(drives: Sequence[Drive]) -> Callable[[Drive], Array]:
 
 
 def _free_run(drive: Drive, decay: float, drive_gain: float, friction: float) -> Array:
-    """Returns the speed (n,), exact between changes of direction; friction holds a side that stands."""
+    """Returns the speed (n,), exact between changes of direction; friction can hold a side at rest."""
     decay = min(decay, -1e-9)
     kept = np.exp(decay * drive.step)
     gain = (kept - 1.0) / decay
@@ -89,11 +89,11 @@ def _free_run(drive: Drive, decay: float, drive_gain: float, friction: float) ->
 
 _RATES = ("wheel_velocity", "wheel_speed", "velocity", "speed")
 _TRAVELS = ("wheel_travel", "wheel_angle", "position", "angle")
-_FIRST_DELAYS = (0.0, 0.03, 0.1)  # s: the fit starts from each, for commands and channels alike
+_FIRST_DELAYS = (0.0, 0.03, 0.1)  # s: start values of all delays, one fit from each
 _LONGEST_DELAY = 0.5  # s
-_MOVING_SAMPLES = 12  # samples of the line that gives the first speed of a run that starts in motion
-_SMOOTH_S = 0.1  # s: span of the line that gives an acceleration for the first guess
-_EVALUATIONS = 40  # most evaluations of the residual from one start
+_MOVING_SAMPLES = 12  # number of samples of the line for the first speed of a run
+_SMOOTH_S = 0.1  # s: span of the line for an acceleration of the first guess
+_EVALUATIONS = 40  # largest number of evaluations of the residual from one start
 _STEP = 1e-4  # relative step of finite differences
 
 
@@ -112,7 +112,7 @@ class FeedforwardFit:
 
 
 def fit_percent(measured: Array, predicted: Array) -> float:
-    """Returns 100 (1 - rms(error) / rms(measured - mean)) over the known samples; NaN where nothing varies.
+    """Returns 100 (1 - rms(error) / rms(measured - mean)) over the known samples; NaN if the signal is constant.
 
     100 is a perfect prediction, and 0 is as good as the mean of the run. Worse predictions are below 0.
     """
@@ -127,7 +127,7 @@ def fit_feedforward(dataset: Dataset, roles: Mapping[str, str]) -> FeedforwardFi
     """Fits the law to the runs whose role is "fit", and predicts every run from its inputs alone.
 
     Args:
-        roles: run name -> "fit" or "held_out", as `holdout.assign` gives them.
+        roles: run name -> "fit" or "held_out", from `holdout.assign`.
 
     Raises:
         InputError: no run is fitted, or no speed, travel or angle is measured.
@@ -165,7 +165,7 @@ class _Record:
 
 
 class _Law:
-    """The law for one data set: the names of its numbers, a first guess, and predictions of measured channels."""
+    """The law for one data set: the names of its parameters, a first guess, and predictions of measured channels."""
 
     def __init__(self, dataset: Dataset, wheels: Sequence[_Wheel], fitted: Sequence[_Record]) -> None:
         self._wheels = wheels
@@ -183,9 +183,9 @@ class _Law:
         self._speeds: dict[tuple[bytes, str], Array] = {}
 
     def descend(self, fitted: Sequence[_Record], delay: float) -> tuple[float, Array]:
-        """Returns the cost and the numbers at the end of a descent from a first guess with this delay.
+        """Returns the cost and the parameters after a descent from a first guess with this delay.
 
-        Travels are first compared by their slopes: a travel sums errors up, so that its cost has many minima.
+        Travels are first compared by their slopes: a travel sums up errors, so that its cost has many local minima.
         """
         numbers = self._guess(fitted, delay)
         for by_slope in (True, False):
@@ -214,7 +214,7 @@ class _Law:
         return float(found.cost), np.asarray(found.x * scale)
 
     def predict(self, numbers: Array, one: _Record) -> dict[str, Array]:
-        """Returns the channels of a run, from its inputs and its first samples alone."""
+        """Returns the channels of a run, predicted from its inputs and its first samples only."""
         value = dict(zip(self.names, numbers.tolist(), strict=True))
         speeds = self._simulate(value, one)
         travels = cumulative_trapezoid(speeds, one.clock, axis=0, initial=0)
@@ -244,7 +244,7 @@ class _Law:
         return np.concatenate(parts)
 
     def _simulate(self, value: Mapping[str, float], one: _Record) -> Array:
-        """Returns (n, wheels): the speeds. They are kept, because a descent often changes a channel's delay alone."""
+        """Returns (n, wheels): the speeds. They are cached, because a descent often changes only a channel's delay."""
         law = [v for name, v in value.items() if not name.startswith("delay of") and name != "yaw"]
         key = (np.array(law).tobytes(), one.run.name)
         if key not in self._speeds:
@@ -299,7 +299,7 @@ class _Law:
 def _wheel(dataset: Dataset, side: str) -> _Wheel:
     measured = {name for run in dataset.runs for name in run.outputs if np.isfinite(run.outputs[name]).any()}
     rate = next((f"{name}{side}" for name in _RATES if f"{name}{side}" in measured), None)
-    # A travel belongs to the rate of its own unit: rad to rad/s, m to m/s.
+    # A travel belongs to the rate with the same unit of length: rad to rad/s, m to m/s.
     order = {"wheel_velocity": "wheel_travel", "velocity": "position", "wheel_speed": "wheel_angle", "speed": "angle"}
     wanted = (order[rate.removesuffix(side)],) if rate else _TRAVELS
     travel = next((f"{name}{side}" for name in wanted if f"{name}{side}" in measured), None)
@@ -318,7 +318,7 @@ def _record(run: Run, dataset: Dataset, wheels: Sequence[_Wheel]) -> _Record:
 def _delayed(one: _Record, delay: float) -> Array:
     """Returns (n, wheels): the mean of the delayed voltage over each step.
 
-    Before a run that starts at rest the voltage was 0; before one that starts in motion it was the first one.
+    Before a run that starts at rest the voltage is 0; before a run that starts in motion it is the first voltage.
     """
     before = one.inputs[0] if any(one.first) else np.zeros_like(one.inputs[0])
     times = one.clock - delay
@@ -337,7 +337,7 @@ def _speeds(
 ) -> Array:
     """Returns (n, wheels): the speeds. Each wheel stands still while its voltage is below kS.
 
-    A step is exact for one wheel. With two, the turn's part of the acceleration is added as a mean over the step.
+    A step is exact for one wheel. With two wheels, the mean acceleration of the turn over the step is added.
     """
     speed, rows = list(first), [tuple(first)]
     volts = driven.tolist()
@@ -356,7 +356,7 @@ def _speeds(
 
 
 def _change(v: float, u: float, step: float, numbers: Sequence[float]) -> float:
-    """Returns how much the speed of one wheel changes in a step of constant voltage."""
+    """Returns the change of one wheel's speed in a step with constant voltage."""
     static, per_speed, inertia = numbers
     if v != 0:
         friction = static if v > 0 else -static
@@ -392,7 +392,7 @@ def _measured_speed(run: Run, wheel: _Wheel, clock: Array) -> Array:
 
 
 def _slope(clock: Array, values: Array) -> Array:
-    """Returns the slope of a line through the samples of `_SMOOTH_S` around each."""
+    """Returns, for each sample, the slope of a line through the samples in a span of `_SMOOTH_S` around it."""
     span = min(max(3, int(_SMOOTH_S / float(np.median(np.diff(clock))))), len(clock))
     samples = np.convolve(np.ones(len(clock)), np.ones(span), "same")
 
@@ -416,7 +416,7 @@ def _origin(run: Run, name: str) -> float:
 
 
 def _spread(fitted: Sequence[_Record], name: str, *, summed: bool) -> tuple[float, float]:
-    """Returns the rms of a signal about each run's mean, over the fit runs, and that of its slope if it is `summed`."""
+    """Returns the rms over the fit runs of a signal about each run's mean, and of its slope if it is `summed`."""
     values, slopes = [np.zeros(1)], [np.zeros(1)]
     for one in fitted:
         measured = one.run.outputs.get(name, np.empty(0))

@@ -1,4 +1,4 @@
-"""Runs on even time steps, as peers need them, and the choice of a peer's settings by its free runs on them."""
+"""Runs on even time steps, which peers need, and the choice of a peer's settings by its free runs."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from lab.real_score import Predictions, fits
 
 Array = NDArray[np.float64]
 
-_FEWEST = 50  # samples that the shortest run must keep on a grid
-_MOST_ROWS = 15_000  # most samples of all runs together on a grid
+_FEWEST = 50  # least number of samples of the shortest run on a grid
+_MOST_ROWS = 15_000  # largest number of samples of all runs on a grid
 _STEPS_S = (0.005, 0.01, 0.02, 0.05)
 
 
@@ -28,9 +28,9 @@ class Stretch:
     """One run on even steps.
 
     Attributes:
-        time: (n,) s, as in the run.
-        inputs: (n, m) volts at the motors, the mean over the step that follows; a floating motor counts as 0 V.
-        outputs: (n, k) channels: the signal, or its rate if the signal is an integral of motion.
+        time: (n,) s, on the run's own clock.
+        inputs: (n, m) volts at the motors, the mean over the next step; a floating motor counts as 0 V.
+        outputs: (n, k) channels: each is a signal, or its rate if the signal sums up motion.
     """
 
     time: Array
@@ -40,7 +40,7 @@ class Stretch:
 
 @dataclass(frozen=True)
 class Grid:
-    """All runs of a data set on even steps of `step` s. `signals` (k,) are those that the channels stand for."""
+    """All runs of a data set on even steps of `step` s. `signals` (k,): the channels' signals."""
 
     dataset: Dataset
     step: float
@@ -48,7 +48,7 @@ class Grid:
     stretches: Mapping[str, Stretch]
 
     def back(self, simulated: Mapping[str, Array]) -> Predictions:
-        """Returns the signals at the measured samples, from run -> channels (n, k) on the grid."""
+        """Returns the signals at the measured samples from simulated channels on the grid: run -> (n, k)."""
         with np.errstate(over="ignore", invalid="ignore"):  # values of a model that diverges
             return {
                 run.name: self._signals(run, simulated[run.name]) for run in self.dataset.runs if run.name in simulated
@@ -67,12 +67,12 @@ class Grid:
 
 
 def signals_of(dataset: Dataset) -> tuple[str, ...]:
-    """Returns the measured signals that a peer is asked for: all outputs but the battery's voltage."""
+    """Returns the measured signals that a peer has to predict: all outputs but the battery voltage."""
     return tuple(dict.fromkeys(name for run in dataset.runs for name in run.outputs if name != "battery_voltage"))
 
 
 def steps_for(dataset: Dataset) -> list[float]:
-    """Returns the steps in s that a peer may choose from: none finer than the log, none that leaves a run too short."""
+    """Returns the steps in s from which a peer may choose: not finer than the log, nor too coarse for short runs."""
     own = float(np.median([np.median(np.diff(run.time)) for run in dataset.runs]))
     spans = [float(run.time[-1] - run.time[0]) for run in dataset.runs]
     coarsest = max(own, min(spans) / _FEWEST)
@@ -134,8 +134,8 @@ def choose(
 ) -> Predictions:
     """Returns the free runs of the best setting on the best grid.
 
-    With three fit runs or more, every third one tells which setting is best, and the others fit it. With fewer, the
-    fit runs do both. Held-out runs are never used.
+    With three fit runs or more, every third one is used to choose the setting, and the others to fit. With fewer, all
+    fit runs are used for both. Held-out runs are never used.
     """
     fitted = roles.fit()
     watched = fitted[1::3] if len(fitted) > 2 else fitted
@@ -163,7 +163,7 @@ def _score(grid: Grid, simulated: Mapping[str, Array], names: Sequence[str]) -> 
 def _safely(
     simulated: Simulated[Setting], grid: Grid, used: Sequence[str], wanted: Sequence[str], setting: Setting
 ) -> Mapping[str, Array]:
-    """Returns nothing if a library fails with a setting: a singular matrix, or a model that diverges."""
+    """Returns `simulated` of a setting; empty if the library fails: a singular matrix, or a model that diverges."""
     try:
         with np.errstate(all="ignore"):
             return simulated(grid, used, wanted, setting)

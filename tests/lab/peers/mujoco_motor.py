@@ -54,7 +54,7 @@ def _fitted(drives: Sequence[Drive]) -> Callable[[Drive], Array]:
         "side", spec, [str(number) for number in range(len(scaled))], [_start(model, drive) for drive in scaled],
         [control for control, _ in measured], [sensor for _, sensor in measured],
     )  # fmt: skip
-    with redirect_stdout(StringIO()):  # it prints its iterations
+    with redirect_stdout(StringIO()):  # the optimiser prints its iterations
         found, _ = sysid.optimize(
             initial_params=parameters, residual_fn=sysid.build_residual_fn(models_sequences=[sequences]),
             optimizer="mujoco", verbose=False,
@@ -84,7 +84,7 @@ def _modifier(name: str) -> Callable[[Any, Any], None]:
 
 
 def _mujoco() -> Any:
-    """Returns the package; its stubs lack most of its names."""
+    """Returns the package as Any, because its type stubs lack most of its names."""
     import mujoco
 
     return mujoco
@@ -129,7 +129,7 @@ def _free_run(drive: Drive, values: dict[str, float]) -> Array:
 
 
 class _Value:
-    """A parameter that holds one value, as a modifier reads it."""
+    """A parameter with one value, in the form that a modifier reads."""
 
     def __init__(self, value: float) -> None:
         self.value = [value]

@@ -1,4 +1,4 @@
-"""The peer PySINDy: the next sample of all channels as a sparse sum of products, signs and squares of the last one."""
+"""The peer PySINDy: each next sample is a sparse sum of products, signs and squares of the present sample."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from lab.real_score import Predictions
 
 Array = NDArray[np.float64]
 
-_DIVERGED = 1e3  # times the spread of a channel
+_DIVERGED = 1e3  # sd of a channel: a larger value has diverged
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def _simulated(grid: Grid, used: Sequence[str], wanted: Sequence[str], setting: 
 
 
 def _free_runs(library: Any, weights: Array, starts: Array, inputs: Sequence[Array]) -> list[Array]:
-    """Returns the channels (n, k) of each run, each sample from the one before; a model that diverges stays at a bound.
+    """Returns the channels (n, k) of each run, each sample from the previous one; a diverging model is clipped.
 
     All runs advance together, because the library takes as long for one row as for many.
     """

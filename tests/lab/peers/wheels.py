@@ -1,4 +1,4 @@
-"""The common part of peers that model each side alone: its speed on a grid, and other channels from all sides."""
+"""The common part of peers that model each side separately: the sides' speeds give the other channels."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _WHEEL = ("wheel_velocity", "wheel_speed", "wheel_travel", "wheel_angle")
 
 @dataclass(frozen=True)
 class Drive:
-    """One driven side of one run: volts (n,) and the speed (n,) that was measured, on even steps of `step` s."""
+    """One driven side of one run: volts (n,) and measured speed (n,), on even steps of `step` s."""
 
     step: float
     volts: Array
@@ -34,8 +34,8 @@ FitSide = Callable[[Sequence[Drive]], Callable[[Drive], Array]]
 def simulated_by_side(grid: Grid, fitted: Sequence[str], fit_side: FitSide) -> Predictions:
     """Returns the free runs of all signals: the speed of each side by `fit_side`, the others from these speeds.
 
-    A signal that is no side's speed or path, as a gyro's, is a linear combination of the sides' speeds and
-    accelerations, fitted on the fit runs.
+    Any other signal, such as a gyro's, is a linear combination of the sides' speeds and accelerations, fitted to the
+    fit runs.
     """
     sides = _sides(grid)
     speeds: dict[str, list[Array]] = {name: [] for name in grid.stretches}
@@ -52,7 +52,7 @@ def simulated_by_side(grid: Grid, fitted: Sequence[str], fit_side: FitSide) -> P
 
 
 def _sides(grid: Grid) -> list[int]:
-    """Returns for each driven side the channel that is its speed: measured if possible, else a derivative."""
+    """Returns the channel of each driven side's speed: a measured speed if possible, else a derivative."""
     if grid.dataset.vehicle == "motor":
         return [next(grid.signals.index(name) for name in _MOTOR if name in grid.signals)]
     names = next(name for name in _WHEEL if f"{name}_left" in grid.signals)
@@ -78,7 +78,7 @@ def _features(speed: Array, step: float) -> Array:
 
 
 def _same_motion(grid: Grid, sides: Sequence[int]) -> dict[int, int]:
-    """Returns channel -> number of the side whose speed or path it is."""
+    """Returns channel -> number of a side, for channels that are the speed or path of this side."""
     found = {}
     for number, channel in enumerate(sides):
         end = grid.signals[channel].rpartition("_")[2] if grid.dataset.vehicle == "diff_drive" else ""
@@ -90,7 +90,7 @@ def _same_motion(grid: Grid, sides: Sequence[int]) -> dict[int, int]:
 
 
 def _ratio(grid: Grid, channel: int, speed: int, simulated: Array, target: Array) -> float:
-    """Returns 1 for the speed itself and its own path, else the radius between an angle and a length."""
+    """Returns 1 for the speed itself and its own path, else the fitted ratio of length and angle."""
     same = {grid.signals[speed], *(summed for summed, rate in RATE_OF.items() if rate == grid.signals[speed])}
     if grid.signals[channel] in same or RATE_OF.get(grid.signals[speed]) == grid.signals[channel]:
         return 1.0

@@ -1,4 +1,4 @@
-"""`brickpilot bench`: how fast the simulator and the links are, beside peers.
+"""`brickpilot bench`: the speed of the simulator and the links, compared with peers.
 
-What a control step costs on a brick, and how time grows with the amount of work, is measured in `tests/lab`.
+The cost of a control step on a brick, and the growth of time with the amount of work, are measured in `tests/lab`.
 """

@@ -1,10 +1,10 @@
 """Speed compared with a peer in the same process, because on a shared machine absolute times mean little.
 
-One peer is the packaged robot once more, as a text-book ODE for SciPy's `solve_ivp`, at equal accuracy. The equations
-are those of the plant's profile `coupled` (eq. 2, 5, 12 to 14), written here from the paper. `loosest` looks for the
-tolerance that is just as accurate as the plant with its steps of 0.3 ms and 3 ms, so that neither spends time on digits
-that the other does not have. `METHODS` are SciPy's fastest methods here: LSODA if inputs are held, by 1.6 times and
-more, and RK23 if each step begins anew, with half of RK45's evaluations.
+One peer is the packaged robot as a text-book ODE for SciPy's `solve_ivp`, at equal accuracy. The equations
+are those of the plant's profile `coupled` (eq. 2, 5, 12 to 14), written here from the paper. `loosest` finds the
+largest tolerance with the accuracy of the plant, which has steps of 0.3 ms and 3 ms, so that both have the same
+accuracy. `METHODS` are SciPy's fastest methods here: LSODA if inputs are held, faster by 1.6 times or more, and RK23 if
+the solver restarts in each step, with half of RK45's evaluations.
 """
 
 from __future__ import annotations
@@ -43,10 +43,10 @@ _LANES = {"alone": 1, "many": plant.MOST_LANES}
 
 @dataclass(frozen=True)
 class Figure:
-    """One speed: ``value`` in ``unit``, ``ratio`` times that of ``peer``, which ran in the same process.
+    """One speed: ``value`` in ``unit`` is ``ratio`` times the speed of ``peer``, which ran in the same process.
 
     If the unit is a cost, such as cycles/step, the ratio is the peer's cost over ours: it is above 1 if we are faster.
-    ``machine`` names the machine that ran both.
+    ``machine`` is the machine on which both ran.
     """
 
     value: float
@@ -63,7 +63,7 @@ class LawFigure(Figure):
     Attributes:
         most, peer_most: the worst step, in the same unit.
         flash_bytes, peer_flash_bytes: code and constants of the law, with the routines of its arithmetic.
-        apart_v: V, the largest difference of the two answers.
+        apart_v: V, the largest difference between the two programs' motor voltages.
     """
 
     most: int
@@ -76,7 +76,7 @@ class LawFigure(Figure):
 def _best(works: Mapping[str, Callable[[], float]], repeats: int = 5) -> dict[str, float]:
     """Returns the best speed of several runs of each work, in times real time. A work returns simulated seconds.
 
-    The works take turns, so that other programs on the machine disturb all of them alike. Times are processor times.
+    The works run in turn, so that other programs on the machine disturb all works equally. Times are processor times.
     """
     rates = dict.fromkeys(works, 0.0)
     for _ in range(repeats):
@@ -101,7 +101,7 @@ def _plant_alone(model: Model) -> float:
 
 
 def _many(model: Model, lanes: int) -> float:
-    """Simulates 16 runs of as many robots, as a fit does, up to `lanes` of them side by side, on one thread."""
+    """Simulates 16 runs of 16 robots on one thread, as in a fit; up to `lanes` runs are simulated together."""
     time_s = np.arange(2_001, dtype=np.float64) * STEP_S
     inputs = 6 * np.sin(np.outer(time_s, [1.0, 1.7])) + 3
     mass = model.parameters["mass"]
@@ -112,7 +112,7 @@ def _many(model: Model, lanes: int) -> float:
 
 
 def _side_by_side(model: Model) -> dict[str, Figure]:
-    """Returns how fast the plant simulates many runs on one core, beside the same runs one at a time."""
+    """Returns the plant's speed for many runs together on one core, compared with the same runs one at a time."""
     found = {}
     rubs = next(one.name for one in catalogue.effects() if one.mechanism == "bearing" and not one.variant_of)
     dry = dataclasses.replace(model, effects={**model.effects, rubs: {}})
@@ -212,9 +212,9 @@ def _scipy(model: Model, manoeuvre: Manoeuvre) -> dict[str, Callable[[], float]]
 
 
 def control_law() -> tuple[dict[str, LawFigure], list[str]]:
-    """Returns the control law's cost on each brick's processor beside its peers, and why a brick is missing here.
+    """Returns the control law's cost on each brick's processor, compared with its peers, and why bricks are missing.
 
-    A checkout measures it: `tests/lab/control_peers.py`.
+    It is measured in a checkout, by `tests/lab/control_peers.py`.
     """
     try:
         done = in_lab("step_costs", "law", field="control law", stdout=subprocess.PIPE)
@@ -243,10 +243,10 @@ TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 _EXACT = 1e-10
 
 VOLTAGES = ((4.5, 3.0), (-3.0, 6.0), (6.0, 6.0))
-"""V left and right of the manoeuvre, each for `HELD` steps: a curve, a turn nearly on the spot, and straight on."""
+"""V, (left, right), each held for `HELD` steps: a curve, nearly a turn on the spot, and a straight drive."""
 
 HELD = 333
-_FIRST_STEP = STEP_S / 5  # first step of SciPy in a control step: the fastest of six, from a tenth to the whole
+_FIRST_STEP = STEP_S / 5  # SciPy's first step in a control step: the fastest of six tried values
 STATES = 7
 
 
@@ -275,7 +275,7 @@ def controlled() -> Manoeuvre:
 
 
 def slope_of(model: Model) -> Callable[..., list[float]]:
-    """Returns the robot's slope(time, state, left, right): state is currents, wheel speeds, heading, x and y."""
+    """Returns the function slope(time, state, left, right); state: currents, wheel speeds, heading, x and y."""
     p = model.parameters
     resistance, inductance, radius, track = p["resistance"], p["inductance"], p["wheel_radius"], p["half_track"]
     torque, emf = p["torque_constant"], p["emf_constant"]
@@ -342,7 +342,7 @@ def simulate_plant(model: Model, manoeuvre: Manoeuvre) -> Array:
 
 @dataclass(frozen=True)
 class SolverSetting:
-    """A method and the tolerance of `loosest`, and the largest errors of position, m: the plant's and SciPy's."""
+    """A method, its tolerance by `loosest`, and the largest position errors of the plant and of SciPy, m."""
 
     method: str
     tolerance: float
@@ -381,7 +381,7 @@ def this_machine() -> str:
 
 
 def processor() -> str:
-    """Returns the name of the processor, as Linux or Python's platform tells it."""
+    """Returns the name of the processor, from Linux or Python's platform module."""
     told = Path("/proc/cpuinfo")
     named = re.search(r"^model name\s*: (.+)$", told.read_text(), re.MULTILINE) if told.exists() else None
     return named[1].strip() if named else platform.processor() or platform.machine()
@@ -393,7 +393,7 @@ def cores() -> int:
 
 
 def compiler() -> str:
-    """Returns what the compiler wrote into the plant's library about itself."""
+    """Returns the compiler's name and version, which it writes into the plant's library."""
     told = re.search(rb"GCC: (\([^)\0]*\) [\d.]+)|(?:Apple )?clang version [\d.]+", compiled.library().read_bytes())
     if told is None:
         return "a compiler that does not tell its name"

@@ -1,4 +1,4 @@
-"""Campaigns: many flights of drawn robots, their figures as a table, and what the table says."""
+"""Campaigns: many flights of randomly drawn robots, a table of their figures, and its summary."""
 
 from brickpilot import make_callable
 

@@ -1,4 +1,4 @@
-"""Conducts a campaign in a folder, with the numbers behind the figures of its page, and flies one of its runs again."""
+"""Conducts a campaign in a folder, computes the plots of its page, and flies single runs again."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Replayed:
     """A run that was flown again.
 
     Attributes:
-        inputs: the values that the campaign drew for the run; None: the robot lacks the effect of this value.
+        inputs: the values that the campaign drew for the run; a value is None if the robot lacks its effect.
         figures: the keys of `brickpilot run --json`, or of `hil --json` where the run has faults.
         ticks: the columns of ticks.csv; None: the run has no link.
     """
@@ -121,14 +121,14 @@ MOST_DOTS = 1500
 """The largest number of runs in a scatter plot: more points overlap and take long to draw."""
 
 STRONGEST = 3
-"""The number of inputs against which each figure is drawn, the strongest ones."""
+"""Each figure is drawn against this number of its strongest inputs."""
 
-_DRAWN_OUT = (0.001, 0.999)  # quantiles: a histogram's range; runs beyond it are counted in the outermost bars
+_DRAWN_OUT = (0.001, 0.999)  # quantiles: range of a histogram; runs beyond it count in its end bars
 _BARS = 40
 
 
 def histograms(table: Table, figures: Mapping[str, Mapping[str, Any]]) -> list[Histogram]:
-    """Returns the distributions of the runs' figures, for success and failure apart."""
+    """Returns the distributions of the runs' figures, separately for success and failure."""
     success = table.numbers("success") > 0
     found = []
     for name in SHOWN:

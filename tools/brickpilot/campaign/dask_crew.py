@@ -26,20 +26,20 @@ from brickpilot.campaign.store import Versions
 from brickpilot.errors import InputError, WorkFailedError
 
 CONNECT_S = 5.0
-"""The time for the scheduler to answer."""
+"""s: time in which the scheduler has to answer."""
 WORKERS_S = 10.0
-"""The time to wait for a first worker."""
+"""s: time to wait for the first worker."""
 ALONE_S = 60.0
-"""The time without any worker after which a campaign ends: a queue may replace workers that it stopped."""
+"""s: time without any worker after which a campaign ends, as a queue may replace workers that it stopped."""
 
-_LOOK_S = 2.0  # time between two counts of the workers
-_AHEAD = 2  # parts for each thread of a worker: one runs, one waits there
+_LOOK_S = 2.0  # s between two counts of the workers
+_AHEAD = 2  # number of parts given to each thread of a worker: one runs, one waits
 
 _ONE_AT_A_TIME = threading.Lock()
 
 
 class DaskCrew:
-    """The workers of a scheduler, for a `with`."""
+    """The workers of a scheduler, as a context manager."""
 
     def __init__(self, function: Function, scheduler: str) -> None:
         self._function = function
@@ -111,10 +111,10 @@ class DaskCrew:
             raise self._gone() from None
 
     def _look(self) -> None:
-        """Counts the workers, whose number may change at any time.
+        """Counts the workers; their number may change at any time.
 
         Raises:
-            WorkFailedError: the scheduler is gone, or no worker was there for a long time.
+            WorkFailedError: the scheduler is gone, or there was no worker for a long time.
         """
         self._looked = time.monotonic()
         if self._client.status != "running":
@@ -146,7 +146,7 @@ class DaskCrew:
     def _compare_versions(self) -> None:
         """Compares the versions of all workers with those of this process, before anything is run on them.
 
-        The scheduler only passes parts on: it has to load this program, but in any version.
+        The scheduler only forwards parts, so it may load any version of this program.
         """
         field = _field(self._scheduler)
         try:
@@ -186,7 +186,7 @@ def _client(scheduler: str) -> Any:
     from distributed import Client
 
     try:
-        with ThreadPoolExecutor(1) as aside:  # a notebook's own thread has an event loop already
+        with ThreadPoolExecutor(1) as aside:  # the thread of a notebook already has an event loop
             aside.submit(lambda: asyncio.run(asyncio.wait_for(_greet(scheduler), CONNECT_S))).result()
         return Client(scheduler, timeout=CONNECT_S, set_as_default=False)
     except Exception as error:  # another program's answer may raise any error
@@ -195,7 +195,7 @@ def _client(scheduler: str) -> Any:
 
 
 async def _greet(scheduler: str) -> None:
-    """Returns when a scheduler has answered. A client waits for ever if a connection is only accepted."""
+    """Waits for a scheduler's answer. A client alone waits for ever if a program only accepts the connection."""
     from distributed.comm import connect
 
     greeted = await connect(scheduler, timeout=CONNECT_S)
@@ -226,7 +226,7 @@ def _called(wanted: Versions, scheduler: str, task: bytes) -> Any:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Silences the log of Dask, which reports each lost connection in many lines; an error reports it in one."""
+    """Silences Dask's log, which has many lines for each lost connection; an error reports it in one line."""
     loggers = [
         logging.getLogger(name)
         for name in logging.root.manager.loggerDict
@@ -237,7 +237,7 @@ def _quiet() -> Iterator[None]:
         logger.setLevel(logging.CRITICAL + 1)
     try:
         with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", module="distributed")  # warnings of versions: they are compared here
+            warnings.filterwarnings("ignore", module="distributed")  # it warns of versions, which are compared here
             yield
     finally:
         for logger, level in zip(loggers, levels, strict=True):

@@ -1,6 +1,6 @@
-"""Designs: the shares of the inputs' distributions that each run has. All are drawn from the campaign's seed.
+"""Designs: for each run, the quantile level ("share", 0..1) of each input, drawn from the campaign's seed.
 
-A run is known by its number. Its draws depend on that number, the campaign's file and its seed, and on nothing else.
+A run is identified by its number. Its draws depend only on this number, the campaign's file and the seed.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ Array = NDArray[np.float64]
 
 MORRIS_LEVELS = 4
 MORRIS_EDGE = 0.025
-"""Morris's levels go from the 2.5 % to the 97.5 % quantile, because a distribution may have no ends."""
+"""Morris's levels go from the 2.5 % to the 97.5 % quantile, because a distribution may be unbounded."""
 
 
 def drawn_shares(campaign: Campaign) -> Callable[[int, int], Array]:
     """Returns a function that gives the shares of the runs start..stop - 1, (runs, inputs drawn), each 0..1.
 
-    Some designs draw the shares run by run; the others are made here as a whole.
+    Some designs draw the shares run by run; the shares of the others are made here for all runs.
     """
     if campaign.design == "monte_carlo":
         return partial(_independent, campaign)
@@ -38,7 +38,7 @@ def drawn_shares(campaign: Campaign) -> Callable[[int, int], Array]:
 
 
 def problem(campaign: Campaign) -> dict[str, Any]:
-    """Returns the inputs in SALib's form, as shares: SALib samples and analyses these."""
+    """Returns the inputs in SALib's form; SALib samples and analyses their shares."""
     names = [one.name for one in campaign.drawn]
     return {"num_vars": len(names), "names": names, "bounds": [[0.0, 1.0]] * len(names)}
 
@@ -46,8 +46,8 @@ def problem(campaign: Campaign) -> dict[str, Any]:
 def block(campaign: Campaign, index: int) -> int:
     """Returns the block that a run belongs to. The runs of a block share their sensors' noise and their route.
 
-    A design may compare runs that differ in one input: such a group is a block, so that nothing else differs. In
-    other designs each run is a block.
+    Some designs compare runs that differ in one input. Such a group of runs is a block, so that nothing else differs.
+    In other designs each run is a block.
     """
     size = {"saltelli": len(campaign.drawn) + 2, "morris": len(campaign.drawn) + 1}.get(campaign.design, 1)
     return index // size
@@ -66,7 +66,7 @@ def noise_seed(campaign: Campaign, index: int) -> int:
 
 
 def levels(campaign: Campaign, index: int) -> tuple[int, ...]:
-    """Returns the level of each axis of a grid in a run: the last axis changes fastest, after the repeats."""
+    """Returns the level of each axis of a grid in a run: the repeats change first, then the last axis."""
     axes = [one.levels for one in campaign.drawn if one.listed]
     return tuple(int(one) for one in np.unravel_index(index // campaign.count, axes))
 

@@ -5,7 +5,7 @@
     parts = (Part(f"{seed:06}", seed) for seed in range(100_000))
     run(flown, parts, keep=keep, workers=workers.local(2), progress=Progress(show, total=100_000))
 
-A part is drawn when a worker is free, so a generator of any length needs the memory of a few parts. The result of a
+A part is taken from the generator when a worker is free, so only a few parts are in memory. The result of a
 part must depend on its argument alone; then no result depends on the number of workers, their order or their failures.
 `Crew` and `Workers` are the interface that the local and the Dask workers share.
 """
@@ -19,7 +19,7 @@ from itertools import islice
 from typing import Any, Protocol, TypeVar
 
 Function = Callable[[Any], Any]
-"""Picklable: it stands at the top of a module that the workers can import."""
+"""A picklable function: it is defined at the top of a module that the workers can import."""
 
 
 @dataclass(frozen=True)
@@ -27,8 +27,8 @@ class Part:
     """One call of the function.
 
     Attributes:
-        key: its name, unique in a campaign. `store.Parts` takes letters, digits, "-" and "_".
-        argument: what the function gets; picklable.
+        key: the part's name, unique in a campaign. `store.Parts` accepts letters, digits, "-" and "_".
+        argument: the function's argument; picklable.
     """
 
     key: str
@@ -47,7 +47,7 @@ class Crew(Protocol):
     """Workers that are ready."""
 
     def room(self) -> int:
-        """Returns how many more parts may be given now. It is more than 0 if no part is in flight."""
+        """Returns how many more parts may be given now; at least one if no part is in flight."""
 
     def give(self, part: Part) -> None:
         """Gives a part to a worker, without waiting for it."""
@@ -58,19 +58,18 @@ class Crew(Protocol):
         A part whose worker died is given again.
 
         Raises:
-            WorkFailedError: a part ends each worker that gets it, or no worker is left.
-            Exception: what the function raised.
-        """
+            WorkFailedError: a part crashes each worker that gets it, or no worker is left. Exception: what the function
+            raised."""
 
 
 class Workers(Protocol):
-    """Where a campaign runs."""
+    """The place where a campaign runs."""
 
     def crew(self, function: Function) -> AbstractContextManager[Crew]:
         """Returns the workers that will call `function`; they stop, or forget `function`, at the end of the `with`.
 
         Raises:
-            InputError: they cannot be reached, or are not of this version.
+            InputError: the workers cannot be reached, or have another version.
         """
 
 
@@ -79,13 +78,13 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class Progress:
-    """Tells how far a campaign is.
+    """Reports the progress of a campaign.
 
     Attributes:
         show: called with (parts done, all parts, text) at the start and after each part.
-        total: all parts, with those that were done before.
-        done: the parts that were done before.
-        what: the plural of a part, for the text.
+        total: number of all parts, including those that were done before.
+        done: number of parts that were done before.
+        what: the plural noun for parts in the text.
     """
 
     show: Callable[[int, int, str], None]
@@ -110,9 +109,9 @@ def run(
     """Calls a function on the argument of each part, and hands each result to `keep`.
 
     Args:
-        function: stands at the top of a module that the workers can import.
+        function: defined at the top of a module that the workers can import.
         parts: drawn one by one; a few for each worker are in flight at a time.
-        keep: called in this process with each part and its result, in the order in which they come.
+        keep: called in this process with each part and its result, in the order in which they finish.
         workers: `workers.local` or `workers.cluster`.
 
     Raises:

@@ -67,13 +67,13 @@ COUNTS = {
     "monte_carlo": "runs", "latin_hypercube": "runs", "sobol": "runs", "grid": "repeats", "saltelli": "samples",
     "morris": "trajectories",
 }  # fmt: skip
-"""Design -> the key that says how large it is."""
+"""Design -> the key that states its size."""
 
 MOST_RUNS = 1_000_000
 DEFAULT_RUNS = 1000
 _KEYS = ("name", "design", "seed", "scenario", "sensors", "profile", "model", "gains", "compensation", "robots")
 ROBOTS = ("model", "data")
-"""The source of all values that `[vary]` does not give: the model, or a robot drawn from what the data allow."""
+"""The source of all values that `[vary]` does not state: the model, or robots drawn from those that the data allow."""
 _POWERS_OF_TWO = ("sobol", "saltelli")
 
 
@@ -93,8 +93,8 @@ class Campaign:
     """A campaign file with all that it names.
 
     Attributes:
-        count: runs, repeats, samples or trajectories: see COUNTS.
-        inputs: all that may differ between runs, in the file's order; fixed ones too.
+        count: the number of runs, repeats, samples or trajectories: see COUNTS.
+        inputs: all inputs of runs, in the file's order, including fixed ones.
         faults: name -> the fixed part of a fault.
         box: the box of drawn routes; None: the routes are those of the scenarios.
         robots: the robots from which each run draws one; None: all runs have the model's values.
@@ -126,7 +126,7 @@ class Campaign:
         return bool(self.faults) or any(one.faults for one in self.scenarios)
 
     def identity(self) -> str:
-        """Returns a text that differs if the results may differ: the contents of all files count, not their names."""
+        """Returns a hash that differs if the results may differ; it covers the files' contents, not their names."""
         allowed = "" if self.robots is None else self.robots.identity()
         return hashlib.sha256(f"{__version__} {self!r} {allowed}".encode()).hexdigest()
 
@@ -137,11 +137,11 @@ def load(
     """Reads and checks a campaign file.
 
     Args:
-        count, seed: instead of the file's.
+        count, seed: values that replace those of the file.
         shares: the sd of nominal values that nobody measured, see `robots.Allowed`; `robots = "data"` needs them.
 
     Raises:
-        InputError: naming the file, line and key.
+        InputError: the message names the file, line and key.
     """
     toml = TomlFile(path)
     toml.known_keys((), toml.data, ("campaign", "vary", "route", "faults"), ("campaign",))
@@ -193,7 +193,7 @@ def _robots(toml: TomlFile, head: Mapping[str, Any], shares: Mapping[str, float]
 
 
 def _choices(toml: TomlFile, head: Mapping[str, Any], key: str, known: tuple[str, ...]) -> tuple[str, ...]:
-    """Returns the value of a key, or the values of its list; the packaged default if the file has none."""
+    """Returns the value of a key, or the values of its list; the default, `known[0]`, if the key is absent."""
     given = head.get(key, known[0])
     values = given if isinstance(given, list) else [given]
     if not values or len({str(one) for one in values}) < len(values):
@@ -220,7 +220,7 @@ def _scenarios(toml: TomlFile, head: Mapping[str, Any]) -> tuple[Scenario, ...]:
 
 
 def _whole(toml: TomlFile, key: tuple[str, str], value: Any, low: int, high: int) -> int:
-    """Returns a whole number with all its digits, which a float need not hold."""
+    """Returns a whole number as an int, because a float may not hold all its digits."""
     toml.number(key, value, low, high)
     if int(value) != value:
         toml.refuse(key, f"{value} is not a whole number")

@@ -27,7 +27,7 @@ class Input:
     Attributes:
         name: KIND.NAME, as "parameter.mass"; or "scenario" or "sensors".
         labels: the texts for the values 0, 1, ... of the distribution; empty: the input is a number.
-        chance: of a switch, the probability that its effect or fault is on; None: the input is no switch.
+        chance: for a switch, the probability that its effect or fault is on; None: the input is no switch.
     """
 
     name: str
@@ -43,7 +43,7 @@ class Input:
 
     @property
     def listed(self) -> bool:
-        """Whether it is an axis of a grid."""
+        """Whether the input is an axis of a grid."""
         return self.distribution.listed
 
     @property
@@ -52,7 +52,7 @@ class Input:
         return len(self.distribution.values)
 
     def values(self, shares: NDArray[np.float64]) -> list[Value]:
-        """Returns the quantiles at these shares (n,), as a flight takes them: gains in the firmware's resolution."""
+        """Returns the quantiles at these shares (n,), as a flight needs them: gains in the firmware's resolution."""
         found = self.distribution.at(shares).tolist()
         if self.labels:
             return [self.labels[int(one)] for one in found]
@@ -65,7 +65,7 @@ class Input:
 
 
 def far() -> float:
-    """Returns the largest coordinate of a waypoint that the firmware takes, m."""
+    """Returns the largest coordinate of a waypoint that the firmware accepts, m."""
     return float(interface()[1].BP_MAX_COORDINATE_M)
 
 
@@ -78,7 +78,7 @@ def labelled(name: str, labels: Sequence[str]) -> Input | None:
 
 
 def _switch(toml: TomlFile, key: Key, name: str, value: object) -> list[Input]:
-    """Returns the switch of an effect or a fault; none if it is on in every run."""
+    """Returns the switch of an effect or a fault; fixed if its chance is 0 or 1."""
     chance = toml.number(key, value, 0.0, 1.0)
     if chance in (0.0, 1.0):
         return [Input(f"{name}.{ON}", "", Distribution("fixed", values=(chance,)), chance=chance)]
@@ -167,7 +167,7 @@ def _name(counted: str) -> str:
 
 
 def _latest(law: Distribution) -> float:
-    """Returns the largest value, because a fault has to end after the latest start."""
+    """Returns the largest value of a distribution: a fault has to end after its latest start."""
     return max(law.values) if law.values else law.high
 
 

@@ -1,12 +1,12 @@
-"""Draws robots that the data allow: from what `calibrate` and `discover` write beside model.toml.
+"""Draws robots that the data allow, from the files that `calibrate` and `discover` write beside model.toml.
 
 - Fitted parameters are drawn jointly about their estimates, with the fit's covariance. Along a direction that the data
   do not determine, the sd is at most `VAGUE_SD`, because the covariance is that of a linearised fit.
-- Unmeasured values have the spread that is usual for their kind: a nominal parameter `shares`, an effect's size
-  `EFFECT_SHARE`, the battery `BATTERY_SHARE`, a bias of a sensor its stated size.
-- If a verdict is ambiguous, each explanation that the data cannot tell from the best one is drawn equally often.
+- Unmeasured values have the relative sd that is usual for their kind: `shares` for a nominal parameter, `EFFECT_SHARE`
+  for an effect's size, `BATTERY_SHARE` for the battery. The sd of a sensor's bias is its stated size.
+- If a verdict is ambiguous, each explanation that the data cannot separate from the best one is drawn equally often.
 
-A robot does not depend on how many robots are drawn: its random numbers depend on seed, stream and place.
+A robot is the same for any number of drawn robots: its random numbers depend on seed, stream and place.
 """
 
 from __future__ import annotations
@@ -40,15 +40,15 @@ BATTERY_SHARE = 0.05
 """Relative sd of the battery's voltage: from full to half empty, six cells lose about a tenth."""
 
 SOURCES = ("calibrate.json", "verdict.json")
-"""The files that may stand beside model.toml; the first that exists is read."""
+"""The result files beside model.toml; the first one that exists is read."""
 
-_TRIES = 1000  # draws at most until one lies within the physical ranges
+_TRIES = 1000  # largest number of draws until a robot is within the physical ranges
 _SAME = 1e-6  # relative tolerance between a value of model.toml and its estimate in the other file
 
 
 @dataclass(frozen=True)
 class Explanation:
-    """A model that the data allow, with the values about which its robots are drawn."""
+    """A model that the data allow; its robots are drawn about its values."""
 
     name: str
     model: Model
@@ -61,9 +61,9 @@ class Allowed:
     Attributes:
         explanations: the explanations of the data, the best first; only one unless a verdict is ambiguous.
         spread: the spread of the fitted parameters; None: nothing was fitted.
-        shares: nominal parameter -> sd as a share of its value, where nothing was fitted.
+        shares: nominal parameter -> relative sd, used if nothing was fitted.
         devices: the robot's sensors, as `flight.Plan.devices`; None: the packaged robot's.
-        source: where the spread is from, in words.
+        source: the source of the spread, in words.
     """
 
     explanations: tuple[Explanation, ...]
@@ -121,7 +121,7 @@ def read(model: Model, path: Path, shares: Mapping[str, float]) -> Allowed:
         shares: see `Allowed`.
 
     Raises:
-        InputError: a file beside it is no result of calibrate or discover, or belongs to another model.
+        InputError: a file beside model.toml is no result of calibrate or discover, or belongs to another model.
     """
     for name in SOURCES:
         beside = path.with_name(name)
@@ -190,7 +190,7 @@ def _draw(allowed: Allowed, seeds: np.random.SeedSequence, place: int) -> Robot:
 
 
 def _powered_on(devices: Mapping[str, float], random: np.random.Generator) -> dict[str, float]:
-    """Returns the sensors with newly drawn biases: a bias differs from one power-on to the next."""
+    """Returns the sensors with newly drawn biases, because a bias changes with each power-on."""
     biases = [name for name in devices if "_bias" in name]
     return {**devices, **{name: float(random.normal(0.0, abs(devices[name]))) for name in biases}}
 
@@ -215,14 +215,14 @@ def _root(spread: Spread) -> Array:
 
 
 def _unmeasured(allowed: Allowed, model: Model, random: np.random.Generator) -> dict[str, float]:
-    """Returns a draw of every value with a spread that needs no fit; fitted ones are overwritten later."""
+    """Returns a draw of each value that has a usual spread; drawn values of fitted parameters replace these later."""
     shares, own = _usual(allowed, model), values(model)
     draws = random.normal(size=len(shares))
     return {name: own[name] * math.exp(share * x) for (name, share), x in zip(shares.items(), draws, strict=True)}
 
 
 def _usual(allowed: Allowed, model: Model) -> dict[str, float]:
-    """Returns the spread of every value that has one without a fit, as a share of the value."""
+    """Returns the usual relative sd of each value that has one."""
     shares = {name: share for name, share in allowed.shares.items() if name in model.parameters}
     shares |= {"battery_voltage": BATTERY_SHARE}
     for name, table in model.effects.items():
@@ -238,7 +238,7 @@ def values(model: Model) -> dict[str, float]:
 
 
 def _ranges(model: Model, values: Mapping[str, float]) -> dict[str, tuple[float, float]]:
-    """Returns the physical range of each value above or below 0; a 0 stays 0, because the vehicle lacks that part."""
+    """Returns the physical range of each value that is not 0; the vehicle lacks a part whose value is 0."""
     infos = {info.name: info for info in catalogue.parameters()}
     for effect in model.effects:
         infos |= {f"{effect}.{info.name}": info for info in catalogue.effect(effect).parameters}

@@ -1,4 +1,4 @@
-"""The runs of a campaign: the plan of each run, its flight as part of the engine's work, and its row of figures."""
+"""The runs of a campaign: the plan of each run, its flight by the engine, and its row of figures."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ UNITS = {
     "charge_c": "C", "duty_travel": "", "ended_at_s": "s", "final_mode": "", "fault": "", "seed": "",
     "motor_stream_sha256": "",
 }  # fmt: skip
-"""The figures of a row -> unit, in the order of a row."""
+"""Figure -> unit, in the order of a row."""
 
 WORDS = ("cause", "final_mode", "fault", "motor_stream_sha256")
 """The figures that are texts."""
@@ -77,10 +77,10 @@ def rows(plans: Sequence[flight.Plan]) -> list[Row]:
 
     Missions without faults fly side by side, with one firmware: this takes less time and changes no byte.
 
-    Keys are those of `UNITS`. `success` is: every waypoint reached, and no fault; `cause` says in words why a mission
-    failed, and is empty otherwise. `time_s` is when the last waypoint was reached, `closest_approach_max_m` the largest
-    of the waypoints' closest approaches, `charge_c` the charge that the battery gave. A number that a flight does not
-    have is NaN. If the simulation diverges, `cause` says so, and there are no further figures.
+    Keys are those of `UNITS`. `success` means that every waypoint was reached without a fault; `cause` says why a
+    mission failed, and is empty otherwise. `time_s` is the time of the last waypoint, `closest_approach_max_m` the
+    largest of the waypoints' closest approaches, `charge_c` the charge from the battery. A number that a flight lacks
+    is NaN. If the simulation diverges, `cause` says so, and there are no further figures.
 
     Raises:
         InputError: the plant refuses the model.
@@ -182,7 +182,7 @@ def _number(value: float | None) -> float:
 
 PART_RUNS = 100
 LINK_PART_RUNS = 10
-"""The largest number of runs in a part: a few seconds of work. A flight over a link takes about fifty times as long."""
+"""The largest number of runs in a part, a few seconds of work; a flight over a link takes about fifty times as long."""
 
 _LEAST_PARTS = 20
 """The least number of parts of a campaign, so that all workers get some."""
@@ -195,12 +195,12 @@ _ROUTE = "route.waypoints_m"
 _PURPOSE = "route"
 _ROBOT = "robot."
 _EXPLANATION = "robot.explanation"
-_STREAM = zlib.crc32(b"robots")  # above the number of every run, so that no other draw of a campaign has this key
+_STREAM = zlib.crc32(b"robots")  # larger than any run's number, so that no other draw has this key
 
 
 @dataclass(frozen=True)
 class Block:
-    """The runs start..stop - 1 of a campaign, as the worker of a part gets them.
+    """The runs start..stop - 1 of a campaign: the argument of a part.
 
     Attributes:
         shares: (runs, inputs drawn): see `designs.shares`.
@@ -223,7 +223,7 @@ class Run:
 
 
 def part_size(campaign: Campaign) -> int:
-    """Returns how many runs a part has. It depends on the campaign alone, so the bytes of a table do, too."""
+    """Returns the number of runs in a part; it depends only on the campaign, so that a table's bytes do, too."""
     most = LINK_PART_RUNS if campaign.over_a_link else PART_RUNS
     return min(most, -(-runs(campaign) // _LEAST_PARTS))
 
@@ -270,7 +270,7 @@ def _robot(campaign: Campaign, index: int) -> Robot | None:
 
 
 def drawn(campaign: Campaign, shares: Array) -> list[dict[str, variables.Value]]:
-    """Returns the inputs of runs, fixed ones too; `shares` (runs, drawn inputs) are the drawn numbers from 0 to 1."""
+    """Returns the inputs of runs, including fixed ones; `shares`: (runs, drawn inputs) the drawn numbers, 0..1."""
     columns, at = {}, 0
     for one in campaign.inputs:
         columns[one.name] = one.values(shares[:, at] if one.varies else np.zeros(len(shares)))
@@ -313,7 +313,7 @@ def _routed(campaign: Campaign, index: int, scenario: Scenario, given: Drawn) ->
 
 
 def _inputs(campaign: Campaign, run: Run) -> dict[str, Any]:
-    """Returns the inputs of a run as columns: those of an effect or a fault that the run lacks are blank."""
+    """Returns the inputs of a run as columns; inputs of an effect or a fault that the run lacks are blank."""
     found: dict[str, Any] = dict(run.drawn) | of_robot(campaign, run)
     for name, value in run.drawn.items():
         if name.endswith(f".{ON}") and value is False:
@@ -328,7 +328,7 @@ def _inputs(campaign: Campaign, run: Run) -> dict[str, Any]:
 
 
 def of_robot(campaign: Campaign, run: Run) -> dict[str, Any]:
-    """Returns the values of the run's robot that its data leave open, without those that `[vary]` gives."""
+    """Returns the values of the run's robot that the data do not determine, without those that `[vary]` states."""
     if run.robot is None:
         return {}
     own = robots.values(run.plan.model)

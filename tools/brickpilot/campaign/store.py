@@ -1,9 +1,9 @@
 """The folder of a campaign: each part as a file, until all of them are merged into one table.
 
-A part is written beside its place and then renamed, so that it is there as a whole or not at all. Its name holds the
-checksum of its bytes, KEY.CRC32.parquet: a file that a power cut damaged is found and made again. The bytes depend on
-the table alone, not on time or host. The folder also holds the versions of this program and of its libraries, because
-a result may depend on them.
+A part is written beside its place and then renamed, so that a part is never incomplete. Its name, KEY.CRC32.parquet,
+contains the checksum of its bytes: so a file damaged by a power cut is found and made again. The bytes depend on the
+table alone, not on time or host. The folder also holds the versions of this program and of its libraries, because a
+result may depend on them.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Versions:
         code: hash of its Python files and tables.
         plant: hash of its compiled libraries.
         python: the version of Python, without its last number.
-        numpy, scipy, pyarrow: those of the libraries.
+        numpy, scipy, pyarrow: the versions of the libraries.
     """
 
     brickpilot: str
@@ -86,7 +86,7 @@ def _hash(files: list[Path]) -> str:
 
 
 ROWS = 16_384
-"""Rows of a row group of the merged table, or up to one part more. A group of 50 columns needs 7 MB."""
+"""Least number of rows in a row group of the merged table. A group of 50 columns needs 7 MB."""
 
 _CAMPAIGN = "campaign.json"
 _PARTS = "parts"
@@ -94,7 +94,7 @@ _BESIDE = ".unfinished"
 _KEY = re.compile(r"[A-Za-z0-9_-]{1,100}")
 _NAME = re.compile(r"([A-Za-z0-9_-]{1,100})\.([0-9a-f]{8})\.parquet")
 
-# Every option that affects the bytes is stated, so that another version's defaults change nothing.
+# Every option that affects the bytes is stated, so that the bytes do not depend on a version's defaults.
 _WRITER: dict[str, Any] = {
     "version": "2.6",
     "data_page_version": "1.0",
@@ -108,18 +108,18 @@ _WRITER: dict[str, Any] = {
 
 
 class Parts:
-    """The parts in a folder, for a `with`: no other process can open the folder until the `with` ends.
+    """The parts in a folder, as a context manager: until its end no other process can open the folder.
 
     Attributes:
         damaged: keys of the parts that were damaged and therefore removed.
     """
 
     def __init__(self, folder: Path, campaign: Mapping[str, Any]) -> None:
-        """Uses a folder, which need not exist.
+        """Prepares the use of a folder, which need not exist.
 
         Args:
-            campaign: what the rows depend on, as JSON has it. A folder of another campaign, or of another version of
-                this program, is refused.
+            campaign: all that the rows depend on, as a JSON object. A folder of another campaign, or of another version
+                of this program, is refused.
         """
         self.folder = folder
         self.damaged: tuple[str, ...] = ()
@@ -131,7 +131,7 @@ class Parts:
         """Locks the folder and reads its parts.
 
         Raises:
-            InputError: another process has it open, or it holds another campaign.
+            InputError: another process has the folder open, or the folder holds another campaign.
         """
         with self._open as opened, _one_line(self.folder):
             (self.folder / _PARTS).mkdir(parents=True, exist_ok=True)
@@ -145,7 +145,7 @@ class Parts:
         self._open.close()
 
     def done(self) -> set[str]:
-        """Returns the keys of the parts that are there."""
+        """Returns the keys of the finished parts."""
         return set(self._files)
 
     def write(self, key: str, table: pa.Table) -> None:
@@ -182,7 +182,7 @@ class Parts:
                     writer.write_table(group, row_group_size=group.num_rows)
 
     def _tables(self, keys: Iterable[str]) -> Iterator[pa.Table]:
-        """Yields the tables of parts, which all have the columns of the first."""
+        """Yields the tables of parts; each must have the columns of the first."""
         schema = None
         for key in keys:
             table = self._read(key)
@@ -202,7 +202,7 @@ class Parts:
         return pq.ParquetFile(pa.BufferReader(data)).read(use_threads=False)  # parts are small
 
     def _claim(self) -> None:
-        """Writes to which campaign the folder belongs, or refuses the folder of another one."""
+        """Writes the campaign's identity into the folder, or refuses the folder of another campaign."""
         path = self.folder / _CAMPAIGN
         here = dataclasses.asdict(versions_here())
         text = json.dumps(self._campaign, sort_keys=True, allow_nan=False)
@@ -239,13 +239,13 @@ class Parts:
 
 
 def _whole(path: Path) -> bytes | None:
-    """Returns the bytes of a part, or None if they differ from those that were written."""
+    """Returns the bytes of a part, or None if their checksum is wrong."""
     data = path.read_bytes()
     return data if path.name.split(".")[-2] == f"{zlib.crc32(data):08x}" else None
 
 
 def _groups(tables: Iterable[pa.Table]) -> Iterator[pa.Table]:
-    """Yields the rows of tables in tables of `ROWS` rows or a little more; the last may have fewer."""
+    """Yields the rows of tables in larger tables of at least `ROWS` rows; the last one may have fewer."""
     waiting: list[pa.Table] = []
     for table in tables:
         waiting.append(table)
@@ -267,9 +267,9 @@ def _locked(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def _written_beside(path: Path, *, durable: bool = False) -> Iterator[IO[bytes]]:
-    """Yields a file that becomes `path` at the end, if nothing was raised; `durable`: it survives a power cut, too.
+    """Yields a file that becomes `path` at the end, if nothing was raised; `durable`: the file survives a power cut.
 
-    A part need not survive it, because it has a checksum.
+    A part need not be durable, because it has a checksum.
     """
     beside = path.with_name(f".{path.name}{_BESIDE}")
     try:

@@ -3,7 +3,7 @@
 The sensitivity says which inputs a figure depends on: SALib's indices, each with its 95 % interval.
 
 - `saltelli`: Sobol indices, of first order and total (Saltelli et al. 2010, Comput. Phys. Commun. 181).
-  The runs that are compared share their noise, so an input's interaction with noise counts as its own effect.
+  The compared runs share their noise, so an input's interaction with the noise counts as an effect of the input.
 - `morris`: mu*, the mean size of an input's elementary effects (Campolongo et al. 2007, Environ. Model. Softw. 22).
 - Independent draws: indices of first order by RBD-FAST (Tarantola et al. 2006, Reliab. Eng. Syst. Saf. 91). An input
   that matters only together with another one has no index.
@@ -37,7 +37,7 @@ Array = NDArray[np.float64]
 EXPLAINED_FIGURES = ("success", "cross_track_rms_m", "position_estimate_error_m", "time_s")
 
 LEAST_RUNS = 100
-"""The least number of runs with a known figure: with fewer, RBD-FAST is mostly bias, since it uses ten harmonics."""
+"""Least number of runs with a known figure for RBD-FAST: with fewer runs, its ten harmonics give mostly bias."""
 
 METHODS = {
     "saltelli": "Sobol indices: the share of the figure's variance that the input explains alone, and with all others "
@@ -53,7 +53,7 @@ class Index:
 
     Attributes:
         value, half: the index, and half the width of its 95 % interval.
-        total, total_half: the total index, of `saltelli` alone.
+        total, total_half: the same for the total index, which only `saltelli` has.
     """
 
     input: str
@@ -72,19 +72,19 @@ class Index:
 
 
 def sensitivity_method(campaign: Campaign) -> str | None:
-    """Returns a description of the indices; None: the design has none."""
+    """Returns a description of the indices; None: the design has no indices."""
     if campaign.design == "grid" or not campaign.drawn:
         return None
     return METHODS.get(campaign.design, METHODS[""])
 
 
 def sensitivity_indices(campaign: Campaign, inputs: Mapping[str, Array], figure: Array) -> list[Index]:
-    """Returns the indices of one figure, the largest first; none if too few runs have it, or all have the same value.
+    """Returns the indices of one figure, the largest first; empty if too few runs have the figure, or it is constant.
 
     Args:
         inputs: drawn input -> values (runs,); texts as numbers, NaN where the run lacks the input's effect or fault.
-        figure: (runs,); NaN where a run does not have it. If a design compares runs with one another, a block with a
-            missing figure is left out.
+        figure: (runs,); NaN where a run does not have the figure. If a design compares runs with one another, a block
+            with a missing figure is left out.
 
     Raises:
         InputError: SALib is not installed.
@@ -93,7 +93,7 @@ def sensitivity_indices(campaign: Campaign, inputs: Mapping[str, Array], figure:
     values = figure[kept]
     if len(values) < _least(campaign) or np.ptp(values) == 0:
         return []
-    # SALib's random numbers are for the intervals alone. SALib prints notes, which only `cli` may do.
+    # SALib uses random numbers only for the intervals. Its printed notes are suppressed: only `cli` may print.
     with contextlib.redirect_stdout(io.StringIO()), np.errstate(all="ignore"):
         found = _analysed(campaign, inputs, kept, values)
     sound = [one for one in found if math.isfinite(one.value) and math.isfinite(one.half)]
@@ -130,7 +130,8 @@ def _analysed(campaign: Campaign, inputs: Mapping[str, Array], kept: NDArray[np.
         ]
     columns = np.column_stack([inputs[name][kept] for name in names])
     if np.isnan(columns).any():
-        # A parameter of an effect that is off has no value. A filled-in one would act as the switch and get its index.
+        # A parameter of an effect that is off has no value. A substitute value would act like the switch and get its
+        # index.
         columns = designs.drawn_shares(campaign)(0, len(kept))[kept]
     found = designs.salib("analyze.rbd_fast").analyze(problem, columns, values, seed=0)
     return [Index(name, float(a), float(b)) for name, a, b in zip(names, found["S1"], found["S1_conf"], strict=True)]
@@ -138,7 +139,7 @@ def _analysed(campaign: Campaign, inputs: Mapping[str, Array], kept: NDArray[np.
 
 WORST = 10
 MOST_CHOICES = 12
-"""An input with more values than this has no success rate for each value."""
+"""Success rates by value are given only for inputs with at most this number of values."""
 
 QUANTILES = {"min": 0.0, "q05": 0.05, "q25": 0.25, "median": 0.5, "q75": 0.75, "q95": 0.95, "max": 1.0}
 
@@ -172,8 +173,8 @@ def rate(success: NDArray[np.bool_], blocks: NDArray[np.int64]) -> dict[str, Any
 
     Args:
         success: (runs,).
-        blocks: (runs,), see `designs.block`. Runs of a block are correlated, so they count as fewer: as the number of
-            independent runs whose share would have the variance among blocks (Kish's effective size).
+        blocks: (runs,), see `designs.block`. Runs of a block are correlated, so the effective number of runs is
+            smaller: the number of independent runs whose share has the variance among blocks (Kish's effective size).
     """
     count, of = int(success.sum()), len(success)
     share = count / of
@@ -184,7 +185,7 @@ def rate(success: NDArray[np.bool_], blocks: NDArray[np.int64]) -> dict[str, Any
 
 
 def _effective(success: NDArray[np.bool_], blocks: NDArray[np.int64]) -> float:
-    """Returns how many independent runs give as much information; if all runs end alike, the number of blocks."""
+    """Returns the number of independent runs with the same information; if all runs end alike, the number of blocks."""
     _, codes = np.unique(blocks, return_inverse=True)
     members, hits = np.bincount(codes), np.bincount(codes, weights=success)
     number, of, share = len(members), len(success), float(success.mean())
@@ -241,7 +242,7 @@ def _text(value: Any) -> str:
 
 
 def _figures(table: Table) -> dict[str, dict[str, Any]]:
-    """Returns figure -> unit, number of runs that have it, mean, sd and quantiles."""
+    """Returns figure -> unit, number of runs with this figure, mean, sd and quantiles."""
     found = {}
     for name, unit in runs.UNITS.items():
         if name in _NO_DISTRIBUTION or name in runs.WORDS:
@@ -258,7 +259,7 @@ def _figures(table: Table) -> dict[str, dict[str, Any]]:
 
 
 def _worst(table: Table) -> list[dict[str, Any]]:
-    """Returns the worst runs: failed ones first, then fewer waypoints, then the largest distance from a waypoint."""
+    """Returns the worst runs: failed runs first, then by fewest waypoints, then by largest closest approach."""
     order = np.lexsort(
         (-np.nan_to_num(table.numbers("closest_approach_max_m"), nan=np.inf), table.numbers("waypoints_reached"),
          table.numbers("success"))

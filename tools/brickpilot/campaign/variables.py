@@ -1,8 +1,8 @@
 """The inputs that a campaign can vary: names, units, physical ranges and distributions, and their place in a plan.
 
-A distribution is used as a quantile function: it maps shares of its probability to values. Every design draws shares in
-0..1 and gets the values here, so every design can use every distribution. The distributions are those of `scipy.stats`.
-A distribution without ends is cut off at the physical limits, and keeps its shape within them.
+A distribution is used as a quantile function: it maps shares of its probability to values. A design draws shares in
+0..1, which are mapped to values here, so every design can use every distribution. The distributions are those of
+`scipy.stats`. An unbounded distribution is truncated at the physical limits.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ NUMBERS = {
 
 DISTRIBUTIONS = (*NUMBERS, "choice", "fixed")
 
-_LEAST_KEPT = 0.01  # share of the probability that lies within the limits: if it is less, the file is probably wrong
+_LEAST_KEPT = 0.01  # least probability within the limits: below it, the file is probably wrong
 
 
 @dataclass(frozen=True)
 class Range:
-    """The physical range, low to high, in `unit`; `whole`: whole numbers alone."""
+    """The physical range, low to high, in `unit`; `whole`: only whole numbers."""
 
     low: float
     high: float
@@ -58,7 +58,7 @@ class Distribution:
     Attributes:
         kind: one of DISTRIBUTIONS; `fixed` and `choice` use `values`, which are equally likely or have `weights`.
         first, second: the numbers that the kind needs, in the order of NUMBERS.
-        low, high: where it is cut off.
+        low, high: the limits at which the distribution is truncated.
         listed: whether the file gives a plain list, which is an axis of a grid.
     """
 
@@ -74,7 +74,7 @@ class Distribution:
 
     @property
     def varies(self) -> bool:
-        """Whether runs can differ in its value."""
+        """Whether the value can differ between runs."""
         return self.kind != "fixed"
 
     def at(self, shares: Array) -> Array:
@@ -110,7 +110,7 @@ def parse_distribution(toml: TomlFile, key: Key, entry: object, physical: Range)
     """Reads a distribution: a number, a list of numbers, or a table with the key `distribution`.
 
     Raises:
-        InputError: naming file, line and key, e.g. a range that goes beyond what is physical.
+        InputError: for example, a range exceeds the physical limits. The message names file, line and key.
     """
     if isinstance(entry, list):
         return _choice(toml, key, entry, physical, listed=True)
@@ -180,10 +180,10 @@ def _continuous(toml: TomlFile, key: Key, kind: str, entry: dict[str, Any], phys
 
 Value = float | bool | str
 Drawn = Mapping[str, Value]
-"""Input -> its value in one run. A number is in the input's unit; `None` never stands here."""
+"""Input -> its value in one run. A number is in the input's unit; `None` does not occur."""
 
 ON = "on"
-"""The last word of the input that says whether a run has an effect or a fault."""
+"""The last word in the name of an input that switches an effect or a fault on."""
 
 LINK_KINDS = tuple(kind for kind in FAULT_KINDS if kind not in AVR_KINDS)
 """The faults that a campaign can have."""
@@ -198,7 +198,7 @@ _OTHER_DEVICES = {
 
 
 def _sensor_ranges() -> dict[str, Range]:
-    """Returns the fields of `bp_devices`, each with the range of its kind."""
+    """Returns field of `bp_devices` -> physical range."""
     found = {}
     for name, _ in interface()[0].typeof("bp_devices").fields:
         axis, _, rest = name.partition("_")
@@ -264,7 +264,7 @@ def _by_kind(drawn: Drawn) -> dict[str, dict[str, Value]]:
 
 
 def applied(plan: Plan, drawn: Drawn, faults: Mapping[str, Fault]) -> Plan:
-    """Returns the plan with the values of a run in it.
+    """Returns the plan with the values of a run.
 
     Args:
         plan: the plan with the scenario, the sensors and the gains that were drawn for the run.
@@ -294,7 +294,7 @@ def applied(plan: Plan, drawn: Drawn, faults: Mapping[str, Fault]) -> Plan:
 
 
 def _effects(effects: Mapping[str, Mapping[str, float]], drawn: Mapping[str, Value]) -> dict[str, Mapping[str, float]]:
-    """Returns the effects of a run: the model's own that are on, with the drawn parameters."""
+    """Returns the effects of a run: the model's effects that are on, with the drawn parameters."""
     found: dict[str, Mapping[str, float]] = dict(effects)
     for name, value in drawn.items():
         effect, _, parameter = name.partition(".")

@@ -1,8 +1,7 @@
 """The workers of a campaign: processes of this machine, a Dask cluster, or this process itself.
 
-Each process has its own pipe and shares no lock with the others: if one is killed, at any moment, only its part is
-lost. The pools of the standard library and of loky break as a whole when one process dies, and do not say which part
-it had.
+Each process has its own pipe and shares no lock with the others: if a process is killed, only its part is lost. In the
+pools of the standard library and of loky, one dead process breaks the whole pool, and its part is not known.
 """
 
 from __future__ import annotations
@@ -39,7 +38,7 @@ class Local:
     """Processes of this machine.
 
     Attributes:
-        jobs: their number, 1 or more.
+        jobs: the number of processes, 1 or more.
     """
 
     jobs: int
@@ -53,7 +52,7 @@ class Cluster:
     """The workers of a Dask scheduler.
 
     Attributes:
-        scheduler: its address.
+        scheduler: the scheduler's address.
     """
 
     scheduler: str
@@ -66,7 +65,7 @@ class Cluster:
 
 @dataclass(frozen=True)
 class Here:
-    """This process, which does one part after the other, in order; its parts need not be picklable."""
+    """This process, which runs the parts one after the other; the parts need not be picklable."""
 
     @contextmanager
     def crew(self, function: Function) -> Iterator[Crew]:
@@ -115,7 +114,7 @@ def chosen(jobs: int, scheduler: str | None) -> Local | Cluster:
 
 
 def shared(path: Path) -> Path:
-    """Returns a file or folder that the function of a part reads, for use in that function.
+    """Checks that a file or folder, which the function of a part reads, exists on this worker, and returns it.
 
     Raises:
         InputError: it is not on this worker.
@@ -126,9 +125,9 @@ def shared(path: Path) -> Path:
 
 
 DEATHS = 3
-"""If a part has ended this many workers, the campaign ends: one may have died by chance or by a lack of memory."""
+"""The campaign ends if a part has ended this number of workers; one may die by chance or by a lack of memory."""
 
-_STOP_S = 2.0  # time for a process to end by itself; then it is killed
+_STOP_S = 2.0  # s: time for a process to end by itself; then it is killed
 _ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 # "spawn" starts a fresh Python: a copy of this process would hold the locks of its threads, of BLAS and Arrow too.
@@ -143,7 +142,7 @@ class _Worker:
 
 
 class LocalCrew:
-    """A crew of processes, for a `with`."""
+    """A crew of processes, as a context manager."""
 
     def __init__(self, function: Function, jobs: int) -> None:
         self._function = function
@@ -203,7 +202,7 @@ class LocalCrew:
         self._workers.append(worker)  # before it starts, so that `__exit__` ends it in any case
         with _quiet_and_single_threaded():
             process.start()
-        theirs.close()  # so that this process sees when the worker closes the pipe
+        theirs.close()  # so that this process notices when the worker closes the pipe
         return worker
 
     def _heard(self, worker: _Worker) -> Finished | None:
@@ -212,7 +211,7 @@ class LocalCrew:
         assert part is not None
         try:
             if not worker.process.is_alive() and not worker.pipe.poll():
-                raise EOFError  # a process that the worker started holds the pipe open
+                raise EOFError  # the worker is dead, but a child of it holds the pipe open
             done, answer = worker.pipe.recv()
         except (EOFError, OSError):  # the end of the pipe, also in the middle of an answer
             self._workers.remove(_buried(worker))
@@ -231,12 +230,12 @@ class LocalCrew:
 
 
 def _end(number: int, frame: object) -> None:
-    """Ends this process through each `with`, with the status that a shell gives for a signal."""
+    """Ends this process by an exception, so that each `with` is left, with a shell's status for a signal."""
     sys.exit(128 + number)
 
 
 def _buried(worker: _Worker) -> _Worker:
-    """Returns a worker after its end: it is killed if it closed its pipe but still runs."""
+    """Waits for a worker's end, kills it if it still runs, and returns it."""
     worker.pipe.close()
     worker.process.join(_STOP_S)
     if worker.process.is_alive():

@@ -1,9 +1,9 @@
-"""The headline number: how much of a measured signal a model explains. Nothing else defines it.
+"""The headline number, fit %: how much of a measured signal a model explains. It is defined only here.
 
     fit % = 100 (1 - norm of the error / norm of the signal)
 
-The error is measured less simulated, sample by sample, and every sample counts once. No mean is removed from the
-signal, so a model that gives only zeros has 0 %. There are also R2, which says how much better the model is than the
+The error is the measured less the simulated value of each sample. Every sample has the same weight. No mean is removed
+from the signal, so a model that gives only zeros has 0 %. Two more measures are R2, which compares the model with the
 signal's mean, and the rms of the error in the signal's own unit.
 
 The error of a simulated signal is also given as integral least squares (eq. 20), with the measures derived from it.
@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_OVER_NOISE = 3.0  # sd of the noise: a signal with a smaller rms holds nothing to explain
-_NOT_IN_THE_MEAN = frozenset({"battery_voltage"})  # an input, which only some models give as an output, too
+_OVER_NOISE = 3.0  # noise sd: a signal with a smaller rms is taken for noise alone
+_NOT_IN_THE_MEAN = frozenset({"battery_voltage"})  # an input of most models; only some give it as an output, too
 
 
 @dataclass(frozen=True)
@@ -29,8 +29,8 @@ class Agreement:
     """How well one signal is simulated.
 
     Attributes:
-        samples: how many are compared.
-        error: sum of squares of measured less simulated, in the square of the signal's SI unit.
+        samples: number of compared samples.
+        error: sum of the squares of measured less simulated, in the squared SI unit of the signal.
         signal: sum of squares of the measured signal, in the same unit.
         mean: mean of the measured signal, SI.
         spread: sum of squares of the measured signal about `mean`.
@@ -46,8 +46,7 @@ class Agreement:
 
     @property
     def fit_percent(self) -> float | None:
-        """The share of the signal that is explained, in percent: at most 100, which is perfect, and without a lower
-        limit.
+        """The explained share of the signal, in percent: at most 100 (perfect), without a lower limit.
 
         None: the signal is zero or not larger than its noise, or the model gives no finite value.
         """
@@ -123,7 +122,7 @@ def together(parts: Iterable[Agreement]) -> Agreement:
 
 
 def mean_fit(by_signal: Mapping[str, float | None]) -> float | None:
-    """Returns the mean fit in percent over all signals that have one; None: none has one.
+    """Returns the mean of the fits that are known, in percent; None: no fit is known.
 
     Args:
         by_signal: signal -> fit in percent. The battery's voltage does not count: it is an input of most models.

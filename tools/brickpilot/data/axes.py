@@ -1,4 +1,4 @@
-"""Coordinates along which a residual may repeat: time, a wheel's angle and the position, with its spectra."""
+"""Coordinates along which a residual may be periodic: time, a wheel's angle and the position; with spectra."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ Spectrum = NDArray[np.complex128]
 Settings = tuple[tuple[str, float], ...]
 """Names of settings that shape a repeating term, each with its value."""
 
-_NEIGHBOURS = (-1.0, -0.75, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0)  # times the resolution of a spectrum
-_LEAST_STEPS = 20  # steps of a spectrum by which a coordinate has to change at least
+_NEIGHBOURS = (-1.0, -0.75, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0)  # offsets in resolutions of a spectrum
+_LEAST_STEPS = 20  # a coordinate has to change by at least this number of a spectrum's steps
 
-# Name of a period along a coordinate -> names of the coordinate, its step in a spectrum and one turn of it, rad or m.
+# Setting of a period -> names of its coordinate, the coordinate's step in a spectrum and its turn, rad or m.
 _COORDINATES = {
     "order": (("wheel_angle_left", "wheel_angle_right", "angle"), 2 * math.pi / 100, 2 * math.pi),
     "wavelength": (("x", "position"), 0.005, 1.0),
@@ -48,15 +48,15 @@ class Segment:
 
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """A coordinate along which a residual may repeat: time, a wheel's angle or the position.
+    """A coordinate along which a residual may be periodic: time, a wheel's angle or the position.
 
     Attributes:
-        setting: the name of a period along it: a frequency in Hz, an order, or a wavelength in m.
+        setting: the setting that states a period: "frequency" in Hz, "order", or "wavelength" in m.
         clock: for time: ("clock", 0) if it counts from the start of each run, ("clock", 1) from power-on.
-        tracks: the segments with their coordinate (n,), once for each name that it has.
+        tracks: the segments with their coordinate (n,); one track for each name of the coordinate.
         step: the step of the spectrum, in the coordinate's unit.
-        turn: the length over which periods are counted, in the coordinate's unit.
-        extent: the longest part of the coordinate with one phase.
+        turn: the length in which periods are counted, in the coordinate's unit.
+        extent: the longest span of the coordinate in which the phase is constant.
     """
 
     setting: str
@@ -68,17 +68,17 @@ class Axis:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names of the settings that a period along it has."""
+        """The names of the settings of a period along this axis."""
         return (self.setting, *(name for name, _ in self.clock))
 
     @property
     def resolution(self) -> float:
-        """The smallest difference of periods per turn, m or s that the runs resolve."""
+        """The smallest difference in periods per turn, m or s that the runs resolve."""
         return self.turn / self.extent
 
     @property
     def least(self) -> float:
-        """The least frequency: a slower change, with less than one period in all, is a drift."""
+        """The least frequency in Hz: a slower change has less than one period in the data and is a drift."""
         return self.resolution if self.clock else 0.0
 
     def peaks(self, residual: Array) -> list[float]:
@@ -98,7 +98,7 @@ class Axis:
         return ((self.setting, 1 / count if self.setting == "wavelength" else count), *self.clock)
 
     def beside(self, settings: Settings) -> list[Settings]:
-        """Returns settings with a slightly longer or shorter period: a fit finds the best phase, not the next one."""
+        """Returns settings with slightly longer and shorter periods, as further candidates for a fit."""
         count = dict(settings)[self.setting]
         count = 1 / count if self.setting == "wavelength" else count
         near = [count + k * self.resolution for k in _NEIGHBOURS]
@@ -125,7 +125,7 @@ def axes(segments: Sequence[Segment]) -> list[Axis]:
 def _spectrum(
     track: Sequence[tuple[Segment, Array]], residual: Array, step: float, *, coherent: bool
 ) -> tuple[Array, Array]:
-    """Returns frequencies and power over each segment's coordinate. If coherent, runs are added with their phases."""
+    """Returns frequencies and power over each segment's coordinate. If coherent, runs are added with phases."""
     low = min(float(np.min(coordinate)) for _, coordinate in track)
     high = max(float(np.max(coordinate)) for _, coordinate in track)
     length = 2 ** math.ceil(math.log2(max(PADDING * (high - low) / step, 8)))

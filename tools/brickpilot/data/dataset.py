@@ -37,31 +37,31 @@ __all__ = ["PRESET_BATTERY_VOLTAGE", "Dataset", "Nominal", "Run", "battery", "mo
 Vector = NDArray[np.float64]
 
 PRESET_BATTERY_VOLTAGE = catalogue.parameter("battery_voltage").preset
-"""V: the battery voltage that multiplies a duty if a data set states none."""
+"""V: the battery voltage that multiplies a duty, if the data set states no voltage."""
 
-_SHOWN_RUNS = 8  # in a printed data set
+_SHOWN_RUNS = 8  # number of runs that a printed data set shows
 
-_DROPOUT_SHARE = 0.25  # share of the running median: a battery's voltage drops by less within one sample
+_DROPOUT_SHARE = 0.25  # share of the running median: a larger deviation of the battery's voltage is a dropout
 _MEDIAN_SAMPLES = 5
 
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """One measured run. Arrays are read-only, one entry a sample, in SI and the paper's frame.
+    """One measured run. Arrays are read-only, in SI and the paper's frame, with one entry for each sample.
 
     Attributes:
-        name: unique in its data set.
-        file: the text file it came from.
-        role: None: the program chooses it.
-        time: s, strictly increasing, as logged: it need not begin at 0 or be regular. Rows faster than the plant's
+        name: the run's name, unique in its data set.
+        file: the text file that the run is read from.
+        role: "fit" or "held_out"; None: the program chooses the role.
+        time: s, strictly increasing, as logged; its start and its steps are arbitrary. Rows faster than the plant's
             motor step are merged (`reading.decimated`).
         inputs: signal -> values; NaN where the cell is blank, which means that the motor floats.
         outputs: signal -> values; NaN where the cell is blank or the sample is damaged (`Dataset.faults`).
         raw_outputs: signal -> values, with the damaged samples as measured.
-        gap_s: s of pause between the end of the run before in the file and the start of this one.
+        gap_s: pause in s between the end of the previous run in the file and the start of this one.
         replicate_of: name of the run that this one repeats.
-        initial: state at the start, if the data set states it (`signals.INITIAL_UNITS`).
-        recording: the one of several recordings of a machine to which the run belongs; empty: there is only one.
+        initial: the stated values of the state at the start, by the names in `signals.INITIAL_UNITS`.
+        recording: name of the recording that the run belongs to; empty: there is only one recording.
     """
 
     name: str
@@ -89,19 +89,19 @@ class Dataset(Result):
 
     Attributes:
         path: the dataset.toml, as the caller named it.
-        frame: of the files; all values here are in FRD.
+        frame: the frame of the files; all values in this object are in FRD.
         signals: how each signal is written in the files; noise_sd, resolution and range are in SI and FRD.
-        nominal: known parameters of the plant; absent ones are fitted.
+        nominal: known parameters of the plant; the other parameters are fitted.
         nominal_effects: effect -> parameter -> value, for effects that the experimenter's model contains.
-        runs: in the file's order, as one sequence.
-        gap_s: s of pause between runs that do not state their own.
-        faults: the damaged samples, which are NaN in the runs' outputs (see `audit`); by run, in time.
+        runs: the runs in the file's order.
+        gap_s: pause in s before a run that does not state its own pause.
+        faults: the damaged samples, ordered by run and time; they are NaN in the runs' outputs (see `audit`).
         notes: for the user: presets used, readings repaired, damage found. One sentence each.
-        input_timing: what an input does between two rows. The runs of "linear" have rows of at most 5 ms where an input
-            changes, with blank outputs; those of "unknown" are held.
-        guessed: unstated numbers that everything depends on, such as "960 counts a turn"; see `guesses`.
-        wiring: channels that are swapped, reversed, dead or scaled wrongly in all runs; in the runs here they are
-            mended if that is sure.
+        input_timing: what an input does between two rows. With "linear", blank rows are added where an input changes,
+            so that rows are at most 5 ms apart; "unknown" is read as held.
+        guessed: guesses of unstated numbers, such as "960 counts a turn"; see `guesses`.
+        wiring: channels that are swapped, reversed, dead or scaled wrongly in all runs; in `runs` they are mended if
+            the fault is sure.
     """
 
     name: str
@@ -123,7 +123,7 @@ class Dataset(Result):
 
     @property
     def guesses(self) -> tuple[str, ...]:
-        """Unstated numbers that every speed or voltage depends on; no run can confirm their consequences."""
+        """Guesses and presets for unstated numbers that scale all speeds or voltages; no run can confirm them."""
         is_preset = any(name.startswith("duty") for name in self.signals) and not (
             "battery_voltage" in self.signals or "battery_voltage" in self.nominal
         )
@@ -155,20 +155,20 @@ class Dataset(Result):
         Args:
             frames: run -> its table, with a row for each sample.
             vehicle: "diff_drive", "motor" or "skid_steer"; it has to be given.
-            signals: signal -> its column: a name, in SI; (name, unit); or a mapping with what a data set's file may
-                state of it, such as {"column": "gz", "unit": "deg/s", "noise_sd": 0.2}. The time is in "time", in s,
+            signals: signal -> its column: a name, in SI; (name, unit); or a mapping of the keys that a data set's file
+                may state, such as {"column": "gz", "unit": "deg/s", "noise_sd": 0.2}. The time is in "time", in s,
                 unless stated. None: each column of the first frame that has the name of a signal, in SI. An index
                 counts as a column by its name.
             nominal: as [nominal] of a data set's file: a value in SI, or {"value": ..., "sd": ...}.
             frame: "FLU" or "FRD"; None: FRD.
             roles: run -> "fit" or "held_out"; the program chooses for the others.
             gap_s: s of pause between runs, or run -> s of pause before it; None: 0.
-            replicate_of: run -> the run that it repeats.
-            initial: run -> its state at the start, in SI and `frame`, by the names of `signals.INITIAL_UNITS`; what is
-                absent is taken from the first sample.
+            replicate_of: run -> the other run that this run repeats.
+            initial: run -> its state at the start, in SI and `frame`, by the names of `signals.INITIAL_UNITS`; absent
+                values are taken from the first sample.
             input_timing: what an input does between two rows: "held", "linear", or "unknown"; None: held.
             as_wired: channels that look swapped, reversed or scaled wrongly are not mended.
-            floats: a motor floats where its voltage is NaN; False: NaN in a voltage is an error.
+            floats: True: a motor floats where its voltage is NaN; False: NaN in a voltage is an error.
 
         Raises:
             InputError: something is wrong; the message names run, row (from 0, as in `iloc`) and column.
@@ -234,7 +234,7 @@ class Dataset(Result):
 
 
 def joined(datasets: Sequence[Dataset]) -> Dataset:
-    """Returns the runs of several data sets of one robot in one data set, which is otherwise like the first one.
+    """Returns one data set with the runs of several data sets of one robot; all else is taken from the first one.
 
     Raises:
         InputError: one is of another vehicle or states another nominal value.
@@ -247,7 +247,7 @@ def joined(datasets: Sequence[Dataset]) -> Dataset:
 
 
 def with_all_runs(datasets: Mapping[str, Dataset]) -> Dataset:
-    """Returns one data set with all runs, otherwise like the first one. A run's name begins with its data set's key."""
+    """Returns one data set with all runs; the rest is the first one's. A run's name begins with its data set's key."""
     several, first = list(datasets.items()), next(iter(datasets.values()))
     runs = [
         replace(run, name=before + run.name, replicate_of=run.replicate_of and before + run.replicate_of)
@@ -268,9 +268,9 @@ def motor_inputs(run: Run, dataset: Dataset) -> Vector:
     """Returns the voltage at each motor in V: (n, 2) left and right of a diff_drive, (n, 1) of a motor.
 
     NaN means that the motor floats. A set point becomes the voltage at which the wheel has that speed without a load. A
-    duty is multiplied, sample by sample, by the measured battery voltage; its single-sample dropouts are repaired and
-    its blanks are filled. Without a measured voltage the nominal one is used, else `PRESET_BATTERY_VOLTAGE`. duty_mean
-    is (left + right) / 2, duty_diff is left - right.
+    duty is multiplied, sample by sample, by the measured battery voltage, whose dropouts are repaired and whose blanks
+    are filled. If no voltage is measured, the nominal voltage is used, or else `PRESET_BATTERY_VOLTAGE`. duty_mean is
+    (left + right) / 2, duty_diff is left - right.
     """
     first = input_names(run.inputs)[0]
     columns = of_motors(run.inputs, _nominal(dataset, "half_track"))
@@ -312,7 +312,7 @@ class OwnUnit:
     """How a data set states one signal.
 
     Attributes:
-        unit: as the data set names it.
+        unit: the unit's name in the data set.
         per_si: how many of this unit make one SI unit, above 0.
         sign: -1 if the data set's frame reverses the signal, else 1.
     """
@@ -326,7 +326,7 @@ class OwnUnit:
         return self.sign * self.per_si * si
 
     def size(self, si: float) -> float:
-        """Returns a size without a sign, such as an rms."""
+        """Converts a size without a sign, such as an rms, from SI to the data set's unit."""
         return self.per_si * si
 
 
@@ -336,7 +336,7 @@ def own_units(dataset: Dataset, signals: Iterable[str]) -> dict[str, OwnUnit]:
 
 
 def own_unit(dataset: Dataset, signal: str) -> OwnUnit:
-    """Returns how the data set states a signal. If it writes the SI unit in another way, this is kept."""
+    """Returns how the data set states a signal. A signal in SI gets the program's name of the unit."""
     stated = dataset.signals.get(signal)
     sign = -1.0 if dataset.frame == "FLU" and signal in TURNS_WITH_FRAME else 1.0
     if stated is None or stated.to_si == 1.0:

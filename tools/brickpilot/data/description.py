@@ -38,16 +38,16 @@
 - `sampling = "instant"` or `"mean"` under `accel_surge` and `accel_sway` says what a sample of an accelerometer is: the
   acceleration at its time, or the mean since the sample before it. Without it the mean is taken, and `discover` notes
   which of the two the data show. The wrong choice changes the fitted inductance and resistance.
-- `unsigned = true` under a rotation sensor's channel says that the sensor counts up in both directions. Then all
-  rotation sensors of the simulated machine do, too.
+- `unsigned = true` under a rotation sensor's channel says that the sensor counts up in both directions. The simulated
+  machine then has only such rotation sensors.
 - Rows closer than the plant's motor step of 0.3 ms are merged, with a note: inputs as means, outputs as readings. A
   channel that is logged faster than it is sampled holds each sample for some rows; each sample is used once, in the
-  first row that has it. Inputs stay as logged, and so do the files.
-- Where a controller follows set points, and neither voltage nor duty is logged, the inputs are
+  first row that has it. Inputs and files are not changed.
+- If a controller follows set points, and neither voltage nor duty is logged, the inputs are
   `reference_wheel_speed_left` and `_right`, `reference_velocity` and `reference_yaw_rate` (a `cmd_vel`), or
-  `reference_speed` of a motor. Then the model contains a speed controller. Known gains stand under
-  `[nominal.effects]`; else `feedforward` and `integral` are fitted. The volts of such a model are on the scale of
-  `emf_constant`, and a proportional gain shows as a smaller resistance.
+  `reference_speed` of a motor. Then the model contains a speed controller. Known gains are stated under
+  `[nominal.effects]`; otherwise `feedforward` and `integral` are fitted. The value of `emf_constant` then sets the
+  scale of all voltages, and a proportional gain acts like a smaller resistance.
 - A motor whose drive closes a current loop has `force_per_volt` or `torque_per_volt` under `[nominal]`.
 """
 
@@ -89,14 +89,14 @@ _SAMPLED = ("instant", "mean")  # what an accelerometer's sample is
 _RUN = {"name", "file", "role", "gap_s", "replicate_of", "initial"}
 _LARGE = 1e12
 
-_SET_POINTS = "reference"  # how the names of a controller's set points begin
+_SET_POINTS = "reference"  # the names of a controller's set points begin with this word
 _NO_VOLTAGE = (
     "the inputs are set points, and no voltage is logged: all voltages are on the scale of a back EMF constant of {:g} "
     "V s/rad, and the controller's proportional gain cannot be told from the motor's resistance"
 )
 
 _LONGEST_GAP_S = 1e8
-_SMALLEST_SIZE = 1e-12  # SI: below the last digit of any log
+_SMALLEST_SIZE = 1e-12  # SI: least noise_sd or resolution, below the last digit of any log
 
 
 @dataclass(frozen=True)
@@ -116,8 +116,8 @@ class Signal:
     noise_sd: float | None
     resolution: float | None
     range: tuple[float, float] | None
-    sampling: Sampling | None = None  # of an accelerometer: the meaning of a sample
-    stated: tuple[str, ...] = ()  # of a rotation sensor: keys that state an effect of it, such as `unsigned`
+    sampling: Sampling | None = None  # for an accelerometer: whether a sample is instant or a mean
+    stated: tuple[str, ...] = ()  # for a rotation sensor: its true keys that state an effect, such as `unsigned`
 
     @property
     def to_si(self) -> float:
@@ -208,7 +208,7 @@ def described(toml: TomlFile) -> Description:
 
 
 def _controllers(stated: Mapping[str, Mapping[str, Nominal]]) -> dict[str, dict[str, Nominal]]:
-    """Returns the effects of drives whose inputs are set points. What is 0 by preset stays 0 unless stated."""
+    """Returns the effects of drives with set points as inputs. A parameter of preset 0 stays 0 unless stated."""
     return {
         one.name: {info.name: Nominal(0.0) for info in one.parameters if info.preset == 0}
         | dict(stated.get(one.name, {}))
@@ -218,11 +218,10 @@ def _controllers(stated: Mapping[str, Mapping[str, Nominal]]) -> dict[str, dict[
 
 
 def _scale_of_volts(toml: TomlFile, nominal: Mapping[str, Nominal], signals: Iterable[str]) -> Nominal:
-    """Returns the back EMF constant without an sd: if no voltage is logged, it only sets the scale of the volts.
+    """Returns the back EMF constant, without an sd: if no voltage is logged, it is only the scale of all voltages.
 
     Raises:
-        InputError: a body's velocity is wanted, and no geometry says how fast its wheels are; or the drive closes a
-            current loop.
+        InputError: `reference_velocity` needs a length that is not stated; or the drive closes a current loop.
     """
     for name in ("wheel_radius", "half_track") if "reference_velocity" in {*signals} else ():
         if name not in nominal:
@@ -299,7 +298,7 @@ def _of_sensors() -> list[EffectInfo]:
 
 
 def _of_channels(toml: TomlFile, table: Mapping[str, Any]) -> dict[str, dict[str, Nominal]]:
-    """Returns the effects that channels state of their sensors, such as `unsigned`, at their presets."""
+    """Returns the effects that channels state, such as `unsigned`, with their preset parameters."""
     stated = {}
     for effect in _of_sensors():
         key = effect.stated_by

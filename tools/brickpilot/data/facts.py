@@ -19,23 +19,23 @@ from brickpilot.data.signals import SIGNALS
 
 Array = NDArray[np.float64]
 
-_LATE = 0.99  # quantile of the steps between samples that is reported beside their median
+_LATE = 0.99  # quantile of the time steps that is reported beside the median
 _EQUAL = 0.02  # share of the larger command: two commands that differ by less are equal
-_WINDOW_S, _LEAST_WINDOWS = 0.25, 4  # the window over which the sides are compared, and how many are needed
-_FAST = 0.5  # share of the fastest window's motion: a slower window is a start or a stop
-_CORRECTION = 0.05  # share of the driven rows of a straight run that may turn it
-_REST = 10  # least samples before a run's first command: their mean is the gyro's bias
-_BLOCKS = 20  # blocks of consecutive windows, which give the error of a ratio
+_WINDOW_S, _LEAST_WINDOWS = 0.25, 4  # length and least number of the windows in which the two sides are compared
+_FAST = 0.5  # share of the fastest window's motion: a slower window does not count
+_CORRECTION = 0.05  # largest share of turning rows in the driven rows of a straight run
+_REST = 10  # least number of samples before a run's first command whose mean is the gyro's bias
+_BLOCKS = 20  # number of blocks of consecutive windows; their scatter gives the error of a ratio
 
 
 @dataclass(frozen=True)
 class RunFacts:
-    """One run.
+    """The facts of one run.
 
     Attributes:
-        role: "fit" or "held_out", as discovery takes it.
+        role: "fit" or "held_out", as discovery uses the run.
         manoeuvre: the kind of drive, such as "straight step forward".
-        step_s: median time between samples, s; `late_s`: 99 of 100 are no longer.
+        step_s: median time between samples, s; `late_s`: its 99 % quantile, s.
     """
 
     name: str
@@ -49,12 +49,12 @@ class RunFacts:
 
 @dataclass(frozen=True)
 class SignalFacts:
-    """One measured signal, over all runs.
+    """The facts of one measured signal, over all runs.
 
     Attributes:
-        rms, noise_sd: in `unit`, of a sample.
-        colour: of the noise; see `data.noise.Noise`.
-        resolution: the converter's step in `unit`; 0: none shows.
+        rms, noise_sd: rms and noise sd of a sample, in `unit`.
+        colour: the noise's colour; see `data.noise.Noise`.
+        resolution: the converter's step in `unit`; 0: no step is visible.
         missing: share of the samples that are blank or left out as damaged, 0..1.
     """
 
@@ -73,7 +73,7 @@ class WeakerSide:
 
     Attributes:
         side: "left" or "right".
-        share: how much less its wheel turns than the other, 0..1; low, high: its 95 % interval.
+        share: how much less this side's wheel turns than the other, 0..1; low, high: the share's 95 % interval.
     """
 
     side: str
@@ -93,7 +93,7 @@ def drives_straight_alone(dataset: Dataset) -> bool:
 
 @dataclass(frozen=True)
 class Measure:
-    """A value that the channels show without a model, with the ends of its 95 % interval."""
+    """A value computed from the channels without a model, with the ends of its 95 % interval."""
 
     size: float
     low: float
@@ -101,9 +101,9 @@ class Measure:
 
 
 def weaker_side(dataset: Dataset) -> WeakerSide | None:
-    """Returns which wheel turns less under equal commands; None: neither, or the runs do not show it.
+    """Returns which wheel turns less under equal commands; None: neither, or the data do not suffice.
 
-    It compares the turns of both wheels in windows of 0.25 s in which both get the same voltage. No model is needed.
+    The turns of both wheels are compared in windows of 0.25 s with the same voltage for both. No model is needed.
     """
     windows = _equal_windows(dataset)
     if len(windows) < _LEAST_WINDOWS:
@@ -135,9 +135,9 @@ def bend(dataset: Dataset, wheel_radius: float) -> Measure | None:
 
 
 def yaw_over_wheels(dataset: Dataset) -> Measure | None:
-    """Returns the measured yaw over the yaw from wheels and stated lengths; None: the runs do not show it.
+    """Returns the ratio of the measured yaw to the yaw from wheels and stated lengths; None: not known.
 
-    A constant bias of the gyro does not count. None also means that slip or the gyro's range disturbs the ratio.
+    A constant bias of the gyro is removed. None also means that slip or the gyro's range disturbs the ratio.
     """
     stated = {name: known.value for name, known in dataset.nominal.items()}
     if dataset.vehicle != "diff_drive":
@@ -166,7 +166,8 @@ def _reach(each: Array) -> float:
 
 def _equal_windows(dataset: Dataset) -> Array:
     """Returns (w, 3): how far the left and the right wheel turn, rad or m, and the yaw, rad, in the fast windows of all
-    runs in which both motors get one voltage; empty if the wheels turn against each other in one of them."""
+    runs in which both motors get one voltage; empty if the wheels turn in opposite directions in one of these
+    windows."""
     found = [window for run in dataset.runs for window in _windows(run, dataset)]
     windows: Array = np.array(found, dtype=np.float64).reshape(-1, 3)
     sizes = np.abs(windows[:, :2]).min(axis=1, initial=np.inf)
@@ -175,7 +176,7 @@ def _equal_windows(dataset: Dataset) -> Array:
 
 
 def _windows(run: Run, dataset: Dataset) -> Iterator[tuple[float, float, float]]:
-    """Yields the turn of the left and the right wheel and the yaw in each window in which both get one voltage."""
+    """Yields the turns of the left and right wheel and the yaw in each window with the same voltage for both."""
     turned = wheel_angles(run) or {name: one for name, one in run.outputs.items() if name.startswith("wheel_travel")}
     if dataset.vehicle == "motor" or len(turned) < 2:
         return
@@ -196,7 +197,7 @@ def _windows(run: Run, dataset: Dataset) -> Iterator[tuple[float, float, float]]
 
 
 def _yaw(run: Run, volts: Array) -> Array:
-    """Returns the yaw angle, rad: measured, or the sum of the rate less its mean before the first command; else NaN."""
+    """Returns the yaw angle, rad: measured, or the integral of the rate less its bias at rest; else NaN."""
     if "yaw_angle" in run.outputs:
         return run.outputs["yaw_angle"]
     rate = run.outputs.get("yaw_rate", np.full_like(run.time, np.nan))
@@ -239,7 +240,7 @@ def _of_signal(dataset: Dataset, name: str) -> SignalFacts:
 
 
 def _logged(run: Run) -> NDArray[np.bool_]:
-    """Returns the rows that the log had: those with an output, and the ends; the others were added later."""
+    """Returns the rows of the log: rows with an output, and both ends. All other rows are added by the program."""
     rows: NDArray[np.bool_] = np.any([np.isfinite(values) for values in run.raw_outputs.values()], axis=0)
     rows[[0, -1]] = True
     return rows

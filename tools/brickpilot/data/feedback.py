@@ -1,7 +1,7 @@
 """A feedback loop around the data: whether the commands follow the outputs.
 
-Such a loop biases a simulation from the commands alone if the noise of the outputs has a memory. The commands then
-contain this noise, so that a model can explain it, by a delay that no machine has. Sources: Granger (1969),
+If the output noise is coloured, such a loop biases the fit of a model that simulates from the commands alone. The
+commands then contain this noise, and the model may explain it by a delay that no machine has. Sources: Granger (1969),
 Econometrica 37; Gustavsson, Ljung & Soederstroem (1977), Automatica 13.
 """
 
@@ -22,16 +22,16 @@ from brickpilot.data.signals import RATE_OF, input_names
 
 Array = NDArray[np.float64]
 
-_BLOCKS = 20  # blocks, each predicted by a fit to the others: 10 to 30 batch means (Schmeiser 1982, Oper. Res. 30)
-_PER_UNKNOWN = 10  # decisions for each coefficient: the usual least for a regression
+_BLOCKS = 20  # number of blocks in cross-validation: 10 to 30 batch means (Schmeiser 1982, Oper. Res. 30)
+_PER_UNKNOWN = 10  # least number of decisions for each coefficient of a regression
 _PAST = (1, 2, 4, 8, 16, 32)  # numbers of past decisions that are tried to predict the next one; the best is taken
-_SMOOTHED = 8  # number of means of the command, over 2, 4 ... 256 rows: what a plan or the machine remembers
-_READINGS = 3  # readings at the last decisions: a PID law in incremental form needs three
-_SHOWN = 3 + _READINGS  # columns of the output: its readings before, and its change up to the same row
+_SMOOTHED = 8  # number of means of the command, over 2, 4 ... 256 rows: the memory of a plan or a machine
+_READINGS = 3  # number of readings at past decisions: an incremental PID law needs three
+_SHOWN = 3 + _READINGS  # columns of the output in a table: earlier readings, and the change up to the same row
 _HUBER = 1.345  # sd: a residual beyond it counts less; 95 % efficient for normal noise (Huber 1964)
 _NORMAL_MAD = 1.4826  # sd of normal noise over its median absolute deviation
-_EXACT = 1e-6  # share of the rms change: a plan that its own past predicts better than this leaves nothing to a loop
-_RIDGE = 1e-12  # share of the mean square, added because two readings of the same row make the fit singular
+_EXACT = 1e-6  # share of the rms change: with a smaller error of its own past, a plan cannot hide a loop
+_RIDGE = 1e-12  # share of the mean square, added because equal readings make the fit singular
 
 
 @dataclass(frozen=True)
@@ -40,11 +40,11 @@ class Loop:
 
     Attributes:
         command: the input that follows an output.
-        output: the signal that it follows most surely.
-        gain: 0..1, share of the command's change that its own past leaves unexplained and the output explains, in
-            blocks not fitted.
-        lag: s from the most telling reading to the command; 0: the command is in the same row.
-        chance: probability of such a gain without a loop, times the number of tests.
+        output: the signal that the command follows most surely.
+        gain: 0..1, share of the command's change that the output explains, of the part that the command's past leaves
+            unexplained; cross-validated.
+        lag: s from the reading that predicts best to the command; 0: both are in the same row.
+        chance: p-value of the gain without a loop, times the number of tests.
     """
 
     command: str
@@ -64,25 +64,25 @@ class Loop:
 
 
 def follows_outputs(dataset: Dataset, level: float) -> Loop | None:
-    """Returns the feedback loop that the data show most surely; None: they show no loop, or cannot show one.
+    """Returns the feedback loop with the smallest p-value; None: no loop is significant, or the data cannot show one.
 
     The past of a planned command may predict it, but readings of the sensors do not improve this prediction (Granger's
-    causality from outputs to commands). Only the rows count in which a command changes. Its change is predicted from
-    all commands before: the last ones, and means over 2 to 256 rows, which hold what a machine remembers. A second
-    prediction also uses the readings before, a third the reading of the same row. A command held from its row on cannot
+    causality from outputs to commands). Only rows in which a command changes count. This change is predicted from the
+    earlier commands: the last ones, and means over 2 to 256 rows, which cover a machine's memory. A second prediction
+    also uses the earlier readings, a third one the reading of the same row, too. A command held from its row on cannot
     move that reading, but a command that was logged late can. So the third prediction counts only if the command
-    opposes the motion, as feedback with the right signs does. Each block of a run is predicted by a fit to the others.
-    The gain is the log of the ratio of the squared errors, judged by its scatter over blocks. Runs too short for their
-    own fit are pooled.
+    opposes the motion, as feedback with the right signs does. Each block of a run is predicted by a fit to the other
+    blocks. The log of the ratio of the squared errors is tested by its scatter over the blocks. Runs too short for
+    their own fit are pooled.
 
-    Only outputs that measure motion or sum it up count; accelerations, forces and currents answer in the command's row.
-    If the battery is measured, a voltage has to follow both as volts and as duty, because either may have been planned,
-    and the battery's voltage drops with the motion. The test misses a loop whose readings have no noise or disturbance,
-    because the past of the commands then predicts all. It also misses a loop with too few changes, such as a relay. At
-    times it finds a false loop in sines of coarse steps, whose rounding is no noise (15 of 240 simulated data sets).
+    Only outputs that measure or sum up motion count. Accelerations, forces and currents respond in the command's own
+    row. If the battery is measured, a voltage has to follow both as volts and as duty, because either may have been
+    planned, and the battery's voltage drops with the motion. The test misses a loop whose readings have no noise or
+    disturbance, because the past commands then predict everything. It also misses a loop with too few changes, such as
+    a relay. It sometimes finds a false loop if the commands are coarsely rounded sines (15 of 240 simulated data sets).
 
     Args:
-        level: the chance of being wrong up to which a loop counts as shown.
+        level: significance level: a loop with a smaller `chance` counts as shown.
     """
     commands = input_names(dataset.runs[0].inputs)
     motion = {*RATE_OF, *RATE_OF.values(), "yaw_rate", "yaw_angle"}
@@ -92,7 +92,7 @@ def follows_outputs(dataset: Dataset, level: float) -> Loop | None:
     if commands[0].startswith("voltage") and "battery_voltage" in dataset.signals:
         forms.append(tuple(_as_duty(run, commands) for run in dataset.runs))
     found = []
-    with threadpool_limits(1, "blas"):  # the matrices are small: a thread for each core takes ten times as long
+    with threadpool_limits(1, "blas"):  # the matrices are small: several threads take ten times as long
         for command, output in itertools.product(commands, outputs):
             asked = [_asked(runs, (command, *(one for one in commands if one != command)), output) for runs in forms]
             known = [one for one in asked if one is not None]
@@ -112,7 +112,7 @@ def _as_duty(run: Run, commands: Sequence[str]) -> Run:
 
 
 def _asked(runs: Sequence[Run], commands: Sequence[str], output: str) -> Loop | None:
-    """Returns how well `output` predicts the first of `commands`, and the chance over both tests."""
+    """Returns how well `output` predicts the first of `commands`, with the p-value over both tests."""
     runs = [run for run in runs if output in run.outputs]
     own = [_told([run], commands, output) for run in runs]
     pooled = _told([run for run, one in zip(runs, own, strict=True) if one is None], commands, output)
@@ -137,9 +137,9 @@ def _chance(gained: Array) -> float:
 
 
 def _sign(command: str, output: str) -> float:
-    """Returns the direction in which a command drives an output, by the signals' definition; 0: it is not defined.
+    """Returns the sign with which a command drives an output, by the signals' definition; 0: it is not defined.
 
-    The data cannot give this direction: if a loop holds one speed, they show the feedback's sign, not the motor's.
+    The data cannot give this sign: if a loop holds a constant speed, they show the feedback's sign, not the motor's.
     """
     if output.startswith("yaw"):
         return {"left": 1.0, "right": -1.0, "diff": 1.0}.get(command.rpartition("_")[2], 0.0)
@@ -154,10 +154,10 @@ class _Told:
     """How well the readings of some runs predict a command.
 
     Attributes:
-        past: (blocks,) log of the squared error from commands alone over that with the readings before.
-        now: (blocks,) the same, if the reading of the same row is used, too.
+        past: (blocks,) log of the ratio of squared errors: from commands alone over with earlier readings.
+        now: (blocks,) the same log, if the reading of the same row is also used.
         feedback: the coefficient of the reading of the same row; below 0: the command opposes the reading.
-        lag: s, the age of the most telling reading.
+        lag: s, the age of the reading that predicts best.
     """
 
     past: Array
@@ -193,8 +193,8 @@ def _told(runs: Sequence[Run], commands: Sequence[str], output: str) -> _Told | 
 
 
 def _errors(table: Array, columns: Sequence[int]) -> Array:
-    """Returns (blocks,): the mean square error of the first column in each block of rows, as a fit of `columns` to the
-    others predicts it."""
+    """Returns (blocks,): the mean square error with which `columns` predict the first column of each block of rows, by
+    a fit to the other blocks."""
     rows = len(table)
     blocks = np.split(table[:, [0, *columns]], [block * rows // _BLOCKS for block in range(1, _BLOCKS)])
     products = np.array([one.T @ one for one in blocks])
@@ -204,7 +204,7 @@ def _errors(table: Array, columns: Sequence[int]) -> Array:
 
 
 def _weighted(tables: Sequence[Array]) -> tuple[Array, float] | None:
-    """Returns the decisions of runs in one table, and the mean log of the sd; None: a plan predicts them exactly.
+    """Returns the decisions in one table, and the mean log of the residual sd; None: a plan predicts them exactly.
 
     Each run's rows are divided by the sd of its residual from the plan, rows with a large residual count less, and each
     column except the first is divided by its rms.
@@ -227,7 +227,8 @@ def _decisions(run: Run, commands: Sequence[str], output: str, past: int) -> tup
     """Returns a run's rows in which the first command changes, with `past` such rows before each; None: there are none.
 
     The table (n, columns) is in units of the rms change. Its columns are the change, the commands before, the output
-    before, and the output's change up to the same row. The second result are the ages of the output's readings, s.
+    before, and the output's change up to the same row. The second result is the age of each earlier reading of the
+    output, s.
     """
     from scipy.signal import lfilter  # slow to load, and most commands need none of it
 

@@ -1,4 +1,4 @@
-"""Takes a data set from DataFrames in memory, with the checks that its folder would get."""
+"""Makes a data set from DataFrames in memory, with the same checks as for a folder."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     import pandas
 
 Column = str | tuple[str, str] | Mapping[str, Any]
-"""A signal's column: its name, in SI; (name, unit); or all that a data set's file may state of a signal."""
+"""A signal's column: a name (SI unit); (name, unit); or a mapping of the keys that a data set's file may state."""
 
-_ARGUMENTS = {"role": "roles"}  # key -> argument of `Dataset.from_frames`, where the names differ
+_ARGUMENTS = {"role": "roles"}  # key -> argument of `Dataset.from_frames` with another name
 
 
 class StatedTables(TomlFile):
@@ -35,7 +35,7 @@ class StatedTables(TomlFile):
         self._check_integers((), self.data)
 
     def file_beside(self, key: Key, value: object) -> Path:
-        """Returns the name of a run in errors, because it has no file."""
+        """Returns the run's name as errors show it, because a frame has no file."""
         return Path(f"run {value}")
 
 
@@ -63,7 +63,7 @@ def tables(
         stated: the other keys of the file; None: not stated.
 
     Raises:
-        InputError: there is no frame, one is no DataFrame, or an argument names an unknown run.
+        InputError: there is no frame, a frame is no DataFrame, or an argument names an unknown run.
     """
     import pandas
 
@@ -99,7 +99,7 @@ def read_frame(run: Path, frame: pandas.DataFrame, wanted: Mapping[str, str | in
     """Returns the wanted columns of a frame; the index counts as a column if it has the column's name.
 
     Args:
-        run: its name in errors.
+        run: the run's name in errors.
         wanted: signal -> column.
 
     Raises:
@@ -124,7 +124,7 @@ def read_frame(run: Path, frame: pandas.DataFrame, wanted: Mapping[str, str | in
 
 
 def _signal(name: str, column: Column) -> dict[str, Any]:
-    """Returns the table of a signal; an unknown signal gets its error later, with all others."""
+    """Returns the table of a signal; an unknown signal is refused later, by the checks of all files."""
     unit = SIGNALS[name].unit if name in SIGNALS else "1"
     if isinstance(column, Mapping):
         return {"unit": unit, **column}
@@ -134,7 +134,7 @@ def _signal(name: str, column: Column) -> dict[str, Any]:
 
 
 def _numbers(columns: FrameColumns, field: str, cells: pandas.Series) -> NDArray[np.float64]:
-    """Returns the cells as numbers; NaN where one is missing."""
+    """Returns the cells as numbers; NaN where a cell is missing."""
     if cells.dtype.kind in "iuf":
         return np.array(cells.to_numpy(dtype=np.float64, na_value=np.nan))
     if cells.dtype.kind in "mM":

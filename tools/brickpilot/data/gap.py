@@ -1,4 +1,4 @@
-"""The gap: the distance of measured and simulated signals of free runs, in sd of the noise, and its place."""
+"""The gap: the rms difference of measured and simulated signals of free runs, in noise sd, and where it is."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from brickpilot.data.signals import SUMMED
 Array = NDArray[np.float64]
 Outputs = Mapping[str, Array]
 
-_SHOWN_S = 0.1  # a difference is an rms over windows of this length
+_SHOWN_S = 0.1  # length of the windows over which the rms of a difference is taken
 _BRIDGED_S = 0.3  # a shorter break in a span is part of it
-_CONDITION_SHARE = 0.6  # share of a place's gap: a condition that covers less is not reported
+_CONDITION_SHARE = 0.6  # least share of a place's gap that a reported condition covers
 _CONDITION_LIFT = 1.3  # least ratio of a condition's share of the gap to its share of the time
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where the gap was: a time span of one signal of one run.
+    """A place of the gap: a time span of one signal of one run.
 
     Attributes:
         share_of_gap: this place's share, 0..1, of all squared changes by the additions to the model, in noise sd.
@@ -40,7 +40,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Gap:
-    """rms of measured less simulated in a free run, over the noise sd, sample by sample. None: no such runs."""
+    """rms of measured less simulated in free runs, over the noise sd, before and after discovery; None: no runs."""
 
     before: float | None
     after: float | None
@@ -55,8 +55,8 @@ def gaps(
 ) -> tuple[dict[str, Gap], dict[str, Gap]]:
     """Returns the gap by role of the runs, and by signal, for the model before ("nominal") and after ("augmented").
 
-    It is the rms of measured less simulated over the noise sd, sample by sample, in free runs. A signal that sums up
-    is taken from its first sample. All signals have the same weight, and so have all samples of a signal.
+    The gap is the rms of measured less simulated over the noise sd, over the samples of free runs. A signal that sums
+    up motion counts from its first sample. All signals have the same weight, and all samples of a signal, too.
     """
 
     def rms(runs: Sequence[Run], outputs: Mapping[str, Outputs], signals: Iterable[str]) -> float | None:
@@ -79,7 +79,7 @@ def gaps(
 
 
 def residual(run: Run, signal: str, simulated: Array) -> Array:
-    """Returns measured less simulated, (n,); NaN where nothing was measured. A signal that sums up starts from 0."""
+    """Returns measured less simulated, (n,); NaN where not measured. If the signal sums up motion, it starts from 0."""
     left = run.outputs[signal] - simulated
     if signal in SUMMED:
         known = np.flatnonzero(np.isfinite(left))
@@ -99,8 +99,8 @@ def places(
 
     Args:
         changed, plain: run -> signal -> (n,), SI, over whole runs; NaN: unknown.
-        motion: run -> outputs of the augmented model: they say what the vehicle was doing.
-        noise_sd: signal -> sd of the noise of a sample.
+        motion: run -> outputs of the augmented model, from which `Place.when` is found.
+        noise_sd: signal -> noise sd of a sample.
         above: differences with a larger rms over `_SHOWN_S`, in noise sd, are shown.
     """
     found: list[tuple[Run, str, slice, Array]] = []
@@ -137,7 +137,7 @@ def _spans(time: Array, square: Array, above: float) -> list[slice]:
 
 
 def _condition(time: Array, outputs: Outputs, part: Array) -> str:
-    """Returns what the vehicle was doing where the gap was: the narrowest condition that covers most of it.
+    """Returns the vehicle's motion at the place of the gap: the condition that covers most of it in least time.
 
     Args:
         part: (n,) squares of the gap, 0 outside its place.

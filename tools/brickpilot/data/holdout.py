@@ -24,11 +24,11 @@ _STEP_SPREAD = 0.2
 _PURE = 0.25
 # Two runs whose inputs differ by a larger factor cannot replace each other.
 _AS_LARGE = 1.5
-# A run with a smaller share of its input in one direction belongs to the other direction.
+# If a smaller share of a run's input is in one direction, the run belongs to the other direction.
 _ONE_WAY = 0.1
 # A shorter stretch (s) is not held out, because it says little about a free run.
 _SHORTEST_S = 0.3
-# Shares of the input's energy: the share that the fit keeps in all, and in each direction; the least share held out.
+# Shares of the input's energy: what the fit keeps in all; what it keeps in each direction; the least that is held out.
 _KEPT, _KEPT_OF_DIRECTION, _LEAST_END = 0.75, 0.5, 0.1
 
 # Two runs repeat each other if their inputs differ by at most this share of their rms, for at least this time (s) and
@@ -44,12 +44,12 @@ _GIVEN = {
 
 @dataclass(frozen=True)
 class Roles:
-    """The role of each run, and who chose it.
+    """The role of each run, and how it was chosen.
 
     Attributes:
         by_run: run -> "fit" or "held_out".
         note: one sentence on who chose the roles and how.
-        stretches: fit run -> first and last time of its held-out samples, s on its clock.
+        stretches: fit run -> first and last time of its held-out samples, s on the run's clock.
     """
 
     by_run: Mapping[str, str]
@@ -83,10 +83,10 @@ def assign(dataset: Dataset, inputs: Mapping[str, Array], *, stretches: bool = F
     """Returns the role of every run. `inputs` are the motor inputs by run name, (n, 1) or (n, 2).
 
     If the file names held-out runs, its other runs are fitted. Otherwise runs without a role are grouped by manoeuvre
-    and direction: straight, turn on the spot or curve, each as step or ramp, forward or backward, right or left.
-    Without data in a direction a model cannot tell friction from an asymmetry. So each group keeps runs in the fit,
-    among them the one with the largest input; see `_held_out_of`. Replicates are held out. The same data set always
-    gives the same roles.
+    (straight, turn on the spot or curve; step or ramp) and direction (forward or backward; right or left). Without data
+    in both directions a fit cannot separate friction and asymmetry. So each group keeps runs in the fit, among them the
+    one with the largest input; see `_held_out_of`. Replicates are held out. The same data set always gives the same
+    roles.
 
     Args:
         stretches: the last part of a run whose manoeuvre occurs once may be held out; see `_last_drive`.
@@ -140,7 +140,7 @@ def _groups(runs: Sequence[Run], inputs: Mapping[str, Array]) -> list[dict[str, 
 def _held_out_of(group: Mapping[str, float]) -> list[str]:
     """Returns the held-out runs of one manoeuvre: of three, the middle one; of more, every third, but not the last.
 
-    Of two, the smaller one is held out, unless it is much smaller: then only this run shows how friction holds.
+    Of two, the smaller one is held out, unless it is much smaller: then only this run shows the static friction.
     """
     names, sizes = list(group), list(group.values())
     if len(names) == 2:
@@ -149,7 +149,7 @@ def _held_out_of(group: Mapping[str, float]) -> list[str]:
 
 
 def kind_of(driven: Array) -> str:
-    """Returns what inputs (n, 1) or (n, 2), blanks as 0, drive: rest, straight, spin or curve; or drive, of a motor."""
+    """Returns the motion that inputs (n, 1) or (n, 2) drive: rest, straight, spin, curve; of a motor: drive."""
     moving = _moving(driven)
     if len(moving) == 0:
         return "rest"
@@ -217,9 +217,9 @@ def _last_drive(run: Run, driven: Array) -> tuple[float, float] | None:
 
 
 MANY, ENOUGH = 100_000, 30_000
-"""Samples of fit runs above which only some runs are chosen, and how many samples these have. With so many samples the
-model's own error, and not the number of samples, limits how well a value is known. A dozen runs of 10 s at 500 Hz have
-60,000 samples, and all of them are fitted."""
+"""`MANY`: with more samples of fit runs, only some runs are fitted. `ENOUGH`: least number of their samples. With so
+many samples the model's own error, and not the number of samples, limits how well a value is known. A dozen runs of 10
+s at 500 Hz have 60,000 samples, and all of them are fitted."""
 
 
 def enough_to_fit(dataset: Dataset) -> tuple[Dataset, str | None]:
@@ -227,7 +227,7 @@ def enough_to_fit(dataset: Dataset) -> tuple[Dataset, str | None]:
     samples.
 
     Runs are taken in turn from each manoeuvre and direction, first the one with the largest input, then the others
-    evenly over the file's order. Pauses grow by the runs left out in them, so that each run has the same age as before.
+    evenly over the file's order. Pauses are extended by the runs left out, so that each run keeps its age.
     """
     inputs = {run.name: motor_inputs(run, dataset) for run in dataset.runs}
     fitted = set(assign(dataset, inputs, stretches=True).fit())
@@ -253,7 +253,7 @@ def enough_to_fit(dataset: Dataset) -> tuple[Dataset, str | None]:
 
 
 def _in_turn(group: list[tuple[float, Run]]) -> list[Run]:
-    """Returns the runs of one manoeuvre: first that with the largest input, then the others at halves, quarters ..."""
+    """Returns the runs of one manoeuvre: the one with the largest input, then the others at halves, quarters ..."""
     largest = max(range(len(group)), key=lambda index: group[index][0])
     others = [run for index, (_, run) in enumerate(group) if index != largest]
     bits = max(len(others) - 1, 1).bit_length()
@@ -274,7 +274,7 @@ def _kept(dataset: Dataset, chosen: set[str]) -> tuple[Run, ...]:
 
 
 def repeats(dataset: Dataset) -> tuple[tuple[str, str, float], ...]:
-    """Returns pairs of runs with the same inputs from their start, and for how many s; replicates or not."""
+    """Returns pairs of runs with equal inputs from the start, and for how many s they are equal; replicates or not."""
     inputs = {run.name: motor_inputs(run, dataset) for run in dataset.runs}
     found = []
     for one, other in combinations(dataset.runs, 2):

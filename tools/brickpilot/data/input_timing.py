@@ -1,7 +1,7 @@
-"""The inputs between two rows of a log, and their delay: an input holds, or goes in a straight line to the next row.
+"""The inputs between two rows of a log, and their delay: an input is held, or changes linearly to the next row.
 
-A simulation holds an input from row to row. So a straight line becomes short rows of its own, each with its mean;
-measured signals stay blank there.
+A simulation holds an input from row to row. So a linear change becomes several short rows, each with the mean of its
+part; measured signals are blank there.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ UNKNOWN_TIMING = "how the inputs change between two rows is not known: they are 
 
 _STEP_S = 0.005  # the longest time for which a linear input is held
 _MOST_STEPS = 200  # most steps between two rows
-_PARTS = 8  # steps in a row of a log, each with its own input
+_PARTS = 8  # number of steps into which a row of a log is divided
 
 
 def with_linear_inputs(run: Run) -> Run:
@@ -39,11 +39,11 @@ def with_linear_inputs(run: Run) -> Run:
 
 
 def ramps(time: Vector, inputs: Mapping[str, Vector], step_s: float = _STEP_S) -> tuple[Vector, dict[str, Vector]]:
-    """Returns the times and inputs of rows that follow straight lines between those given, with the mean of each row.
+    """Returns the times and inputs of finer rows that follow straight lines between the given rows, as means.
 
     Args:
-        time: (n,) s, strictly increasing; all of it is in the result.
-        inputs: name -> (n,); NaN: the motor floats, until the next row.
+        time: (n,) s, strictly increasing; the result contains all these times.
+        inputs: name -> (n,); NaN: the motor floats until the next row.
         step_s: the longest row while an input changes.
     """
     span = np.diff(time)
@@ -61,7 +61,7 @@ def ramps(time: Vector, inputs: Mapping[str, Vector], step_s: float = _STEP_S) -
 
 
 def with_rows(run: Run, time: Vector, inputs: Mapping[str, Vector]) -> Run:
-    """Returns a run with more rows and other inputs; outputs are blank in the rows that it did not have.
+    """Returns a run with more rows and other inputs; outputs are blank in the new rows.
 
     Args:
         time: (m,) s; holds all of the run's times.
@@ -84,15 +84,15 @@ def mean_over_steps(time: Vector, driven: Vector, grid: Vector) -> Vector:
     """Returns (grid, columns): the mean of each input over each step of the grid. Inputs hold from sample to sample.
 
     Args:
-        time: (n,) s, when each row of `driven` begins to act; what acts before it is 0.
+        time: (n,) s, when each row of `driven` begins to act; before the first row the input is 0.
         driven: (n, columns) V; NaN: the motor floats.
-        grid: (m,) s. Its last row is the last input.
+        grid: (m,) s. The last row of the result is the last input.
     """
     return means_over_grids(time, driven, [grid])[0]
 
 
 def means_over_grids(time: Vector, driven: Vector, grids: Sequence[Vector]) -> list[Vector]:
-    """Returns what `mean_over_steps` gives for each of some grids, with one sum of the inputs for all of them."""
+    """Returns the result of `mean_over_steps` for each grid; the inputs are summed only once."""
     grid, ends = np.concatenate(grids), np.cumsum([len(one) for one in grids])
     held = np.where(np.isnan(driven), 0.0, driven)
     summed = np.vstack([np.zeros(driven.shape[1]), np.cumsum(held[:-1] * np.diff(time)[:, np.newaxis], axis=0)])
@@ -117,7 +117,7 @@ def later(time: Vector, driven: Vector, delay_s: float) -> Vector:
 
 
 def held_back(time: Vector, driven: Vector, held_s: float) -> Vector:
-    """Returns (n, columns): inputs that are 0 V in the first `held_s` s of the run; later ones act in time."""
+    """Returns (n, columns): inputs that are 0 V in the first `held_s` s of the run, and unchanged after that."""
     steps = np.diff(time, append=2 * time[-1] - time[-2])
     missing = np.clip((held_s - (time - time[0])) / steps, 0.0, 1.0)[:, np.newaxis]
     return np.where(missing >= 1, 0.0, (1 - missing) * driven)
@@ -130,7 +130,7 @@ def scaled(_: Vector, driven: Vector, gain: float) -> Vector:
 
 @dataclass(frozen=True)
 class Behind:
-    """What delays the inputs: a delay in s, or a first-order lag with a time constant in s; 0: nothing."""
+    """The lag of the inputs: a dead time in s, or a first-order lag with a time constant in s; 0: none."""
 
     kind: Kind = "delay"
     seconds: float = 0.0
@@ -140,7 +140,7 @@ class Behind:
 
 
 def refined(dataset: Dataset) -> Dataset:
-    """Returns the data set with eight rows for each row, so that held and linear inputs can act late."""
+    """Returns the data set with each row divided into eight, so that delayed inputs can be represented."""
     runs = []
     for run in dataset.runs:
         rows = np.arange(len(run.time))
@@ -156,7 +156,7 @@ def inputs_acting(run: Run, time: Vector, timing: Timing, behind: Behind) -> dic
         at, inputs = ramps(at, inputs, float(np.diff(time).min()))
     values = np.column_stack(list(inputs.values()))
     delay = behind.seconds if behind.kind == "delay" else 0.0
-    before = at[0] - delay - 1.0  # the input before the first row
+    before = at[0] - delay - 1.0  # from this time on, the first input acts
     means = mean_over_steps(np.append(before, at + delay), np.vstack([values[:1], values]), time)
     if behind.kind == "lag":
         means = _lagged(time, means, behind.seconds)
@@ -164,7 +164,7 @@ def inputs_acting(run: Run, time: Vector, timing: Timing, behind: Behind) -> dic
 
 
 def _lagged(time: Vector, values: Vector, lag: float) -> Vector:
-    """Returns (n, columns): the means of `values` behind a first-order lag that starts settled; NaN stays."""
+    """Returns (n, columns): the row means of `values` after a first-order lag that starts settled; NaN stays NaN."""
     steps = np.diff(time, append=2 * time[-1] - time[-2])
     kept = np.exp(-steps / lag)
     means = np.empty_like(values)

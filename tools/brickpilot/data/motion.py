@@ -1,4 +1,4 @@
-"""The motion that a log shows without a model: rates, the angles of wheels, starts of runs, and windows of them."""
+"""The motion that a log shows without a model: rates, wheel angles, starts of runs, and windows of runs."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from brickpilot.errors import InputError
 
 Array = NDArray[np.float64]
 
-_REST_S = 0.5  # at the start of a run at rest: the longest time that is averaged
+_REST_S = 0.5  # longest time that is averaged at the start of a run at rest
 MOVING_SAMPLES = 12
 """Number of samples to which a line is fitted where a run starts in motion."""
-_LEAST_KNOWN = 4  # known samples that a line needs
-_LEAST_BENT = 6  # known samples that are needed to see that a motion bends
-_HELD_S = 0.1  # from a run's start: the first sample of a held channel is searched there
+_LEAST_KNOWN = 4  # least number of known samples for the fit of a line
+_LEAST_BENT = 6  # least number of known samples to test whether a motion is curved
+_HELD_S = 0.1  # time from a run's start in which the first sample of a held channel is searched
 _TREND_SD = 3.0  # sd of a polynomial's leading term: a larger term is motion and not noise
-_OF_MOTION = (1, 2, 3)  # degrees of a trend that no rest has; a pendulum that swings may have no slope
-_SPIKE = 3.0  # times the span of 90 % of the run's samples: a sample farther from the others is damaged
+_OF_MOTION = (1, 2, 3)  # degrees of polynomials tested for a trend; a swinging pendulum may have no slope
+_SPIKE = 3.0  # spans of 90 % of the run's samples: a sample farther from the median is damaged
 
 
 def with_rates(dataset: Dataset) -> Dataset:
-    """Returns a motor's data set with velocities beside positions; positions only keep their first sample.
+    """Returns a motor's data set with velocities added; of a position only the first sample is kept.
 
-    A position sums up every error of a run. So the velocity is compared, and the position only gives the start of the
+    A position sums up all errors of a run. So the velocity is compared, and the position only gives the start of the
     run.
     """
     runs = []
@@ -48,11 +48,11 @@ def with_rates(dataset: Dataset) -> Dataset:
 
 
 def with_averaged_starts(dataset: Dataset, inputs: Mapping[str, Array]) -> Dataset:
-    """Returns the data set with each run's first sample replaced by an estimate from its first samples together.
+    """Returns the data set with each run's first sample replaced by an estimate from its first samples.
 
-    A run starts from the state that its first sample measured. The noise of one sample would be simulated as a motion
-    that did not happen. Before the first command the samples are averaged. In motion a line is fitted to a few samples;
-    a signal that bends even within these starts as measured.
+    A simulated run starts from the state in the first sample. The noise of this sample would cause a false motion.
+    Before the first command the samples are averaged. In motion a line is fitted to a few samples. If the signal is
+    curved even within these, the measured sample is kept.
 
     Args:
         inputs: run -> (n, 1) or (n, 2) V.
@@ -76,14 +76,14 @@ def with_averaged_starts(dataset: Dataset, inputs: Mapping[str, Array]) -> Datas
 
 
 def _samples_at_rest(run: Run, driven: Array) -> int:
-    """Returns how many samples lie before the first change of command, within `_REST_S`."""
+    """Returns the number of samples before the first change of command, within `_REST_S`."""
     same = np.all((driven == driven[0]) | (np.isnan(driven) & np.isnan(driven[0])), axis=1)
     count = len(same) if same.all() else int(np.argmin(same))
     return min(count, int(np.searchsorted(run.time, run.time[0] + _REST_S)))
 
 
 def _first_value(time: Array, values: Array, rest: int, moving: int) -> float:
-    """Returns an estimate of the first of `values` (n,) from known ones: of the first `rest`, or else `moving`."""
+    """Estimates the first of `values` (n,) from the known ones among the first `rest` or else `moving` samples."""
     known = _without_spikes(values, np.flatnonzero(np.isfinite(values[: max(rest, moving)])))
     chosen = known[known < rest]
     if len(chosen) >= _LEAST_KNOWN and not any(_trends(time[chosen], values[chosen], one) for one in _OF_MOTION):
@@ -97,7 +97,7 @@ def _first_value(time: Array, values: Array, rest: int, moving: int) -> float:
 
 
 def _trends(time: Array, values: Array, degree: int) -> bool:
-    """Returns whether the leading term of a fitted polynomial is larger than noise makes it."""
+    """Returns whether the leading term of a fitted polynomial is significantly larger than its noise."""
     clock = (time - time.mean()) / max(float(np.ptp(time)), 1e-300)
     terms = np.vander(clock, degree + 1)
     found = np.linalg.lstsq(terms, values, rcond=None)[0]
@@ -118,8 +118,8 @@ def _without_spikes(values: Array, known: NDArray[np.int64]) -> NDArray[np.int64
 MOTOR_RATE_OF = {summed: RATE_OF[summed] for summed in ("position", "angle")}
 """Position or angle of a motor -> its rate."""
 
-_SAMPLES = 21  # in the filter's window
-_FINEST = 20  # interpolated samples for each measured one, at most, if the spacing is very uneven
+_SAMPLES = 21  # number of samples in the filter's window
+_FINEST = 20  # largest number of interpolated samples for each measured one, for very uneven spacing
 
 
 def measured_rates(run: Run) -> dict[str, Array]:
@@ -152,9 +152,9 @@ def zero_phase_rate(time: Array, values: Array) -> Array:
     return np.where(known, np.interp(time, even, rate), np.nan)
 
 
-_STILL = 0.01  # share of the mean rate in the fastest run: an undriven wheel that is slower rests
+_STILL = 0.01  # share of the fastest run's mean rate: a slower undriven wheel is at rest
 HOLE_S = 0.12  # a longer hole in measured angles or speeds is not filled
-_WINDOW = ", window "  # between the run's name and the window's number
+_WINDOW = ", window "  # text between the run's name and the window's number
 
 
 def run_of(name: str) -> str:
@@ -165,8 +165,8 @@ def run_of(name: str) -> str:
 def cut_into_windows(dataset: Dataset, inputs: Mapping[str, Array], length_s: float) -> Dataset | None:
     """Returns the data set cut into windows, each a run that starts in the measured state, wheel angles included.
 
-    An effect that repeats with the angle of a wheel loses its phase if the simulated wheel turns a little less. In a
-    short window it stays in phase.
+    An effect that is periodic in a wheel's angle gets out of phase if the simulated angle drifts. In a short window it
+    stays in phase.
 
     Returns None where neither angles nor speeds of the wheels were measured.
     """
@@ -180,7 +180,7 @@ def cut_into_windows(dataset: Dataset, inputs: Mapping[str, Array], length_s: fl
     still = _STILL * length_s * max(rates, default=0.0)
     for run in dataset.runs:
         angles = turned[run.name]
-        if not run.outputs:  # such a run is not compared, but heat and charge carry over
+        if not run.outputs:  # such a run is not compared, but its heat and charge carry over
             windows.append(run)
             continue
         if angles is None:
@@ -191,7 +191,7 @@ def cut_into_windows(dataset: Dataset, inputs: Mapping[str, Array], length_s: fl
 
 
 def _windows(run: Run, angles: Mapping[str, Array], length_s: float, still: float) -> Iterator[Run]:
-    """Yields the windows of a run. Only the first sample of an angle stays, as the start of the window.
+    """Yields the windows of a run. Only the first sample of an angle is kept, as the window's initial state.
 
     A window without a measurement, or with a vehicle at rest, is left out.
     """
@@ -228,7 +228,7 @@ def _shows_nothing(run: Run, angles: Mapping[str, Array], rows: slice, still: fl
 
 
 def _without_holes(time: Array, values: Array | None) -> Array | None:
-    """Returns the values with short holes filled, as between held samples; None if a hole is long."""
+    """Returns the values with short holes interpolated, as between held samples; None if a hole is long."""
     known = np.flatnonzero(np.isfinite(values)) if values is not None else np.empty(0, dtype=np.intp)
     if values is None or len(known) < 2 or len(known) == len(values):
         return values if len(known) else None
@@ -237,7 +237,7 @@ def _without_holes(time: Array, values: Array | None) -> Array | None:
 
 
 def wheel_angles(run: Run) -> dict[str, Array] | None:
-    """Returns wheel angles by name, measured or integrated from measured speeds; None if not all wheels have one.
+    """Returns wheel angles by name, measured or integrated from speeds; None if the angle of a wheel is not known.
 
     If only the first sample of an angle is known, the integral begins there.
     """
@@ -259,7 +259,8 @@ WINDOW_S = 1.0
 """s: default length of the open-loop windows in which a motor's velocity is compared."""
 
 LEAST_WINDOW_S, LEAST_WINDOW_SAMPLES = 1e-3, 10
-"""Least length of a window, in s and in samples. A sample is the median step of the run with the longest steps."""
+"""Least length of a window, in s and in samples. The duration of a sample is the median step of the run with the
+longest steps."""
 
 
 def _least_window_s(dataset: Dataset) -> float:

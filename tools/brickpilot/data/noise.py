@@ -1,9 +1,9 @@
 """The noise of a measured signal: its size, its colour, and its sd in a mean over several samples.
 
 Third differences of the samples, at distances of one sample to several, distinguish noise from motion. A smooth motion
-adds to their variance with the sixth power of the distance. White noise adds the same at every distance; differentiated
-noise adds more at the shortest one, and filtered noise less. The noise of a mean depends on the colour: filtered noise
-falls more slowly than white noise, and differentiated noise faster.
+adds to their variance with the sixth power of the distance. White noise adds the same at every distance; at the
+shortest distance, differentiated noise adds more and filtered noise less. The colour also determines the noise of a
+mean over n samples: with n, filtered noise falls more slowly than white noise, and differentiated noise faster.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ Array = NDArray[np.float64]
 Colour = Literal["white", "differentiated", "filtered", "quantised"]
 
 _DISTANCES = np.array([1, 2, 3, 4, 6])  # samples
-_LEAST_SAMPLES = 40  # samples of a run that show a colour; noise of shorter runs counts as white
+_LEAST_SAMPLES = 40  # least number of samples that show a colour; in shorter runs noise counts as white
 _THIRD = np.array([20.0, -30.0, 12.0, -2.0])  # variance of a third difference: weights of the autocorrelation at 0 to 3
 _FILTERS = np.array([0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9])  # lag-one autocorrelations that are tried
 _MOST = 0.85  # largest accepted autocorrelation: smoother noise looks like motion, and its size would be a guess
 _CLEARLY = 0.5  # largest misfit of an accepted colour over that of white noise
-_MULTIPLE = 0.05  # share of a step: error of a distance in whole steps, because texts are rounded
-_DISTANCES_TRIED = 300  # number of distances between values that are used, the smallest ones
-_SKIPPED = 60  # values that a counter skips between two samples, at most
-_TEXT = 30.0  # steps: the noise of a converter is smaller
+_MULTIPLE = 0.05  # share of a step: rounding error of a distance that is a whole number of steps
+_DISTANCES_TRIED = 300  # number of smallest distances between values that are used
+_SKIPPED = 60  # largest divisor of the smallest distance: a fast counter skips values
+_TEXT = 30.0  # steps: if the noise is larger, the step is only that of the text's digits
 _ALL = 0.98  # least share of the distances that are whole numbers of steps
-_LEAST_PIECE = 8  # samples of a piece, and missing samples that end one
+_LEAST_PIECE = 8  # least number of samples in a piece; more missing samples end a piece
 _COARSE = 0.5  # share of samples that repeat: above it, the steps and not the noise set the error
 _LAGS = 400
-_SAME, _SELDOM = 1e-6, 0.05  # third differences this near to their median equal it; share of these, for a median
+_SAME, _SELDOM = 1e-6, 0.05  # a third difference this near to the median equals it; limit of their share
 
 
 @dataclass(frozen=True)
@@ -42,8 +42,8 @@ class Noise:
 
     Attributes:
         sd: sd of the noise in one sample, SI.
-        colour: "differentiated": of a rate taken from counts or positions; "filtered": behind a first-order low-pass;
-            "quantised": the steps of the converter alone.
+        colour: "differentiated": noise of a rate computed from counts or positions; "filtered": white noise after a
+            first-order low-pass; "quantised": only the steps of the converter.
         correlation: lag-one autocorrelation of filtered noise; for "quantised", exp(-1 / mean samples on one step).
     """
 
@@ -52,7 +52,7 @@ class Noise:
     correlation: float = 0.0
 
     def mean_sd(self, count: float) -> float:
-        """Returns the sd of the mean of `count` samples in a row, at least 1."""
+        """Returns the noise sd of the mean of `count` consecutive samples; `count` is rounded, to at least 1."""
         whole = max(1, round(count))
         if self.colour == "differentiated":
             return self.sd / whole
@@ -65,8 +65,8 @@ def noise_of(parts: Sequence[Array], step: float = 0.0) -> Noise:
     """Estimates the noise of a signal from the runs that measured it.
 
     Args:
-        parts: the samples of each run, SI, evenly sampled but for small jitter; NaN is a dropout.
-        step: the converter's step, SI, if it is known; 0: it is found if the values show one.
+        parts: the samples of each run, SI, evenly sampled with at most small jitter; NaN is a dropout.
+        step: the converter's step, SI; 0: not known, so it is estimated.
     """
     known = [piece for part in parts for piece in _without_long_holes(part) if len(piece) >= _LEAST_PIECE]
     if not known:
@@ -84,20 +84,20 @@ def noise_of(parts: Sequence[Array], step: float = 0.0) -> Noise:
 
 
 def _without_long_holes(part: Array) -> list[Array]:
-    """Returns the known samples, cut where many are missing, because motion in the gap is no noise."""
+    """Returns the known samples in pieces, cut where many samples are missing, because motion there is no noise."""
     known = np.flatnonzero(np.isfinite(part))
     return [np.asarray(part[piece]) for piece in np.split(known, np.flatnonzero(np.diff(known) > _LEAST_PIECE) + 1)]
 
 
 def step_of(parts: Sequence[Array]) -> float:
-    """Returns the step of a converter or a counter, SI: nearly all differences of values are multiples of it; 0: none
-    shows.
+    """Returns the step of a converter or a counter, SI: nearly all differences of values are multiples of it; 0: no
+    step is visible.
 
-    A counter of a fast wheel skips most of its values, so the step may be a part of the smallest distance. A step far
-    below the noise comes from the text's digits, if few values occur twice.
+    A counter of a fast wheel skips most of its values, so the step may be a fraction of the smallest distance. If few
+    values repeat, a step far below the noise is only that of the text's digits.
 
     Args:
-        parts: the known samples of each run, which may count from another zero.
+        parts: the known samples of each run; the runs may have different origins.
     """
     different = [np.unique(part) for part in parts]
     apart = np.sort(np.concatenate([np.diff(values) for values in different]))
@@ -115,7 +115,7 @@ def _common_divisor(apart: Array) -> float:
     for divisor in range(1, _SKIPPED + 1):
         step = float(apart[0]) / divisor
         reach = 2.0 * divisor
-        while True:  # the farther apart two values are, the better they tell the step
+        while True:  # larger distances determine the step more precisely
             multiples = np.maximum(np.round(apart / step), 1.0)
             near = multiples <= reach
             step = float(multiples[near] @ apart[near] / (multiples[near] @ multiples[near]))
@@ -128,7 +128,7 @@ def _common_divisor(apart: Array) -> float:
 
 
 def _coloured(parts: Sequence[Array], white: float) -> Noise:
-    """Returns the noise whose colour explains the third differences best, or white noise if none does so clearly."""
+    """Returns the noise with the best fit to the third differences, or white noise if no colour is clearly better."""
     variance = np.array([np.median([_third_difference(part, k) ** 2 for part in parts]) for k in _DISTANCES])
     if variance[0] <= 0:
         return Noise(white)

@@ -10,13 +10,13 @@ from brickpilot import catalogue
 from brickpilot.data.signals import Frame, Vehicle
 from brickpilot.data.toml_file import Key, TomlFile
 
-# Lateral values of effects that act here lie along the axes of the frame, unless the parameter is named by a side.
+# For effects that act on these, lateral values follow the frame's axes, unless the parameter is named by a side.
 _IN_AXES = frozenset({"sensor", "body"})
 _SIDES = frozenset({"left", "right"})
 
 _LARGE = 1e12
 _FINEST_SD = 1e-15
-_FINEST_SHARE = 1e-9  # share of the value: no measurement is more precise
+_FINEST_SHARE = 1e-9  # least sd over the value: no measurement is more precise
 _WIDEST_SD = 1e9
 
 
@@ -89,7 +89,7 @@ def turns_with_frame(effect: str, parameter: str) -> bool:
 
 
 def lengths(nominal: Mapping[str, Nominal], vehicle: Vehicle) -> dict[str, float]:
-    """Returns the stated values that relate yaw to wheels; not the track of a skid steer, by which it does not turn."""
+    """Returns the stated nominal values, without the track of a skid steer: slip changes its turn."""
     return {n: known.value for n, known in nominal.items() if (vehicle, n) != ("skid_steer", "half_track")}
 
 

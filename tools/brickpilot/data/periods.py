@@ -22,16 +22,16 @@ Spectrum = NDArray[np.complex128]
 
 _STEP = 2 * math.pi / 256  # rad
 _LOWEST, _HIGHEST = 0.9, 115.0  # orders; `_STEP` resolves 128
-_SLOW = 0.1  # quantile of the turn from sample to sample: slow parts of runs show the highest orders
-_TURNS = 1e-3  # rad between samples: a wheel that turns less stands
+_SLOW = 0.1  # quantile of the turn per sample: slow parts of runs resolve the highest orders
+_TURNS = 1e-3  # rad per sample: a wheel that turns less is at rest
 PADDING = 4
 """Points of a spectrum per resolution."""
 
-_NEIGHBOURHOOD = 2.0  # orders on either side that a peak is compared with
+_NEIGHBOURHOOD = 2.0  # orders: a peak is compared with the spectrum up to this distance
 _PROMINENCE = 6.0  # least power of a peak over the median of its neighbourhood
 _PEAKS = 3  # largest number of peaks of a spectrum that are tried
-_LEAST_ROWS = 3  # a shorter part of a run has no acceleration
-_SAME = 0.003  # orders that differ by less count as one, which a search refines
+_LEAST_ROWS = 3  # least number of rows of a part from which accelerations can be computed
+_SAME = 0.003  # orders that differ by less count as one order
 _LONGEST = 2**15  # steps of angle: 800 rad, beyond which angles wrap
 _RESOLUTION = 2 * math.pi / (_STEP * _LONGEST * PADDING)
 
@@ -39,9 +39,9 @@ _RESOLUTION = 2 * math.pi / (_STEP * _LONGEST * PADDING)
 def orders(dataset: Dataset) -> tuple[float, ...]:
     """Returns the orders at which the wheels' acceleration repeats with their angle, the strongest first.
 
-    There are three spectra: with one phase for all runs of a wheel; the same in proportion to the current, like a
-    motor's ripple; and with a phase for each run. The voltage that the speed does not explain stands for the current.
-    No model is needed, because an effect repeats more often per turn than the drive does.
+    There are three spectra: with one phase for all runs of a wheel; the same for effects proportional to the current,
+    such as a motor's ripple; and with one phase for each run. The voltage that the speed does not explain is used as
+    the current. No model is needed, because such effects have more periods per turn than the drive.
     """
     alone = np.zeros(_LONGEST * PADDING // 2 + 1)
     plain, by_current = dict[str, Spectrum](), dict[str, Spectrum]()
@@ -84,7 +84,7 @@ def _measured(run: Run) -> tuple[Run, slice]:
 
 
 def resolved_order(dataset: Dataset) -> float | None:
-    """Returns the highest order that the samples can show; None if no wheel was measured.
+    """Returns the highest order that the samples resolve; None if no wheel was measured.
 
     Two samples a period are needed. A ripple of a higher order appears at a wrong order or not at all, and its mean may
     look like friction or dead time.
@@ -110,7 +110,7 @@ def _peaks(power: Array) -> list[float]:
 def separate(
     places: Array, indices: NDArray[np.intp], apart: float, counts: Callable[[int], bool] = lambda _: True
 ) -> list[float]:
-    """Returns the first few of `places` at `indices` that count and lie `apart` from those before them."""
+    """Returns the first few of `places` at `indices` that `counts` accepts and that lie `apart` from each other."""
     found: list[float] = []
     for index in indices.tolist():
         if all(abs(places[index] - other) >= apart for other in found) and counts(index):
@@ -127,20 +127,20 @@ def _sums(angle: Array, values: Array) -> Spectrum:
     return np.asarray(np.fft.rfft(np.bincount(bins, values, length)))
 
 
-_AROUND = 8  # frequencies on either side of a peak: 32 degrees of freedom a piece give the background to 25 %
-_GRID = 32  # points of time in the shortest period: a sample is moved by at most a 64th of this period
-_FINER = 20  # frequencies between two multiples at which a peak is looked up
+_AROUND = 8  # frequencies on each side of a peak; their 32 degrees of freedom per piece give the background to 25 %
+_GRID = 32  # time points in the shortest period: a sample is moved by at most 1/64 period
+_FINER = 20  # number of frequencies between two multiples at which a peak is evaluated
 
 
 @dataclass(frozen=True)
 class Period:
-    """A disturbance with a period of its own in time.
+    """A periodic disturbance that no command causes.
 
     Attributes:
         frequency: Hz.
         amplitude: amplitude of the sine, in the residual's unit, rms over the pieces.
-        share: its share of the residual's power, 0..1.
-        chance: probability of a peak this high at any frequency if there is no period.
+        share: the disturbance's share of the residual's power, 0..1.
+        chance: p-value of so high a peak at any frequency.
     """
 
     frequency: float
@@ -158,18 +158,18 @@ class Period:
 
 
 def own_period(residuals: Sequence[tuple[Array, Array]], level: float) -> Period | None:
-    """Returns the clearest disturbance with a period in time, of any phase in each run; None: there is none.
+    """Returns the clearest periodic disturbance, with any phase in each run; None: there is none.
 
     Runs are cut into pieces as long as the median run. The Lomb-Scargle power of each piece (Scargle 1982, Astrophys.
-    J. 263) is divided by the variance of the piece. It is summed over the pieces at multiples of one over their
-    duration. The sum is compared with the mean of eight frequencies on either side. The nearest one is left out,
-    because a peak between two frequencies fills both. On a smooth background the ratio is Fisher's F, with two degrees
-    of freedom a piece and frequency. So a period must repeat ten times in a piece. A lightly damped resonance looks the
-    same.
+    J. 263) is divided by the variance of the piece. The power is summed over the pieces at multiples of 1 / duration.
+    The sum is compared with the mean at eight frequencies on each side. The nearest frequency is left out, because a
+    peak between two frequencies appears in both. On a smooth background the ratio is Fisher's F, with two degrees of
+    freedom for each piece and frequency. So a piece must hold at least ten periods. A lightly damped resonance gives
+    the same result.
 
     Args:
-        residuals: a run each: time (n,) in s, which may be uneven, and residual (n,), NaN where it is not known.
-        level: the chance of being wrong up to which a period counts as shown.
+        residuals: for each run: time (n,) in s, possibly uneven, and residual (n,), NaN where unknown.
+        level: significance level: a period with a smaller `chance` counts as shown.
     """
     known = [(time[good], left[good]) for time, left in residuals if (good := np.isfinite(left)).any()]
     if not known:
@@ -203,7 +203,7 @@ def own_period(residuals: Sequence[tuple[Array, Array]], level: float) -> Period
 
 
 def _pieces(time: Array, left: Array, duration: float) -> Iterator[tuple[Array, Array]]:
-    """Yields the pieces of a run of that `duration` in s, each without its mean and slope."""
+    """Yields the pieces of a run with a length of `duration` s, each without its mean and slope."""
     for start in np.arange(time[0], time[-1] - duration * (1.0 - 1e-9), duration):
         inside = (time >= start) & (time <= start + duration)
         if np.count_nonzero(inside) > 2 * _AROUND and np.ptp(left[inside]) > 0.0:

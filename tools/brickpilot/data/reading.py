@@ -1,7 +1,7 @@
 """Reads measured data sets: a folder with `dataset.toml` and one text file of columns per run, or DataFrames.
 
-It converts values to SI and to the paper's frame, mends channels that are certainly wired wrongly, and blanks damaged
-samples.
+The values are converted to SI and to the paper's frame, channels that are surely wired wrongly are mended, and damaged
+samples are blanked.
 """
 
 from __future__ import annotations
@@ -217,9 +217,9 @@ def _audited(runs: list[Run], description: Description) -> tuple[tuple[Run, ...]
 
 
 def _comparable(run: Run, description: Description) -> dict[str, Vector]:
-    """Returns the outputs of a run without those whose error the data set states.
+    """Returns the outputs of a run, without sensors whose errors the data set states.
 
-    A reading without a sign contradicts all other channels in each backward turn, but it is no fault.
+    For example, an unsigned sensor contradicts the other channels in each backward turn, but this is no fault.
     """
     return {name: values for name, values in run.raw_outputs.items() if not description.signals[name].stated}
 
@@ -239,10 +239,10 @@ def _decimated(runs: tuple[Run, ...]) -> tuple[tuple[Run, ...], tuple[str, ...]]
 
 
 def decimated(run: Run) -> Run:
-    """Returns the run with several rows merged into one; the run itself unless two rows fit into a motor step.
+    """Returns the run with rows merged to about one per motor step; the run itself if its rows are not faster.
 
-    An input becomes the mean of its rows, and floats if it floats in one of them. An output stays a reading of one
-    instant: the first reading of these rows, so a channel that is logged less often loses none.
+    An input becomes the mean of its rows, and floats if it floats in one of them. An output is the first reading in
+    these rows, so that a channel that is logged less often loses no reading.
     """
     step = float(np.median(np.diff(run.time)))
     together = int(MOTOR_STEP_S / step * (1 + 1e-6))

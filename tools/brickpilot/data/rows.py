@@ -1,6 +1,6 @@
-"""Reads columns of numbers from text files by pyarrow: those of a run here, those of logs in `importers.text_table`.
+"""Reads columns of numbers from text files by pyarrow: files of runs here, logs in `importers.text_table`.
 
-In a run's file anything that is not a plain number is refused with its line.
+In a run's file a cell that is not a plain number is refused, and the error names its line.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ NUMBER = "[+-]?(?:[0-9]+[.]?[0-9]*|[.][0-9]+)(?:[eE][+-]?[0-9]+)?"
 CUT = "\x1f"
 """The separator of rows that are already cut into cells (`joined`)."""
 
-_EMPTY = " "  # for an empty line, which pyarrow reads as a row of blank cells
+_EMPTY = " "  # replaces an empty line: pyarrow reads it as a row of blank cells
 _NO_CUT = str.maketrans(f"{CUT}\n", "  ")
 
 
@@ -133,7 +133,7 @@ def parse_rows(rows: str, delimiter: str, width: int) -> tuple[pyarrow.Table, li
     names = [str(column) for column in range(width)]
     table = read_csv(
         pyarrow.BufferReader(content),
-        # One block, because a row has to end in its block; one thread, because else rows have no number.
+        # One block, because no row may cross two blocks; one thread, because otherwise rows have no number.
         ReadOptions(column_names=names, use_threads=False, block_size=len(content)),
         ParseOptions(delimiter=delimiter, quote_char=False, invalid_row_handler=left_out),
         ConvertOptions(column_types=dict.fromkeys(names, pyarrow.string())),
@@ -171,7 +171,7 @@ def read_text(path: Path, *, damaged: bool = False) -> str:
 
     Args:
         path: UTF-8 text.
-        damaged: whether it may contain bytes that are no text, and whether it may be UTF-16.
+        damaged: whether the file may contain bytes that are no text, and may be UTF-16.
 
     Raises:
         InputError: it cannot be read, is larger than `SIZE_LIMIT`, or is no text.

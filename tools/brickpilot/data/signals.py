@@ -24,8 +24,8 @@ class SignalType:
 
     Attributes:
         unit: SI unit of its values after reading.
-        largest: magnitude beyond which a cell is refused. It is far above the values of any machine, so that a
-            single wrong reading counts as a fault of the sensor and not of the file.
+        largest: a cell with a larger magnitude is refused. The limit is far above the values of any machine, so that a
+            single wrong reading is a fault of the sensor, not an error of the file.
     """
 
     unit: str
@@ -115,11 +115,11 @@ def input_names(inputs: Mapping[str, object]) -> tuple[str, ...]:
 
 
 def of_motors(inputs: Mapping[str, NDArray[np.float64]], half_track: float) -> NDArray[np.float64]:
-    """Returns what each motor is given, in the inputs' unit: (n, 2) left and right, or (n, 1). NaN: it floats.
+    """Returns the input of each motor, in the inputs' unit: (n, 2) left and right, or (n, 1). NaN: the motor floats.
 
     Args:
         inputs: signal -> (n,), in SI and the paper's frame.
-        half_track: m, with which a velocity and a yaw rate become the velocities of two wheels.
+        half_track: m, used to convert a velocity and a yaw rate to the velocities of two wheels.
     """
     names = input_names(inputs)
     columns = np.column_stack([inputs[name] for name in names])

@@ -1,4 +1,4 @@
-"""Reads TOML files and keeps the line of each value, so that an error can name it."""
+"""Reads TOML files and stores the line of each value, so that an error can name the line."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ class TomlFile:
                 self._check_integers((*key, name), inner)
 
     def line(self, key: Key) -> int | None:
-        """Returns the line of the key, or of the first one in it, or of the nearest table that holds it."""
+        """Returns the line of the key, or of the first key in it, or of the nearest table that holds it."""
         for depth in range(len(key), 0, -1):
             if key[:depth] in self._lines:
                 return self._lines[key[:depth]]
@@ -105,9 +105,9 @@ class TomlFile:
         raise InputError(message, file=self.path, line=self.line(key), field=field or None)
 
     def known_keys(self, key: Key, table: Mapping[str, Any], known: Iterable[str], needed: Iterable[str] = ()) -> None:
-        """Refuses the first key of `table`, which stands at `key`, that is not among `known`, or else a missing one.
+        """Refuses the first key of `table` that is not in `known`, or else the first of `needed` that is missing.
 
-        `needed`: the keys that have to be there.
+        `key`: the place of `table` in the file.
         """
         names = sorted(known)
         for name in table:

@@ -1,8 +1,8 @@
 """Units of measured columns, by pint with its own registry.
 
-pint's default registry treats angles as plain numbers: "1/s" or "Hz" would be accepted as a turn rate, with an error by
-a factor of 2 pi. Here the angle is a dimension, and only units that occur in logs are known. Standard gravity is "g0";
-"g" is the gram.
+pint's default registry treats angles as plain numbers: it would accept "1/s" or "Hz" as a turn rate, with an error of a
+factor 2 pi. Here the angle is a dimension, and only units that occur in logs are known. Standard gravity is "g0"; "g"
+is the gram.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all: written beside their place and then renamed. Old leftovers are removed."""
+"""Writes files atomically: each is written beside its place and then renamed. Old leftovers are removed."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ except ImportError:  # no POSIX: leftovers stay
 
 @contextmanager
 def beside(place: Path, *, is_folder: bool = False) -> Iterator[Path]:
-    """Yields a new and empty file, or folder, beside `place`, to be filled and renamed; else it is removed at the end.
+    """Yields a new empty file or folder beside `place`, to be filled and renamed; it is removed if not renamed.
 
-    Leftovers of a killed run of the same `place` are removed first. They have no lock, because a lock ends with
+    Leftovers of a killed run of the same `place` are removed first. A leftover has no lock, because a lock ends with
     its process.
 
     Raises:
@@ -74,15 +74,15 @@ def _remove(path: Path) -> None:
 
 
 def plain_name(name: str) -> str:
-    """Returns a name with "_" for all but letters and digits, so that any file system and program takes it."""
+    """Returns a name with "_" for all but letters and digits, so that any file system and program accepts it."""
     return re.sub(r"\W", "_", name, flags=re.ASCII) or "model"
 
 
 def write_files(contents: Mapping[Path, bytes]) -> None:
-    """Writes each path's bytes and the folders above it; all of them beside their places before the first is renamed.
+    """Writes each path's bytes and makes its folders; the first file is renamed only after all are written.
 
     Raises:
-        InputError: one cannot be written.
+        InputError: a file cannot be written.
         WorkFailedError: the disk is full.
     """
     path = Path()

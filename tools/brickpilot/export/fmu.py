@@ -63,7 +63,7 @@ def identifier(model: Model) -> str:
 
 
 def _content(model: Model, version: str) -> dict[str, bytes]:
-    """Returns path -> content of everything but the library."""
+    """Returns path -> content of all files but the library."""
     rows = variables(model)
     sources = source_files(version)
     token = _token(sources, robot_table(model, "", rows))
@@ -110,7 +110,7 @@ _LIBRARY = {"win32": ".dll", "darwin": ".dylib"}
 def source_files(version: str) -> dict[str, bytes]:
     """Returns path -> content of the sources for one version of FMI, without the table of the robot."""
     other = {"2.0": "fmi3", "3.0": "fmi2"}[version]
-    left_out = (other, "lanes")  # an FMU advances one vehicle, and not several side by side
+    left_out = (other, "lanes")  # an FMU simulates only one vehicle
     found = {}
     for path in sorted(HOME.rglob("*.[ch]")):
         if not path.name.startswith(left_out):
@@ -184,6 +184,6 @@ def compile_library(sources: Path, library: Path) -> None:
 
 
 def _compilers() -> list[str]:
-    """Returns compilers to try: first the compiler of this Python, without its options."""
+    """Returns the compilers to try; the first is that of this Python, without its options."""
     own = (sysconfig.get_config_var("CC") or "").split()
     return [*own[:1], "cc", "gcc", "clang"]

@@ -1,6 +1,7 @@
 """modelDescription.xml of an FMU, for FMI 2.0 and 3.0, and the build description of FMI 3.0.
 
-The variables of an FMU are what a simulator may set and read. The place in their list is the value reference.
+The variables of an FMU are the values that a simulator may set and read. A variable's index in their list is its value
+reference.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from brickpilot.vehicle.model import Model, output_names, unit_on
 
 INPUTS = frozenset({"VOLTAGE", "FLOATS"})
 
-# Parameters that decide what kind of vehicle it is: another value would give it other outputs.
+# Parameters that determine the kind of vehicle: with other values it would have other outputs.
 _NATURE = frozenset({"force_per_volt", "torque_per_volt"})
 
 _MEANS = {
@@ -80,12 +81,12 @@ class Variable:
 
     Attributes:
         kind: a name of `fmu_kind_t` in the C layer, without FMU_.
-        name: structured, as in ``effects.NAME.PARAMETER``.
+        name: a structured name, such as ``effects.NAME.PARAMETER``.
         index, effect: numbers of the row and of its effect in the C layer.
-        unit: SI; empty for a boolean.
-        start: 0 for an output.
+        unit: the SI unit; empty for a boolean.
+        start: the start value; 0 for an output.
         minimum, maximum: None: no limit.
-        shown: False for a value that only the C layer needs.
+        shown: whether the variable is in the description; False: only the C layer needs it.
     """
 
     kind: str
@@ -277,7 +278,7 @@ def _registry() -> pint.UnitRegistry[float]:
 
 
 def _exponents(unit: str) -> dict[str, str] | None:
-    """Returns the exponents of the base units, or None if one is no whole number, which FMI cannot express."""
+    """Returns the exponents of the base units, or None if an exponent is no whole number, which FMI cannot express."""
     registry = _registry()
     base = registry.get_base_units(unit)[1] if unit != "1" else registry.Unit("")
     powers = {_BASE[str(name)]: f"{power:g}" for name, power in base._units.items()}
@@ -333,7 +334,7 @@ def _variable_3(parent: Xml.Element, number: int, one: Variable) -> None:
 
 
 def _structure(root: Xml.Element, version: str, shown: Sequence[tuple[int, Variable]]) -> None:
-    """Lists the outputs, by place in FMI 2.0 and by value reference in FMI 3.0."""
+    """Lists the outputs, by index in FMI 2.0 and by value reference in FMI 3.0."""
     structure = Xml.SubElement(root, "ModelStructure")
     outputs = [(place, number) for place, (number, one) in enumerate(shown, 1) if one.kind == "OUTPUT"]
     if version == "2.0":

@@ -1,9 +1,10 @@
-"""What a rigid-body simulator can be told of a robot: masses, wheels, motors, losses and sensors, effects included.
+"""The description of a robot for rigid-body simulators: masses, wheels, motors, losses and sensors, with effects.
 
-Frame of Brickpilot: x forward, y right, yaw clockwise. Pairs are left and right; a motor uses the first alone.
+Frame of Brickpilot: x forward, y right, yaw clockwise. Pairs are left and right; for a motor only the first value is
+used.
 
-Each effect that can be told has one function, with the law of the effect's row in C. An effect without a function, such
-as a battery that sags or a gyro with a bias, has no counterpart in the simulators. The file's writer lists these.
+Each effect that can be expressed has one function, with the law of the effect's row in C. An effect without a function,
+such as battery sag or gyro bias, has no counterpart in the simulators. The writer of a file lists such effects.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ Pair = tuple[float, float]
 
 @dataclass(frozen=True)
 class Machine:
-    """One robot, in SI.
+    """The description of one robot, in SI.
 
     Attributes:
         values: the nominal parameters.
@@ -64,7 +65,7 @@ class Machine:
 
 @dataclass(frozen=True)
 class RobotFile:
-    """A file for another program, and one line for each part of the model that it does not hold."""
+    """A file for another program, and one line for each part of the model that the file lacks."""
 
     text: str
     left_out: tuple[str, ...]
@@ -95,16 +96,16 @@ def losses(machine: Machine) -> Pair:
 
 Values = Mapping[str, float]
 Told = Callable[[Machine, Values], Machine]
-"""Returns the machine with the effect in it."""
+"""Function that returns the machine with an effect added."""
 
 _EVERYTHING = frozenset(field.name for field in fields(Machine))
 
 
 def tell(model: Model, holds: Container[str] = _EVERYTHING) -> tuple[Machine, list[str]]:
-    """Returns the robot with every effect that can be told, and the names of the others, in the table's order.
+    """Returns the robot with every effect that can be expressed, and the other effects' names, in the table's order.
 
     Args:
-        holds: the attributes of `Machine` that the file has a place for; an effect on another attribute is not told.
+        holds: the attributes of `Machine` that the file can contain; effects on other attributes are left out.
 
     Raises:
         InputError: the vehicle is a skid steer.
@@ -133,7 +134,7 @@ def _more(pair: Pair, left: float, right: float) -> Pair:
 
 
 def _apart(pair: Pair, difference: float) -> Pair:
-    """Returns the factors, with the left one larger than the right one by the share `difference`."""
+    """Returns the factors, changed so that the left one exceeds the right one by the share `difference`."""
     return pair[0] * (1 + 0.5 * difference), pair[1] * (1 - 0.5 * difference)
 
 

@@ -1,8 +1,8 @@
 """A run or a link's traffic in the format MCAP: the messages are JSON, and each channel has its JSON schema.
 
-The topics of a run are its signals as logged, and its poses as Foxglove shows them. Signals are in the run's own frame,
+The topics of a run are its logged signals, and its poses in Foxglove's form. Signals are in the run's own frame,
 y to the right and yaw clockwise. Foxglove's 3D panel has z up, so in poses and transforms y is to the left and yaw
-counter-clockwise. Beside the file stands a layout for Foxglove, with the panels that show its topics.
+counter-clockwise. A layout for Foxglove, with panels for the topics, is written beside the file.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from brickpilot.link.messages import book
 
 @dataclass(frozen=True)
 class Topic:
-    """One channel.
+    """One channel of the file.
 
     Attributes:
         schema: JSON schema of a message; its title is the schema's name.
@@ -49,7 +49,7 @@ class Sample:
 
 
 def signals(name: str, fields: Mapping[str, str]) -> Topic:
-    """Returns a topic of plain numbers, from field -> unit. A number that is not known is null."""
+    """Returns a topic of plain numbers, from field -> unit. An unknown number is null."""
     kinds = {field: {"type": ["number", "null"], "description": unit} for field, unit in fields.items()}
     schema = {"title": f"brickpilot{name.replace('/', '.')}", "type": "object", "properties": kinds}
     return Topic(name, schema | {"required": list(fields)}, fields)
@@ -59,7 +59,7 @@ def write(topics: Iterable[Topic], samples: Iterable[Sample], attachments: Mappi
     """Returns the MCAP file.
 
     Args:
-        samples: in the order of their times.
+        samples: the messages in the order of their times.
         attachments: name -> JSON text.
 
     Raises:
@@ -88,7 +88,7 @@ def write(topics: Iterable[Topic], samples: Iterable[Sample], attachments: Mappi
 
 
 POSES = {"/pose": "true", "/pose_estimate": "estimate"}
-"""Topic of poses -> the beginning of its columns' names in the log."""
+"""Topic of poses -> prefix of its columns' names in the log."""
 
 _POSE_EVERY = 10  # rows from one pose to the next: 33 poses a second
 _FRAME, _ROBOT = "map", "robot"
@@ -190,7 +190,7 @@ def _poses(run: Run) -> Iterator[Sample]:
 
 
 def _paths(run: Run) -> Iterator[Sample]:
-    """Yields each whole track once, at the start, so that the 3D panel shows it all the time."""
+    """Yields each whole track once, at the start, so that the 3D panel always shows it."""
     for name, track in _tracks(run):
         start = track[0][0] if track else 0.0
         poses = [pose for _, pose in track]
@@ -198,7 +198,7 @@ def _paths(run: Run) -> Iterator[Sample]:
 
 
 UNKNOWN = "/link/unknown"
-"""The topic of frames that the DBC does not describe, and of damaged ones."""
+"""The topic of damaged frames, and of frames that the DBC does not describe."""
 
 _UNKNOWN_SCHEMA = {
     "title": "brickpilot.link.unknown",
@@ -231,7 +231,7 @@ def read_traffic(file: Path) -> tuple[list[Topic], list[Sample]]:
 
 
 def _samples(messages: Sequence[Timed]) -> list[Sample]:
-    """Returns one sample for each frame. If the clock was set back, the time stands still until it has caught up."""
+    """Returns one sample for each frame. If the clock was set back, the last time is repeated until it is passed."""
     first, latest, found = messages[0].time_s, 0, []
     for one in messages:
         latest = max(latest, round((one.time_s - first) * 1e9))
@@ -265,7 +265,7 @@ _STATES = ("/control.mode", "/control.phase", "/control.waypoint", "/control.fau
 
 
 def run_layout(topics: Sequence[Topic]) -> str:
-    """Returns the layout of a run, with the plots whose signals the run has."""
+    """Returns the layout of a run, with plots of the signals that the run has."""
     have = {f"{topic.name}.{field}" for topic in topics for field in topic.units}
     panels = {"3D!run": _scene([topic.name for topic in topics if topic.name.startswith("/pose")])}
     for title, paths in _PLOTS.items():
@@ -330,7 +330,7 @@ def _layout(panels: Mapping[str, Any]) -> str:
 
 
 def _split(names: Sequence[str], direction: str) -> Any:
-    """Returns nested splits in halves, in turn side by side and one above the other, down to single panels."""
+    """Returns nested halves down to single panels, alternately side by side and one above the other."""
     if len(names) <= 1:
         return names[0] if names else ""
     half = max(1, len(names) // 2) if direction == "column" else 1 if names[0].startswith("3D") else len(names) // 2

@@ -1,7 +1,7 @@
 """A model as MJCF, the file format of MuJoCo: the same robot as far as MuJoCo can represent it.
 
-The robot moves on a plane: it slides along x, y and z and turns about z, and its wheels roll on the floor by contacts
-that are as firm as MuJoCo makes them. MuJoCo's frame has y to the left and z up, so y and yaw have the other sign.
+The robot moves on a plane: it slides along x, y and z and turns about z, and its wheels roll on the floor by the
+firmest contacts that MuJoCo allows. MuJoCo's frame has y to the left and z up, so y and yaw have the other sign.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def _remarks(left_out: Sequence[str]) -> str:
 
 
 def _combinations(model: Model, machine: Machine) -> list[str]:
-    """Returns the parts that MuJoCo can represent alone, but not together with another part of the robot."""
+    """Returns the parts that MuJoCo can represent only without another part of this robot."""
     found = []
     if machine.lag > 0 and machine.values["inductance"] > 0:
         found.append("inductance, as the command has a lag and MuJoCo has one state for a motor")
@@ -138,7 +138,7 @@ def _robot(world: Xml.Element, machine: Machine) -> None:
 
 
 def _unfelt(name: str, kind: str, size: str) -> dict[str, str]:
-    """Returns a geom that collides with nothing, unless a pair names it."""
+    """Returns a geom without collisions, except those of an explicit contact pair."""
     return {"name": name, "type": kind, "size": size, "contype": "0", "conaffinity": "0"}
 
 
@@ -146,7 +146,7 @@ def _chassis_inertia(machine: Machine, chassis: float, wheel: float, centre: tup
     """Returns the chassis' inertia for which the whole robot has its yaw inertia about its centre of mass.
 
     Raises:
-        InputError: the two light wheels alone have more inertia.
+        InputError: the two wheels alone have more inertia.
     """
     ahead, right = machine.com
     of_wheels = 2 * wheel * (machine.values["half_track"] ** 2 + ahead**2 + right**2)
@@ -157,7 +157,7 @@ def _chassis_inertia(machine: Machine, chassis: float, wheel: float, centre: tup
 
 
 def _contacts(root: Xml.Element) -> None:
-    """Joins wheels and floor. A time constant of two steps is the least that MuJoCo takes."""
+    """Adds the contacts of wheels and floor. Two steps are the least time constant that MuJoCo accepts."""
     contact = Xml.SubElement(root, "contact")
     for side in SIDES:
         firm = {"condim": "3", "friction": _text(_GRIP, _GRIP, 0, 0, 0), "solref": _text(2 * MOTOR_STEP_S, 1)}
@@ -165,7 +165,7 @@ def _contacts(root: Xml.Element) -> None:
 
 
 def _bench(world: Xml.Element, model: Model, machine: Machine) -> None:
-    """A motor and its load: one joint, which turns, or slides if the input commands a force."""
+    """Adds a motor and its load: one joint, which turns, or slides if the input commands a force."""
     values = machine.values
     linear = values["force_per_volt"] > 0
     lever = 1.0 if linear else values["wheel_radius"]
@@ -195,14 +195,15 @@ def _actuators(root: Xml.Element, machine: Machine, sides: Sequence[str]) -> Non
 
 
 def _late(delay: float) -> dict[str, str]:
-    """Returns a delay of the nearest number of steps less half a step, so that rounding never adds a step."""
+    """Returns the delay rounded to steps, minus half a step, so that rounding in MuJoCo never adds a step."""
     steps = round(delay / MOTOR_STEP_S)
     return {"delay": _text((steps - 0.5) * MOTOR_STEP_S), "nsample": str(steps + 1)} if steps > 0 else {}
 
 
 def _motor(actuator: Xml.Element, head: dict[str, str], machine: Machine, k: int) -> None:
-    """A direct-current motor. MuJoCo has one constant for torque and back EMF. A motor with two constants is like one
-    with K_e for both and K_e / K_t times the resistance and inductance. A gain of the voltage divides all of them."""
+    """A direct-current motor. MuJoCo has one constant for torque and back EMF. A motor with two constants is equivalent
+    to a motor with K_e for both and K_e / K_t times the resistance and inductance. A gain of the voltage divides all
+    these values."""
     values = machine.values
     per_volt = values["force_per_volt"] or values["torque_per_volt"]
     torque, emf = values["torque_constant"] * machine.flux[k], values["emf_constant"] * machine.flux[k]

@@ -1,4 +1,4 @@
-"""Reads a run folder of `brickpilot run` or `hil`, and gives its columns, each with its unit, as Parquet."""
+"""Reads a run folder of `brickpilot run` or `hil`, and converts its columns, with their units, to Parquet."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _UNITS = {
 
 @dataclass(frozen=True)
 class Run:
-    """A run as its folder holds it.
+    """The contents of a run folder.
 
     Attributes:
         log: column -> (rows,), as in log.csv.
@@ -66,9 +66,10 @@ def _bytes(path: Path) -> bytes:
 
 
 def _check_whole(path: Path, content: bytes) -> None:
-    """Raises InputError if a line has not as many cells as the header, or the last line has no end.
+    """Raises InputError if a line has another number of cells than the header, or the last line has no line end.
 
-    Pandas fills a short line with NaN, and takes the first column as an index if all lines are longer.
+    The check is needed: pandas fills a short line with NaN, and uses the first column as an index if all lines are
+    longer.
     """
     *lines, rest = content.split(b"\n")
     for number, line in enumerate(lines, 1):
@@ -80,7 +81,7 @@ def _check_whole(path: Path, content: bytes) -> None:
 
 
 def _table(path: Path) -> dict[str, Array]:
-    """Returns the columns of a table of numbers, each as the nearest double. NaN is a number here."""
+    """Returns the columns of a table of numbers, each number as the nearest double. NaN counts as a number."""
     content = _bytes(path)
     _check_whole(path, content)
     try:
@@ -102,9 +103,9 @@ def _table(path: Path) -> dict[str, Array]:
 
 
 def parquet_tables(run: Run) -> dict[str, bytes]:
-    """Returns ending of the file's name -> Parquet file: "" for the log, `-ticks` for those of a flight over a link.
+    """Returns suffix of the file's name -> Parquet file: "" for the log, `-ticks` for ticks of a flight over a link.
 
-    The metadata of a column has its `unit`; that of the log's table has `summary.json`.
+    A column's metadata contain its `unit`; the metadata of the log's table contain `summary.json`.
     """
     found = {"": _file(run.log, {"summary.json": run.summary})}
     return found | ({"-ticks": _file(run.ticks, {})} if run.ticks else {})

@@ -123,7 +123,7 @@ def _limits(joint: Xml.Element, machine: Machine, k: int, damping: float) -> Non
 
 
 def _bench(root: Xml.Element, model: Model, machine: Machine) -> None:
-    """A motor and its load: a joint that turns, or one that slides if the input commands a force."""
+    """Adds a motor and its load: a joint that turns, or slides if the input commands a force."""
     values = machine.values
     linear = values["force_per_volt"] > 0
     lever = 1.0 if linear else values["wheel_radius"]

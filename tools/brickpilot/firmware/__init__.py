@@ -1,4 +1,4 @@
-"""One's own robot into firmware: its constants in fixed point, the image of a board, and its flight in simulation."""
+"""Makes firmware for a user's robot: constants in fixed point, the image for a board, and a simulated flight."""
 
 from brickpilot import make_callable
 

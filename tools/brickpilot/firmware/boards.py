@@ -1,8 +1,8 @@
-"""The boards that firmware is built for: what each build needs, and what its report says of the image's size.
+"""The boards for which firmware is built: the scripts and flags of each build, and the image's sizes.
 
-For another robot, its own headers replace the project's when an image is built. The closed loop is the plant and a
-robot's own firmware, compiled for this machine as one library. It flies some fifty to a hundred times as fast as the
-firmware behind a link (`simulate.fly_own`), with the same motor commands, so that a robot's gains can be tuned over
+For a user's robot, the robot's own headers replace the project's when an image is built. The closed loop is the plant
+and a robot's own firmware, compiled for this machine as one library. It flies some fifty to a hundred times as fast as
+the firmware behind a link (`simulate.fly_own`), with the same motor commands, so that a robot's gains can be tuned over
 many flights.
 """
 
@@ -37,17 +37,17 @@ class Board:
     """A board.
 
     Attributes:
-        name: for `--board`.
-        sensors: sensors of a flight -> the arguments for them of the scripts `flags` and `build`.
-        flags: the script that prints the compiler's flags for such a build; empty: `own_flags` has them.
+        name: the board's name in `--board`.
+        sensors: sensors of a flight -> arguments of the scripts `flags` and `build` for these sensors.
+        flags: the script that prints the compiler's flags of a build; empty: `own_flags` has the flags.
         own_flags: the compiler's flags if no script prints them.
         build: the script that makes the image in a folder.
-        wiring: header of the port with the scales of its sensors; empty: it has none.
-        images: patterns of the files of a build that are kept.
-        sizes: reads bytes of the image off the folder of a build.
-        flashes: the command that puts the image on the board, PORT being its serial port; empty: none does.
-        flown: the file of a build that `hil --image` flies; empty: none.
-        library: whether it is also written as a library of Arduino.
+        wiring: header of the port with the sensors' scales; empty: there is no such header.
+        images: patterns of a build's files that are kept.
+        sizes: function that returns the image's sizes in bytes from the folder of a build.
+        flashes: the command that puts the image on the board at the serial port PORT; empty: there is no such command.
+        flown: the file of a build that `hil --image` flies; empty: there is none.
+        library: whether the sources are also written as an Arduino library.
     """
 
     name: str
@@ -71,13 +71,13 @@ def flags_of(board: Board, sensors: str, root: Path) -> list[str]:
 
 
 def step_of(flags: list[str]) -> float:
-    """Returns the control step in s that the flags ask for, or `STEP_S` if they ask for none."""
+    """Returns the control step in s that the flags define; the default is `STEP_S`."""
     found = next((re.fullmatch(r"-DSTEP_MS=(\d+)", flag) for flag in flags if flag.startswith("-DSTEP_MS=")), None)
     return int(found[1]) / 1e3 if found else STEP_S
 
 
 def build(board: Board, sensors: str, headers: Path, folder: Path, root: Path) -> Figures:
-    """Builds the image in `folder` with the headers of `headers` instead of the project's, and returns its sizes.
+    """Builds the image in `folder`, with the headers in `headers` in place of the project's, and returns its sizes.
 
     Raises:
         WorkFailedError: the build fails; its last line says why.
@@ -171,7 +171,7 @@ TEMPLATE = Board(
 BOARDS = {
     board.name: board for board in (RCX, _avr("avr", "328p", "rotation"), _avr("avr:2560", "2560", "all"), TEMPLATE)
 }
-"""`avr` is the ATmega328P, whose image has either the accelerometers or the rotation sensors."""
+"""Name -> board. `avr` is the ATmega328P, whose image uses either the accelerometers or the rotation sensors."""
 
 
 MILLI = 1e3
@@ -188,7 +188,7 @@ LIMITS = "model/limits.h"
 ANALOGUE = "analogue"
 IMUS = {ANALOGUE: "BOARD_ANALOGUE", "mpu6050": "BOARD_MPU6050", "lsm6ds": "BOARD_LSM6DS"}
 """An Arduino's IMU -> its name in board.h."""
-_DIGITAL = {"gyro_range": math.radians(1000.0), "accel_range": 2 * 9.80665}  # as the port sets these chips
+_DIGITAL = {"gyro_range": math.radians(1000.0), "accel_range": 2 * 9.80665}  # set by the port
 _RANGES = {"GYRO": "gyro_range", "SURGE": "accel_range", "SWAY": "accel_range"}
 
 
@@ -198,7 +198,7 @@ def write_headers(
     """Writes the headers of a robot into `folder`: constants, route, and the board's wiring with this robot's scales.
 
     Raises:
-        InputError: a value that a format cannot hold; an IMU that the board does not have, or a range beyond the IMU's.
+        InputError: a format cannot hold a value; the board does not have the IMU; or a range exceeds that of the IMU.
     """
     _check_imu(imu, robot, board)
     texts = {
@@ -228,7 +228,7 @@ def _check_imu(imu: str, robot: Robot, board: Board) -> None:
 
 
 def of_model(robot: Robot, root: Path) -> dict[str, str]:
-    """Returns header -> text of the model's formats; empty if they are the packaged ones."""
+    """Returns header -> text of the model's formats; empty if the formats are the packaged ones."""
     bits = params_header.voltage_bits(robot.vehicle)
     if bits == 0:
         return {}
@@ -259,8 +259,8 @@ static const route_waypoint_t MISSION[] = {{
 def _wiring(text: str, robot: Robot) -> str:
     """Returns the header of a port with the scales of this robot's sensors, and its counts a turn in words.
 
-    A count is twice the range over 1024. The RCX's header has it as a whole part and 256ths, that of the AVR chips in
-    256ths.
+    A count is twice the range over 1024. The RCX's header states a count as a whole part and 256ths, the header of the
+    AVR chips in 256ths.
     """
     counts = {axis: 2 * robot.value("sensors", "imu", name) * MILLI / 1024 for axis, name in _RANGES.items()}
     q8 = {axis: round(count * 256) for axis, count in counts.items()}
@@ -277,7 +277,7 @@ def _wiring(text: str, robot: Robot) -> str:
 
 
 def _with_battery(text: str, robot: Robot) -> str:
-    """Returns the header with a voltage range that holds this robot's battery when it is charged."""
+    """Returns the header with a voltage range that includes this robot's charged battery."""
     nominal = robot.value("parameters", "battery_voltage")
     found = _BATTERY.search(text)
     measured = int(found[2]) / MILLI if found else params_header.RCX_BATTERY
@@ -292,10 +292,10 @@ def _with_battery(text: str, robot: Robot) -> str:
 
 @dataclass(frozen=True)
 class ClosedLoop:
-    """What the library is made of; it is small, and so can be sent to another machine.
+    """The input of the library's compilation; it is small, so that it can be sent to another machine.
 
     Attributes:
-        headers: file -> text of the headers that replace the project's: the robot's constants.
+        headers: (file, text) of the headers that replace the project's: the robot's constants.
         flags: the compiler's flags, which select the firmware of a board and its sensors.
     """
 

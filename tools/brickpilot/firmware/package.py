@@ -1,9 +1,9 @@
-"""What `brickpilot firmware` writes: a robot's constants, the image of a board, and how the robot flies with it.
+"""Writes the files of `brickpilot firmware`: a robot's constants, the image for a board, and a simulated flight.
 
-It also writes the firmware's sources as one folder that needs no checkout: for your own board, and as a library
-that the Arduino IDE, arduino-cli and PlatformIO take as it is. `src/` is the only include path. It holds the firmware's
-folders, hal.h, wire/ and the port; every .c file begins with brickpilot_build.h, which has the build constants, since
-an Arduino library cannot give flags to the compiler.
+The firmware's sources are also written as one folder that needs no checkout: for the user's own board, and as a library
+that the Arduino IDE, arduino-cli and PlatformIO accept. `src/` is the only include path. It holds the firmware's
+folders, hal.h, wire/ and the port; every .c file first includes brickpilot_build.h with the build constants, because an
+Arduino library cannot set compiler flags.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ HEADERS = "include"
 FILES = frozenset(
     {"README.md", "firmware.json", "robot.toml", "flight", HEADERS, "arduino", "src", "Makefile", "build.sh"}
 )
-"""What the command writes beside the images."""
+"""The files and folders that the command writes beside the images."""
 
 _MAKEFILE = """\
 # The autopilot with the port of src/template. For another chip: make CC=avr-gcc SIZE=avr-size CFLAGS="-Os -mmcu=..."
@@ -59,11 +59,11 @@ OWN_HEADERS=$own "$1/{build}" "${{2:-$here/image}}" {words}
 
 @dataclass(frozen=True)
 class Order:
-    """What to make.
+    """The options of `make`.
 
     Attributes:
         sensors: the sensors of the flight, a key of `board.sensors`.
-        mission: file of a scenario; None: the packaged mission, scaled.
+        mission: file of a scenario; None: the packaged mission, scaled to the robot.
         imu: a key of `boards.IMUS`.
     """
 
@@ -77,7 +77,7 @@ class Order:
 
 @dataclass(frozen=True)
 class Made:
-    """What was made: the sizes of the image's parts in bytes, the flight and its plan, and the control step in s."""
+    """The result of `make`: sizes of the image's parts in bytes, the flight and its plan, and the control step in s."""
 
     sizes: boards.Figures
     flown: HilFlight
@@ -130,14 +130,14 @@ def _write_recipe(board: Board, sensors: str, folder: Path) -> None:
 
 
 def files_of(board: Board) -> set[str]:
-    """Returns the names that the command may write into its folder, for this board or another one."""
+    """Returns the names that the command may write into its folder, for any board."""
     programs = ("brickpilot", "recorder")
     ends = {pattern.removeprefix("*") for one in boards.BOARDS.values() for pattern in one.images if "*" in pattern}
     return set(FILES) | {"brickpilot"} | {program + end for program in programs for end in ends}
 
 
 def vehicle_file(robot: Robot) -> str:
-    """Returns the text of robot.toml: every value that the firmware was made from, with unit and basis."""
+    """Returns the text of robot.toml: every value from which the firmware is made, with unit and basis."""
     document = tomlkit.document()
     document.add(
         tomlkit.comment("The robot as its firmware knows it, SI units. `basis`: stated, the packaged robot's, or")
@@ -250,7 +250,7 @@ def _manifest(version: str) -> str:
 
 BUILD = "brickpilot_build.h"
 LIBRARY = "BRICKPILOT_LIBRARY"
-"""Constant of a build that does not set the fuses: boot loaders of Arduinos cannot write them."""
+"""Constant of a build that does not set the fuses, because the boot loaders of Arduinos cannot write fuses."""
 
 HOSTS_ONLY = ("body_pose.c", "pid_start.c")
 _WIRE = ("crc", "frame", "message")
@@ -264,7 +264,7 @@ def write_sources(
     Args:
         root: the checkout.
         headers: the folder of the headers that replace the project's.
-        flags: the compiler's flags; only those that define a constant are kept.
+        flags: the compiler's flags; only flags that define a constant are kept.
         port: folder in hal/ and in firmware/targets/, which holds the main program.
         entry: the new name of that program's main().
     """

@@ -1,8 +1,8 @@
 """firmware/app/params_gen.h: the controller's constants for both profiles, in the firmware's formats.
 
-Another robot is checked against the ranges of these formats. A coefficient of the model depends on several values of
-the robot at once. If a coefficient does not fit, each value alone is changed until the constants can be made. The error
-names the value with the least change, and the range in which it fits with all others.
+A user's robot is checked against the ranges of these formats. A coefficient of the model depends on several values of
+the robot. If a coefficient does not fit, each value is changed separately until the constants can be made. The error
+names the value with the least change, and its valid range while all other values are kept.
 """
 
 from __future__ import annotations
@@ -22,30 +22,30 @@ from brickpilot.vehicle.settings import Setting, constants, default, plain, sett
 
 INT16, UINT16 = 32767, 65535
 LONGEST_STEP_MS = 20
-"""The longest step that firmware/app/loop.c integrates over its whole length: no watchdog may allow more."""
+"""ms: the longest step that firmware/app/loop.c integrates completely; a watchdog must not allow a longer step."""
 
 TRAVEL_SCALE = "travel_scale_q15"
-"""The compensation without a field of its own: the constant of the travel per count includes it."""
+"""The compensation that has no separate field: it is included in the constant of the travel per count."""
 
 GYRO_FULL = 0.98
-"""Share of the gyro's range above which a reading counts as saturated: it leaves room for noise and coarse counts."""
+"""Share of the gyro's range: a larger reading counts as saturated; the rest is a margin for noise and resolution."""
 
 CURRENT_SHARES = (1.0, 4.0, 16.0, 64.0, 256.0, 0.25, 0.0625)
-"""Factors by which the model's currents may be smaller than those of the motors, or larger."""
+"""Factors of the motor's currents over the model's currents, in the order in which they are tried."""
 
 PER_CURRENT = ("resistance", "inductance", "torque_constant")
 PER_VOLTAGE = ("resistance", "inductance", "emf_constant")
 PER_TURN = {"wheel_radius": 1, "emf_constant": 1, "torque_constant": 1, "viscous_friction": 2, "wheel_inertia": 2}
-"""Parameter -> the power of the wheel's radius with which it grows if the motion stays the same (eq. 12 to 14)."""
+"""Parameter -> its exponent when the wheel's radius is scaled and the motion stays the same (eq. 12 to 14)."""
 
 SMALLEST_WHEEL, LARGEST_WHEEL = 1 / 64, 1 / 16
 """m: for a radius between them, the model's shares of wheel speed and surge are below 1."""
 
 BATTERY_MOST, VOLTAGE_MOST = 29.0, 32.0
-"""V: the largest voltage of a battery, nominal and charged; the latter is VOLTAGE_MAX_MV of firmware/mixer."""
+"""V: largest nominal voltage of a battery, and its largest charged voltage (VOLTAGE_MAX_MV of firmware/mixer)."""
 
 RCX_BATTERY = 20.0
-"""V: the largest voltage of its own battery that the RCX measures."""
+"""V: the largest battery voltage that the RCX can measure."""
 
 MILLIVOLTS = round(VOLTAGE_MOST * 1e3)
 
@@ -115,7 +115,7 @@ def _coefficients(profile: str, vehicle: Mapping[str, Any], step: float) -> dict
 
 
 def _check_unit(setting: Setting, profile: str, entries: Mapping[str, Any]) -> None:
-    """Refuses a value of the vehicle file whose unit is not that of the setting's format."""
+    """Refuses a value of the vehicle file whose unit differs from the unit of the setting's format."""
     unit = entries.get(setting.name, {}).get("unit", setting.format.unit)
     if unit != setting.format.unit:
         raise QuantisationError(
@@ -172,7 +172,7 @@ def _block(
     known: Mapping[str, int],
     in_model: Mapping[str, Any] | None = None,
 ) -> str:
-    """Returns the constants of a profile; `in_model`: the vehicle that the model holds, if it is not `vehicle`."""
+    """Returns the constants of a profile; `in_model`: the vehicle of the model's coefficients; None: `vehicle`."""
     held = in_model or vehicle
     sets = "".join(
         f"#{'elif' if i else 'if'} STEP_MS == {step * 1e3:g}\n"
@@ -213,7 +213,7 @@ def render_own(
     Args:
         vehicle, settings: as for `render`.
         step: s.
-        known: parameter -> raw integer, a compensation that the constants begin with.
+        known: parameter -> raw integer of the compensation that the constants include.
 
     Raises:
         QuantisationError: as `render`.
@@ -222,20 +222,21 @@ def render_own(
 
 
 def voltage_bits(vehicle: Mapping[str, Any]) -> int:
-    """Returns a robot's MOTOR_VOLTAGE_BITS of firmware/model/limits.h: 1 for a battery beyond the model's voltages."""
+    """Returns MOTOR_VOLTAGE_BITS of firmware/model/limits.h: 1 if the battery exceeds the model's voltages, else 0."""
     return int(float(vehicle["parameters"]["battery_voltage"]["value"]) > VOLTAGE_LIMIT)
 
 
 def with_room(vehicle: Mapping[str, Any], step: float) -> Mapping[str, Any]:
-    """Returns the vehicle that the model holds: it has the same motion, and its states fit the model's formats.
+    """Returns the vehicle for the model's coefficients: it has the same motion, and its states fit the model's formats.
 
-    The inputs of the model are voltages, and its outputs are speed and yaw rate of the body. Its other states are free:
+    The inputs of the model are voltages, and its outputs are speed and yaw rate of the body. Its other states may be
+    scaled:
 
     - With wheels of n times the radius, and motors geared to them, a wheel turns at an n-th of the speed.
     - A motor of n times the resistance, inductance and torque per current has an n-th of the current (eq. 12).
     - With a half of the resistance, inductance and back EMF, half the voltage has the same effect.
 
-    The first choice is the vehicle as it is.
+    The first choice is the unchanged vehicle.
 
     Raises:
         QuantisationError: no such vehicle fits.
@@ -259,7 +260,7 @@ def with_room(vehicle: Mapping[str, Any], step: float) -> Mapping[str, Any]:
 
 
 def _wheels(radius: float) -> list[float]:
-    """Returns factors, powers of two, that bring the radius within its limits: 1 comes first if it does."""
+    """Returns factors, powers of two, that bring the radius within its limits; 1 is the first if it is valid."""
     middle = round(math.log2(math.sqrt(SMALLEST_WHEEL * LARGEST_WHEEL) / radius))
     found = [2.0**power for power in (0, middle, middle + 1, middle - 1)]
     return [one for one in dict.fromkeys(found) if SMALLEST_WHEEL < radius * one < LARGEST_WHEEL]
@@ -279,7 +280,7 @@ def _times(vehicle: Mapping[str, Any], factors: Mapping[str, float]) -> dict[str
 
 
 def _prove(values: Mapping[str, float]) -> None:
-    """Raises QuantisationError if a wheel is faster than the model's speeds at full voltage."""
+    """Raises QuantisationError if a wheel's speed at full voltage exceeds the range of the model."""
     top = values["battery_voltage"] / 2 ** int(values["battery_voltage"] > VOLTAGE_LIMIT) * wheel_speed_per_volt(values)
     if top > WHEEL_SPEED_LIMIT:
         raise QuantisationError(
@@ -305,7 +306,7 @@ READING_MOST = 32.767  # m/s^2 or rad/s: a reading of hal.h in mm/s^2 or mrad/s 
 ROUNDING = 0.005  # largest relative rounding error of the travel per count
 COUNT_UM_Q2 = 4e6  # units per m in the format of the travel per count
 COUNT_MOST = 65535
-FLOOR = 1.0  # V: the least battery voltage that the mixer takes
+FLOOR = 1.0  # V: the least battery voltage that the mixer assumes
 FLOOR_AT = ("controller", "coupled", "battery_floor")
 _STEP, _FURTHEST = 2.0, 20  # factor by which a value is changed, and the number of such changes
 _BISECTIONS = 12
@@ -313,7 +314,7 @@ _BISECTIONS = 12
 
 @dataclass(frozen=True)
 class Limit:
-    """A value that has a range of its own, SI."""
+    """A value with its own range, SI."""
 
     place: Place
     value: float
@@ -327,7 +328,7 @@ def own_header(one: Robot, step: float) -> str:
     """Returns the constants of a robot at a control step of `step` s, as C.
 
     Raises:
-        InputError: a value that a format cannot hold; names file, line, value and range.
+        InputError: a format cannot hold a value; the message names file, line, value and range.
     """
     _check_limits(one)
     try:
@@ -392,7 +393,7 @@ def _refuse(one: Robot, step: float, reason: str) -> NoReturn:
 
 
 def _ways_out(one: Robot, step: float) -> Iterator[tuple[int, Place, float]]:
-    """Yields (steps, place, value): the nearest value of each parameter alone with which the constants can be made."""
+    """Yields, for each parameter changed alone, (steps, place, nearest value with which the constants can be made)."""
     for place in _movable(one):
         value = one.value(*place)
         for number in range(1, _FURTHEST):
@@ -403,7 +404,7 @@ def _ways_out(one: Robot, step: float) -> Iterator[tuple[int, Place, float]]:
 
 
 def _movable(one: Robot) -> list[Place]:
-    """Returns the values that may be wrong in the file: those that it states, above 0."""
+    """Returns the values that may be wrong in the file: stated values above 0."""
     numeric = [place for place in sorted(one.stated) if place[0] in ("parameters", "sensors", "robot")]
     used = one.vehicle["parameters"]
     return [place for place in numeric if (place[0] != "parameters" or place[1] in used) and one.value(*place) > 0]

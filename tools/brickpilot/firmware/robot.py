@@ -1,8 +1,9 @@
-"""A robot as the firmware has to know it: every value of the packaged robot's file, for another robot.
+"""A user's robot with all values that the firmware needs: the same values as in the packaged robot's file.
 
-`[parameters]` and `[effects]` of its model file are those of the plant. Other values follow by the rules below, or are
-the packaged robot's, unless `[robot]`, `[sensors.*]`, `[estimator*]` or `[controller.coupled]` states them, with the
-names and units of sim_host/models/rcx.toml. The rules start from the packaged robot's tuned constants.
+`[parameters]` and `[effects]` of the robot's model file describe the plant. `[robot]`, `[sensors.*]`, `[estimator*]`
+and `[controller.coupled]` may state other values, with the names and units of sim_host/models/rcx.toml. Values that are
+not stated follow from the rules below, or are the packaged robot's. The rules start from the packaged robot's tuned
+constants.
 
 A motor drives one degree of freedom, the straight drive or the turn, as a first-order lag: dv/dt = (gain V - v) / time
 (eq. 12 and 14 of the coupled vehicle, without inductance). The packaged robot's gains give its two closed loops
@@ -13,10 +14,10 @@ A motor drives one degree of freedom, the straight drive or the turn, as a first
 The gains of another robot give its loops the same polynomials, with all poles multiplied by one factor, the pace:
 
 - If this robot accelerates less, the pace is the root of the ratio of accelerations at full voltage: then an error of
-  the heading asks for the same share of the robot's voltage.
+  the heading demands the same share of the robot's voltage.
 - If the robot's own damping is larger than the loop with this pace needs, the pace is larger, up to `FASTEST`.
 
-Speeds scale with the speed that the battery holds, decelerations with the acceleration, lengths with the robot's
+Speeds scale with the steady speed at battery voltage, decelerations with the acceleration, lengths with the robot's
 length. The voltage for turns scales with the battery, but stays within the gyro's range (`_within_gyro`). The rules
 give the packaged robot its own constants.
 """
@@ -70,11 +71,11 @@ _RANGES: Mapping[Place, tuple[float, float]] = {
     ("sensors", "encoder", "counts_per_turn"): (_LEAST_ABOVE_0, _MOST),
     ("controller", "coupled", "cruise"): (_LEAST_ABOVE_0, _MOST),
 }
-"""The ranges of the values by which the rules divide, or of which they take a root or a power."""
+"""The ranges of values that the rules use as a divisor, or under a root or a power."""
 
 _SEEN = ("imu", "encoder")
 ACCEPTANCE, FEEDFORWARD = "acceptance", "feedforward"
-"""Settings without a value of their own in a vehicle file: they follow from the robot's length and its losses."""
+"""Settings that a vehicle file does not state: they follow from the robot's length and its losses."""
 
 LONGEST_COUNT = 0.016
 """m: the longest travel per count, just below the limit of its format."""
@@ -85,7 +86,7 @@ _STATED = "stated"
 
 @dataclass(frozen=True)
 class Robot:
-    """A robot, complete.
+    """A complete robot.
 
     Attributes:
         model: the plant, with its effects.
@@ -109,7 +110,7 @@ class Robot:
 
     @property
     def length(self) -> float:
-        """m."""
+        """The robot's length, m."""
         return self.value("robot", "length")
 
 
@@ -127,7 +128,7 @@ def load(path: Path) -> Robot:
     """Reads a model file, and completes it.
 
     Raises:
-        InputError: as `model.load`; a vehicle that is a motor or not coupled; an unknown name, unit or value.
+        InputError: as `model.load`; the vehicle is a motor or not coupled; or a name, unit or value is not valid.
     """
     model = models.load(path)
     toml = TomlFile(path)
@@ -201,17 +202,17 @@ def complete(model: Model, toml: TomlFile, stated: Mapping[Place, float]) -> Rob
 
 
 def changed(one: Robot, values: Mapping[Place, float]) -> Robot:
-    """Returns the robot whose file would state other `values`."""
+    """Returns the robot as if its file stated these `values`."""
     own = {place[1]: value for place, value in values.items() if place[0] == "parameters"}
     model = dataclasses.replace(one.model, parameters={**one.model.parameters, **own})
     return complete(model, one.toml, {**one.stated, **values})
 
 
 def with_gains(one: Robot, gains: Gains) -> Robot:
-    """Returns the robot whose controller has these gains: its constants hold their raw integers.
+    """Returns the robot with these gains in its controller: its constants contain their raw integers.
 
     Raises:
-        InputError: a gain that follows from another value of the robot.
+        InputError: a gain cannot be set, because it follows from another value of the robot.
     """
     held: dict[Place, float] = {
         ("controller", "coupled", name): gains.value(name)
@@ -274,7 +275,7 @@ def _size(vehicle: Tables) -> Size:
 
 
 def _seen(vehicle: Tables) -> dict[str, float]:
-    """Returns the values of the sensors that `tuned_estimator` needs."""
+    """Returns the sensors' values that `tuned_estimator` needs."""
     values, imu, encoder = (plain(one) for one in (vehicle["parameters"], *map(vehicle["sensors"].get, _SEEN)))
     return {
         "travel_per_count": values["wheel_radius"] / encoder["counts_per_turn"],
@@ -290,13 +291,13 @@ NOTHING = 0.01
 """Largest loop gain that does not change the damping and is set to 0."""
 
 FASTEST_CRUISE = 1.6
-"""m/s: four fifths of the limit of the format of a speed."""
+"""m/s: four fifths of the limit of a speed's format."""
 
 LONGEST_TURN = math.pi
-"""rad: no error of the heading is larger."""
+"""rad: the largest error of the heading."""
 
 GYRO_SHARE = 0.9
-"""Share of the gyro's range that a turn may reach: the rest is for bias, noise and stronger motors."""
+"""Share of the gyro's range that a turn may reach; the rest is a margin for bias, noise and stronger motors."""
 
 Values = Mapping[str, float]
 
@@ -322,19 +323,19 @@ class Chosen:
 
 
 def straight(values: Values) -> Motion:
-    """Returns the straight drive of a robot, by its nominal parameters."""
+    """Returns the motion of a robot in straight drive, from its nominal parameters."""
     lag = _lag(values, mean_inertia(values))
     return Motion(lag.gain * values["wheel_radius"], lag.time)
 
 
 def turn(values: Values) -> Motion:
-    """Returns the turn on the spot, driven by half the difference of the voltages."""
+    """Returns the motion in a turn on the spot, driven by half the difference of the voltages."""
     lag = _lag(values, difference_inertia(values))
     return Motion(lag.gain * values["wheel_radius"] / values["half_track"], lag.time)
 
 
 def _lag(values: Values, inertia: float) -> Motion:
-    """Returns the wheel's speed, rad/s per V, with this inertia at the wheel."""
+    """Returns the motion of a wheel, in rad/s, with this inertia at the wheel."""
     resistance, torque = values["resistance"], values["torque_constant"]
     held = 1 / wheel_speed_per_volt(values)
     return Motion(1 / held, inertia * resistance / (torque * held))
@@ -375,8 +376,9 @@ def _heading_gains(own: Motion, packaged: Motion, gains: Values, accelerates: fl
 def _within_gyro(about: Motion, gyro_range: float) -> float:
     """Returns the voltage at which half a turn from rest ends at the rate `GYRO_SHARE` times the gyro's range.
 
-    A lag under the voltage V reaches the rate gain V (1 - e) after the angle gain V time (x - 1 + e), where x is the
-    time elapsed over the lag's, and e = exp(-x). A light robot reaches the rate gain V at once, a heavy one never.
+    At the voltage V a first-order lag has the rate gain V (1 - e) at the angle gain V time (x - 1 + e), where x is the
+    elapsed time over the lag's time constant, and e = exp(-x). A light robot reaches the rate gain V at once, a heavy
+    one not within the turn.
     """
     rate = GYRO_SHARE * gyro_range
 
@@ -389,7 +391,7 @@ def _within_gyro(about: Motion, gyro_range: float) -> float:
 
 @dataclass(frozen=True)
 class Size:
-    """What the rules need of a robot: nominal parameters, its length in m, and the range of its gyro in rad/s."""
+    """The input of the rules: a robot's nominal parameters, its length in m, and the range of its gyro in rad/s."""
 
     values: Values
     length: float
@@ -401,7 +403,7 @@ class Size:
 
 
 def tuned_controller(own: Size, packaged: Size, constants: Values) -> dict[str, Chosen]:
-    """Returns the constants of `[controller.coupled]` that follow from the robot; the others are the packaged ones.
+    """Returns the constants of `[controller.coupled]` that follow from the robot; all others are the packaged ones.
 
     Args:
         constants: the constants of the packaged robot.

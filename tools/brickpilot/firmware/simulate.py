@@ -1,6 +1,6 @@
-"""Flies a robot with its own firmware, compiled for this machine, at the board's control step and with its sensors.
+"""Flies a robot with its own firmware, compiled for this machine, with the control step and sensors of the board.
 
-An image that `brickpilot firmware` has made is flown on a simulator of its chip.
+An image from `brickpilot firmware` is flown on a simulator of its chip.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ from brickpilot.vehicle.scenario import Scenario
 from brickpilot.vehicle.settings import plain
 
 REST_S = 2.0
-"""Rest before the start, in which the gyro's bias is learnt; the programs in firmware/targets have the same."""
+"""s of rest before the start, in which the gyro's bias is learnt; the programs in firmware/targets have the same."""
 
 REPLY_S = 5.0
-SHORTEST_LEG = 3.0  # least length of a leg, in acceptance radii; the packaged mission's has 4.5
-SLACK = 1.25  # factor of the time that a scaled mission gets, because turns do not scale
+SHORTEST_LEG = 3.0  # least length of a leg, in acceptance radii; in the packaged mission it is 4.5
+SLACK = 1.25  # factor on the duration of a scaled mission, because the time for turns does not scale
 LONGEST_S = 3600.0  # longest duration of a scenario
 FURTHEST_M = 30.0  # largest coordinate of a waypoint, by the format of a route
 
@@ -42,8 +42,9 @@ FURTHEST_M = 30.0  # largest coordinate of a waypoint, by the format of a route
 def _scale(robot: Robot, waypoints: Sequence[tuple[float, float]]) -> float:
     """Returns the scale of the packaged mission for a robot.
 
-    It is the ratio of the robots' lengths. For a slower robot it is less, so that the mission does not last longer: the
-    error from a learnt gyro bias grows with time. But no leg becomes shorter than `SHORTEST_LEG` acceptance radii.
+    The scale is the ratio of the robots' lengths. For a slower robot it is smaller, so that the mission does not last
+    longer: the error of the learnt gyro bias grows with time. But no leg becomes shorter than `SHORTEST_LEG` acceptance
+    radii.
     """
     reference = packaged()
     longer = robot.length / plain(reference["robot"])["length"]
@@ -53,7 +54,7 @@ def _scale(robot: Robot, waypoints: Sequence[tuple[float, float]]) -> float:
 
 
 def mission(robot: Robot, file: str | None) -> Scenario:
-    """Returns the mission of a robot: the user's `file` as it is, or the packaged mission scaled to the robot.
+    """Returns the mission of a robot: the user's `file` without changes, or the packaged mission scaled to the robot.
 
     Raises:
         InputError: the file is bad, or no mission; the scaled mission is larger than a route can hold.
@@ -80,7 +81,7 @@ def mission(robot: Robot, file: str | None) -> Scenario:
 
 
 def _devices(robot: Robot) -> dict[str, float]:
-    """Returns field of `bp_devices` -> value, SI: [sensors.imu] and [sensors.encoder] have the same names."""
+    """Returns field of `bp_devices` -> value, SI. [sensors.imu] and [sensors.encoder] use the fields' names."""
     sensors = robot.vehicle["sensors"]
     return {
         **plain(sensors["imu"]),
@@ -90,7 +91,7 @@ def _devices(robot: Robot) -> dict[str, float]:
 
 
 def plan(robot: Robot, route: Scenario, sensors: str, seed: int) -> flight.Plan:
-    """Returns the plan of the flight. It sends no cruise speed and no compensation: the firmware has its own."""
+    """Returns the plan of the flight, without cruise speed and compensation, because the firmware contains its own."""
     made = flight.plan(route, robot.model, profile="coupled", sensors=sensors, seed=seed)
     return dataclasses.replace(
         made,
@@ -126,7 +127,7 @@ def fly_own(root: Path, headers: Path, flags: Sequence[str], planned: flight.Pla
 
 
 def _status(brick: subprocess.Popen[bytes]) -> int:
-    """Returns the exit status of a program whose line is closed; it is killed if it does not end by itself."""
+    """Waits for the end of a program whose line is closed, kills it if necessary, and returns its exit status."""
     try:
         return brick.wait(REPLY_S)
     except subprocess.TimeoutExpired:
@@ -148,17 +149,17 @@ _TARGETS = {
     ("rcx", "imu"): "h8sim:imu",
     ("rcx", "imu+encoders"): "h8sim:rotation",
 }
-"""Board and sensors of an image -> the target whose chip it is for."""
+"""Board and sensors of an image -> the target of `hil` with its chip."""
 _AVR_MACHINE = b"\x53\x00"
-"""The bytes from 18 on of an ELF file for an AVR."""
+"""Bytes 18 and 19 of an ELF file for an AVR."""
 
 
 @dataclass(frozen=True)
 class OwnImage:
-    """An image, the target of `hil` whose chip it is for, and the sensors it was made for.
+    """An image, the target of `hil` with its chip, and the sensors for which it was made.
 
     `scales`: input -> value of one of 1024 counts, rad/s, m/s^2 or V, by the image's own board.h; empty: the image is
-    for an RCX, and gets its readings as messages in these units.
+    for an RCX, and receives readings as messages in these units.
     """
 
     path: Path
@@ -168,10 +169,10 @@ class OwnImage:
 
 
 def find_image(image: Path) -> OwnImage:
-    """Returns an image in a folder of `firmware`, or in a folder below it, where build.sh puts one.
+    """Returns an image in a folder of `firmware`, or in a folder below it, where build.sh writes its image.
 
     Raises:
-        InputError: there is no such file, or the folder does not name its board; no simulator flies it.
+        InputError: there is no such file, the folder does not name its board, or no simulator flies the image.
     """
     if not image.is_file():
         raise InputError("no such file", file=image)
@@ -212,7 +213,7 @@ def _scales(board: Path) -> dict[str, float]:
     """Returns input -> value of one of 1024 counts, rad/s, m/s^2 or V, by a board.h.
 
     Raises:
-        InputError: board.h is missing, or has not all scales.
+        InputError: board.h is missing, or lacks a scale.
     """
     if not board.is_file():
         raise InputError("is missing: it has the scales of the sensors", file=board)

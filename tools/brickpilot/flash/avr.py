@@ -16,7 +16,7 @@ from brickpilot.errors import InputError, WorkFailedError
 
 @dataclass(frozen=True)
 class Part:
-    """A chip on an Arduino: avrdude's names of it and of its boot loader's protocol, and its bytes for an image."""
+    """A chip on an Arduino: avrdude's names of the chip and its boot loader's protocol, and the bytes for an image."""
 
     name: str
     programmer: str
@@ -30,7 +30,7 @@ PARTS = {
 
 BAUD = 115200
 TIMEOUT_S = 120.0
-"""The longest delivery: an image of 250 KB takes a minute, with reading it back."""
+"""s: the longest delivery; writing an image of 250 KB and reading it back takes a minute."""
 
 _SILENT = ("not in sync", "is not responding", "timeout", "getsync")
 _NO_PORT = ("can't open device", "cannot open port", "unable to open port")
@@ -39,7 +39,7 @@ _BUSY = ("busy", "permission denied")
 
 @dataclass(frozen=True)
 class Delivered:
-    """The result of a delivery: the image's size in bytes, and how long it took in s."""
+    """The result of a delivery: the image's size in bytes, and the delivery's duration in s."""
 
     size: int
     seconds: float
@@ -49,7 +49,7 @@ def read(file: Path, part: Part) -> int:
     """Checks an image in Intel HEX and returns its size in bytes.
 
     Raises:
-        InputError: the file cannot be read, is no Intel HEX, is empty, or has no room in the part.
+        InputError: the file cannot be read, is no Intel HEX, is empty, or is too large for the part.
     """
     image = IntelHex()
     try:
@@ -77,13 +77,13 @@ def flash(
     Args:
         file: an image in Intel HEX.
         part: the chip.
-        port: its serial port.
+        port: the board's serial port.
         baud: the boot loader's rate.
         dry: do not write; only check that the board is there and has this chip.
         timeout_s: time for the whole delivery, s.
 
     Raises:
-        InputError: the image does not fit, avrdude or the port is missing, or the chip is another one.
+        InputError: the image does not fit, avrdude or the port is missing, or the board has another chip.
         TimeoutError: nothing answers, or the delivery takes too long.
         WorkFailedError: the image that is read back differs, or avrdude failed in another way.
     """
@@ -108,7 +108,7 @@ def flash(
 
 
 def _explain(said: str, part: Part, port: str, baud: int) -> None:
-    """Raises the error that avrdude's words mean."""
+    """Raises the error that avrdude's message means."""
     words = said.lower()
     if "signature" in words and ("expected" in words or "invalid" in words):
         found = re.search(r"probably (?:\w+: )?(\w+)", said)

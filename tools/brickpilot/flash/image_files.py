@@ -25,7 +25,7 @@ SUMMED_END = 0xCC00
 END = 0xEE5E
 """The start of the ROM's own variables, which are in use while an image arrives."""
 KNOCK = b"Do you byte, when I knock?\0"
-"""The ROM starts no image without this string, its zero byte included, below SUMMED_END."""
+"""The ROM starts an image only if this string, with its zero byte, is below SUMMED_END."""
 
 _ADDRESS_BYTES = {"1": 2, "2": 3, "3": 4}
 _ENTRY_BYTES = {"9": 2, "8": 3, "7": 4}
@@ -33,7 +33,7 @@ _ENTRY_BYTES = {"9": 2, "8": 3, "7": 4}
 
 @dataclasses.dataclass(frozen=True)
 class Image:
-    """A firmware image: `data` from START on, with zeros where the file has none, and the address of its entry."""
+    """A firmware image: `data` from START on, zero where the file has no data, and the address of its entry."""
 
     data: bytes
     entry: int
@@ -92,7 +92,7 @@ def read_firmware(file: Path) -> Image:
 
 
 class _Memory:
-    """The brick's memory for firmware as the lines of `file` fill it."""
+    """The brick's memory for firmware, filled by the lines of `file`."""
 
     def __init__(self, file: Path) -> None:
         self.file = file
@@ -101,7 +101,7 @@ class _Memory:
         self.entry: int | None = None
 
     def take(self, line: str, number: int) -> None:
-        """Takes one S-record."""
+        """Writes one S-record into the memory."""
         kind, content = _record(line, self.file, number)
         if self.entry is not None:
             raise InputError("stands behind the S-record that ends the image", file=self.file, line=number)
@@ -174,11 +174,11 @@ class Program:
 
     @property
     def room(self) -> int:
-        """Bytes that the brick reserves. It keeps a second copy of the data for the next start."""
+        """The bytes that the brick reserves, with a second copy of the data for the next start."""
         return self.text_size + 2 * self.data_size + self.bss_size
 
     def at(self, base: int) -> bytes:
-        """Returns text and data, relocated to a text that begins at `base`."""
+        """Returns text and data, relocated so that the text begins at `base`."""
         moved = bytearray(self.image)
         for place in self.relocations:
             address = int.from_bytes(moved[place : place + 2], "big") + base - self.base

@@ -6,10 +6,10 @@ brickOS acknowledges each command, but an acknowledgement does not name its comm
 - `create` if the slot holds a program (so also a `create` that is sent again), or if memory is short;
 - `data` that leaves a gap behind the data that have arrived, and all `data` once the program is complete.
 
-It acknowledges `data` that it has already, and ignores them.
+It acknowledges `data` that it already has, and ignores these data.
 
-`Tower.exchange` leaves 7 ms of silence between two packets. It is needed: when damage makes a byte of data look like a
-length, the receiver reads until the line is silent, and the table of the programs lies behind its buffer.
+`Tower.exchange` leaves 7 ms of silence between two packets. This silence is needed: if a damaged byte looks like a
+length, the receiver reads on until the line is silent, and may overwrite the table of programs behind its buffer.
 
 Sources: the headers and the loader of brickOS 0.9.0, compared with the disassembled kernel of Debian's package.
 """
@@ -25,12 +25,12 @@ from brickpilot.flash.image_files import Program
 from brickpilot.link import lnp
 
 Progress = Callable[[int, int, str], None]
-"""Takes the bytes that have arrived, the bytes in all, and a text."""
+"""Called with (bytes arrived, all bytes, text)."""
 
 
 @dataclasses.dataclass
 class Tally:
-    """Counts the packets that carried the image, and those of them that were sent again."""
+    """The number of packets with parts of the image, and the number of these that were sent again."""
 
     packets: int = 0
     sent_again: int = 0
@@ -43,18 +43,18 @@ class Tally:
 
 ACKNOWLEDGE, DELETE, CREATE, DATA, RUN, SET_HOST = 0, 1, 2, 4, 5, 7
 HOST = 8
-"""The host address of this end; it is the one that dll uses."""
+"""The host address of this end, the same as in dll."""
 PRIORITY = 10
-"""The priority of the program's first task, as dll sets it."""
+"""The priority of the program's first task, the same as in dll."""
 
 LONGEST = 0xF8
-"""The most bytes of program in a packet, as dll sends them."""
+"""Largest number of program bytes in a packet, the same as in dll."""
 SHORTEST = 8
 TRIES_PRESENT = 10
 TRIES = 40
 ROUNDS = 8
 _SILENT = 6
-"""The number of failed tries in a row that may mean a complete program, and not a bad line."""
+"""Number of failed tries in a row after which the program may be complete, instead of a bad line."""
 
 
 T = TypeVar("T")
@@ -77,7 +77,7 @@ class Loader:
     """Speaks to the loader of a brick.
 
     Args:
-        tower: the tower in front of the brick.
+        tower: the tower that faces the brick.
         host: the brick's LNP address, 0..15.
     """
 
@@ -136,7 +136,7 @@ class Loader:
         )
 
     def _send_data(self, image: bytes, slot: int, tally: Tally, progress: Progress) -> None:
-        """Sends the image in packets. A packet that fails is sent again, and is shorter each time."""
+        """Sends the image in packets. A failed packet is sent again, shorter each time."""
         at, size = 0, LONGEST
         ends: set[int] = set()  # ends of packets that may have arrived unacknowledged; no packet may cross such an end
         while at < len(image):

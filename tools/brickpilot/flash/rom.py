@@ -5,14 +5,14 @@ complement. The opcode of a reply is the complement of the request's opcode. The
 
 - The ROM remembers the opcode of its last reply. It repeats this reply to a request with the same opcode, and does
   nothing else. So a new request toggles bit 3 of its opcode, and a repeated request does not.
-- The ROM writes the bytes of a block to memory as they arrive. When the same index arrives again, it goes back to the
-  start of the block. So a block can be sent again, also shorter, until it is acknowledged.
+- The ROM writes the bytes of a block to memory as they arrive. When the same index arrives again, the ROM goes back to
+  the start of the block. So a block can be sent again, also a shorter one, until it is acknowledged.
 - After a damaged byte the ROM looks for an opcode in the rest of the same packet. It may take bytes of the image for
   the head of another block; then it loses the start of this block. It may also take them for the same short request
   twice; then it repeats its reply to the last block, which looks like an acknowledgement. So on a line that damages
   packets, a block ends before such bytes.
 - The ROM also loses the start of a block if a byte of the index and its complement are both lost. After a block with a
-  wrong checksum it waits for the next block. Only a new download helps then.
+  wrong checksum it waits for the next block. Then only a new download helps.
 
 Sources: K. Proudfoot, RCX Internals; the ROM that J. Hoenicke wrote for brickEmu.
 """
@@ -37,17 +37,17 @@ BLOCK = b"\x45"
 UNLOCK = b"\xa5LEGO\xae"
 
 LONGEST = 200
-"""The most bytes of image in a block, as firmdl3 and nqc send them."""
+"""Largest number of image bytes in a block, the same as in firmdl3 and nqc."""
 SHORTEST = 8
 _SKIPPED = (0x00, 0x55, 0xFF)
 """Bytes that the ROM skips when it looks for an opcode."""
 _AROUND = 6
-"""Bytes of a block beside the image: opcode, index, length and checksum."""
+"""Number of bytes of a block without the image: opcode, index, length and checksum."""
 TRIES_PRESENT = 10
 TRIES = 40
-"""Tries of one packet once the brick has replied. They last 20 s, in which a brick can be put back into the beam."""
+"""Number of tries of one packet after the brick's first reply: 20 s, in which a brick can be moved back into range."""
 DOWNLOADS = 12
-"""The most downloads of the whole image."""
+"""Largest number of downloads of the whole image."""
 
 
 def frame(body: bytes) -> bytes:
@@ -71,8 +71,8 @@ def find_reply(received: bytes, opcode: int, length: int) -> bytes | None:
 def _misread(packet: bytes) -> bool:
     """Returns whether the ROM can take the rest of this block for another packet when its beginning is damaged.
 
-    Five bytes that look like the head of a block are enough. Any other packet needs an opcode, as many operands as the
-    opcode's low bits say, and the right sum. The search begins behind the block's index, which cannot be changed.
+    Five bytes that look like the head of a block are enough. Any other packet needs an opcode, the number of operands
+    in the opcode's low bits, and the right sum. The search begins after the block's index, which cannot be changed.
     """
     for at in range(3, len(packet)):
         if packet[at] & ~TOGGLE == BLOCK[0]:
@@ -86,7 +86,7 @@ def _misread(packet: bytes) -> bool:
 
 
 def block(opcode: int, index: int, piece: bytes, *, careful: bool) -> bytes:
-    """Returns opcode and operands of a block with `piece`; if `careful`, with as much as cannot be misread."""
+    """Returns opcode and operands of a block with `piece`; if `careful`, only the part that cannot be misread."""
     for length in range(len(piece), 0, -1):
         data = piece[:length]
         head = bytes([opcode]) + index.to_bytes(2, "little") + length.to_bytes(2, "little")
@@ -153,7 +153,7 @@ class Rom:
                 if reply is not None:
                     break
                 if attempt == TRIES // 2:
-                    if self.alive():  # the brick replies, but not to this block: it has lost its place
+                    if self.alive():  # the brick replies, but not to this block: it lost the block's start
                         return False
                     self._last = opcode
             else:

@@ -22,7 +22,7 @@ STATES = Path("hal/h8sim/states.toml")
 
 
 def generate(root: Path) -> dict[Path, str]:
-    """Returns the text of each generated file of the checkout at `root`, and of the DBC with the settings' names."""
+    """Returns path -> text of each generated file of the checkout at `root`, and of the DBC with settings' names."""
     settings = load(root / SETTINGS)
     inputs = {path: (root / path).read_bytes().decode("utf-8") for path in (VEHICLE, SETTINGS, MESSAGES, STATES)}
     inputs[MESSAGES] = value_headers.name_in(inputs[MESSAGES], settings)
@@ -50,7 +50,7 @@ def generate(root: Path) -> dict[Path, str]:
 def banner(name: str, inputs: Mapping[Path, str]) -> str:
     """Returns a C comment with the name of a generated file, and each of its inputs with its SHA-256.
 
-    `tools/check_generated` compares them at every build.
+    `tools/check_generated` compares these hashes at every build.
 
     Args:
         name: the file's name, without folders.
@@ -81,7 +81,7 @@ def checkout(start: Path) -> Path | None:
 
 
 def wrong_generator() -> str | None:
-    """Returns what to install if cantools has not the version of the extra `gen`; other versions write other codecs."""
+    """Returns what to install if cantools is not the version of the extra `gen`; other versions write other codecs."""
     asked = next(one for one in metadata.requires("brickpilot") or () if one.startswith("cantools=="))
     wanted, found = asked.partition(";")[0].strip(), metadata.version("cantools")
     if wanted == f"cantools=={found}":

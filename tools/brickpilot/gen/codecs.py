@@ -2,7 +2,7 @@
 
 cantools writes the header, and the source that the tests use. The firmware writes its replies and its telemetry byte
 by byte, at the places of the signals that the header names. For the messages of sensors and motors the brick has one
-loop and a table for each message, which take a third of the size of cantools' code.
+loop and a table for each message, which need a third of the size of cantools' code.
 """
 
 from __future__ import annotations
@@ -125,7 +125,7 @@ def _of_brick(message: Message) -> str:
 
 
 def _place(message: Message) -> str:
-    """Returns the macros of one message: each signal's first byte; for a part of a byte its lowest bit and mask."""
+    """Returns the macros of one message: each signal's first byte; for part of a byte also lowest bit and mask."""
     lines = []
     for signal in message.signals:
         name = f"{PREFIX}_{message.name}_{signal.name}".upper()
@@ -140,7 +140,7 @@ def render(dbc: str) -> tuple[str, str, str]:
     """Returns the texts of the header, of the brick's half of the messages of hal/link, and of the rest, for the tests.
 
     The firmware calls no library, so a loop replaces the generator's memset. Range checks, initialisers and names as
-    text are left out, since nobody uses them. The date is left out, so that the same DBC gives the same text.
+    text are left out, because they are not used. The date is left out, so that the same DBC gives the same text.
 
     Args:
         dbc: the DBC's text; its VERSION is the protocol's number.

@@ -1,4 +1,4 @@
-"""The accesses of each H8/300 instruction, by `hal/h8sim/states.toml`, and their table in C for the simulated RCX.
+"""The memory accesses of each H8/300 instruction, from `hal/h8sim/states.toml`, and their C table for the simulator.
 
 The sum of an instruction's states depends neither on the data nor on whether a branch is taken. The exception is
 `eepmov`, whose sum depends on its count, so `eepmov` is not in the table.
@@ -10,7 +10,7 @@ import tomllib
 from dataclasses import dataclass
 
 PLACES = ("nothing", "stack", "register", "short", "word", "displaced", "stepped")
-"""Where an instruction's data lie, as in the table; nothing: the instruction has no data."""
+"""The places of an instruction's data in the table; nothing: the instruction has no data."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Cost:
 
 
 def load(text: str) -> dict[int, Cost]:
-    """Returns the table in `text`, that of states.toml, by the first byte of an instruction."""
+    """Returns first byte of an instruction -> cost, from the text of states.toml."""
     costs: dict[int, Cost] = {}
     for row in tomllib.loads(text)["instruction"]:
         words, data_bytes, own = (row.get(key, 0) for key in ("words", "bytes", "own"))

@@ -2,7 +2,7 @@
 
 - sim_host/models/rcx_gen.h: the plant's presets, from the vehicle file `rcx.toml`.
 - tests/numeric/controllers_gen.h: the controller's constants for both profiles, in SI units and not rounded.
-- tests/numeric/model_sets_gen.h: the model's coefficients, beside the SI values that they were made from.
+- tests/numeric/model_sets_gen.h: sets of the model's coefficients, with the SI values from which they are made.
 - firmware/app/settings_gen.h: the firmware's table of settings; and their names in brickpilot.dbc.
 """
 
@@ -80,13 +80,13 @@ FIXED = ("gravity", "air_density", "battery_voltage")
 
 
 def _follow_from_the_motor(values: dict[str, float]) -> None:
-    """Computes the values of eq. 16 and 17 from those of eq. 12. If they disagreed, full voltage would brake."""
+    """Computes the values of eq. 16 and 17 from those of eq. 12; with inconsistent values, full voltage would brake."""
     values["stall_torque"] = values["torque_constant"] * values["battery_voltage"] / values["resistance"]
     values["no_load_speed"] = values["battery_voltage"] / values["emf_constant"]
 
 
 def value_sets(nominal: Mapping[str, float]) -> list[dict[str, float]]:
-    """Returns the nominal values, then sets drawn within +-25 %. Constants, the supply and derived values stay."""
+    """Returns the nominal values, then sets drawn within +-25 %. Constants and the supply are not drawn."""
     draw = random.Random(SEED)
     sets = [dict(nominal)]
     for _ in range(PERTURBED_SETS):
@@ -141,7 +141,7 @@ _VALUE_TABLE = re.compile(r"^VAL_ 256 parameter .*;$", re.MULTILINE)
 
 
 def ranges(settings: Mapping[str, Setting]) -> list[tuple[int, int]]:
-    """Returns the different ranges, (low, high): those without negative values first.
+    """Returns the different ranges, (low, high); ranges without negative values come first.
 
     Raises:
         QuantisationError: there are more ranges than the firmware's table has bits for.

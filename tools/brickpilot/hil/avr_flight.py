@@ -1,6 +1,6 @@
-"""Flies a mission with an AVR as the brick: it reads its own sensors and drives its own motors, in simulated time.
+"""Flies a mission with an AVR as the brick, which reads its own sensors and drives its own motors, in simulated time.
 
-The robot is an image on simavr with the plant round it.
+The robot is an image on simavr, connected to the plant.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ from brickpilot.vehicle import flight
 from brickpilot.vehicle.scenario import AVR_KINDS, MESSAGE_KINDS, Fault
 
 REPLY_S = 2.0
-"""Simulated time for a reply."""
+"""s of simulated time in which a reply has to come."""
 
 START_EVERY = 20
 """The number of steps without a reply after which the command to start is sent again."""
 
 RESET_STEPS = round(2.5 / STEP_S)
-"""Steps from a reset to the flight's end. An image that drives by itself rests for 2 s first; it must not drive."""
+"""Steps from a reset to the flight's end. An image that wrongly drives by itself begins to drive after 2 s."""
 
 MOST_PULSES_PER_S = 20_000.0
 """False pulses per s at a rotation sensor if `encoder_noise` has a rate of 1."""
@@ -71,11 +71,11 @@ def fly(
         settings: raw values that are written before the flight; they override the plan's.
         trace: a VCD file of the signals at the pins.
         scales: the scales of sensors that differ from those of the packaged image: see `open_robot`.
-        wrap: puts another link over the host's line, such as one that records.
+        wrap: wraps the host's line in another link, such as a recording one.
         each_step: called with the robot and the number of each control step before it is flown.
 
     Raises:
-        InputError: the brick refuses something, or the plan is of a manoeuvre or has faults of another kind of brick.
+        InputError: the brick refuses a message, or the plan is of a manoeuvre or has faults of another kind of brick.
         SimulationError: the plant's state diverges.
     """
     _check_plan(plan, target)
@@ -117,7 +117,7 @@ def _fly(run: LinkedFlight, robot: AvrRobot, each_step: Callable[[AvrRobot, int]
 
 
 def _act(robot: AvrRobot, fault: Fault, step: int) -> None:
-    """Begins a fault of the brick at the fault's first step, and ends it at the step after its last."""
+    """Begins a fault of the brick at its first step, and ends it at the step after its last one."""
     if not (fault.begins(step) or fault.ends(step)):
         return
     acts = fault.begins(step)
@@ -185,10 +185,10 @@ def check_avr_sensors(target: str, sensors: str) -> None:
 
 
 class AvrRobot:
-    """The robot; `open_robot` makes it. It is also the host's end of the line: a `Link` in simulated time.
+    """The robot, made by `open_robot`. It is also the host's end of the line: a `Link` in simulated time.
 
     Attributes:
-        damaged: frames from the brick that were refused.
+        damaged: number of refused frames from the brick.
     """
 
     def __init__(self, ffi: Any, library: Any, brick: Any) -> None:
@@ -200,7 +200,7 @@ class AvrRobot:
         self._motor_step_s = float(TomlFile(RCX).data["rates"]["motor_step"]["value"])
 
     def send(self, messages: Sequence[Message]) -> None:
-        """Puts messages on the line, which carries them while time passes."""
+        """Puts messages on the line; they are transmitted while time passes."""
         data = b"".join([encode_frame(identifier, data) for identifier, data in messages])
         self.send_bytes(data)
 
@@ -209,7 +209,7 @@ class AvrRobot:
         self._library.bp_avr_send(self._brick, data, len(data))
 
     def receive(self, timeout: float) -> list[Message]:
-        """Returns the messages that have come; lets up to `timeout` s of simulated time pass until the first."""
+        """Returns the received messages; waits up to `timeout` s of simulated time for the first one."""
         for _ in range(round(max(0.0, timeout) / self._motor_step_s)):
             if messages := self._come():
                 return messages
@@ -260,7 +260,7 @@ class AvrRobot:
         return self._report
 
     def profile(self, functions: Sequence[tuple[int, int]], vectors_end: int, room: int) -> None:
-        """Counts from now on the cycles of the program's parts: `bp_avr_profile`.
+        """Starts to count the cycles of the program's parts: see `bp_avr_profile`.
 
         Args:
             functions: (entry address, part) of each function.
@@ -273,7 +273,7 @@ class AvrRobot:
             raise ValueError("too many functions or parts")
 
     def profiled(self) -> tuple[NDArray[np.int64], int]:
-        """Returns the cycles of each control step since `profile`, and the most bytes of stack.
+        """Returns the cycles of each control step since `profile`, and the largest stack in bytes.
 
         The cycles have the shape (steps, parts + 2): the parts, the interrupts, and all time outside sleep.
         """
@@ -314,17 +314,17 @@ def open_robot(
     trace: Path | None = None,
     scales: Mapping[str, float] = MappingProxyType({}),
 ) -> Iterator[AvrRobot]:
-    """Powers a robot with an image, and waits until the image listens. The flight fills `log` and `motors`.
+    """Powers on a robot with an image, and waits until the image listens. The flight fills `log` and `motors`.
 
     Args:
         plan: the plan of a mission.
         image: an ELF file.
-        chip: as simavr names it.
-        log: (steps, columns).
+        chip: simavr's name of the chip.
+        log: (steps, columns), filled by the flight.
         motors: (steps, 2), the mean duty of the drives in each step.
         trace: a VCD file of the signals at the pins.
-        scales: input -> the value of one of 1024 counts for the image (`BP_AVR_GYRO` and so on); an input that is left
-            out has the value of the packaged image.
+        scales: input (`BP_AVR_GYRO` and so on) -> value of one of 1024 counts in the image; an absent input has the
+            scale of the packaged image.
 
     Raises:
         InputError: the package was built without simavr, or the image or the trace cannot be used.

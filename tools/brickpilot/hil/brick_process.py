@@ -13,7 +13,7 @@ PROGRAM = Path(__file__).parents[1] / "brick"
 
 
 def start_brick(options: str) -> tuple[subprocess.Popen[bytes], str]:
-    """Starts a brick as a process, which ends with its standard input. Returns it and the link to it.
+    """Starts a brick as a process and returns the process and its link. It ends when its standard input closes.
 
     Raises:
         InputError: the package was built where there is no such process, as on Windows and macOS.
@@ -53,7 +53,7 @@ def wait_for_end(process: subprocess.Popen[bytes]) -> None:
 
 
 def restart_brick(process: subprocess.Popen[bytes]) -> None:
-    """Restarts a brick by SIGUSR1 and waits for the line that it then prints."""
+    """Restarts a brick by SIGUSR1 and waits until it prints a line."""
     assert process.stdout is not None
     process.send_signal(signal.SIGUSR1)
     if select.select([process.stdout], [], [], 2.0)[0]:

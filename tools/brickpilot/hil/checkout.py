@@ -32,7 +32,7 @@ def checkout(field: str | None = None) -> Path:
 
 
 def sources(field: str | None = None) -> Path:
-    """Returns the checkout of the project, or its copy in an installed package: only to read, not to build in.
+    """Returns the checkout of the project, or its copy in an installed package, which is for reading only.
 
     Raises:
         InputError: there is neither.
@@ -52,7 +52,7 @@ def script_output(script: str, *arguments: str, field: str | None = None, packed
         script: its path in the checkout.
         arguments: the script's arguments.
         field: the option that needs it, for error messages.
-        packed: if there is no checkout, run the script of the installed package; it must write nothing beside itself.
+        packed: if there is no checkout, runs the installed package's script, which must not write into its folder.
 
     Raises:
         InputError: there is no checkout, or the script fails.
@@ -67,12 +67,12 @@ def script_output(script: str, *arguments: str, field: str | None = None, packed
 def in_lab(
     module: str, *arguments: str, field: str | None = None, stdout: int | None = None
 ) -> subprocess.CompletedProcess[bytes]:
-    """Runs a module of the checkout's `tests/lab`, which no package holds, to its end.
+    """Runs a module of the checkout's `tests/lab`, which no package contains, and waits for its end.
 
     Args:
         module: its name in `lab`.
         arguments: the module's arguments.
-        field: what needs it, for error messages.
+        field: the option or task that needs it, for error messages.
         stdout: as in `subprocess.run`; None: the module prints where this process does.
 
     Raises:
@@ -85,7 +85,7 @@ def in_lab(
 
 @dataclass(frozen=True)
 class AvrTarget:
-    """An image of `firmware/targets/avr` for a chip, as simavr names it, and the sensors that it flies with."""
+    """An image of `firmware/targets/avr`: its chip by simavr's name, the arguments of its build, and its sensors."""
 
     chip: str
     build: tuple[str, str]

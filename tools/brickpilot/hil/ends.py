@@ -1,4 +1,4 @@
-"""Opens the plant's end of a link, and starts a brick at the other end if the link names one on this machine.
+"""Opens the plant's end of a link. If the link names a brick on this machine, starts it at the other end.
 
 A brick is a process, a thread at one end of a CAN bus, or a program on the simulator of the RCX's processor.
 """
@@ -28,9 +28,9 @@ from brickpilot.link.lnp import InfraredLink
 from brickpilot.link.session import REPLY_S
 from brickpilot.link.tower import Tower
 
-_PRIORITY = 20  # from 1 to 99; the system's own threads have more
+_PRIORITY = 20  # 1 to 99; threads of the system have higher priorities
 STARTED = {"serial:pty": "--pty", "tcp": "--listen 127.0.0.1:0", "can:slcan": "--slcan-pty"}
-"""Link whose brick is a process that is started here -> the options of that process."""
+"""Link whose brick is started here as a process -> the options of this process."""
 
 INFRARED = "infrared"
 """The infrared tower of an RCX. It is too slow for a plant; only `brickpilot upload` uses it."""
@@ -44,7 +44,7 @@ def claim_priority() -> bool:
 
     Returns False if the request is refused, or the system (macOS, Windows) has no such call.
 
-    With this priority, other programs make fewer ticks late. Both ends sleep between their ticks.
+    With this priority, other programs delay fewer ticks. Both ends sleep between their ticks.
     """
     if not hasattr(os, "sched_setscheduler"):
         return False
@@ -56,7 +56,7 @@ def claim_priority() -> bool:
 
 
 def open_link(spec: str) -> Link:
-    """Opens this end of a link to a brick that runs already.
+    """Opens this end of a link to a running brick.
 
     Raises:
         InputError: the link is unknown or cannot be opened.
@@ -80,9 +80,9 @@ class Ends:
 
     Attributes:
         link: the open link.
-        restart: switches the brick off and on; None if the brick was not started here.
-        reply_s: time for a reply in lockstep, s of the clock, before the set is sent again.
-        clock: the clock, s.
+        restart: function that switches the brick off and on; None if the brick was not started here.
+        reply_s: time to wait for a reply in lockstep, s of the clock, before the set is sent again.
+        clock: function that returns the time in s.
     """
 
     link: Link
@@ -192,10 +192,10 @@ H8SIM = "h8sim"
 """The firmware on the simulator of the RCX's processor, linked by its standard input and output."""
 
 H8SIM_TARGETS = {H8SIM: None, "h8sim:imu": "imu", "h8sim:rotation": "rotation"}
-"""Target -> the sensors for which it is built (firmware/targets/rcx/flags); None: built as for this machine."""
+"""Target -> the sensors for which it is built (firmware/targets/rcx/flags); None: built like a host's brick."""
 
 H8SIM_REPLY_S = 10.0
-"""Time for a reply: a simulated instruction takes microseconds, and the simulator takes seconds to start."""
+"""s to wait for a reply: a simulated instruction takes microseconds, and the simulator needs seconds to start."""
 
 
 def h8_simulator(target: str, image: Path | None = None) -> tuple[str, str]:
@@ -231,11 +231,11 @@ def check_sensors(target: str, sensors: str) -> None:
 
 
 def start_h8(target: str, trace: Path | None = None, image: Path | None = None) -> tuple[subprocess.Popen[bytes], Link]:
-    """Starts the firmware on the simulator, which ends with its standard input. Returns it and the link to it.
+    """Starts the firmware on the simulator; returns the process and its link. It ends when its standard input closes.
 
     Args:
         target: one of `H8SIM_TARGETS`.
-        trace: file to which it writes the address and the stack pointer of each instruction, as native 16-bit words.
+        trace: file for the address and the stack pointer of each instruction, as native 16-bit words.
         image: see `h8_simulator`.
     """
     simulator, program = h8_simulator(target, image)

@@ -1,8 +1,8 @@
 """Flies a mission over a link: in lockstep, one step for each reply, or in real time.
 
-A link in memory has its brick in this thread, without the system's lines and clock. Its time passes only while the host
-waits for a message that does not come. So a flight in lockstep depends on its plan alone, even on a busy machine, and a
-wait of a quarter of a second costs no time.
+For a link in memory, the brick runs in this thread, without the system's lines and clock. The link's time passes only
+while the host waits for a message. So a flight in lockstep depends only on its plan, even on a busy machine, and
+waiting costs no real time.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ from brickpilot.vehicle.scenario import AVR_KINDS
 from brickpilot.vehicle.settings import settings as known_settings
 
 TRIES = 4
-"""In lockstep, how often a set is sent without a reply until the link counts as lost."""
+"""In lockstep, the number of times that a set is sent without a reply before the link counts as lost."""
 
 LOST_STEPS = int(SILENT_S / STEP_S)
 """In real time, the number of steps without a motor command after which the motors stop."""
 
 REST_STEPS = round(1.0 / STEP_S)
-"""In real time, the number of steps from the mission's end to the flight's end; the robot rolls out meanwhile."""
+"""In real time, the number of steps from the mission's end to the flight's end, in which the robot rolls out."""
 
 GIVE_UP_STEPS = round(2.0 / STEP_S)
 """The number of steps without a link, with the motors off, after which a flight ends."""
@@ -52,9 +52,9 @@ class HilFlight:
 
     Attributes:
         flight: the log and the motor commands.
-        late_ticks: steps of either end that began more than a step late.
-        lost_frames: missing replies, and frames that were damaged or incomplete, at both ends.
-        safe_stops: times that either end stopped the motors because the other was silent.
+        late_ticks: number of steps, at both ends, that began more than a step late.
+        lost_frames: number of missing replies and of damaged or incomplete frames, at both ends.
+        safe_stops: number of times that one end stopped the motors because the other end was silent.
         broke_off: the reason why the flight ended early, or None.
         ticks: the record of each tick.
         board: signal of the newest BOARD -> its raw value; empty: the brick has sent none.
@@ -69,7 +69,7 @@ class HilFlight:
     board: Mapping[str, int]
 
     def figures(self, link: str, pace: str) -> dict[str, Any]:
-        """Returns the figures of ``summary.json``: of the flight, and of its `link` with its `pace`."""
+        """Returns the figures of the flight and its link for ``summary.json``; `link`, `pace`: their names."""
         return flight_figures.summary(self.flight) | {
             "link": link,
             "pace": pace,
@@ -84,10 +84,11 @@ class HilFlight:
 def prepare(
     session: Session, plan: flight.Plan, pace: str, telemetry_every: int | None, settings: Mapping[str, int]
 ) -> None:
-    """Opens a session and sends all that the flight needs: compensation, gains, settings and route.
+    """Opens a session and sends the data of the flight: compensation, gains, settings and route.
 
     Raises:
-        InputError: the brick refuses one of them, or two settings contradict each other; then no setting is written.
+        InputError: the brick refuses some of the data, or two settings contradict each other; then no setting is
+            written.
     """
     session.open(plan.controller, pace)
     cruise = {"cruise": known_settings()["cruise"].raw(plan.cruise)} if plan.cruise > 0 else {}
@@ -133,7 +134,7 @@ def _fly_lockstep(run: LinkedFlight, end: PlantEnd) -> None:
 
 
 def _coast(run: LinkedFlight, end: PlantEnd, until: int) -> None:
-    """Simulates the robot with its motors off. The sensors of the present step were read already."""
+    """Simulates the robot with its motors off. The sensors of the present step must already be read."""
     run.count()
     while run.step < min(until, run.plan.steps):
         end.act(0, 0)
@@ -207,10 +208,10 @@ def fly(
         telemetry_every: the number of steps from one telemetry to the next, 1..255; the log repeats it in between.
         progress: called with (steps done, steps in all, text).
         settings: raw values that are written before the flight; they override the plan's.
-        reply_s: time for a reply, s of the clock, before the set is sent again; default: that of `ends`.
+        reply_s: time to wait for a reply, s of the clock, before the set is sent again; default: as in `ends`.
 
     Raises:
-        InputError: no brick replies, or it refuses something, or the plan is of a manoeuvre.
+        InputError: no brick replies, the brick refuses a message, or the plan is of a manoeuvre.
         SimulationError: the plant's state diverges.
     """
     _check_plan(ends, spec, plan)
@@ -244,7 +245,7 @@ def _check_plan(ends: Ends, spec: str, plan: flight.Plan) -> None:
 
 
 def flown(run: LinkedFlight, log: NDArray[np.float64], motors: NDArray[np.int16], elapsed_s: float) -> HilFlight:
-    """Returns the flight until its end: the plant's log with the columns of telemetry, and the counts."""
+    """Returns the finished flight: the plant's log with the columns of telemetry, and the counts."""
     done = run.step
     run.break_off_if_reset()
     columns = {name: np.ascontiguousarray(log[:done, index]) for index, name in enumerate(flight.log_names())}
@@ -267,7 +268,7 @@ MEMORY = "memory"
 
 
 class MemoryLink:
-    """The plant's end of the link, and the brick at the other."""
+    """The plant's end of a link in memory, with the brick at the other end."""
 
     def __init__(self) -> None:
         self.damaged = 0
@@ -298,7 +299,7 @@ class MemoryLink:
             self._collect()
 
     def receive(self, timeout: float) -> list[Message]:
-        """Returns the messages that have come; without any, lets up to `timeout` s of the link's time pass."""
+        """Returns the received messages; if there are none, waits up to `timeout` s of the link's time."""
         until = self._now_us + max(round(timeout * 1e6), 1)
         while not self._come and self._now_us < until:
             wait_us = self._library.bp_brick_time(self._brick, self._now_us)
@@ -319,7 +320,7 @@ class MemoryLink:
 
 @contextmanager
 def memory_ends() -> Iterator[Ends]:
-    """Opens the plant's end, with a brick at the other that was just switched on."""
+    """Opens the plant's end of a link in memory, with a newly switched-on brick at the other end."""
     link = MemoryLink()
     try:
         yield Ends(link, link.restart, clock=link.clock)
@@ -328,7 +329,7 @@ def memory_ends() -> Iterator[Ends]:
 
 
 def fly_alone(plan: Plan) -> HilFlight:
-    """Flies a plan over this link in lockstep, with the faults of its scenario and every step's telemetry.
+    """Flies a plan over a link in memory in lockstep, with its scenario's faults and telemetry in every step.
 
     Raises:
         InputError: the plan is of a manoeuvre, or a fault needs another brick.

@@ -21,17 +21,17 @@ from brickpilot.vehicle import flight
 Array = NDArray[np.float64]
 
 SEQUENCE_AT = 4
-"""Place of the sequence number in MOTORS; the tick follows it."""
+"""Index of the sequence number's byte in MOTORS; the tick is the next byte."""
 
 LOST = "the link was lost"
 RESET = "the brick was reset: it restarted, or took an OPEN that this session has not sent"
-"""Why a flight ends before its time."""
+"""The reasons why a flight ends early."""
 
 MISSION_ENDED = {2, 3}
-"""The modes arrived and fault: only a reset leaves them."""
+"""The modes "arrived" and "fault", which only a reset can end."""
 
 Progress = Callable[[int, int, str], None]
-"""Takes (steps done, steps in all, text)."""
+"""Called with (steps done, all steps, text)."""
 
 
 class LinkedFlight:
@@ -75,7 +75,7 @@ class LinkedFlight:
         if identifier == self._motors.id and not self.lockstep and self._motors.sealed(data):
             left, right, sequence, _, _ = self._motors.unpack(data)
             self.recorder.replied(sequence)
-            if (self.sent_sequence - sequence) & 255 < 128:  # not from the future, and at most 127 sets old
+            if (self.sent_sequence - sequence) & 255 < 128:  # from one of the last 128 sets
                 self.motors, self.commanded_at = (left, right), self.step
         elif identifier == self._reply.id and self._reply.sealed(data):
             self.started = self.started or data[1] == book().choices("MODE_COMMAND", "command")["start"]
@@ -84,7 +84,7 @@ class LinkedFlight:
             setattr(self, self._reports[identifier], dict(zip(layout.names, layout.unpack(data), strict=True)))
 
     def break_off(self, why: str, step: int) -> None:
-        """Notes why the flight ends before its time, and since which step."""
+        """Stores why the flight ends early, and at which step."""
         self.broke_off = f"{why}, {step * STEP_MS / 1e3:.3f} s into the flight"
 
     def break_off_if_reset(self) -> bool:
@@ -104,7 +104,7 @@ class LinkedFlight:
             self.safe_stops += 1
 
     def over_for(self) -> int:
-        """Returns for how many steps the brick has reported that the mission ended; call it once per step."""
+        """Returns the number of steps since the brick first reported the mission's end; call it once per step."""
         over = self.started and MISSION_ENDED & {self.telemetry.mode, self.heartbeat.get("mode", 0)}
         self._over_since = self._over_since if over else self.step
         return self.step - self._over_since
@@ -129,13 +129,13 @@ class LinkedFlight:
         return self._motors.sealed(data) and data[SEQUENCE_AT : SEQUENCE_AT + 2] == self.expected
 
     def end_step(self) -> None:
-        """Ends a step of the flight and goes on to the next."""
+        """Ends a step of the flight and begins the next."""
         self.count()
         self._show()
         self.step += 1
 
     def count(self) -> None:
-        """Records the known faults until the end of the present step."""
+        """Records the counts of faults up to the present step."""
         faults = self.faults
         refused = self.link.damaged + faults.get("bad", 0) + faults.get("stale", 0)
         lost = self.without_reply + faults.get("incomplete", 0) + faults.get("lost", 0)
@@ -217,7 +217,8 @@ class Telemetry:
             identifier: the id of the message.
             data: its bytes.
             step: the present control step.
-            lockstep: the brick has the plant's clock, so the low byte of its time gives the step, up to 85 steps ago.
+            lockstep: whether the brick has the plant's clock. Then the low byte of its time identifies one of the last
+                85 steps.
         """
         layout = self._layouts.get(identifier)
         if layout is None:
@@ -275,9 +276,9 @@ class Ticks:
 
     Attributes:
         time_s: time since the flight began.
-        begun_s: when the tick began, s of the clock after the first.
-        round_trip_ms: from sending the sensors' set to its motor command; NaN: no command came.
-        troubles: name of TROUBLES -> how many were counted in the tick. The brick reports its own with a delay.
+        begun_s: the tick's beginning, s of the clock since the first tick began.
+        round_trip_ms: time from sending the sensors' set to its motor command; NaN: no command came.
+        troubles: name of TROUBLES -> count in the tick. The brick reports its own counts with a delay.
     """
 
     time_s: Array
@@ -300,25 +301,25 @@ class TickRecorder:
         self._sent: dict[int, tuple[int, float]] = {}  # sequence number -> step and time
 
     def begin(self, step: int) -> None:
-        """Notes that a tick begins."""
+        """Records that a tick begins."""
         self._begun[step] = time.perf_counter()
 
     def sent(self, step: int, sequence: int) -> None:
-        """Notes that the set of a step is sent; if the set is sent again, its time counts from there."""
+        """Records that the set of a step is sent; if a set is sent again, its round trip starts again."""
         self._sent[sequence] = step, time.perf_counter()
 
     def replied(self, sequence: int) -> None:
-        """Notes the motor command that answers the set of this sequence number."""
+        """Records the arrival of the motor command that answers the set of this sequence number."""
         step, sent = self._sent.pop(sequence, (-1, 0.0))
         if step >= 0:
             self._round_trip[step] = 1e3 * (time.perf_counter() - sent)
 
     def count(self, step: int, *totals: int) -> None:
-        """Notes how many of each of TROUBLES were counted since the flight began."""
+        """Records the total counts of TROUBLES since the flight began."""
         self._counted[step] = totals
 
     def ticks(self, steps: int) -> Ticks:
-        """Returns the first `steps` ticks. Ticks without counts, as after a lost link, repeat the last counts."""
+        """Returns the first `steps` ticks. Ticks without counts, as after a lost link, have zero new troubles."""
         counted = np.vstack([np.zeros(len(TROUBLES)), self._counted[:steps]])
         last = np.maximum.accumulate(np.where(np.isnan(counted[:, 0]), 0, np.arange(len(counted))))
         more = np.diff(counted[last], axis=0)
@@ -332,17 +333,17 @@ class TickRecorder:
 
 
 RESET_CAUSES = {1: "power-on", 2: "the reset pin", 4: "a brown-out", 8: "the watchdog"}
-"""Bit of `started_by` -> cause of the reset; hal/wire/brickpilot.dbc has them."""
+"""Bit of `started_by` -> cause of the reset, as in hal/wire/brickpilot.dbc."""
 
 
 def board_told(board: Mapping[str, int]) -> dict[str, Any] | None:
-    """Returns the cause of the newest start, in words, and the counts since power-on.
+    """Returns the cause of the last start, in words, and the counts since power-on.
 
     Args:
         board: signal of BOARD -> its raw value; empty: the brick has sent none.
 
     Returns:
-        `started_by` and the counts by their signals; None if `board` is empty.
+        `started_by` and the counts, by the names of their signals; None if `board` is empty.
     """
     if not board:
         return None

@@ -1,8 +1,8 @@
 """The plant's end of a link: the C plant, its sensor readings as messages, its motors, and the injected faults.
 
-A scenario's [[faults]] are in messages, in sensors, and in the plant or the brick. They are seeded. Faults of messages
-act above the transport, so they are the same on every transport, and the CRC of a message, not the checksum of a
-transport, has to find them.
+The [[faults]] of a scenario act on messages, on sensors, and on the plant or the brick. Their random numbers are
+seeded. Faults of messages act above the transport, so they are the same on every transport; the CRC of a message, not
+the checksum of a transport, has to detect them.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ OK = 0
 
 
 class PlantEnd:
-    """One closed loop whose controller is at the other end of the link; `open_plant` makes it."""
+    """The plant of a closed loop whose controller is at the other end of the link; made by `open_plant`."""
 
     def __init__(self, library: Any, loop: Any, sensed: Any, faults: SensorFaults) -> None:
         self._faults = faults
@@ -124,7 +124,7 @@ class _Direction:
     def __init__(self, name: str, faults: Sequence[Fault], seed: int) -> None:
         self._faults = [fault for fault in faults if fault.direction in ("both", name)]
         self._dice = random.Random(f"{seed} {name}")
-        self._held: list[tuple[int, Message]] = []  # (number of messages that still overtake it, message)
+        self._held: list[tuple[int, Message]] = []  # (number of messages that will still overtake the message, message)
 
     def through(self, messages: Sequence[Message], step: int) -> list[Message]:
         """Returns the messages that the link delivers when it gets `messages` at control step `step`."""
@@ -167,7 +167,7 @@ class _Direction:
 
 
 class FaultyLink(WrappedLink):
-    """A link whose messages meet faults. The owner sets `step`, the present control step.
+    """A link that applies faults to its messages. The owner sets `step`, the present control step.
 
     Args:
         link: the link to wrap, which is closed with this one.
@@ -203,7 +203,7 @@ class SensorFaults:
     """Changes sensor readings according to the faults.
 
     Args:
-        faults: the faults of the scenario; those of messages do not act here.
+        faults: the faults of the scenario; faults of messages do not act here.
     """
 
     def __init__(self, faults: Sequence[Fault]) -> None:
@@ -232,7 +232,7 @@ class SensorFaults:
 
 
 def controller_restarts(faults: Sequence[Fault], step: int) -> bool:
-    """Returns whether the controller restarts at control step `step`; it also restarts when a brown-out ends."""
+    """Returns whether the controller restarts at control step `step`. It also restarts after a brown-out."""
     return any(
         (fault.kind == "controller_restart" and fault.begins(step)) or (fault.kind == "brown_out" and fault.ends(step))
         for fault in faults

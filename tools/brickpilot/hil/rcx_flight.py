@@ -1,8 +1,8 @@
-"""Flies the mission with the RCX's own image in a simulated brick: its kernel, its interrupts, its drivers, its time.
+"""Flies the mission with the RCX's own image in a simulated brick, with its kernel, interrupts, drivers and timing.
 
-The plant gives the sensors' voltages, as numbers of the brick's converter, and takes the time that the kernel's motor
-port drove each motor. Both are exchanged every 3 ms, the plant's step. The brick is an RCX with brickOS in simulated
-time: processor, interrupts, converter, timers and serial line (hal/h8sim).
+The plant gives the sensors' voltages, as counts of the brick's converter. The brick gives the time for which the
+kernel's motor port drove each motor. Both are exchanged every 3 ms, the plant's step. The brick is an RCX with brickOS
+in simulated time: processor, interrupts, converter, timers and serial line (hal/h8sim).
 """
 
 from __future__ import annotations
@@ -33,23 +33,23 @@ from brickpilot.vehicle import flight
 from brickpilot.vehicle.flight_figures import Reached, waypoints_reached
 
 SENSORS = {"imu": "imu", "rotation": "imu+encoders"}
-"""The sensors for which an image is built -> those of the plant."""
+"""The sensors for which an image is built -> the sensors of the plant."""
 
 BOOT_MS = 2000
-"""The time in which the kernel sets itself up and plays its melody."""
+"""ms in which the kernel starts and plays its melody."""
 
 PACKET_GAP_MS = 10
 REPLY_MS = 300
 AFTER_S = 1.0
-"""The time from the display of the mission's end to the flight's end, s."""
+"""s from the display of the mission's end to the flight's end."""
 
 ARRIVED = "donE"
 
 MIDDLE, RAW_MOST = 512, 1022
-"""The converter's reading at 2.5 V, and the highest one that is no open input."""
+"""The converter's reading at 2.5 V, and its highest reading with a connected sensor."""
 
 ROTATION_LEVELS = (960, 832, 384, 576)
-"""The converter's readings of a LEGO rotation sensor in its four positions, in the order of turning forward."""
+"""The converter's readings of a LEGO rotation sensor in its four positions, in the order of a forward turn."""
 
 BATTERY_MV = 0xABD4 / 0x618
 """Millivolts of one count of the converter, by brickOS's own formula."""
@@ -62,10 +62,10 @@ class RcxFlight:
     """A flight of the mission.
 
     Attributes:
-        reached: the waypoints that the plant has passed.
-        shown: what the display showed at the end: ARRIVED, a fault as "Err 7", or None: the mission had not ended.
-        ticks_ms: from the beginning of one control step to that of the next, for all steps.
-        tally: the work of the processor from Run on.
+        reached: the waypoints that the plant reached.
+        shown: the display's text at the end: ARRIVED, or a fault such as "Err 7"; None: the mission had not ended.
+        ticks_ms: times between the beginnings of successive control steps.
+        tally: the processor's work since Run was pressed.
     """
 
     reached: Reached
@@ -136,7 +136,7 @@ def load(rcx: SimulatedRcx, program: image_files.Program) -> int:
 
 
 def start(rcx: SimulatedRcx, image: Image) -> None:
-    """Loads the image and presses Run. From then on the brick keeps the times at which a control step begins."""
+    """Loads the image and presses Run. From then on the times at which control steps begin are recorded."""
     rcx.run(BOOT_MS)
     text = load(rcx, image.program)
     rcx.watch(image.functions["loop_tick"] - image.program.base + text)
@@ -147,7 +147,7 @@ def fly(image: Image, plan: flight.Plan, progress: Progress) -> RcxFlight:
     """Loads the image, presses Run and flies until the mission or the plan ends.
 
     Args:
-        plan: its route must be the image's own; its duration counts from Run on.
+        plan: its route must be the image's own; its duration counts from the press of Run.
         progress: called with the steps done, all steps, and a text.
 
     Raises:
@@ -180,7 +180,7 @@ def fly(image: Image, plan: flight.Plan, progress: Progress) -> RcxFlight:
 
 
 _ENDS = (ARRIVED, *(f"Err {fault}" for fault in range(1, 10)))
-_LOOK_STEPS = 100  # the display is read at this interval
+_LOOK_STEPS = 100  # number of steps between two readings of the display
 
 
 def _duty(us: int) -> int:
@@ -205,7 +205,7 @@ CLOCK_HZ = 16_000_000
 RUN_BUTTON = 2
 BYTE_MS = 11 / 2.4
 PRESS_MS = 250
-"""How long a press lasts: the kernel's driver of the buttons notices a change twice in 100 ms."""
+"""Duration of a press: the kernel's driver checks the buttons only twice in 100 ms."""
 
 KINDS = ("idle", "program", "kernel", "clock", "motors", "subsystems", "ERI", "RXI", "TXI", "TEI", "converter")
 """The uses of the processor's time, in the order of hal/h8sim.
@@ -230,12 +230,12 @@ _SEGMENTS = (
 
 @dataclass(frozen=True)
 class Tally:
-    """The work of the processor in some time.
+    """The work of the processor in a span of time.
 
     Attributes:
-        states: clock periods in all.
-        count: kind -> how often the interrupt came; 0 for idle, program and kernel.
-        spent: kind -> states.
+        states: number of clock periods ("states").
+        count: kind -> number of its interrupts; 0 for idle, program and kernel.
+        spent: kind -> number of states spent in it.
     """
 
     states: int
@@ -255,7 +255,7 @@ class SimulatedRcx:
 
     Attributes:
         ms: simulated time since the brick was switched on.
-        driven: how long motors A and C were driven in the last `run` or `bring`, forward less backward, in us.
+        driven: us for which motors A and C were driven in the last `run` or `bring`, forward minus backward.
 
     Raises:
         InputError: no checkout of the project, no compiler or no brickOS.
@@ -286,7 +286,7 @@ class SimulatedRcx:
         return self._pass(struct.pack(">sH", b"r", ms), ms)
 
     def bring(self, value: int, *, wrong: bool = False) -> bytes:
-        """Brings a byte on the line; `wrong`: with a wrong parity. Returns the bytes that the brick sends meanwhile."""
+        """Sends a byte to the brick; `wrong`: with a wrong parity. Returns the bytes that the brick sends meanwhile."""
         return self._pass(struct.pack(">sBB", b"l", value, wrong), BYTE_MS)
 
     def hold(self, keys: int) -> None:
@@ -295,7 +295,7 @@ class SimulatedRcx:
             self._write(struct.pack(">sB", b"k", keys))
 
     def press(self, key: int) -> None:
-        """Presses a button long enough for the kernel's driver, and releases it."""
+        """Presses a button for `PRESS_MS`, and releases it for the same time."""
         for held in (key, 0):
             self.hold(held)
             self.run(PRESS_MS)
@@ -324,12 +324,12 @@ class SimulatedRcx:
         return shown == [font[ord(character)] for character in text.ljust(len(_SEGMENTS))]
 
     def watch(self, address: int) -> None:
-        """Records, from now on, each time at which the instruction at `address` begins, for `watched`."""
+        """Starts to record each time at which the instruction at `address` begins; `watched` returns the times."""
         with self._lock:
             self._write(struct.pack(">sH", b"b", address))
 
     def watched(self) -> NDArray[np.float64]:
-        """Returns the times since the last call, in s since the start; at most the first 4096."""
+        """Returns the times recorded since the last call, in s since the start; at most the first 4096."""
         with self._lock:
             self._write(b"e")
             count = int.from_bytes(self._read(2), "big")

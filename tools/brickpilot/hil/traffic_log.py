@@ -16,7 +16,7 @@ from brickpilot.link.messages import Layout, book
 from brickpilot.link.session import LOCKSTEP, Session
 
 SUFFIXES = (".asc", ".blf", ".log")
-"""The logs of Vector in text and in binary, and those of candump."""
+"""Suffixes of Vector's text and binary logs, and of candump's logs."""
 
 
 class RecordingLink(WrappedLink):
@@ -101,8 +101,8 @@ class Replayed:
     """The result of a replay.
 
     Attributes:
-        steps: sets that have a reply in the recording and in the replay.
-        differing: sets whose replies differ.
+        steps: number of sets with a reply in both the recording and the replay.
+        differing: number of sets whose replies differ.
         first: the first set whose replies differ, or None.
     """
 
@@ -122,7 +122,7 @@ REPLIES = {
 """Message of the host -> the brick's reply to it."""
 
 SEQUENCE_AT = 4
-"""Place of the sequence number in SYNC and MOTORS; it is 0 in the other messages."""
+"""Index of the sequence number's byte in SYNC and MOTORS; in the other messages the index is 0."""
 
 
 def replay(link: Link, spec: str, file: Path) -> Replayed:

@@ -1,4 +1,4 @@
-"""Logs of other tools turned into data sets. Each importer writes a new folder whole, or nothing.
+"""Turns logs of other tools into data sets. Each importer writes a complete new folder, or nothing.
 
 To add an importer, write one file in this folder and one row in `IMPORTERS`. `brickpilot import` makes its choices, its
 help and its checks of options from these rows.

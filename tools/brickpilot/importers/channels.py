@@ -23,10 +23,11 @@ class Channel:
     """A quantity of a log.
 
     Attributes:
-        name: as the map names it, e.g. ``/drive/left``, ``IMU.GyrZ`` or ``/joint_states.velocity[left]``.
-        type: its name in the file, e.g. ``double`` or ``sensor_msgs/msg/Imu``.
-        time: s since the log began, one for each value; None: a column of a table, whose time is another column.
-        values: as written in the file; NaN: blank.
+        name: the channel's name in ``--map``, e.g. ``/drive/left``, ``IMU.GyrZ`` or ``/joint_states.velocity[left]``.
+        type: the type's name in the file, e.g. ``double`` or ``sensor_msgs/msg/Imu``.
+        time: s since the log began, for each value; None: the channel is a column of a table, and another column is the
+            time.
+        values: the values as written in the file; NaN: blank.
         unit: the unit that the file states; None: it states none.
     """
 
@@ -42,9 +43,9 @@ class Log:
     """What a reader found in a file.
 
     Attributes:
-        file: as the user named it.
+        file: the path as the user gave it.
         channels: by name, in the order of the file.
-        aliases: second name -> name, e.g. ``/joint_states.velocity[0]`` for that of the first joint.
+        aliases: second name of a channel -> its name, e.g. ``/joint_states.velocity[0]`` for the first joint's.
         notes: for the user, a sentence each.
         cut: whether the file ends inside a record, as after a loss of power.
     """
@@ -57,12 +58,12 @@ class Log:
 
 
 Reader = Callable[[Path, Collection[str] | None], Log]
-"""Reads a file: (file, texts). Channels that no text names need not be decoded (`is_wanted`); None: all are read."""
+"""Reads a file: (file, texts). Channels that no text names need not be decoded (`is_wanted`); texts None: all are."""
 
 
 @contextmanager
 def libraries(extra: str) -> Iterator[None]:
-    """Turns an import that fails into one line that says how to install the libraries.
+    """Turns a failed import into an error that says how to install the libraries.
 
     Raises:
         InputError: a library of `extra` is missing.
@@ -76,10 +77,10 @@ def libraries(extra: str) -> Iterator[None]:
 
 
 def check_file(file: Path, start: bytes, kind: str) -> None:
-    """Refuses a path that is no file, and a file that does not begin with `start`.
+    """Refuses a path if it is no file, or if the file does not begin with `start`.
 
     Raises:
-        InputError: it names the file, and `kind` as words, e.g. "a WPILOG file".
+        InputError: the message names the file and its `kind`, e.g. "a WPILOG file".
     """
     if not file.is_file():
         raise InputError("no such file" if not file.exists() else "is not a file", file=file)
@@ -103,14 +104,14 @@ def in_order(time: Vector, values: Vector) -> tuple[Vector, Vector]:
 
 @dataclass(frozen=True)
 class Listed:
-    """A channel, as `brickpilot import --list` shows it.
+    """The description of a channel that `brickpilot import --list` shows.
 
     Attributes:
-        name, type, unit: of the channel; unit None: the file states none.
-        samples: how many values the channel has, without blanks.
-        rate: samples per second, by their median step; None: fewer than two samples, or no times.
+        name, type, unit: the channel's name, type and unit; unit None: the file states none.
+        samples: number of values without blanks.
+        rate: samples per second, from the median time step; None: fewer than two samples, or no times.
         first, last: s, the times of the first and the last sample; None: no times.
-        lowest, highest: of the values; None: all are blank.
+        lowest, highest: the lowest and the highest value; None: all are blank.
     """
 
     name: str
@@ -134,10 +135,9 @@ class Contents:
 
 
 def contents(log: Log) -> Contents:
-    """Returns what a log holds.
+    """Returns the contents of a log.
 
-    The columns of a table have no times of their own. Their times are the values of the first column that only
-    increases.
+    The columns of a table have no times of their own. The first column that only increases is used as their time.
     """
     clock = _clock(log.channels)
     notes = [*log.notes]
@@ -148,7 +148,7 @@ def contents(log: Log) -> Contents:
 
 
 def _clock(channels: Mapping[str, Channel]) -> Channel | None:
-    """Returns the first column in s that only increases, or else the first column in any unit that does."""
+    """Returns the first column that only increases; columns in s are preferred."""
     rising = [
         one for one in channels.values() if one.time is None and one.values.size > 1 and (np.diff(one.values) > 0).all()
     ]

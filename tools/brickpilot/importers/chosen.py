@@ -1,4 +1,4 @@
-"""Makes a data set of the signals that the user chose from logs. All readers but those of text and JSON end here.
+"""Makes a data set of the signals that the user chose from logs. All readers but those of text and JSON use it.
 
 Channels with different times are put on the rows of one table.
 """
@@ -25,13 +25,13 @@ from brickpilot.importers.split import parse_split
 from brickpilot.importers.table import runs_of
 from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out, run_names, write
 
-_NEAREST = 4  # most names that an error proposes
-_ALIKE = 0.4  # least likeness to the name, by difflib
+_NEAREST = 4  # largest number of names that an error proposes
+_ALIKE = 0.4  # least similarity of a proposed name, by difflib
 
 
 @dataclass(frozen=True)
 class Read:
-    """The content of one log: its signals on common rows, signal -> unit, and notes."""
+    """The content of one log: its signals on common rows, their units (signal -> unit), and notes."""
 
     signals: Mapped
     units: Mapping[str, str]
@@ -49,12 +49,12 @@ def channel_importer(read: Reader) -> SignalImporter:
 
 @dataclass(frozen=True)
 class SignalImporter:
-    """The function of a row in the table of importers, for a kind of log whose signals `mapping` chooses.
+    """The function that a row of `IMPORTERS` names, for a kind of log whose signals the user maps.
 
     Attributes:
         read: reads the signals of a file.
         has_time: whether the samples have times of their own, so that no time is mapped.
-        is_whole: whether a file is always one run; else a new run begins after each pause between its rows.
+        is_whole: whether a file is always one run; otherwise a new run begins after each pause between rows.
     """
 
     read: SignalReader
@@ -76,22 +76,22 @@ class SignalImporter:
         nominal: Mapping[str, float] | None = None,
         name: str | None = None,
     ) -> Imported:
-        """Makes a data set of logs; each file becomes a run of the same name, or several where it is split.
+        """Makes a data set of logs; each file becomes a run of the same name, or several runs if it is split.
 
         Args:
             files: logs with the same channels, columns or variables.
             out: the new folder.
             mapping: ``SIGNAL=CHANNEL[:UNIT]``, or a formula of channels; the default unit is the one that the file
-                states, or else the SI unit. The module of the kind says how channels are named.
+                states, or else the SI unit. The module for this kind of log describes the channels' names.
             vehicle, frame, nominal, name: as in a data set; the default name is that of the folder, and the default
                 frame the one that wheels and yaw show.
             as_wired: whether channels that look swapped, reversed or scaled wrongly are left as they are.
-            rate: rows per second, of channels with times; None: the rows are the samples of the fastest output.
+            rate: rows per second, for channels with times; None: the rows are the samples of the fastest output.
             split: ``rests``, or ``FROM,TO`` in s of the log's clock, repeatable; a part becomes a run.
             cut: whether a file that ends inside a record is read without that record.
 
         Raises:
-            InputError: naming file and channel, or the option. Nothing is written then.
+            InputError: the message names file and channel, or the option. Nothing is written then.
         """
         check_out(out)
         sources = parse_mapping(mapping, has_time=self.has_time)
@@ -187,7 +187,7 @@ def _unknown(file: Path, name: str, names: list[str]) -> InputError:
 
 
 def _value(file: Path, signal: str, formula: Formula, channels: Mapping[Place, Channel], notes: list[str]) -> Channel:
-    """Returns the cells of a signal with their times: a channel as logged, or the values of a formula."""
+    """Returns the cells of a signal with their times: those of a channel as logged, or the values of a formula."""
     if formula.scaling is not None:
         return channels[formula.places[0]]
     time, values, shift = aligned(list(channels.values()), SIGNALS[signal].kind == "input")
@@ -200,7 +200,7 @@ def _value(file: Path, signal: str, formula: Formula, channels: Mapping[Place, C
 
 
 def unit_of(file: Path, signal: str, formula: Formula, channel: Channel, source: Source) -> str:
-    """Returns the unit of the map, or else the file's unit if the channel is taken unchanged, or else SI.
+    """Returns the unit that the map states; or else the file's unit, if the channel is not scaled; or else SI.
 
     Raises:
         InputError: the file states a unit that does not fit the signal, or the formula scales or joins channels.
@@ -219,24 +219,24 @@ def unit_of(file: Path, signal: str, formula: Formula, channel: Channel, source:
     return channel.unit
 
 
-_SAME = 0.01  # share of a row's duration; a smaller shift gets no note
+_SAME = 0.01  # share of a row's duration: a smaller shift gets no note
 _ROWS = 10_000_000  # a table with more rows is refused: --rate is too high
 
 
 def columns(channels: Mapping[str, Channel], rate: float | None) -> tuple[dict[str, Vector], list[str]]:
     """Returns signal -> values on common rows, with `time`, and notes for the user.
 
-    The rows are the times of the output with most samples, or follow `rate`. A sample of an output stands in the row
-    nearest to its time, at most half a row away; the other rows are blank, because nothing is interpolated. An input
-    holds until it changes. Without `rate`, a row is added where an input changes between two rows; measured signals are
+    The rows are the times of the output with most samples, or follow `rate`. A sample of an output is put into the row
+    nearest to its time, at most half a row away; the other rows are blank, because nothing is interpolated. An input is
+    held until it changes. Without `rate`, a row is added where an input changes between two rows; measured signals are
     blank there. With `rate`, an input changes in the nearest row. The first row is the first with all inputs known.
 
     Args:
         channels: signal -> channel with times, and with at least one output.
-        rate: rows per second; None: those of the fastest output.
+        rate: rows per second; None: the rows of the fastest output.
 
     Raises:
-        InputError: no output, a channel without samples, or no rows.
+        InputError: there is no output, a channel without samples, or no row.
     """
     tracks = {signal: _track(one) for signal, one in channels.items()}
     inputs = {signal: track for signal, track in tracks.items() if SIGNALS[signal].kind == "input"}
@@ -276,14 +276,14 @@ def _changes(inputs: Mapping[str, tuple[Vector, Vector]], rows: Vector, late: fl
     at = at[(at > rows[0]) & (at < rows[-1])]
     right = np.searchsorted(rows, at)
     at = at[(at - rows[right - 1] > late) & (rows[right] - at > late)]
-    alone: Vector = at[np.diff(at, prepend=-np.inf) > late]  # two inputs that change together have one row
+    alone: Vector = at[np.diff(at, prepend=-np.inf) > late]  # inputs that change together get one row
     return alone
 
 
 def aligned(channels: Sequence[Channel], held: bool) -> tuple[Vector, list[Vector], float]:
     """Returns the times of the fastest channel, each channel's values at them, and the largest shift in s.
 
-    A command is held. A measured value stands at the nearest time; the other times are blank.
+    A command is held. A measured value is put at the nearest time; at the other times it is blank.
     """
     tracks = [_track(channel) for channel in channels]
     rows = max((time for time, _ in tracks), key=lambda time: time.size)
@@ -334,7 +334,7 @@ def _placed(time: Vector, values: Vector, rows: Vector, half: float) -> tuple[Ve
     right = np.clip(np.searchsorted(rows, time), 1, rows.size - 1)
     nearest = np.where(time - rows[right - 1] <= rows[right] - time, right - 1, right)
     distance = np.abs(time - rows[nearest])
-    far_first = np.argsort(-distance, kind="stable")  # so that the sample nearest to a row is written last
+    far_first = np.argsort(-distance, kind="stable")  # the sample nearest to a row is written last and so is kept
     kept = far_first[distance[far_first] <= half * (1 + 1e-9)]
     column[nearest[kept]] = values[kept]
     return column, float(distance[kept].max()) if kept.size else 0.0

@@ -1,8 +1,8 @@
-"""Flights of `brickpilot run` and `hil` turned into a data set: what a host sees, and not what only the plant knows.
+"""Turns flights of `brickpilot run` and `hil` into a data set, with only those signals that a real host can log.
 
-So a flight is like the log of a real robot: it can show what the robot has and its firmware does not know. Counts a
-turn and nominal values are those of the packaged robot, so a flight of an image that `firmware` made for another robot
-is refused. The battery's voltage is the plant's: a brick reads it in steps of 28 mV.
+So a flight is like the log of a real robot: it can show effects that the firmware's model lacks. Counts a turn and
+nominal values are those of the packaged robot, so a flight of an image that `firmware` made for another robot is
+refused. The battery's voltage is the plant's: a brick reads it in steps of 28 mV.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out,
 
 SUMMARY, LOG = "summary.json", "log.csv"
 
-_REST_S = 1.0  # time that is kept after the end of a mission, while the robot rolls out
-_COUNTS = 65536  # the range of the firmware's counters, after which they wrap
+_REST_S = 1.0  # time after the end of a mission that is kept; the robot rolls out
+_COUNTS = 65536  # number of values of the firmware's counters, which wrap
 _ALWAYS = {
     "time": ("time_s", "s"),
     "duty_left": ("left_duty", "1"),
@@ -35,7 +35,7 @@ _ALWAYS = {
     "accel_sway": ("measured_accel_sway_m_s2", "m/s^2"),
     "yaw_rate": ("measured_yaw_rate_rad_s", "rad/s"),
 }
-"""Signal -> its column of the log, and the unit."""
+"""Signal -> its column in the log, and the column's unit."""
 _WHEELS = {
     "wheel_angle_left": ("measured_left_counts", "rad"),
     "wheel_angle_right": ("measured_right_counts", "rad"),
@@ -46,7 +46,7 @@ _SENSED = {"imu": _ALWAYS, "imu+encoders": _ALWAYS | _WHEELS}
 def import_flight(
     folders: Sequence[Path], out: Path, *, nominal: Mapping[str, float] | None = None, name: str | None = None
 ) -> Imported:
-    """Makes a data set of flights with the same sensors, a run each, until a second after each mission's end.
+    """Makes a data set of flights with the same sensors. A run is a flight until a second after its mission's end.
 
     Args:
         folders: run folders.
@@ -55,8 +55,8 @@ def import_flight(
         name: the data set's name; default the name of the folder.
 
     Raises:
-        InputError: a folder holds no flight of a mission, or one of another robot's image, or its sensors give nothing
-            to explain, or differ from those before; or `out` is taken. Nothing is written then.
+        InputError: a folder holds no flight of a mission, or a flight of another robot's image; its sensors measure
+            nothing, or differ from those of the first flight; or `out` is taken. Nothing is written then.
     """
     check_out(out)
     summaries = [_summary(one) for one in folders]
@@ -83,7 +83,7 @@ def import_flight(
 
 
 def _summary(folder: Path) -> Mapping[str, Any]:
-    """Returns what is known of a flight: its sensors, its end, and the image that flew, unless it was the packaged one.
+    """Returns a flight's sensors, its end in s, and its image (None: the packaged one).
 
     Raises:
         InputError: the folder holds no flight.

@@ -1,7 +1,7 @@
 """Reads formulas over the columns of a log, such as ``encL * 1/960`` or ``(left + right) / 2``.
 
-A formula has names of columns, numbers, ``+ - * /`` and parentheses, and nothing else is evaluated. A name may hold any
-character if the log has a column of this name: ``/drive/left`` is then a name and no division.
+A formula has names of columns, numbers, ``+ - * /`` and parentheses, and nothing else is evaluated. If the log has a
+column of this name, a name may contain any character: then ``/drive/left`` is a name, not a division.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _SIGNS: dict[type[ast.AST], Callable[..., Any]] = {
     ast.USub: operator.neg,
 }
 _ALLOWED = (ast.BinOp, ast.UnaryOp, ast.Constant, ast.Name, ast.Load, *_SIGNS)
-_ALIKE = 0.8  # likeness by difflib above which a text is a misspelled name such as /drive/left
+_ALIKE = 0.8  # similarity, by difflib: above it, a text is a misspelled name such as /drive/left
 
 
 class FormulaError(ValueError):
@@ -46,7 +46,7 @@ class FormulaError(ValueError):
 
 @dataclass(frozen=True)
 class Place:
-    """The place of numbers in a log: a column or variable, and in a matrix the column's index from 0."""
+    """The place of numbers in a log: a column or variable; for a matrix also the column's index from 0."""
 
     name: str
     index: int | None = None
@@ -54,7 +54,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Scaling:
-    """A straight line: value = scale * cell + offset."""
+    """A linear conversion: value = scale * cell + offset."""
 
     scale: float = 1.0
     offset: float = 0.0
@@ -65,9 +65,9 @@ class Formula:
     """A formula that has been read.
 
     Attributes:
-        text: as the user wrote it.
-        places: the places in the log that it uses, each once, in the order of the text.
-        scaling: the formula's straight line if it is linear in a single place; else None.
+        text: the formula as the user wrote it.
+        places: the places in the log that the formula uses, each once, in the order of the text.
+        scaling: the linear conversion, if the formula is linear in a single place; else None.
     """
 
     text: str
@@ -95,8 +95,8 @@ def parse_formula(text: str, names: Sequence[str]) -> Formula:
 
     Args:
         text: a name, ``name[index]``, or a formula of them.
-        names: the columns that the log has. A text that equals one of them is that name. A name that is not among
-            them is no error here: `Formula.places` contains it.
+        names: the columns of the log. A text that equals a column's name is that name. An unknown name is no error
+            here; `Formula.places` contains it.
 
     Raises:
         FormulaError: the text is no formula. The message names the character.
@@ -140,7 +140,7 @@ def _parsed(text: str, names: Sequence[str]) -> tuple[list[Place], ast.expr]:
         raise FormulaError(f"is longer than {_LONGEST} characters")
     places: list[Place] = []
     parts: list[str] = []
-    at: list[int] = []  # for each character of the rewritten text: its position in `text`
+    at: list[int] = []  # position in `text` of each character of the rewritten text
     token = _tokens(names)
     position = 0
     while position < len(text):
@@ -187,7 +187,7 @@ def _tree(rewritten: str, text: str, at: Sequence[int]) -> ast.expr:
 
 
 def _evaluated(node: ast.expr, named: Mapping[str, Any]) -> Any:
-    """Returns the value of a tree of `_ALLOWED` nodes, of the type of the values in `named`; a float if it names none.
+    """Returns the value of a tree of `_ALLOWED` nodes: a float, or of the type in `named` if the tree has names.
 
     Raises:
         FormulaError: it divides by the constant 0, or a number in it is too large.
@@ -208,7 +208,7 @@ def _evaluated(node: ast.expr, named: Mapping[str, Any]) -> Any:
 
 
 def _scaling(tree: ast.expr, places: int) -> Scaling | None:
-    """Returns the straight line of a formula with one place; None: it has several places, or is no straight line.
+    """Returns the linear conversion of a formula with one place; None: it has several places, or is not linear.
 
     Raises:
         FormulaError: it divides by the constant 0, a number in it is too large, or it does not depend on its place.

@@ -1,7 +1,7 @@
-"""Guesses which signal each column of a log is, from its name and its values, and says why.
+"""Guesses from a column's name and values which signal of the log it is, and gives the reason.
 
-The rules use the words in the name and the range of the values. A column that neither of them explains is left out,
-with a note. Nothing is guessed in a log without a header.
+The rules use the words in the name and the range of the values. A column to which no rule applies is left out, with a
+note. Nothing is guessed in a log without a header.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from brickpilot.importers.text_table import TextTable
 
 Vector = NDArray[np.float64]
 
-_LOOKED_AT = 200_000  # rows that are used, so that the guess for a long log is fast
+_LOOKED_AT = 200_000  # number of first rows that are used, so that a long log is guessed fast
 
 
 @dataclass(frozen=True)
@@ -31,11 +31,11 @@ class Guess:
     """The guessed signals of a log's columns.
 
     Attributes:
-        sources: signal -> column, formula and unit.
+        sources: signal -> its formula over columns, and the unit.
         vehicle: None: neither stated nor guessed.
         reasons: signal -> the reason of the guess.
         notes: for the user, a sentence each.
-        guessed: unstated numbers that everything depends on, such as "960 counts a turn".
+        guessed: guesses of unstated numbers that scale all speeds or voltages, such as "960 counts a turn".
     """
 
     sources: dict[str, Source]
@@ -51,7 +51,7 @@ def guess(table: TextTable, mapping: Sequence[str], vehicle: Vehicle | None) -> 
     Args:
         table: with a header.
         mapping: entries of ``--map``, which are kept.
-        vehicle: None: a log with a left or right column or a cmd_vel is a diff_drive's, any other a motor's.
+        vehicle: the vehicle; None: diff_drive if the log has a left or right column or a cmd_vel, else motor.
 
     Raises:
         InputError: no header, a bad entry of `mapping`, or neither time nor input is found.
@@ -85,7 +85,7 @@ def guess(table: TextTable, mapping: Sequence[str], vehicle: Vehicle | None) -> 
 
 
 def _guessed_bases(sources: Mapping[str, Source]) -> tuple[list[str], list[str]]:
-    """Returns each unstated number that every speed or voltage depends on, and a note on it in capitals."""
+    """Returns the guesses of unstated numbers that scale all speeds or voltages, with a note in capitals on each."""
     bases, notes = [], []
     for stems, base, what, spoiled, form in (
         (("wheel_angle", "angle"), COUNTS_A_TURN, "how many counts a turn has", "speed", "COUNTS:rotation"),
@@ -103,7 +103,7 @@ def _guessed_bases(sources: Mapping[str, Source]) -> tuple[list[str], list[str]]
 
 
 def _values(table: TextTable, name: str) -> Vector:
-    """Returns the numbers of a column; if it holds text, an empty array."""
+    """Returns the numbers of a column; an empty array if the column holds text."""
     try:
         return table.column(name, Place(name))[0][:_LOOKED_AT]
     except InputError:
@@ -123,7 +123,7 @@ def _problem(found: Taken, sources: Mapping[str, Source], vehicle: Vehicle) -> s
 
 
 def _one_input_set(sources: dict[str, Source], reasons: dict[str, str], vehicle: Vehicle) -> list[str]:
-    """Keeps one complete set of inputs in `sources`, and returns the others."""
+    """Keeps one complete set of inputs in `sources`, removes the other inputs, and returns a note on each of them."""
     sets = INPUT_SETS[vehicle]
     stated = {signal for signal in sources if SIGNALS[signal].kind == "input" and reasons[signal] == "stated by --map"}
     complete = [names for names in sets if all(name in sources for name in names)]
@@ -135,7 +135,7 @@ def _one_input_set(sources: dict[str, Source], reasons: dict[str, str], vehicle:
 
 
 def _check_found(table: TextTable, sources: Mapping[str, Source], asked: Sequence[str]) -> None:
-    """Refuses a log without time, input or output; `asked`: the statements that drives need which are not guessed."""
+    """Refuses a log without time, input or output; `asked`: messages on drives that the user has to state."""
     known = ", ".join(table.names[:20])
     kinds = {SIGNALS[signal].kind for signal in sources}
     for kind, example in (("time", "time=COLUMN:ms"), ("input", "duty_left=COLUMN/255"), ("output", "yaw_rate=COLUMN")):
@@ -146,7 +146,7 @@ def _check_found(table: TextTable, sources: Mapping[str, Source], asked: Sequenc
 
 
 COUNTS_PER_TURN = 960
-"""Counts of an encoder in a turn of the wheel, if nobody states them."""
+"""Assumed counts of an encoder in a turn of the wheel, if they are not stated."""
 
 _SIDES = {
     **dict.fromkeys(("l", "left", "lt", "lf", "links"), "left"),
@@ -167,16 +167,16 @@ _ENCODER = {"enc", "encoder", "tick", "ticks", "count", "counts", "cnt", "odo", 
 _BATTERY = {"bat", "batt", "battery", "vbat", "vbatt", "supply", "vin", "vcc"}
 _SPEED = {"speed", "spd", "vel", "velocity", "rpm", "omega", "w"}
 _FULL_SCALES = (1.0, 100.0, 255.0, 1000.0, 1023.0, 4095.0, 32767.0)
-_ODD_FULL = (300.0, 400.0)  # a drive with its largest value between these may have 400 or 1000 as full drive
+_ODD_FULL = (300.0, 400.0)  # if the largest drive is between these, full drive may be 400 or 1000
 _SERVO, _SERVO_REST = (800.0, 2200.0), 1500.0  # us
 _TURN_RATE = 12.0  # rad/s: a faster turn is logged in deg/s
-_RAW_GYRO = 131.0  # counts per deg/s of the commonest sensor at its finest range
+_RAW_GYRO = 131.0  # counts per deg/s of the most common gyro in its finest range
 _GRAVITY = {"g0": 1.0, "m/s^2": 9.80665}
 
 
 @dataclass(frozen=True, eq=False)
 class Column:
-    """A column: its name, the words in it, its side, a unit that its name states, and its values."""
+    """A column: its name, the words in the name, its side, the unit in its name, and its values."""
 
     name: str
     words: frozenset[str]
@@ -238,8 +238,8 @@ def taken_for(column: Column, columns: Sequence[Column], driven: bool) -> Taken 
 
     Args:
         column: the column.
-        columns: all of the log.
-        driven: whether the log has a duty; then a column "v" is no commanded voltage.
+        columns: all columns of the log.
+        driven: whether the log has a duty; then a column named "v" is not a commanded voltage.
     """
     if not np.isfinite(column.values).any():
         return "it holds no numbers"
@@ -271,7 +271,7 @@ def taken_for(column: Column, columns: Sequence[Column], driven: bool) -> Taken 
 
 
 def _set_point(column: Column) -> Taken | str:
-    """Returns the demand to a controller: a wheel's or motor's speed, or a body's velocity or yaw rate."""
+    """Returns the guessed set point of a column: speed of a wheel or motor, or velocity or yaw rate of the body."""
     words, unit = column.words, column.unit
     if words & {"y"} or (words >= {"angular", "x"} or words >= {"linear", "z"}):
         return "it is a demand that no vehicle with two wheels follows"
@@ -302,7 +302,7 @@ def _time(column: Column) -> Taken | str:
 
 
 def _duty(column: Column, both: Sequence[Column]) -> Taken | str:
-    """Returns the guessed duty of a column. One driver drives `both` sides, so their full drive is one number."""
+    """Returns the guessed duty of a column. Both sides have the same driver, so `both` have the same full drive."""
     signal = f"duty_{column.side}" if column.side else "duty"
     largest = max(one.largest for one in both)
     if all(_is_servo(one) for one in both):
@@ -317,7 +317,7 @@ def _duty(column: Column, both: Sequence[Column]) -> Taken | str:
 
 
 def _is_servo(column: Column) -> bool:
-    """Whether all values are pulses of a servo, or 0 where no pulse is sent."""
+    """Whether all values are servo pulses, or 0 for no pulse."""
     known = column.values[np.isfinite(column.values)]
     sent = known[known != 0.0]
     is_pulse = sent.size > 0 and _SERVO[0] <= sent.min() and sent.max() <= _SERVO[1]
@@ -325,7 +325,7 @@ def _is_servo(column: Column) -> bool:
 
 
 def _asked(both: Sequence[Column], look: str, formula: str) -> str:
-    """Returns the options that the user has to state for drives that cannot be guessed."""
+    """Returns a message with the options that the user has to give for drives that cannot be guessed."""
     maps = [f"--map 'duty{one.side and '_'}{one.side}={formula.format(one.name)}'" for one in both]
     return f"{' and '.join(one.name for one in both)} {look}: state it, as {' '.join(maps)}"
 

@@ -24,12 +24,12 @@ Vector = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Source:
-    """Where a signal stands in a log.
+    """The source of a signal in a log.
 
     Attributes:
         text: a column's name, ``name[index]``, or a formula (`formula`).
         unit: the unit of the formula's value.
-        states_unit: whether the user gave the unit; else it is the SI unit.
+        states_unit: whether the user stated the unit; otherwise `unit` is the SI unit.
     """
 
     text: str
@@ -43,8 +43,8 @@ class Mapped:
 
     Attributes:
         columns: signal -> its cells. A formula that is linear in one column leaves the cells as logged.
-        scalings: signal -> how its cells become values in the signal's unit; signals with scale 1 and offset 0 are
-            absent.
+        scalings: signal -> conversion of its cells to values in the signal's unit; without signals of scale 1 and
+            offset 0.
     """
 
     columns: dict[str, Vector]
@@ -57,9 +57,9 @@ def parse_mapping(entries: Sequence[str], *, has_time: bool = False, partly: boo
     The default unit is the SI unit. Formulas are read later, when the names of the log's columns are known.
 
     Args:
-        entries: as the user wrote them.
+        entries: the entries as the user wrote them.
         has_time: whether the samples of the log have times of their own, so that no time is mapped.
-        partly: whether the time may be missing, because a guess finds what is not mapped.
+        partly: whether the time may be missing, because the other signals are guessed.
 
     Raises:
         InputError: an entry of another form, an unknown signal or unit, a signal given twice, or no time.
@@ -99,7 +99,7 @@ def _unit_apart(text: str) -> tuple[str, str | None]:
 def read_formulas(sources: Mapping[str, Source], names: Sequence[str]) -> dict[str, Formula]:
     """Returns signal -> formula, for a log that has the columns `names`.
 
-    A formula may name a column that is not among them: the reader of the log refuses it (`formula.unknown_name`).
+    A formula may name an unknown column; the reader of the log refuses it later (`formula.unknown_name`).
 
     Raises:
         InputError: a text that is no formula.
@@ -118,7 +118,7 @@ def take(formulas: Mapping[str, Formula], column: Callable[[str, Place], Vector]
 
     Args:
         formulas: the result of `read_formulas`.
-        column: gives the cells of a place for a signal, NaN where blank, or raises an InputError.
+        column: function that returns the cells of a place for a signal, NaN where blank, or raises an InputError.
         file: the log, which errors name.
 
     Raises:
@@ -143,7 +143,7 @@ def common_scalings(logs: Sequence[Mapped], files: Sequence[Path]) -> dict[str, 
     """Returns signal -> scaling of all the logs of a data set.
 
     Raises:
-        InputError: the column names of a log give a formula another meaning there.
+        InputError: a formula has another meaning in one log, because its columns have other names.
     """
     for log, file in zip(logs, files, strict=True):
         if log.scalings != logs[0].scalings:
@@ -173,7 +173,7 @@ def parse_nominal(entries: Sequence[str]) -> dict[str, float]:
 
 
 def mending(sources: Mapping[str, Source], taken: Mapping[str, Taken]) -> str:
-    """Returns the options of `import` that take each signal from the right source; "": none can."""
+    """Returns the options of `import` that give each signal its right source; "": no options can."""
     found = []
     for signal, one in taken.items():
         if one.source not in sources or not math.isfinite(one.factor):

@@ -1,7 +1,6 @@
 """Reads the variables of a .mat file.
 
-A process of its own reads them, because a damaged file can crash scipy's reader. That process loads only this
-module.
+A separate process reads them, because a damaged file can crash scipy's reader. This process loads only this module.
 """
 
 from __future__ import annotations

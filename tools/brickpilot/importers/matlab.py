@@ -60,7 +60,7 @@ def read(file: Path) -> Log:
 
 
 def _places(name: str, variables: Mapping[str, Any]) -> list[Place]:
-    """Returns a vector's place, or those of the columns of a matrix."""
+    """Returns the place of a vector, or the places of a matrix's columns."""
     value: Any = variables
     for part in name.split("."):
         value = value[part]

@@ -1,6 +1,7 @@
-"""Parquet files turned into a data set. pyarrow reads them; each holds a table, like the text files of `table`.
+"""Parquet files turned into a data set. pyarrow reads them. Each file holds a table, like the text files of `table`.
 
-A field of a struct is ``column.field``. Time stamps are in s from the earliest one of their column, durations in s.
+A field of a struct is ``column.field``. Time stamps become s since the earliest stamp in their column, durations become
+s.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Recordings of an RCX, fetched through the infrared tower and turned into a data set.
 
-firmware/targets/rcx/recorder.c makes them and sends them in blocks. Block 0 describes the recording; the others hold
-its samples.
+firmware/targets/rcx/recorder.c makes the recordings and sends them in blocks. Block 0 describes the recording; the
+other blocks hold its samples.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out,
 from brickpilot.link import lnp
 from brickpilot.link.tower import BYTE_S, Tower
 
-PATIENCE = 4.0  # s; the brick may wait for a quiet line
+PATIENCE = 4.0  # s: time for a reply, as the brick may wait for a quiet line
 TRIES = 8
 VERSION = 1
 BLOCK_SAMPLES, SAMPLE_SIZE = 20, 5
@@ -76,11 +76,11 @@ class Description:
     Attributes:
         rotation: whether rotation sensors were logged; else two accelerometers.
         period_s: s between samples.
-        samples: how many samples were logged.
-        late: how many of the samples were taken late.
+        samples: number of logged samples.
+        late: number of samples that were taken late.
         gyro, surge, sway: the analogue sensors; None: not logged.
         reversed_wheels: whether the left and the right rotation sensor count backward.
-        manoeuvres: in order.
+        manoeuvres: the manoeuvres in order.
     """
 
     rotation: bool
@@ -109,8 +109,8 @@ def import_rcx(
         ports: exactly one, the serial port of the tower.
         out: the new folder.
         nominal, name: as in a data set.
-        progress: called with the blocks fetched, the number of blocks, and a word on what is done.
-        byte_s: s that the line takes for a byte.
+        progress: called with (blocks fetched, all blocks, text).
+        byte_s: time of a byte on the line, s.
 
     Raises:
         InputError: no such port, no tower, no reply, a reply that is no recording, or `out` is taken. Nothing is
@@ -134,7 +134,7 @@ def fetch(
     """Fetches the description, and the samples of four raw numbers each.
 
     Raises:
-        InputError: no reply, or one that is no part of a recording.
+        InputError: no reply, or a reply that is no part of a recording.
     """
     description = describe(_request(line, port, 0), port)
     blocks = -(-description.samples // BLOCK_SAMPLES)
@@ -152,7 +152,7 @@ def fetch(
 
 
 def _request(line: Line, port: Path, number: int) -> bytes:
-    """Requests block `number` up to `TRIES` times until it comes whole, and returns it."""
+    """Requests block `number` until it arrives complete, at most `TRIES` times, and returns it."""
     wanted = struct.pack("<H", number)
 
     def block_in(received: bytes) -> bytes | None:
@@ -213,7 +213,7 @@ def unpack(content: bytes) -> NDArray[np.int64]:
 def dataset_of(
     description: Description, samples: NDArray[np.int64], name: str, nominal: Mapping[str, float]
 ) -> NewDataset:
-    """Makes a run of each manoeuvre with the rest that follows it. The first run begins with the rest before it."""
+    """Makes a run of each manoeuvre and the rest after it. The first run also has the rest before it."""
     columns = _columns(description, samples)
     runs = [
         NewRun(label, {"time": _times(end - begin, description.period_s), **_cut(columns, begin, end)})

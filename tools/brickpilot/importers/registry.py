@@ -1,4 +1,4 @@
-"""The rows of the table of importers: a kind of log, the function that reads it, and its options."""
+"""The type of a row of `IMPORTERS`: a kind of log, the function that reads it, and its options."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ class Option:
 
     Attributes:
         keyword: the argument's name in the importers' functions.
-        flag: how it is written on the command line, e.g. ``--map``.
+        flag: the option on the command line, e.g. ``--map``.
         help: for the user, in one or two sentences. The command adds the kinds of log that take the option.
-        metavar: the word for its value in the help; empty for a choice or a switch.
+        metavar: the name of its value in the help; empty for a choice or a switch.
         choices: the values allowed; empty: any text.
-        default: the value if the user gives none. False makes the option a switch.
+        default: the value if the user does not give the option. False: the option is a switch.
         repeatable: whether the importers get a tuple of all values given.
-        required: whether every importer that takes it needs it.
+        required: whether each importer with this option needs it.
         unless: the keyword of an option that makes this one unnecessary.
     """
 
@@ -47,16 +47,16 @@ class Importer:
     """One kind of log.
 
     Attributes:
-        kind: its name on the command line.
+        kind: name of the kind of log on the command line.
         function: ``module:function``. It is called as ``function(files, out, nominal=..., name=..., **options)``, with
             one keyword for each of `options`, and returns `writer.Imported`.
-        help: the files that it reads, in one sentence.
+        help: the files that the importer reads, in one sentence.
         reader: ``module:function`` that reads a whole file as a `channels.Log`, for ``--list``; empty: no list.
         suffixes: the endings of its files, e.g. ``.csv``, or the name of a file in the folder of a log, e.g.
             ``metadata.yaml``.
         example: the arguments of one call, after ``brickpilot import``.
         options: the options that it takes besides ``--out``, ``--nominal`` and ``--name``.
-        reports_progress: whether it also takes `progress`, which it calls with (done, total, text).
+        reports_progress: whether `function` also takes `progress`, which it calls with (done, total, text).
     """
 
     kind: str
@@ -83,7 +83,7 @@ class Importer:
 
 
 def kind_of(file: Path, importers: Iterable[Importer]) -> str | None:
-    """Returns the kind of log, from a file's ending or from the files in a folder; None: none that is known."""
+    """Returns the kind of log, from a file's ending or from the files in a folder; None: an unknown kind."""
     for row in importers:
         if file.suffix.lower() in row.suffixes or (
             file.is_dir() and any((file / one).is_file() for one in row.suffixes)
@@ -95,7 +95,7 @@ def kind_of(file: Path, importers: Iterable[Importer]) -> str | None:
 def importer_and_files(
     words: Sequence[str], kind: str | None, importers: Sequence[Importer]
 ) -> tuple[Importer, list[Path]]:
-    """Returns the row of the kind that the user names, or that the ending of the first file shows, and the files.
+    """Returns the importer of the kind that the user names, or else of the first file's ending; and the files.
 
     Raises:
         InputError: the kind is neither named nor known by the ending, or no file is given.
@@ -123,9 +123,10 @@ def kinds_with(option: Option, importers: Iterable[Importer]) -> str:
 
 
 def options_taken(importer: Importer, importers: Sequence[Importer], given: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns the options that `importer` takes, by keyword; those that are not given have their defaults.
+    """Returns keyword -> value of the options that `importer` takes; options that are not given have their defaults.
 
-    The importer has to take every given option without a default, and every given switch; other options are ignored.
+    A given option without a default, or a given switch, must be one of the importer's; other given options may be
+    ignored.
 
     Raises:
         InputError: a given option belongs to other kinds of log, a needed option is missing, or there is no such

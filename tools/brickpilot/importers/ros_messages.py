@@ -13,10 +13,10 @@ import numpy as np
 from brickpilot.importers.channels import Channel, Log, Vector
 
 _LARGEST = 64
-"""Values in an array; a longer one, e.g. an image or a laser scan, is left out."""
+"""Largest number of values in an array; a longer array, such as an image or a laser scan, is left out."""
 
 _SAME_EPOCH = 10.0
-"""s; stamps and log times that differ by more come from two clocks: no message travels for a longer time."""
+"""s: if stamps and log times differ by more, they come from two clocks: no message travels for so long a time."""
 
 _HEADER = frozenset({"header", "stamp"})
 _QUATERNION = {"x", "y", "z", "w"}
@@ -30,7 +30,8 @@ class Topic:
         name, type: the topic's name, and the type of its messages.
         log_ns, stamp_ns: when each message was recorded; the stamp in its header, 0 where it has none.
         values: field -> number and value of each message that has the field.
-        aliases: second name -> field, if the first message names the places: ``velocity[0]`` for ``velocity[left]``.
+        aliases: second name -> field, if the first message names the array's elements: ``velocity[0]`` ->
+            ``velocity[left]``.
     """
 
     name: str
@@ -143,7 +144,7 @@ def _are_names(joints: Any, values: Any) -> bool:
 
 
 def _aliases(message: Any, prefix: str) -> Iterator[tuple[str, str]]:
-    """Yields ``velocity[0]`` and ``velocity[left]`` for each place of each array whose places the message names."""
+    """Yields (``velocity[0]``, ``velocity[left]``) for each element of the arrays whose elements the message names."""
     fields = _fields(message)
     joints = fields.get("name")
     for name, values in fields.items():

@@ -24,7 +24,7 @@ def read(file: Path, texts: Collection[str] | None = None) -> Log:
     topics: dict[str, Topic] = {}
     others: set[str] = set()
     try:
-        # Bags of older releases do not define their messages; those of common packages have not changed since.
+        # Bags of older releases lack message definitions; the messages of common packages have not changed since.
         with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
             wanted = [one for one in reader.connections if is_wanted(one.topic, texts)]
             known = [one for one in wanted if one.msgtype in reader.typestore.fielddefs]

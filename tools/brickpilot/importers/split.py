@@ -19,22 +19,22 @@ from brickpilot.errors import InputError
 Vector = NDArray[np.float64]
 
 _SHORTEST_REST_S = 0.3
-_KEPT_S = 0.5  # how much of the rest before and after a manoeuvre its run keeps
-_SPAN_S = 0.1  # span on either side of a sample over which a rate is taken
-_PAUSE_S, _PAUSE_STEPS = 1.0, 20.0  # a hole longer than both is a pause: s; 0.9-quantiles of the steps
+_KEPT_S = 0.5  # length of the rest before and after a manoeuvre that its run keeps
+_SPAN_S = 0.1  # span on each side of a sample over which a rate is computed
+_PAUSE_S, _PAUSE_STEPS = 1.0, 20.0  # s; and 0.9-quantiles of the steps: a hole longer than both is a pause
 _STILL = 0.05  # share of the log's fastest motion: a slower motion counts as rest
 
 
 @dataclass(frozen=True)
 class Part:
-    """Some rows of a log that become a run of their own."""
+    """Rows of a log that become a separate run."""
 
     name: str
     rows: slice
 
 
 def parse_split(entries: Sequence[str]) -> list[tuple[float, float]] | None:
-    """Returns the stated times in s of `--split FROM,TO`, none without the option, and None for `--split rests`.
+    """Returns the times in s of `--split FROM,TO`; empty without the option; None for `--split rests`.
 
     Raises:
         InputError: an entry of another form, or both forms at once.
@@ -67,7 +67,8 @@ def split_log(
         spans: the result of `parse_split`.
 
     Raises:
-        InputError: a span with fewer than two rows, or in a log whose clock starts again; no manoeuvre.
+        InputError: a span has fewer than two rows; spans are given and the log's clock starts again; or no manoeuvre is
+            found.
     """
     if spans:
         return _stated(time, spans)
@@ -89,9 +90,9 @@ def split_log(
 
 
 def pauses(time: Vector) -> list[int]:
-    """Returns the rows after each pause of the logger, in which the inputs are not known. `time`: (n,) s of the log.
+    """Returns the first row after each pause of the logger; in a pause the inputs are not known. `time`: (n,) s.
 
-    A log with rows only where something changes has no pause as long as its holes are about equally long.
+    A log that has rows only at changes has no pause if its holes are about equally long.
     """
     steps = np.diff(time)
     usual = float(np.quantile(steps[steps > 0.0], 0.9)) if np.any(steps > 0.0) else math.inf
@@ -114,7 +115,7 @@ def _stated(time: Vector, spans: Sequence[tuple[float, float]]) -> list[Part]:
 def manoeuvres(time: Vector, signals: Mapping[str, Vector]) -> list[tuple[str, slice]]:
     """Returns kind and rows of each manoeuvre, with up to 0.5 s of the rest before it and after it.
 
-    The vehicle rests where no input drives it and it hardly moves, for 0.3 s at least.
+    The vehicle rests if no input drives it and it hardly moves for at least 0.3 s.
 
     Args:
         time: (n,) s, strictly increasing.

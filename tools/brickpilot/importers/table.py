@@ -43,7 +43,7 @@ def import_table(
     nominal: Mapping[str, float] | None = None,
     name: str | None = None,
 ) -> Imported:
-    """Makes a data set of tables; a file becomes a run of the same name, or several where it is split.
+    """Makes a data set of tables; a file becomes a run of the same name, or several runs if it is split.
 
     Args:
         files: text files with the same columns.
@@ -57,10 +57,10 @@ def import_table(
         guessed: whether signals that `mapping` does not name, and the vehicle, are guessed from the first file.
         split: ``rests``, or ``FROM,TO`` in s of the log's clock, repeatable.
         inputs: a table of time and inputs, for a log that is slower than its commands.
-        input_timing: what an input does between two rows; for ``unknown``, `check` and `discover` find it.
+        input_timing: what an input does between two rows; if ``unknown``, `check` and `discover` estimate it.
 
     Raises:
-        InputError: naming file, line and column, or the option. Nothing is written then.
+        InputError: the message names file, line and column, or the option. Nothing is written then.
     """
     check_out(out)
     spans = parse_split(split)
@@ -116,7 +116,8 @@ def runs_of(
         logs: the logs' signals, with the time.
         sources: signal -> source, for the unit of time.
         spans: the result of `split.parse_split`.
-        names: log by log, the name of a run that is a whole log. With several logs, the names of parts begin with it.
+        names: for each log, the name of the run of the whole log. With several logs, the names of a log's parts begin
+            with it.
     """
     runs, notes = list[NewRun](), list[str]()
     for log, name in zip(logs, names, strict=True):
@@ -129,7 +130,7 @@ def runs_of(
 def _runs_of(
     log: Log, sources: Mapping[str, Source], spans: Sequence[tuple[float, float]] | None, names: tuple[str, str]
 ) -> tuple[list[NewRun], list[str]]:
-    """Returns the runs of a log, and notes; `names`: the name of a whole log, and how those of its parts begin."""
+    """Returns the runs of a log, and notes; `names`: the name of the whole log, and the prefix of its parts' names."""
     columns, scalings = log.signals.columns, log.signals.scalings
     signals = {name: _value(cells, scalings.get(name, Scaling())) for name, cells in columns.items()}
     time = signals.pop("time") * si_factor(sources["time"].unit, "s")

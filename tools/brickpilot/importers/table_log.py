@@ -2,8 +2,8 @@
 
 The order of time is found in spite of overflows, repeated or misread stamps, and restarts.
 
-A jump of a counter counts as an overflow only if, with the counter's range added, it is as small as a usual step. Any
-other jump stays, because it may be real.
+A jump of a counter counts as an overflow only if it is as small as a usual step after the counter's range is added. Any
+other jump is kept, because it may be real.
 
 A log can be joined with a table of events at which its inputs change. A simulation holds an input from row to
 row. So a row is added if the input changes between two rows of a log; measured signals stay blank there.
@@ -34,9 +34,9 @@ class Log:
     """The signals of one file.
 
     Attributes:
-        signals: in the order of time.
+        signals: the signals in the order of time.
         starts: rows at which a new run has to begin, because a clock or a counter starts again.
-        notes: what was left out or changed, a sentence each.
+        notes: a sentence on each thing that was left out or changed.
     """
 
     file: Path
@@ -147,8 +147,8 @@ def with_events(columns: Mapping[str, Vector], events: Mapping[str, Vector]) -> 
     """Returns a log whose inputs come from a table of events; it has a row at each event within the log.
 
     Args:
-        columns: the log's time, outputs, and inputs; its inputs are left out.
-        events: time and inputs; an input holds from its event to the next. Before the first event it is 0.
+        columns: the log's time, outputs and inputs; the inputs are replaced.
+        events: time and inputs; an input is held from its event to the next. Before the first event it is 0.
     """
     time, at = columns["time"], events["time"]
     within = at[(at > time[0]) & (at <= time[-1])]
@@ -166,7 +166,7 @@ def with_events(columns: Mapping[str, Vector], events: Mapping[str, Vector]) -> 
     return joined
 
 
-_STANDING = 0.5  # share of the rows: if the time repeats in more rows, these are kept
+_STANDING = 0.5  # share of the rows: if the time repeats in more rows, these rows are kept
 _FIRST_STEP = 100.0  # usual steps: a first row farther from the second lost digits of its time
 
 
@@ -175,10 +175,10 @@ class Clock:
     """The time of a log.
 
     Attributes:
-        time: cells without overflows, for all rows.
-        kept: the rows whose time is sound, in order.
+        time: the time's cells without overflows, for all rows.
+        kept: the indices of the rows with a sound time, in order.
         starts: positions in `kept` at which the logger's clock starts again.
-        notes: what was done, a sentence each.
+        notes: a sentence on each change.
     """
 
     time: Vector
@@ -193,7 +193,7 @@ def ordered(cells: Vector, lines: NDArray[np.int64], cut_start: bool) -> Clock:
     Args:
         cells: the time's cells, NaN where blank or broken.
         lines: the line of each row, for the notes.
-        cut_start: whether the log may begin in the middle of a line.
+        cut_start: whether the first line of the log may be incomplete.
     """
     unwrapped = unwrap(cells, clock=True)
     notes = [
@@ -216,7 +216,7 @@ def ordered(cells: Vector, lines: NDArray[np.int64], cut_start: bool) -> Clock:
 
 
 def _lone(time: Vector, cut_start: bool) -> NDArray[np.int64]:
-    """Returns the single rows whose time does not lie between those of their neighbours, which are in order."""
+    """Returns the single rows whose time is not between the times of their two neighbours, while these are in order."""
     if time.size < 3:
         return np.empty(0, dtype=np.int64)
     step = np.diff(time)
@@ -231,12 +231,12 @@ def _count(notes: list[str], lines: NDArray[np.int64], rows: NDArray[np.int64], 
         notes.append(f"{rows.size} rows {what} and are left out, the first is line {lines[rows[0]]}")
 
 
-_BITS = ((16, 1), (32, 1), (12, 2), (14, 2))  # bits; the overflows that show them. Angle sensors have 12 or 14 bits
-_NEAR = 20  # steps on either side that show the usual size of a step
-_USUAL = 3.0  # largest true step of an overflow over the largest step nearby
-_LATE = 50.0  # usual steps of a clock: the longest pause in which it may overflow
-_FAR_STEPS, _FAR_COUNTS = 10.0, 20.0  # a jump to 0 is longer than these numbers of usual and of smallest steps
-_RETURNS = 5  # samples: a counter that comes back within them was misread, not set to 0
+_BITS = ((16, 1), (32, 1), (12, 2), (14, 2))  # (bits, overflows needed as evidence); angle sensors have 12 or 14 bits
+_NEAR = 20  # number of steps on each side from which the usual step is found
+_USUAL = 3.0  # largest corrected step at an overflow, over the largest step nearby
+_LATE = 50.0  # usual steps: the longest pause of a clock at an overflow
+_FAR_STEPS, _FAR_COUNTS = 10.0, 20.0  # least length of a jump to 0, in usual and in smallest steps
+_RETURNS = 5  # samples: a counter that returns within this number was misread, not reset
 
 
 @dataclass(frozen=True)
@@ -253,7 +253,7 @@ def unwrap(values: Vector, clock: bool = False) -> Unwrapped:
 
     Args:
         values: cells as logged; NaN where blank.
-        clock: whether the counter counts time, and so only rises.
+        clock: whether the counter counts time, so that it only rises.
     """
     known = np.flatnonzero(np.isfinite(values))
     counts = values[known]
@@ -280,7 +280,7 @@ def unturn(values: Vector, turn: float) -> Unwrapped:
 
     Args:
         values: cells as logged; NaN where blank.
-        turn: the length of a turn in their unit.
+        turn: one turn in the unit of `values`.
     """
     known = np.flatnonzero(np.isfinite(values))
     steps = np.diff(values[known])
@@ -311,7 +311,7 @@ def _overflows(steps: Vector, span: float, clock: bool) -> NDArray[np.int64]:
 
 
 def resets(values: Vector) -> list[int]:
-    """Returns the rows at which a counter jumps from a value far from 0 to one near 0, and does not come back."""
+    """Returns the rows at which a counter jumps from a value far from 0 to a value near 0, and does not return."""
     known = np.flatnonzero(np.isfinite(values))
     counts = values[known]
     steps = np.diff(counts)

@@ -1,7 +1,7 @@
-"""Reads the table in a text file as loggers write it: with lines before the header, repeated headers and broken lines.
+"""Reads tables in loggers' text files, which may have lines before the header, repeated headers and broken lines.
 
 Its layout is found first: the delimiter, the decimal sign, the number of columns, and the header. Rows that are left
-out are counted in a note. The numbers are parsed as those of a run's file (`data.rows`).
+out are counted in a note. Numbers are parsed as in a run's file (`data.rows`).
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
 Vector = NDArray[np.float64]
 
-_MOST_COLUMNS = 1000  # columns that have a number; a file has no column of a higher number
-_MOST_BROKEN = 0.2  # share of the rows: a file with more broken lines is no such table
+_MOST_COLUMNS = 1000  # column numbers in formulas are below this
+_MOST_BROKEN = 0.2  # share of the rows: a file with more broken lines is not a table
 _STAMP = re.compile(r"\d\d:\d\d:\d\d(?:\.\d+)? -> ")
 _PREFERRED = (";", "\t", ",", "|", " ")
 assert set(_PREFERRED) == set(DELIMITERS)
@@ -42,7 +42,7 @@ class TextTable:
 
     Attributes:
         file: the file.
-        names: the columns' names; without a header their numbers from 0.
+        names: the columns' names; without a header, the columns' numbers from 0.
         header: whether the file names its columns.
         first_line: the 1-based line of the header, or of the first row.
         lines: the 1-based line of each row.
@@ -60,7 +60,7 @@ class TextTable:
 
     @property
     def formula_names(self) -> list[str]:
-        """The names that formulas may use; without a header column 0 is ``c0`` there, because ``0`` is a number."""
+        """The names that formulas may use; without a header, ``c0`` stands for column 0, because ``0`` is a number."""
         numbers = range(_MOST_COLUMNS)
         if self.header:
             return [*self.names, *map(str, numbers)]
@@ -70,12 +70,12 @@ class TextTable:
         """Returns the numbers of a column, NaN where blank, and the rows whose cell is no number.
 
         Raises:
-            InputError: no such column, or one that mostly holds text.
+            InputError: no such column, or the column mostly holds text.
         """
         position = self._position(signal, place)
         cells = self._cells.column(position)
         values, wrong = numbers(cells, BLANK_WORDS)
-        if self._decimal != "." and wrong.any():  # a file with decimal commas may also have columns with points
+        if self._decimal != "." and wrong.any():  # a file with decimal commas may also have columns with decimal points
             with_sign = numbers(cells, BLANK_WORDS, self._decimal)
             values, wrong = min((values, wrong), with_sign, key=lambda found: np.count_nonzero(found[1]))
         wrong |= np.isinf(values)
@@ -111,8 +111,8 @@ def read_table(file: Path, delimiter: str | None = None, header: bool = False) -
     """Returns the table in a text file.
 
     Args:
-        file: UTF-8 or UTF-16 text; bytes that are no text make their line a broken one.
-        delimiter: None: it is found.
+        file: UTF-8 or UTF-16 text; a line with bytes that are no text counts as broken.
+        delimiter: the delimiter; None: it is found.
         header: whether the file must name its columns.
 
     Raises:
@@ -155,7 +155,7 @@ def _rows(
 ) -> tuple[NDArray[np.int64], pyarrow.Table, dict[str, list[int]]]:
     """Returns the lines that are rows, their cells, and the lines left out: kind -> lines. Lines are counted from 0.
 
-    The last line is no row, because its line end is missing: it may be cut off.
+    The last line has no line end and may be cut off, so it is no row.
     """
     again = lines[header].strip() if header is not None else None
     rows = ["" if line.strip() == again else line for line in lines[start:-1]]
@@ -233,7 +233,7 @@ class Layout:
         return cells_of(line, self.delimiter)
 
     def is_number(self, cell: str) -> bool:
-        """Returns whether a cell is a number, or stands for a missing one."""
+        """Returns whether a cell is a number or stands for a missing value."""
         number = cell if self.decimal == "." else cell.replace(self.decimal, ".", 1)
         return _NUMBER(number) is not None or cell.lower() in BLANK_WORDS
 
@@ -250,16 +250,16 @@ def cells_of(line: str, delimiter: str) -> list[str]:
 
 
 def _unquoted(cell: str) -> str:
-    """Returns a cell without the quotes round it; a single quote is damage, which makes the cell no number."""
+    """Returns a cell without the quotes round it; an unpaired quote stays, so that the cell is no number."""
     return cell[1:-1] if len(cell) > 1 and cell[0] in "\"'" and cell[-1] == cell[0] else cell
 
 
 def find_layout(lines: Sequence[str], delimiters: Sequence[str]) -> Layout | None:
-    """Returns the layout in which most lines are rows of two numbers or more; None: in none of them.
+    """Returns the layout in which most lines are rows of two or more numbers; None: there is no such layout.
 
     Args:
         lines: the file's lines.
-        delimiters: the ones to try; of two that fit equally well the first is taken.
+        delimiters: the delimiters to try; if two fit equally well, the first is taken.
     """
     filled = [line for line in lines if line.strip()]
     sample = filled[:: max(1, len(filled) // _MOST_LINES)]
@@ -303,7 +303,7 @@ def find_header(lines: Sequence[str], layout: Layout, needed: bool) -> tuple[int
     Args:
         lines: the file's lines.
         layout: the layout of its rows.
-        needed: whether the first line with a row's width is the header even if it holds numbers.
+        needed: whether the first line with the width of a row is the header even if it holds numbers.
     """
     first = next((index for index, line in enumerate(lines) if is_row(layout, line)), len(lines))
     above = [index for index in range(first) if _names(lines[index], layout)]

@@ -34,7 +34,7 @@ def read(file: Path, texts: Collection[str] | None = None) -> Log:
             raise InputError(f"is a damaged ULog file: {error}", file=file) from error
     damaged = log.file_corruption or any("timestamp" not in data.data for data in log.data_list)
     notes = ("some of its bytes are damaged and were left out",) if damaged else ()
-    timed = [data for data in log.data_list if "timestamp" in data.data]  # messages with damaged definitions lack times
+    timed = [data for data in log.data_list if "timestamp" in data.data]  # those with damaged definitions lack times
     channels = [one for data in timed if is_wanted(data.name, texts) for one in _channels(data)]
     return Log(file, {one.name: one for one in channels}, notes=notes, cut=not damaged and _is_cut(file.read_bytes()))
 

@@ -60,7 +60,7 @@ class _Log:
     """The content of one file.
 
     Attributes:
-        names: the columns' names, "position_left" and the like -> the data set's signals.
+        names: name of a column, such as "position_left" -> signal of the data set.
         per_rotation: m or rad per rotation.
         tests: name -> rows (n, width), in the order of time.
     """
@@ -77,14 +77,14 @@ def import_wpilib(
     """Makes a data set of WPILib JSON files; each test becomes a run.
 
     With several files, the name of a run begins with the name of its file. Runs of one file are ordered by the robot's
-    clock, and ``gap_s`` is the pause between them. The wheels show in which direction the gyro counts, and so the
-    frame of the data set. Idle rows are kept; rows whose time does not increase are left out.
+    clock, and ``gap_s`` is the pause between them. The wheels' turns give the gyro's sign, and so the frame of the data
+    set. Idle rows are kept; rows whose time does not increase are left out.
 
     Args:
         files: JSON files of one robot, all of a drivetrain or all of a mechanism.
         out: the new folder.
         nominal: known parameters, in SI.
-        name: the data set's; default the name of the folder.
+        name: the data set's name; default: the name of the folder.
 
     Raises:
         InputError: a file or a test is bad; the message names it. Nothing is written then.
@@ -224,8 +224,8 @@ def _columns(run: str, rows: Vector, log: _Log, notes: list[str]) -> dict[str, V
 def _signed(run: str, signal: str, voltage: Vector, turning: Vector, width: int, notes: list[str]) -> Vector:
     """Returns the voltage with the sign of its wheel's motion, if the log gives no sign.
 
-    Autospeed does not show which side a turning test reverses, and a converted log lists magnitudes. In such a log a
-    column that has negative values is not changed.
+    In a turning test, autospeed does not tell which side is reversed; a converted log has only magnitudes. In a
+    converted log, a column with negative values is not changed.
     """
     unsigned = width == 10 or not (voltage < 0.0).any()
     if unsigned and float(voltage @ turning) < 0.0:

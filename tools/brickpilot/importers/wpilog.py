@@ -85,7 +85,7 @@ def _fill(entries: dict[str, _Entry], others: set[str], reader: Iterable[Any], t
 def _is_cut(content: bytes) -> bool:
     """Returns whether the last record is incomplete; the library leaves such a record out and does not say so.
 
-    A record begins with a byte that holds the lengths of three numbers, each less one: the entry (2 bits), the size of
+    A record begins with a byte that holds the lengths of three numbers, each minus one: the entry (2 bits), the size of
     the content (2 bits) and the time (3 bits).
     """
     at = 12 + int.from_bytes(content[8:12], "little")
@@ -106,7 +106,7 @@ def _channels(entries: Iterable[_Entry]) -> Iterator[Channel]:
 
 
 def _unit(metadata: str) -> str | None:
-    """Returns the unit that an entry's metadata state, as AdvantageKit writes it: ``{"unit": "volts"}``."""
+    """Returns the unit in an entry's metadata, in AdvantageKit's form: ``{"unit": "volts"}``."""
     try:
         stated = json.loads(metadata)
     except ValueError:

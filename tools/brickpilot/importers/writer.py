@@ -29,7 +29,7 @@ from brickpilot.errors import InputError, disk_named
 from brickpilot.importers.formula import Scaling
 from brickpilot.importers.mapping import Source, mending
 
-_ROWS_AT_ONCE = 50_000  # rows that become text at a time, so that a long log needs little memory
+_ROWS_AT_ONCE = 50_000  # number of rows converted to text at a time, to save memory
 _EXACT = 2.0**53  # whole numbers below it are written without a decimal point
 
 
@@ -41,8 +41,8 @@ class Imported:
         folder: the data set's folder.
         runs: the runs' names in order.
         notes: for the user, a sentence each.
-        wiring: what is wired wrongly in all runs, a sentence each.
-        mend: the options of `import` that mend the wiring; empty: no wiring has to be mended, or it cannot be.
+        wiring: a sentence on each fault of the wiring in all runs.
+        mend: the options of `import` that mend the wiring; empty: there is no fault, or it cannot be mended.
     """
 
     folder: Path
@@ -59,7 +59,7 @@ class NewRun:
     Attributes:
         columns: signal -> cells, NaN for a blank one; all have the same length. `NewDataset.scalings` turns cells into
             values in the unit that the data set states.
-        gap_s: s of pause between the run before and this one; None: not stated.
+        gap_s: pause in s between the previous run and this one; None: not stated.
     """
 
     name: str
@@ -73,14 +73,14 @@ class NewDataset:
 
     Attributes:
         units: signal -> unit, for every signal, in the order of the columns.
-        notes: for the user; they also stand as comments at the head of the description.
-        scalings: signal -> how its cells become values; absent: the cells are the values.
-        reasons: signal -> the reason of a guess: a comment after its line.
+        notes: sentences for the user; the description begins with them as comments.
+        scalings: signal -> conversion of its cells to values; absent: the cells are the values.
+        reasons: signal -> the reason of its guess, written as a comment after the signal's line.
         input_timing: what an input does between two rows.
         sources: signal -> its source in the log, for the options that mend a wrong wiring.
-        guessed: the importer's guesses that everything depends on, such as "960 counts a turn".
+        guessed: the importer's guesses of unstated numbers, such as "960 counts a turn".
         as_wired: whether the data set says that no wiring is mended.
-        frame: None: not stated; then the frame is what wheels, drives and yaw show, or else FRD.
+        frame: the frame; None: the frame that wheels, drives and yaw show, or else FRD.
     """
 
     name: str
@@ -131,7 +131,7 @@ def write(new: NewDataset, out: Path, source: Path) -> Imported:
     Args:
         new: the data set.
         out: its folder; missing parents are made.
-        source: the log it comes from; errors name it.
+        source: the log that the data come from; errors name it.
 
     Raises:
         InputError: `out` is taken or cannot be written, or the result is no valid data set. Nothing is left behind.
@@ -156,7 +156,7 @@ def write(new: NewDataset, out: Path, source: Path) -> Imported:
 
 
 def _written(new: NewDataset, folder: Path, out: Path, source: Path) -> tuple[NewDataset, Dataset]:
-    """Fills a folder with the data set. Returns the data set with its frame, and the same as read back."""
+    """Fills a folder with the data set. Returns the data set with its frame, and the data set that was read back."""
     try:
         with disk_named(out):
             _fill(new, folder)
@@ -179,14 +179,14 @@ def _described(new: NewDataset, folder: Path, out: Path) -> Dataset:
 
 
 def _framed(new: NewDataset, as_frd: Dataset, as_flu: Dataset | None) -> dict[str, Any]:
-    """Returns the frame that the data show, and the notes, with a note on the frame.
+    """Returns the frame that the data show, and the notes with a note on the frame.
 
-    The data show the sign of the yaw if one of the two signs contradicts wheels and drives. A demand to turn has the
-    frame of the gyro, and a wrong frame exchanges both sides. With such a demand, the frame with fewer faults of the
-    wiring counts.
+    The data show the frame if one sign of the yaw contradicts wheels and drives. A set point of the yaw rate has the
+    gyro's frame, and a wrong frame exchanges both sides. With such a set point, the frame with fewer wiring faults is
+    taken.
 
     Args:
-        as_flu: the data set in the frame FLU, if it holds a demand to turn.
+        as_flu: the data set in the frame FLU, if it has a set point of the yaw rate.
     """
     yaw = next((name for name in ("yaw_rate", "yaw_angle") if name in new.units), None)
     if yaw is None or new.vehicle == "motor":

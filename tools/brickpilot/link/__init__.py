@@ -1,1 +1,1 @@
-"""How messages travel between this program and a brick."""
+"""The transport of messages between this program and a brick."""

@@ -21,7 +21,7 @@ from brickpilot.errors import InputError
 from brickpilot.link.messages import crc16
 
 Message = tuple[int, bytes]
-"""Id and data."""
+"""The id and the data of a message."""
 
 SERIAL = "serial"
 TCP = "tcp"
@@ -39,17 +39,17 @@ class Link(Protocol):
     damaged: int
 
     def send(self, messages: Sequence[Message]) -> None:
-        """Sends them in order. Raises LinkGoneError."""
+        """Sends the messages in order. Raises LinkGoneError."""
 
     def receive(self, timeout: float) -> list[Message]:
-        """Returns the messages that have come; waits up to `timeout` s for the first. Raises LinkGoneError."""
+        """Returns the received messages; waits up to `timeout` s for the first one. Raises LinkGoneError."""
 
     def close(self) -> None:
         """Closes the link. It may be called twice."""
 
 
 class WrappedLink:
-    """A link that passes everything on to another; the base of links that change or record messages.
+    """A link that forwards everything to another link; the base of links that change or record messages.
 
     Args:
         link: the other link, which is closed with this one.
@@ -77,12 +77,12 @@ class WrappedLink:
 
 
 BUSY = b"another host has this link"
-"""The message of a brick to a second client before it ends the connection. The brick's process has the same words."""
+"""The text that a brick sends to a second client before it closes the connection; the brick's process has the same."""
 
 TOKEN = "BRICKPILOT_TOKEN"
-"""The environment variable with the token that both ends of a TCP connection are given, of 16 to 64 bytes."""
+"""The environment variable with the token, 16 to 64 bytes, that both ends of a TCP connection must have."""
 ASKS = b"token "
-"""Begins the words with which a brick asks for the token; its challenge follows. hal/README.md says more."""
+"""The beginning of a brick's request for the token; its challenge follows. See hal/README.md."""
 
 
 def encode_frame(identifier: int, data: bytes) -> bytes:
@@ -92,7 +92,7 @@ def encode_frame(identifier: int, data: bytes) -> bytes:
 
 
 def decode_frame(block: bytes) -> Message | None:
-    """Returns the message of a frame, which stands between two delimiters; None if it is damaged."""
+    """Returns the message in a frame (the bytes between two delimiters); None if the frame is damaged."""
     try:
         raw = cobs.decode(block)
     except cobs.DecodeError:
@@ -147,7 +147,7 @@ class StreamLink:
         if not chunk:
             raise LinkGoneError("closed by the other end")
         *blocks, self._rest = (self._rest + chunk).split(b"\0")
-        self._rest = self._rest[-64:]  # no valid frame is longer, and an endless one must not fill the memory
+        self._rest = self._rest[-64:]  # no valid frame is longer; an endless frame must not fill the memory
         found = []
         for block in blocks:
             if not block:
@@ -228,7 +228,7 @@ def open_serial(spec: str, port: str) -> Link:
 
 
 def open_tcp(spec: str, address: str) -> Link:
-    """Opens a TCP connection to `HOST:PORT`, and proves the token of `TOKEN` if it is set."""
+    """Opens a TCP connection to `HOST:PORT`; if `TOKEN` is set, proves to have the token."""
     host, _, port = address.rpartition(":")
     if not host or not port.isdigit() or not 0 < int(port) < 65536:
         raise _bad(spec, "needs tcp:HOST:PORT, the port from 1 to 65535")
@@ -263,7 +263,7 @@ def _prove(spec: str, connection: socket.socket, token: bytes) -> None:
 
 
 def _words(spec: str, connection: socket.socket) -> bytes:
-    """Returns the words that the brick sends before its first frame, between two zeros."""
+    """Returns the text that the brick sends between two zero bytes before its first frame."""
     data = b""
     try:
         while data.count(b"\0") < 2 and len(data) < 256 and (chunk := connection.recv(64)):

@@ -15,7 +15,7 @@ from brickpilot.link.tower import Tower
 
 HEADER = 0xF1
 BRICK, HOST = 0x07, 0x87
-"""Addresses of the programs of hal/rcx and of this end: hosts 0 and 8, port 7. Port 0 is the kernel's."""
+"""Addresses of the program of hal/rcx (host 0) and of this end (host 8), both port 7. Port 0 is the kernel's."""
 
 
 def address(host: int, port: int = 0) -> int:
@@ -24,7 +24,7 @@ def address(host: int, port: int = 0) -> int:
 
 
 def checksum(content: bytes) -> int:
-    """Returns the checksum of all bytes before it."""
+    """Returns the checksum of `content`, all bytes before the checksum."""
     return (0xFF + sum(content)) & 0xFF
 
 
@@ -52,17 +52,17 @@ def find(received: bytes, to: int, sender: int) -> bytes | None:
 HEAD_BYTES = 3
 REPLY_BYTES = 4 + HEAD_BYTES + 8 + 1
 PATIENCE = 4.0
-"""Patience of a request, see `Tower.exchange`: the brick hears nothing while it sends seven telemetry messages."""
+"""`patience` of a request, see `Tower.exchange`: a brick cannot receive while it sends seven telemetry messages."""
 
 FIRST_TRIES, TRIES = 3, 10
-"""Tries of a request before the first reply of a session, and after it."""
+"""Number of tries of a request before the first reply of a session, and after it."""
 
 
 class InfraredLink:
     """A `Link` for requests and replies over an infrared tower, which carries one packet at a time and loses some.
 
-    So `send` waits for the reply, and sends the same packet again if there is none. The brick obeys a repeated request
-    once. `damaged` counts the requests that were sent again.
+    So `send` waits for the reply, and sends the same packet again if there is no reply. The brick executes a repeated
+    request only once. `damaged` counts the requests that were sent again.
 
     Args:
         tower: an open tower, which is closed with the link.
@@ -71,7 +71,7 @@ class InfraredLink:
     def __init__(self, tower: Tower) -> None:
         self.damaged = 0
         self._tower = tower
-        self._sequence = int(time.monotonic() * 10) & 255  # differs from the number of the session before
+        self._sequence = int(time.monotonic() * 10) & 255  # differs from the number of the previous session
         self._replies: list[Message] = []
         self._connected = False
 
@@ -83,7 +83,7 @@ class InfraredLink:
                 raise LinkGoneError(str(error)) from error
 
     def _request(self, identifier: int, data: bytes) -> None:
-        """Sends one request until its reply comes, and keeps the reply for `receive`."""
+        """Sends one request until its reply arrives, and stores the reply for `receive`."""
         self._sequence = (self._sequence + 1) & 255
         head = bytes([self._sequence, identifier & 255, identifier >> 8])
         request = packet(head + data, BRICK, HOST)

@@ -1,7 +1,7 @@
-"""The messages of a link as the DBC defines them: raw integers to and from 8 bytes, and their CRCs.
+"""Packs and unpacks a link's messages as the DBC defines them: raw integers to and from 8 bytes, with CRCs.
 
-cantools needs some 20 us for a message, and a step in lockstep has a dozen messages. So the layouts are read from the
-DBC once, and are packed by `struct` or by shifts.
+cantools needs about 20 us for a message, and a step in lockstep has a dozen messages. So the layouts are read from the
+DBC once, and messages are packed by `struct` or by shifts.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Layout:
         return tuple((((whole >> start) & mask) ^ sign) - sign for start, mask, sign in self._fields)
 
     def seal(self, *values: int) -> bytes:
-        """Packs `values`, which do not hold the CRC, and puts the CRC of this message into the last two bytes."""
+        """Packs `values`, without the CRC, and puts the CRC of this message into the last two bytes."""
         data = self.pack(*values, 0)
         return data[:CRC_AT] + struct.pack("<H", crc16(struct.pack("<H", self.id) + data[:CRC_AT]))
 
@@ -97,13 +97,13 @@ class Book:
         return {str(name): int(number) for number, name in choices.items()}
 
     def scale(self, message: str, signal: str) -> float:
-        """Returns the size of one raw unit in SI."""
+        """Returns the SI value of one raw unit."""
         return float(self.database.get_message_by_name(message).get_signal_by_name(signal).scale)
 
 
 @cache
 def book() -> Book:
-    """Returns the packaged DBC."""
+    """Returns the messages of the packaged DBC."""
     return Book(dbc_path().read_bytes())
 
 

@@ -1,4 +1,4 @@
-"""A session with a brick: requests and replies, settings, routes and commands; and whether the brick has restarted."""
+"""A session with a brick: requests and replies, settings, routes and commands; and the detection of restarts."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ class Session:
         link: an open link.
         spec: the link as the user named it, for error messages.
         other: called with (id, data) of every message that is not the expected reply.
-        reply_s: time for a reply, s, before the request is sent again.
-        clock: the clock for `reply_s`, s.
+        reply_s: time to wait for a reply, s, before the request is sent again.
+        clock: function that returns the time in s, for `reply_s`.
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class Session:
         return self._sequence
 
     def wait(self, identifier: int, accept: Callable[[bytes], bool], timeout: float) -> bytes | None:
-        """Returns the data of the first message with that id that `accept` takes, or None after `timeout` s."""
+        """Returns the data of the first message with this id that `accept` accepts, or None after `timeout` s."""
         found: bytes | None = None
         until = self.now() + timeout
         while found is None:
@@ -156,7 +156,7 @@ class Session:
             raise InputError(reason, field=field)
 
     def upload(self, waypoints: Sequence[tuple[int, int]]) -> None:
-        """Sends a route in mm. The brick takes the whole route or keeps the old one.
+        """Sends a route in mm. The brick accepts the whole route, or keeps the old route.
 
         Raises:
             InputError: the brick refuses a waypoint or the whole route.
@@ -185,7 +185,7 @@ class Session:
         """Sends the command start, abort or reset, which acts at the brick's next step.
 
         Raises:
-            InputError: the command has no meaning in the brick's mode.
+            InputError: the command is not valid in the brick's mode.
         """
         reply = self._request("MODE_COMMAND", "MODE_REPLY", (self._book.choices("MODE_COMMAND", "command")[name],))
         if reply["status"]:
@@ -203,26 +203,26 @@ HEARTBEAT_TICKS = 100
 
 
 class ResetWatch:
-    """Tells whether the brick has begun anew: bytes of an OPEN came twice, or another host has opened a session.
+    """Detects that the brick's session has begun again: an OPEN arrived twice, or another host opened a session.
 
-    Two messages show it. HELLO answers an OPEN: more HELLOs come than this session has sent OPENs. The tick of
-    HEARTBEAT counts from OPEN: it goes back. HEARTBEAT has no CRC, so only multiples of `HEARTBEAT_TICKS` count.
+    Two signs are used. HELLO answers an OPEN: there are more HELLOs than OPENs of this session. The tick of HEARTBEAT
+    counts from OPEN: it decreases. HEARTBEAT has no CRC, so only multiples of `HEARTBEAT_TICKS` count.
     """
 
     def __init__(self) -> None:
         by = book().by_name
         self._hello, self._heartbeat = by["HELLO"], by["HEARTBEAT"]
         self._watching = False
-        self._due = 0  # how many replies to a repeated OPEN may still come
+        self._due = 0  # number of replies to a repeated OPEN that may still arrive
         self._newest_tick = 0
         self.reset = False
 
     def opened(self, repeats: int) -> None:
-        """Notes a session that was opened by an OPEN and `repeats` repetitions of it."""
+        """Starts with a session that was opened by an OPEN and `repeats` repetitions of it."""
         self._watching, self._due, self._newest_tick, self.reset = False, repeats, 0, False
 
     def begin(self) -> None:
-        """Begins to watch: from now on only this session sends to the brick."""
+        """Starts the detection; from now on only this session may send to the brick."""
         self._watching = True
 
     def take(self, identifier: int, data: bytes) -> None:

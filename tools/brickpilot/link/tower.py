@@ -1,6 +1,6 @@
 """The infrared tower on a serial line with 2400 baud, 8 bits and odd parity. It receives an echo of what it sends.
 
-Every time-out is a multiple of the byte time, so that a test with a faster line waits in proportion.
+Every time-out is a multiple of the byte time, so that a test with a faster line waits proportionally less.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class Tower:
             self._port = serial.Serial(
                 device, BAUD, parity=serial.PARITY_ODD, timeout=4 * byte_s, write_timeout=2000 * byte_s, exclusive=True
             )
-        except SetUpError as error:  # pyserial does not catch this one
+        except SetUpError as error:  # pyserial does not catch this error
             raise InputError(f"cannot be set up as the tower's serial port: {error.args[-1]}", field=device) from None
         except (serial.SerialException, OSError) as error:
             why = {2: "no such device", 13: "no permission to use it", 11: "another program uses it"}
@@ -79,11 +79,11 @@ class Tower:
     def exchange(
         self, packet: bytes, find: Callable[[bytes], T | None], reply_bytes: int, patience: float = 1.0
     ) -> T | None:
-        """Sends `packet` and searches its reply after the echo.
+        """Sends `packet` and searches for its reply after the echo.
 
         Args:
             packet: the bytes to send.
-            find: returns the reply if it is in the bytes that it is given, otherwise None.
+            find: function that returns the reply if the given bytes contain it, otherwise None.
             reply_bytes: length of the reply on the line.
             patience: time for the brick to begin its reply, in multiples of TURN_BYTES.
 
@@ -126,7 +126,7 @@ class Tower:
         return bytes(received[max(0, len(packet) - 4 - len(packet) // 50) :])
 
     def _wake(self) -> None:
-        """Wakes the tower with a byte, then sends a pattern until its echo comes back."""
+        """Wakes the tower with a byte, then sends a pattern until its echo arrives."""
         echoed = False
         self._write(b"\xff")
         for _ in range(_WAKE_TRIES):
@@ -164,7 +164,7 @@ class Tower:
             raise TimeoutError(f"{self.device}: the port has disappeared: {error}") from None
 
     def _read(self) -> bytes:
-        """Returns the bytes that have come, or nothing after a few byte times."""
+        """Returns the received bytes; empty if none arrive within a few byte times."""
         try:
             return self._port.read(max(1, self._port.in_waiting))
         except (serial.SerialException, OSError) as error:

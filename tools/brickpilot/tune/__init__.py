@@ -1,4 +1,4 @@
-"""Gains that hold for all robots that the data allow: a search over flights of drawn robots, and its judge."""
+"""Tunes gains for all robots that the data allow: a search over flights of drawn robots, and a final comparison."""
 
 from brickpilot import make_callable
 

@@ -1,4 +1,4 @@
-"""The page of `tune`: before and after, over the same robots that no search has seen."""
+"""The page of `tune`: flights with the gains before and after, of the same robots, which the search did not use."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 BEFORE: Colour = "orange"
 AFTER: Colour = "blue"
 _LOGGED = ("time_s", "true_x_m", "true_y_m", "true_heading_rad", "left_voltage_v", "right_voltage_v")
-_SHOWN_S = 1.0  # how long a track goes on after its last movement
+_SHOWN_S = 1.0  # s of a track that are shown after its last movement
 
 
 def page(tuned: Tuned, command: str) -> str:
@@ -71,7 +71,7 @@ def percent(one: Rate) -> str:
 
 
 def change(one: Change) -> tuple[str, str, str, str]:
-    """Returns before, after, their difference and its interval, as texts."""
+    """Returns the texts of the value before, the value after, their difference, and its interval."""
     if not one.robots:
         return ("\N{EN DASH}",) * 4
     values = (one.before, one.after, one.after - one.before)
@@ -103,7 +103,7 @@ def _causes(before: Sequence[Outcome], after: Sequence[Outcome]) -> list[tuple[s
 
 
 def _distribution(tuned: Tuned, field: str, unit: str) -> Markup:
-    """Draws the share of all robots whose figure is below each value."""
+    """Draws the cumulative distribution of a figure over all robots, before and after."""
     name = field.replace("_", "-")
     flown = {"before": tuned.judged.before, "after": tuned.judged.after}
     values = {
@@ -141,7 +141,7 @@ def _gains(tuned: Tuned) -> list[dict[str, object]]:
 
 
 def _ranges(tuned: Tuned) -> Markup:
-    """Draws the found gains over the gains before, within the ranges that were searched."""
+    """Draws the ratio of each found gain to the gain before, with the searched range."""
     space = tuned.space
     base = np.array([tuned.problem.start[name] for name in space.names]) + space.offset
     found = (np.array([tuned.found[name] for name in space.names]) + space.offset) / base
@@ -160,7 +160,7 @@ def _ranges(tuned: Tuned) -> Markup:
 
 
 def _chosen(tuned: Tuned) -> list[tuple[int, str]]:
-    """Returns the places of the robots whose tracks are shown, each with its reason."""
+    """Returns the places of the robots whose tracks are shown, each with the reason for the choice."""
     before, after = ([score(one, tuned.by) for one in flown] for flown in (tuned.judged.before, tuned.judged.after))
     median = int(np.argsort(before, kind="stable")[len(before) // 2])
     picked = {median: "the robot in the middle before"}
@@ -204,7 +204,7 @@ def _track(tuned: Tuned, place: int, why: str) -> dict[str, Any]:
 
 
 def _apart(track: Array, samples: int) -> Array:
-    """Returns the track thinned, to another number of samples than `samples`, those of the track that is played."""
+    """Returns the track, thinned, with another number of samples than the played track has (`samples`)."""
     kept = track[:, :: max(track.shape[1] // 1000, 1)]
     return kept[:, :-1] if kept.shape[1] == samples else kept
 
@@ -216,7 +216,7 @@ def _words(one: Outcome) -> str:
 
 
 def _trace(tuned: Tuned) -> Markup | None:
-    """Draws the scores of the search, and how many flights succeeded."""
+    """Draws the scores of the search, and the share of successful flights."""
     generations = tuned.searched.generations
     if not generations:
         return None

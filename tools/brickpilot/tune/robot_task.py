@@ -1,6 +1,6 @@
-"""Makes the problem of one robot: its firmware as users get it today, its mission, and the robots that data allow.
+"""Makes the tuning problem of one robot: its present firmware, its mission, and the robots that the data allow.
 
-The module is apart from `task`, which workers load, because they need no library of a link.
+It is separate from `task`, which workers load, because workers need no library of a link.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from brickpilot.vehicle import model as models
 from brickpilot.vehicle.settings import constants, default, defaults, settings
 
 PACKAGED = "packaged"
-"""Instead of a board: the project's own firmware, with the compensation of the model."""
+"""The value of `board` for the project's own firmware, with the compensation of the model."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,14 +50,14 @@ def problem(path: Path, board: str, sensors: str, mission: str | None, shares: M
     route = simulate.mission(own, mission)
     plan = simulate.plan(own, route, sensors, seed)
     loop = boards.closed_loop(own, boards.BOARDS[board], sensors)
-    loop.library()  # here first, so that an error of the compiler is told once
+    loop.library()  # compiled here first, so that a compiler error is reported once
     allowed = dataclasses.replace(robots.read(own.model, path, shares), devices=plan.devices)
     firmware = _settings(own)
     return Ready(Problem(plan, loop, allowed, {name: firmware[name] for name in TUNED}, seed), firmware)
 
 
 def _settings(own: Robot) -> dict[str, int]:
-    """Returns the raw integers of all settings that the robot's own firmware begins with."""
+    """Returns the raw integers of all settings with which the robot's own firmware starts."""
     values = constants(own.vehicle, "coupled")
     return {name: default(setting, values, "coupled") for name, setting in settings().items()}
 

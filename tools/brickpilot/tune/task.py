@@ -1,8 +1,8 @@
-"""What is tuned: the controller of one robot, flown by the robots that the data allow on one mission.
+"""The tuning problem: the controller of one robot, tested on one mission by flights of the robots that the data allow.
 
-The search has one coordinate for each tuned gain. A coordinate is log(raw + offset): gains act by ratios, and with the
-offset a gain of 0 can grow. The search moves within a factor of the start and within the format, and scores the rounded
-integer.
+The search has one coordinate for each tuned gain. A coordinate is log(raw + offset): ratios of gains matter, and the
+offset lets a gain of 0 grow. The search stays within a factor of the start and within the format, and scores the
+rounded integer.
 """
 
 from __future__ import annotations
@@ -28,18 +28,18 @@ Array = NDArray[np.float64]
 PIDS = ("speed_kp", "speed_ki", "heading_kp", "heading_ki", "heading_kd", "feedforward")
 GUIDANCE = ("cruise", "decel", "bearing_hold", "pivot", "align")
 TUNED = PIDS + GUIDANCE
-"""The gains that are tuned: those of both PIDs, and those of the guidance along the line of sight."""
+"""The gains that are tuned: the gains of both PIDs, and those of the line-of-sight guidance."""
 
 FACTOR_PID, FACTOR_GUIDANCE = 10.0, 3.0
-"""The largest factor between a gain and its start, either way. A larger one would change the nature of the control."""
+"""The largest factor, up or down, between a gain and its start; a larger factor would change the kind of control."""
 
 OFFSET = 0.02
-"""Offset as a share of the packaged robot's raw value: the size at which a gain counts as switched on."""
+"""Offset as a share of the packaged robot's raw value; a gain below the offset counts as off."""
 
 
 @dataclass(frozen=True)
 class Space:
-    """Ranges of the search, in raw integers, (gains,) each and in the order of `names`."""
+    """Ranges of the search, in raw integers; arrays are (gains,), in the order of `names`."""
 
     names: tuple[str, ...]
     offset: Array
@@ -66,7 +66,7 @@ class Space:
 
 
 def around(start: Mapping[str, int], firmware: Mapping[str, int]) -> Space:
-    """Returns the space about a start.
+    """Returns the search space about a start.
 
     Args:
         start: raw integers of `TUNED`.
@@ -91,18 +91,18 @@ def _range(name: str, start: Mapping[str, int], firmware: Mapping[str, int], off
 
 
 Raw = Mapping[str, int]
-"""Setting -> the raw integer that flies."""
+"""Setting -> its raw integer in a flight."""
 
 
 @dataclass(frozen=True)
 class Problem:
-    """One robot's tuning; small, and picklable for workers.
+    """The tuning problem of one robot; small, and picklable for workers.
 
     Attributes:
         plan: the plan of a flight of the best explanation, with the firmware's own gains; `loop` gives its `firmware`.
         loop: the robot's own firmware; None: the packaged one.
         allowed: the robots that the data allow.
-        start: the gains that are tuned, as the firmware has them today.
+        start: the present values of the gains that are tuned.
         seed: seed of the drawn robots.
     """
 
@@ -114,7 +114,7 @@ class Problem:
 
     def planned(self, robot: robots.Robot, gains: Raw) -> flight.Plan:
         """Returns the plan of a drawn robot's flight with these gains."""
-        scenario = self.plan.scenario  # its values of the plant hold for every robot
+        scenario = self.plan.scenario  # the scenario's values of the plant hold for every robot
         model = dataclasses.replace(
             robot.model,
             parameters={**robot.model.parameters, **scenario.parameters},
@@ -134,10 +134,10 @@ class Outcome(NamedTuple):
     """The figures of a flight that the score uses.
 
     Attributes:
-        success: every waypoint reached, and no fault.
+        success: whether every waypoint was reached without a fault.
         missed: share of the waypoints that were not reached; 1 if the simulation diverged.
         cross_track: rms while driving, m; NaN: the robot never drove.
-        time: when the last waypoint was reached, s; NaN: it was not reached.
+        time: time of the last waypoint, s; NaN: it was not reached.
         wear: the sum of the absolute changes of both motors' duties, in full duties.
         cause: why the flight failed; empty: it succeeded.
     """
@@ -151,10 +151,10 @@ class Outcome(NamedTuple):
 
 
 class Batch(NamedTuple):
-    """Some flights with one gain set, as a worker gets them.
+    """Some flights with one gain set, for a worker.
 
     Attributes:
-        stream, places: the stream of the drawn robots and their places in it.
+        stream, places: the stream of drawn robots, and the robots' places in the stream.
     """
 
     problem: Problem
@@ -188,7 +188,7 @@ class Scale:
         acceptance: m, the robot's radius.
         time: s, the median over the start's successful flights.
         wear: full duties, the median over the same flights.
-        longest: s, the longest flight: the time that counts for a robot that does not arrive.
+        longest: s, the longest flight; this time counts for a robot that does not arrive.
     """
 
     acceptance: float
@@ -198,17 +198,17 @@ class Scale:
 
 
 MISSED, TIME, WEAR = 100.0, 0.5, 0.1
-"""Weights of the score. A waypoint missed by one robot of a hundred costs more than any change of the other terms that
-was seen. A cross-track error of one radius costs as much as twice the start's time or ten times the start's wear."""
+"""Weights of the score. A waypoint missed by one robot of a hundred costs more than any observed change of the other
+terms. A cross-track error of one radius costs as much as twice the start's time or ten times the start's wear."""
 
-_LEAST = 0.1  # the share of missed waypoints that a fault after the last one counts as
+_LEAST = 0.1  # a fault after the last waypoint counts like this share of missed waypoints
 
 UNKNOWN_RADII = 5.0
 """Cross-track error of a robot that never drove, in radii."""
 
 
 def scale(outcomes: Sequence[Outcome], problem: Problem) -> Scale:
-    """Returns the scale by the start's flights."""
+    """Returns the scale, computed from the flights with the start's gains."""
     longest = problem.plan.scenario.duration
     known = [one for one in outcomes if one.success]
     time = float(np.median([one.time for one in known])) if known else longest

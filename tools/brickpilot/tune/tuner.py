@@ -1,9 +1,10 @@
-"""Tunes the gains of one robot: the search, the judge, and the choice of the gains that are kept.
+"""Tunes the gains of one robot: the search, the final comparison (the judge), and the choice of the kept gains.
 
 The search is CMA-ES (Hansen, 2016, arXiv 1604.00772) by pycma, on flights of drawn robots by the workers of a campaign.
 All gain sets of a generation are flown by the same robots with the same noise (common random numbers), so that their
-ranks compare gains and not luck; the method uses only ranks. The next generation gets other robots, so that no set is
-fitted to a few. The answer is the centre of the last distribution: with noisy scores, the best set seen was lucky.
+ranks do not depend on chance; the method uses only ranks. The next generation uses other robots, so that no set is
+overfitted to a few robots. The answer is the centre of the last distribution: with noisy scores, the best set so far
+may be best by chance.
 
 The judge flies the gains before and after with the same new robots and the same noise.
 """
@@ -30,10 +31,10 @@ from brickpilot.vehicle.settings import settings
 Array = NDArray[np.float64]
 
 JUDGE = 2
-"""The stream of the judge's robots: no search has seen them."""
+"""The stream of the judge's robots, which the search does not use."""
 
 BOOTSTRAP = 3
-"""The stream of the resamples. The other streams are of robots: SEARCH, SCALE and JUDGE, which also use places."""
+"""The random stream of the bootstrap. The other streams, SEARCH, SCALE and JUDGE, are of robots and also use places."""
 
 LEVEL = 0.95
 RESAMPLES = 4000
@@ -42,7 +43,7 @@ SIGNIFICANT = 1 - LEVEL
 
 @dataclass(frozen=True)
 class Rate:
-    """How many robots flew their mission, with Wilson's 95 % interval of the share."""
+    """The number of robots that succeeded, with Wilson's 95 % interval of the share."""
 
     successes: int
     robots: int
@@ -56,10 +57,10 @@ class Rate:
 
 @dataclass(frozen=True)
 class Change:
-    """A figure before and after, as means over the same robots, and the 95 % interval of the mean difference.
+    """The means of a figure before and after over the same robots, with the 95 % interval of the mean difference.
 
     Attributes:
-        robots: how many robots the means are over: those that flew the mission both times, or all.
+        robots: number of robots in the means: all, or those that succeeded both times.
         low, high: ends of the interval of `after` - `before`, by bootstrap over robots.
     """
 
@@ -74,13 +75,13 @@ class Change:
 
 @dataclass(frozen=True)
 class Judged:
-    """What the judge found.
+    """The result of the judge.
 
     Attributes:
-        before, after: outcomes of the same robots.
-        gained, lost: robots that flew the mission with the new gains alone, and with the old ones alone.
-        p: the p-value of the difference of `gained` and `lost`, if the gains are equally good (McNemar's exact test).
-        changes: the score first.
+        before, after: outcomes of the same robots with the old and the new gains.
+        gained, lost: number of robots that succeeded only with the new gains, and only with the old gains.
+        p: the p-value of McNemar's exact test on `gained` and `lost`.
+        changes: the changes of the figures; the score is the first.
     """
 
     before: tuple[Outcome, ...]
@@ -98,7 +99,7 @@ class Judged:
 
     @property
     def better(self) -> bool:
-        """Whether the new gains are better: success first, then the score, each beyond chance."""
+        """Whether the new gains are significantly better in success, or else in the score without less success."""
         if self.is_worse_in_success:
             return False
         return (self.gained > self.lost and self.p < SIGNIFICANT) or self.changes[0].high < 0
@@ -112,7 +113,7 @@ def rate(outcomes: Sequence[Outcome]) -> Rate:
 
 
 def judge(before: Sequence[Outcome], after: Sequence[Outcome], by: Scale, seed: int) -> Judged:
-    """Compares two flights of each robot, which come in the same order.
+    """Compares two flights of each robot; both lists are in the same order of robots.
 
     Args:
         by: the units of the score.
@@ -147,12 +148,12 @@ def _compared(name: str, unit: str, pairs: Sequence[tuple[float, float]], random
 
 
 SCALE = 1
-"""The stream of the robots that the start flies for the scale of the score."""
+"""The stream of the robots whose flights with the start's gains give the scale of the score."""
 
 SCALE_ROBOTS = 64
 
 Show = Callable[[str, int], None]
-"""Takes the name of the present stage, and the number of flights so far."""
+"""Called with the name of the present stage, and the number of flights so far."""
 
 
 @dataclass(frozen=True)
@@ -160,9 +161,9 @@ class Tuned:
     """The result of `tune`.
 
     Attributes:
-        gains: the gains to fly with: those of `found` if they are better, else those of the start.
-        found: the gains that the search ended with.
-        flights: the number of flights in all.
+        gains: the gains to use: `found` if these gains are better, else the start's.
+        found: the gains at the end of the search.
+        flights: the total number of flights.
     """
 
     problem: Problem
@@ -186,7 +187,7 @@ def tune(
 ) -> Tuned:
     """Returns the gains for the robots that the data allow, judged on robots that the search did not fly.
 
-    The same problem, numbers and budget in gain sets give the same result with any workers.
+    The result depends only on the problem, the numbers and a budget in gain sets, not on the workers.
 
     Args:
         firmware: raw integers of all settings of the firmware.
@@ -276,14 +277,14 @@ SEARCH = 0
 """The stream of the robots that the search flies."""
 
 STEP = 0.3
-"""First step of the search, in units of a logarithm: a third more or less."""
+"""First step size (sd) of the search, as a logarithm: about a third more or less."""
 
-_SEEDS = 2**31 - 1  # number of pycma's seeds, which begin at 1: 0 means the clock
+_SEEDS = 2**31 - 1  # number of pycma's seeds, which start at 1; seed 0 would mean the clock
 
 
 @dataclass(frozen=True)
 class Budget:
-    """When the search ends: at the end of the generation after `sets` gain sets, or after `seconds`."""
+    """The end of the search: at the end of the generation in which `sets` gain sets or `seconds` are reached."""
 
     sets: int | None
     seconds: float | None
@@ -298,10 +299,10 @@ class Generation:
     """One generation of the search.
 
     Attributes:
-        sets: gain sets flown until its end.
+        sets: number of gain sets flown until the generation's end.
         best, middle: the least and the median mean score of its sets.
-        success: share of the flights of all its sets that succeeded.
-        step: the step of the search, in units of a logarithm.
+        success: share of successful flights among those of all its sets.
+        step: the step size of the search, as a logarithm.
     """
 
     sets: int
@@ -313,14 +314,14 @@ class Generation:
 
 @dataclass(frozen=True)
 class Searched:
-    """What the search found, and its generations."""
+    """The gains at the end of the search, and its generations."""
 
     gains: Raw
     generations: tuple[Generation, ...]
 
 
 def search(flyer: Flyer, space: Space, start: Raw, by: Scale, robots: int, budget: Budget) -> Searched:
-    """Returns the gains that the search ends with.
+    """Returns the gains at the end of the search.
 
     Args:
         by: the units of the score.
@@ -375,16 +376,16 @@ def _generation(before: list[Generation], flown: list[list[Outcome]], means: lis
 
 
 FLIGHTS = 8
-"""Flights of a part: enough that handing it out costs nothing, few enough that all workers end at the same time."""
+"""Number of flights in a part: enough for a small overhead, few enough that all workers end at about the same time."""
 
 
 @dataclass
 class Flyer:
-    """Flies on workers that stay from call to call, since each needs a second to start.
+    """Flies on workers that are kept between calls, because a worker needs a second to start.
 
     Attributes:
         flown: called with the number of flights after each part.
-        count: flights so far.
+        count: number of flights so far.
     """
 
     problem: Problem

@@ -1,9 +1,9 @@
-"""Finds channels that contradict the nominal model as a whole, for data sets with only one channel of a kind.
+"""Finds whole channels that contradict the nominal model, for data sets with only one channel of a kind.
 
-A nominal value may be wrong and an effect may be missing. So only gross contradictions count: a motion that follows the
-model's with the opposite sign, or by the factor of another unit. A motion that is too small may be due to friction; it
-counts only where it is too small by the same factor in all runs that move. A fault in all runs that move is also
-assumed in the runs that hardly move.
+A nominal value may be wrong and an effect may be missing. So only gross contradictions count: a motion with the
+opposite sign of the model's, or with a size that another unit explains. Friction may make a motion too small. So a
+small motion counts only if it is too small by the same factor in all moving runs. If all moving runs have a fault, the
+runs that hardly move are assumed to have it, too.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from brickpilot.data.audit.view import EQUAL, LEAST_SAMPLES, Vector, Windows, cu
 from brickpilot.data.dataset import Dataset, Run
 
 _LEAST = 9.0  # smallest factor of a unit that counts
-_FITS = (0.45, 1.6)  # ratio over a unit's factor: nominal values are inexact, and the model may lack friction
+_FITS = (0.45, 1.6)  # ratio over a unit's factor: nominal values are inexact, friction may be missing
 _MOVES = 0.3  # share of the motion in the run that moves most: above it, a run counts as moving
-_ALIKE = 2.0  # largest over smallest ratio of the runs with one wrong column, if the ratios are above 1
+_ALIKE = 2.0  # limit of the largest over the smallest ratio of runs with one fault; for ratios above 1
 _ALIKE_SMALL = 1.3
 
 
 @dataclass(frozen=True)
 class _Ratio:
-    """Ratio of measured to simulated motion of one signal in one run; `level`: the simulated rms per second."""
+    """Ratio of measured to simulated motion of one signal in one run; `level`: rms of the simulated rate."""
 
     run: Run
     value: float
@@ -38,8 +38,8 @@ class _Ratio:
 def contradictions(dataset: Dataset, simulated: Mapping[str, Mapping[str, Vector]]) -> tuple[Fault, ...]:
     """Returns the channels of each run whose sign or unit contradicts the nominal model, as faults "sign" and "unit".
 
-    A unit is tested only if the data set states the values on which the size of the signal depends. A fitted value, or
-    a preset, would adapt to any unit.
+    A unit is tested only if the data set states the values on which the size of the signal depends. A fitted value
+    would adapt to any unit, and a preset may be wrong.
 
     Args:
         dataset: as `reading.read` gives it.
@@ -69,7 +69,7 @@ def contradictions(dataset: Dataset, simulated: Mapping[str, Mapping[str, Vector
 
 
 def leave_out(dataset: Dataset, faults: Iterable[Fault]) -> Dataset:
-    """Returns the data set without the samples of the faults' channels, and with the faults and their notes."""
+    """Returns the data set with the faulty channels blanked, and with the faults and their notes added."""
     listed = list(faults)
     wrong = {(fault.run, fault.signal) for fault in listed}
     runs = tuple(replace(run, outputs=_without(run, wrong)) for run in dataset.runs)
@@ -132,7 +132,7 @@ def _in_other_units(signal: str, ratios: Sequence[_Ratio]) -> dict[str, float]:
 
 
 def _gross(signal: str, ratio: float) -> float | None:
-    """Returns the factor of a unit that is nearest to a ratio; None where none is near.
+    """Returns the unit's factor that is nearest to a ratio; None: no factor is near.
 
     Units that are often confused with the signal's own are preferred.
     """
@@ -160,6 +160,6 @@ def _ratio(run: Run, signal: str, simulated: Vector) -> _Ratio | None:
 
 
 def _motion(windows: Windows, signal: str) -> Vector:
-    """Returns the motion in each window. An acceleration loses its mean, which may be a bias or a slope."""
+    """Returns the motion in each window. The mean of an acceleration, a bias or a slope, is removed."""
     moved = windows.of(signal)
     return windows.unbiased(moved) if signal.startswith("accel_") else moved

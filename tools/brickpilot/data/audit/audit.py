@@ -1,8 +1,8 @@
-"""Finds faults in measured outputs before anything is fitted to them; no model is needed.
+"""Finds faults in measured outputs before any fit; no model is needed.
 
 Single samples may be clipped, frozen, lost, or swapped with another column. A whole channel may have a reversed sign or
-another unit. A clock may drift or jump. A fault is reported only where a moving body with sensor noise and quantisation
-cannot have made the samples; in doubt a sample is kept.
+another unit. A clock may drift or jump. A fault is reported only if a moving body with sensor noise and quantisation
+cannot have caused the samples. In doubt a sample is kept.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from brickpilot.data.signals import RATE_OF, Frame
 
 __all__ = ["Audited", "Fault", "audit"]
 
-_WITHIN_S = 0.1  # a collision stops a vehicle in less time; no friction, battery or slope does
-_SETTLED_S = 0.3  # after a change of command: during this time the command itself may change the speed
+_WITHIN_S = 0.1  # a collision stops a vehicle within this time; friction, battery and slope need longer
+_SETTLED_S = 0.3  # time after a change of command in which the command itself may change the speed
 _CHANGE = 0.05  # share of the largest command: a smaller change of a command does not count
-_FAST = 0.4  # share of the fastest motion of any run: a slower wheel may stick
-_LOST = 0.5  # share of its speed that a vehicle loses in a collision at least; a rough floor takes less
-_SMOOTH_S = 0.02  # the span over which a rate is averaged, or a sum is differenced
-_STEPS = 4.0  # resolutions: the least loss of speed of a coarse channel
-_AFTER_S = 0.03  # the least time for which the speed stays lost
+_FAST = 0.4  # share of the fastest motion of any run: a slower wheel may stop by friction
+_LOST = 0.5  # least share of its speed that a vehicle loses in a collision; a rough floor takes less
+_SMOOTH_S = 0.02  # the span over which a rate is averaged, or a summed signal differenced
+_STEPS = 4.0  # resolutions: least loss of speed that counts for a coarse channel
+_AFTER_S = 0.03  # least time for which the speed stays low
 
 
 @dataclass(frozen=True)
@@ -56,8 +56,8 @@ def audit(
 
     Args:
         runs: in the data set's order. The resolution of a signal is taken from all of them together.
-        signals: as the data set describes them.
-        frame: of the data set's files.
+        signals: their descriptions in the data set.
+        frame: the frame of the data set's files.
         nominal: wheel_radius, half_track (m) and battery_voltage (V), as far as they are known.
     """
     resolution = {name: _resolution(name, runs, signals) for name in runs[0].outputs} if runs else {}
@@ -92,7 +92,7 @@ def _resolution(name: str, runs: Sequence[Channels], signals: Mapping[str, Signa
 
 
 class _Search:
-    """The runs under audit, and the faults and notes so far. Each step blanks what it finds."""
+    """The runs under audit, and the faults and notes so far. Each step sets the samples of its faults to NaN."""
 
     def __init__(self, views: Sequence[RunView]) -> None:
         self.views = views
@@ -134,9 +134,10 @@ class _Search:
                         self._leave_out(view, name, kind, one.factor)
 
     def beyond_range(self, signals: Mapping[str, Signal]) -> None:
-        """Finds channels beyond their stated range that nothing else explains.
+        """Finds channels beyond their stated range, if no earlier step has found their fault.
 
-        A channel that is beyond its range in most runs counts as wrong in all runs: in the others less moves.
+        A channel that is beyond its range in most runs counts as wrong in all runs. In the other runs the motion is
+        smaller.
         """
         for name, signal in signals.items():
             known = [view for view in self.views if name in view.outputs and _is_known(view, name)]
@@ -158,7 +159,7 @@ class _Search:
                 self.notes.append(f"run {view.name}: its clock {one.evidence}; left out from {start:.6g} s on")
 
     def collisions(self) -> None:
-        """Finds runs with a collision, and leaves out all after it.
+        """Finds runs with a collision, and leaves out all samples after it.
 
         The motion after a collision does not follow from the inputs, because the obstacle was not measured. A clock
         that jumps looks like a collision.
@@ -175,7 +176,7 @@ class _Search:
             self.notes.append(collision_note(view.name, one.names, float(view.time[one.row + 1] - view.time[0])))
 
     def keep_samples(self) -> None:
-        """Blanks the rows that repeat a held sample, with one note for all runs with the same channels."""
+        """Blanks the rows that repeat a held sample; adds one note for all runs with the same held channels."""
         alike: dict[tuple[str, ...], list[RunView]] = {}
         for view in self.views:
             for name, one in view.held.items():
@@ -196,14 +197,14 @@ class _Search:
             self.notes.append(rows_note(found, int(np.count_nonzero(mask)), len(mask), float(time[0])))
 
     def _leave_out(self, view: RunView, name: str, kind: Kind, factor: float | None = None, start: int = 0) -> None:
-        """Reports a channel from a row on, and blanks it; for an input or the time, blanks all channels."""
+        """Reports and blanks a faulty channel from a row on; if it is an input or the time, blanks all channels."""
         self.faults.append(Fault(view.name, name, kind, float(view.time[start]), float(view.time[-1]), factor))
         for blanked in [name] if name in view.outputs else view.outputs:
             view.outputs[blanked][start:] = np.nan
 
 
 def _columns(names: Sequence[str], inputs: Mapping[str, Vector]) -> tuple[str, ...]:
-    """Returns the signals of the data set for channels; for a drive its inputs."""
+    """Returns the data set's signals that the named channels stand for; for a drive, its inputs."""
     found: dict[str, None] = {}
     for name in names:
         _, is_drive, side = name.partition("drive_")
@@ -218,7 +219,7 @@ def _is_known(view: RunView, name: str) -> bool:
 
 @dataclass(frozen=True)
 class _Collision:
-    """A vehicle in fast motion that loses its speed although its command does not change.
+    """A fast vehicle loses its speed although its command does not change.
 
     Attributes:
         run: number of the run.
@@ -276,7 +277,7 @@ def _loss(view: RunView, name: str, rate: Vector, fastest: float) -> int | None:
 
 
 def _settled(view: RunView, name: str) -> Mask:
-    """Returns where no command has changed for `_SETTLED_S` and the channel's own is not 0; a floating motor has 0."""
+    """Returns the samples before which no command changes for `_SETTLED_S`, and at which the channel's own is not 0."""
     settled = np.ones(len(view.time), dtype=bool)
     rows = max(1, round(_SETTLED_S / view.interval))
     for drive in (drive for which, drive in view.drives.items() if which != "yaw"):

@@ -1,9 +1,9 @@
 """Finds whole channels that contradict the other channels or the other runs: a reversed sign, or another unit.
 
-Nothing is fitted and no model is needed: only relations that hold for any machine are used (`relations`). Each channel
-of a broken relation is tried with a corrected factor, in one run or in all. The trial that repairs most relations and
-breaks none is taken. If two repair equally many, the gain per drive in the other runs decides, and then the values that
-are usual for a small machine.
+Nothing is fitted and no model is needed: only relations that hold for any machine are used (`relations`). A trial
+corrects one channel of a broken relation by a factor, in one run or in all. The trial that repairs most relations and
+breaks none is accepted. If two trials repair equally many relations, the gain per drive in the other runs decides, and
+then the values that are usual for a small machine.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from brickpilot.data.audit.fault import CLOCK_FACTORS, FACTORS, GRAVITY, is_one_
 from brickpilot.data.audit.relations import WHEEL_KINDS, Alike, Driven, Geometry, Group, State, relations
 from brickpilot.data.audit.view import LEAST_SAMPLES, RunView, Vector, Windows, cut, driven_by, ratio_of
 
-_MOST = 8  # largest number of contradictions that a search finds
-_INTERVAL_RATIO = 1.4  # how far the ratio of two sampling intervals may be from the factor that explains it
-_UNSATURATED = 0.8  # share of the fastest turn of all runs: only slower turns show the geometry
-_TURNS = 0.3  # rad/s: least rate of a turn that shows the geometry
+_MOST = 8  # a search stops after this number of contradictions
+_INTERVAL_RATIO = 1.4  # largest ratio, up or down, of two intervals' ratio to the factor that explains it
+_UNSATURATED = 0.8  # share of the fastest turn of all runs: only slower turns give the geometry
+_TURNS = 0.3  # rad/s: least rate of a turn that gives the geometry
 _TURN_PER_METRE = (0.5, 50.0)  # 1 / (2 b): b from 1 cm to 1 m
 _TURN_PER_RADIAN = (0.03, 1.2)  # r / (2 b)
-_LEVEL = 0.4  # share of the strongest drive of any run: in a run with less, something else may move the machine
+_LEVEL = 0.4  # share of the strongest drive of any run: below it, something else may move the machine
 _WITH_DRIVE = 0.8  # least correlation of a motion with its drive, for the motion to have a gain
-_LARGE = 9.0  # only larger factors show in a comparison with the other runs
-_GAINS_FIT, _NOISE_FIT = 1.3, 2.0  # how far the ratio of two gains, or of two noises, may be from a factor
+_LARGE = 9.0  # only larger factors are found by comparison with the other runs
+_GAINS_FIT, _NOISE_FIT = 1.3, 2.0  # largest ratio, up or down, of a gain or noise ratio to a factor
 _GAINS_ALIKE = 2.0  # largest ratio between the gains of most other runs
 _WORST = 6.0  # the largest logarithm of a ratio that counts
 _TYPICAL = (("yaw_", 3.0), ("wheel_travel", 0.5), ("wheel_velocity", 0.5), ("position", 0.2), ("velocity", 0.2),
@@ -36,10 +36,10 @@ _TYPICAL_INTERVAL_S = 0.005
 _TYPICAL_BATTERY, _HIGHEST_BATTERY = 9.0, 500.0  # V
 
 # Costs of a trial, in logarithms of a ratio.
-_PER_CHANNEL = 0.01  # added for each blamed channel; decides only where all else is equal
-_IMPLAUSIBLE = 0.25  # weight of the values of a typical small machine, relative to those of the channels
-_LIKELIER = 2.0  # how much likelier a mistake in a whole column is than in one run of it
-_UNUSUAL = 0.3  # added for a factor by which the channel's own unit is seldom mistaken
+_PER_CHANNEL = 0.01  # cost of each blamed channel; decides only if all else is equal
+_IMPLAUSIBLE = 0.25  # weight of the comparison with a typical small machine; the others have weight 1
+_LIKELIER = 2.0  # a mistake in a whole column is likelier by this than one in a single run
+_UNUSUAL = 0.3  # cost of a factor that is unusual for the channel's unit
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Contradiction:
         names: the channels, "time", or drives ("drive_left").
         factor: stated over true value.
         runs: numbers of the runs in which they are wrong.
-        against: the channels or drives that contradict them; empty: the other runs contradict them.
+        against: the channels or drives that contradict `names`; empty: the other runs do.
     """
 
     names: Group
@@ -65,7 +65,7 @@ class RunSet:
     Attributes:
         windows: number of the run -> its windows.
         names: the output channels.
-        least: drive -> rms per second below which the drive is no evidence.
+        least: drive -> its least rms per second that counts as evidence.
         relations: all relations among the channels.
         evidence: number of the run -> the evidence of each relation, in the order of `relations`.
     """
@@ -106,7 +106,7 @@ class Trial:
 
 
 def contradictions(views: Sequence[RunView], nominal: Mapping[str, float]) -> list[Contradiction]:
-    """Returns the whole channels that are wrong, the surest first.
+    """Returns the channels that are wrong as a whole, in the order in which they are found.
 
     Args:
         nominal: wheel_radius, half_track (m) and battery_voltage (V), as far as they are known.
@@ -116,7 +116,7 @@ def contradictions(views: Sequence[RunView], nominal: Mapping[str, float]) -> li
     geometry = Geometry(nominal.get("wheel_radius"), nominal.get("half_track"), {})
     found = _clocks_in_other_units(windows)
     found += _search(windows, names, geometry)
-    # The turn of the body by its wheels is learnt only now, from wheels that do not contradict each other.
+    # The yaw per difference of the wheels is estimated only now, from wheels that do not contradict each other.
     if learnt := _turned(windows, names, geometry):
         found += _search(windows, names, replace(geometry, turned=learnt))
     found += _against_other_runs(RunSet(windows, names, geometry))
@@ -138,7 +138,7 @@ def _is_near(ratio: float, factor: float, by: float) -> bool:
 
 
 def _clocks_in_other_units(windows: dict[int, Windows]) -> list[Contradiction]:
-    """Returns runs whose sampling interval differs from the others by a unit of time, and corrects their windows."""
+    """Returns runs whose sampling interval differs by the factor of a unit of time, and corrects their windows."""
     intervals = {number: one.interval for number, one in windows.items()}
     odd: dict[int, float] = {}
     for number, interval in intervals.items():
@@ -168,7 +168,7 @@ def _search(windows: dict[int, Windows], names: Sequence[str], geometry: Geometr
 
 
 def _most_likely(runs: RunSet) -> Contradiction | None:
-    """Returns the trial that repairs most relations and breaks none in its runs; of equal ones, the cheapest."""
+    """Returns the trial that repairs most relations and breaks none in its runs; if equal, the one of least cost."""
     scored: list[tuple[int, float, Trial, tuple[int, ...]]] = []
     for trial in _trials(runs):
         gains = {number: _gain(runs, number, trial) for number in runs.windows}
@@ -207,7 +207,7 @@ def _gain(runs: RunSet, number: int, trial: Trial) -> int:
 
 
 def _may_share(runs: RunSet, number: int, trial: Trial, mended: tuple[int, ...]) -> bool:
-    """Whether a run may share the fault of the `mended` runs: not if its noise is that of the corrected channel."""
+    """Whether a run may share the fault of the `mended` runs: not if its noise is like that after the correction."""
     if abs(trial.factor) == 1.0 or trial.group == ("time",) or len(mended) > 1:
         return True
     own, shown = runs.windows[number].roughness, runs.windows[mended[0]].roughness
@@ -234,7 +234,7 @@ def _cost(runs: RunSet, trial: Trial, mended: tuple[int, ...], *, in_all: bool) 
     """Returns how unusual the runs in `mended` are after the trial's correction.
 
     Their channels are compared with each other, with the other runs, and with a typical small machine.
-    `in_all`: the other runs may have the same fault, and are corrected too.
+    `in_all`: the other runs are corrected, too, because they may have the same fault.
     """
     factors = trial.factors()
     others = [one.divided(factors) if in_all else one for k, one in runs.windows.items() if k not in mended]
@@ -276,23 +276,23 @@ def _gain_of(windows: Windows, name: str, *, surely: float = 0.0) -> float | Non
 
 
 def _oddness(windows: Windows, name: str) -> float:
-    """Returns how far the fastest motion of a channel is from that of a typical small machine, as a logarithm."""
+    """Returns the absolute log ratio of a channel's fastest motion to that of a typical small machine."""
     typical = next((value for start, value in _TYPICAL if name.startswith(start)), None)
     largest = _fastest(windows, name)
     return _log_ratio(largest, typical) if typical is not None and largest > 0.0 else 0.0
 
 
 def _fastest(windows: Windows, name: str) -> float:
-    """Returns the largest mean rate in a window; 0 where none is known."""
+    """Returns the largest mean rate of all windows; 0 if no window is known."""
     return float(np.nanmax(np.abs(windows.of(name) / windows.seconds), initial=0.0))
 
 
 def _turned(windows: Mapping[int, Windows], names: Iterable[str], geometry: Geometry) -> dict[tuple[str, str], float]:
     """Returns the yaw per difference of the wheels in most runs, for a data set that does not state the geometry.
 
-    A value that no small vehicle has is divided by the first factor of a unit that makes it plausible. With the new
-    value the relation is broken in all runs, which shows the fault. The fastest turns are left out, because a gyro at
-    the end of its range would give another geometry.
+    An implausible value is divided by the first unit's factor that makes it plausible. Then the relation is broken in
+    all runs, and so the fault is found. The fastest turns are left out, because a gyro at the end of its range would
+    bias the geometry.
     """
     found: dict[tuple[str, str], float] = {}
     for kind in WHEEL_KINDS:
@@ -328,10 +328,10 @@ def _plausible(ratio: float, limits: tuple[float, float]) -> float:
 
 
 def _against_other_runs(runs: RunSet) -> list[Contradiction]:
-    """Returns channels that no relation contradicts, but whose gain per drive differs by a unit from other runs.
+    """Returns channels whose gain per drive differs by a unit's factor from the other runs.
 
-    A gain that is too small may come from a wheel that sticks, and a gain that other channels confirm may come from the
-    machine. In both cases the channel counts as wrong only if its noise has changed by the same factor.
+    A wheel that sticks may cause a gain that is too small. The machine itself may cause a gain that other channels
+    confirm. In both cases the channel counts as wrong only if its noise has changed by the same factor.
     """
     found: list[Contradiction] = []
     large = [one for factor in FACTORS if factor > _LARGE for one in (factor, 1 / factor)]

@@ -11,7 +11,7 @@ from brickpilot.data.signals import SIGNALS
 
 Kind = Literal["swapped", "dropout", "clipped", "frozen", "sign", "unit", "clock", "collision"]
 
-_MANY = 4  # a note lists fewer runs than this; it counts this number or more
+_MANY = 4  # a note names the runs if they are fewer than this; otherwise it gives their number
 _UNITS = {
     "rad": {180 / pi: "degrees", 1 / (2 * pi): "turns"},
     "rad/s": {180 / pi: "degrees per second", 30 / pi: "rpm", 1 / (2 * pi): "turns per second"},
@@ -28,7 +28,7 @@ FACTORS = (180 / pi, 30 / pi, 2 * pi, 1000.0, 100.0, 1 / 0.0254, 25.4)
 """Factors between units: degrees, rpm or turns instead of radians; mm, cm or inches instead of m; mA instead of A."""
 
 GRAVITY = 9.80665
-"""Factor between m/s^2 and multiples of g. It stands for 30 / pi, too, because a ratio cannot tell the two apart."""
+"""Factor between m/s^2 and multiples of g. It is so close to 30 / pi that a ratio cannot tell the two apart."""
 
 CLOCK_FACTORS = (1e3, 1e-3, 1e6, 1e-6)
 """Factors between units of time: ms or microseconds in place of s, and their inverses."""
@@ -38,12 +38,12 @@ _SAME = 1e-9  # relative difference of two equal factors
 
 @dataclass(frozen=True)
 class Fault:
-    """Damaged samples in a row.
+    """A stretch of damaged samples of one signal.
 
     Attributes:
         from_s, to_s: times of the first and the last damaged sample, s, on the run's own clock.
-        factor: for "sign", "unit" and "clock": stated over true value, -1 where the sign is reversed; None where it is
-            not one number.
+        factor: for "sign", "unit" and "clock": stated over true value, -1 if the sign is reversed; None if no single
+            factor applies.
     """
 
     run: str
@@ -58,7 +58,7 @@ class Fault:
 
 
 def rows_note(found: Sequence[Fault], samples: int, of: int, start_s: float) -> str:
-    """Describes faults of one kind in one signal of one run: `samples` of its `of` samples.
+    """Describes faults of one kind in one signal of one run: `samples` of the run's `of` samples are damaged.
 
     Times count from `start_s`, the run's start on its own clock, as they do on plots.
     """
@@ -124,5 +124,5 @@ def usual_factors(name: str) -> tuple[float, ...]:
 
 
 def is_one_of(factor: float, listed: Iterable[float]) -> bool:
-    """Whether a factor or its inverse, whatever its sign, is 1 or one of those listed."""
+    """Whether a factor or its inverse, without its sign, is 1 or one of `listed`."""
     return any(abs(size / one - 1.0) < _SAME for one in (1.0, *listed) for size in (abs(factor), 1 / abs(factor)))

@@ -1,4 +1,4 @@
-"""Finds short jumps of a signal away and back: dropouts, and rows with two swapped cells.
+"""Finds short jumps of a signal that go back at once: dropouts, and rows with two swapped cells.
 
 A sample is judged by its distance from the line through its neighbours in time (after the median filters of Hampel
 1974), so the sampling may be irregular.
@@ -17,15 +17,15 @@ from brickpilot.data.description import Signal
 from brickpilot.data.signals import Frame, to_frd
 
 _DROPOUT_SAMPLES = 5
-_DROPOUT_SHARE = 0.02  # largest share of a signal's samples: with more jumps, they belong to the signal
+_DROPOUT_SHARE = 0.02  # largest share of dropouts in a signal: more jumps are part of the signal
 _OUTLYING = 12.0  # scales of the residual: least size of a jump
-_BACK = 0.2  # largest difference of the samples before and after a jump, over the jump
+_BACK = 0.2  # largest difference between the samples before and after a jump, over the jump's size
 _BEYOND_REST = 5.0  # least size of a dropout over the largest residual of sound samples
-_BEYOND_ALL = 50.0  # the same over the span of all other samples, of an impulsive signal: worn gear teeth reach 20
+_BEYOND_ALL = 50.0  # impulsive signals: least size over the span of all other samples; worn gears reach 20
 _IMPULSIVE = ("accel_", "current", "force")  # an impact or a switch of the motor's winding may last a single sample
 _INPUT_STEP = 0.1  # least step of an input over its largest value
-_SWAP_APART = 8.0  # scales: least distance of both cells from their lines
-_SWAP_MENDED = 0.2  # largest distance after the cells are exchanged, over that before
+_SWAP_APART = 8.0  # scales of the residual: least distance of both swapped cells from their lines
+_SWAP_MENDED = 0.2  # largest distance after the exchange of the cells, over the distance before
 
 
 def jumps(view: RunView, signals: Mapping[str, Signal], frame: Frame) -> dict[Kind, dict[str, Mask]]:
@@ -38,7 +38,7 @@ def jumps(view: RunView, signals: Mapping[str, Signal], frame: Frame) -> dict[Ki
 
 
 def _bridge(time: Vector, values: Vector, length: int) -> tuple[Vector, Vector]:
-    """Measures each stretch of `length` samples inside a run.
+    """Measures how far each stretch of `length` samples jumps away and back.
 
     Returns the least distance of its samples from the line between the two samples around it, and how far these two are
     apart.
@@ -85,7 +85,7 @@ def _dropout(view: RunView, name: str, signal: Signal) -> Mask:
 
 
 def _events(time: Vector, level: Vector, scale: float) -> list[tuple[float, int, int]]:
-    """Returns stretches that jump away and back as (jump, start, length), each sample in the shortest one."""
+    """Returns stretches that jump away and back, (jump, start, length). Each sample is in its shortest stretch only."""
     events: list[tuple[float, int, int]] = []
     taken = np.zeros(len(level), dtype=bool)
     for length in range(1, min(_DROPOUT_SAMPLES, len(level) - 2) + 1):
@@ -107,7 +107,7 @@ def _sound_residual(residual: Vector, events: list[tuple[float, int, int]]) -> f
 
 
 def _swapped(view: RunView, signals: Mapping[str, Signal], frame: Frame) -> dict[str, Mask]:
-    """Finds single rows in which two cells lie on their signals' lines after they are exchanged."""
+    """Finds single rows in which two cells fit the lines of their signals only after they are exchanged."""
     masks = {name: np.zeros(len(view.time), dtype=bool) for name in view.outputs}
     if len(view.time) < LEAST_SAMPLES:
         return masks
@@ -143,9 +143,9 @@ def _near_input_step(view: RunView) -> Mask:
 
 
 def _line(view: RunView, name: str) -> tuple[Vector, Vector, float]:
-    """Returns the line through each sample's neighbours, the distances from it, and the scale of these.
+    """Returns the line through each sample's neighbours, the samples' distances from it, and the distances' scale.
 
-    Both are NaN in rows that are blank or repeat a sample, and beside a blank.
+    Line and distance are NaN in blank rows, in rows beside a blank, and in rows that repeat a sample.
     """
     line = np.full_like(view.outputs[name], np.nan)
     rows = view.sampled(name) if name in view.held else np.arange(len(view.time))

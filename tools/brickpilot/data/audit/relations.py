@@ -1,8 +1,8 @@
 """Relations between two motions of one run that hold for any machine: an angle and its speed, wheels and gyro.
 
-A relation compares motions over windows. It holds if the two are equal within what physics allows (slip, a wrong
-length, a lag). It is broken if they move together, but with the wrong sign or by the factor of another unit. Otherwise
-it is silent. Which relations there are follows from the signals of a data set and the geometry that is known.
+A relation compares motions over windows. It holds if the two are equal within the limits of slip, wrong lengths and
+lags. It is broken if they are correlated, but have opposite signs or a ratio that another unit explains. Otherwise it
+is silent. The signals of a data set and the known geometry determine which relations exist.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ WHEEL_KINDS = ("travel", "velocity", "angle", "speed")
 
 _PHYSICAL = 5.0  # largest ratio, up or down, that is explained without another unit
 _ONE_SENSOR, _TWO_SENSORS = 1.15, 1.6  # largest ratio over the factor of a unit, up or down, that the unit explains
-_MOVES = 0.3  # least motion per second, in its unit, that is evidence between two sensors
-_WITH = 0.8  # least share of a motion along its drive, or against it, that is evidence
+_MOVES = 0.3  # rad/s or m/s^2: least motion that is evidence for a relation of two sensors
+_WITH = 0.8  # least |sum of motion x drive| over the sum of |motion x drive| that is evidence
 _DRIVEN = 0.4  # share of the stronger side's drive: a weaker drive is no evidence
 _APART = 0.5  # difference of left and right over their mean: a smaller one may be a mismatch of wheels or motors
-_AS_HARD = 1.5  # largest ratio of two sides' drives at which the sides are compared
-_WIDE = 0.2  # m: least radius of a turn, well above the distance of a sensor from the centre
+_AS_HARD = 1.5  # the two sides are compared only if the ratio of their drives is smaller, up or down
+_WIDE = 0.2  # m: least radius of a turn that counts, well above a sensor's distance from the centre
 
 
 class State(IntEnum):
-    """What a run shows of a relation."""
+    """The state of a relation in one run."""
 
     BROKEN = -1
     SILENT = 0
@@ -46,8 +46,8 @@ class Evidence:
     """The evidence of one run on one relation.
 
     Attributes:
-        ratio: of the two motions, signed; NaN where the relation is silent.
-        factors: where the relation is broken, the factors that explain the ratio, signed.
+        ratio: signed ratio of the two motions; NaN if the relation is silent.
+        factors: signed factors that may explain the ratio, if the relation is broken.
     """
 
     state: State
@@ -63,11 +63,11 @@ class Alike:
     """Two motions that should be equal.
 
     Attributes:
-        over, under: groups of channels. The ratio grows with a common factor of a group in `over`, and shrinks with one
-            in `under`.
-        motions: gives the two motions, (w,) each.
-        fits: how far a ratio may be from a factor, in both directions, for the factor to explain the ratio.
-        floor: least rms per second of the larger motion: two smaller ones are no evidence.
+        over, under: groups of channels. A common factor of a group in `over` multiplies the ratio; a factor of a group
+            in `under` divides it.
+        motions: function that returns the two motions, (w,) each.
+        fits: a factor explains a ratio if ratio / factor is between 1 / `fits` and `fits`.
+        floor: least rms per second of the larger motion; below it, the relation is silent.
         slips: whether slip may reduce the first motion to a fifth of the second.
     """
 
@@ -79,7 +79,7 @@ class Alike:
     slips: bool = False
 
     def evidence(self, windows: Windows, *, faint: bool = False) -> Evidence:
-        """Evaluates the relation in one run. `faint`: also for motions below the floor."""
+        """Evaluates the relation in one run. `faint`: motions below the floor count, too."""
         motion, against = self.motions(windows)
         known = np.isfinite(motion) & np.isfinite(against)
         level = max(windows.rms(np.where(known, one, np.nan)) for one in (motion, against))
@@ -111,7 +111,7 @@ class Driven:
 
     Attributes:
         name: the channel of the motion; `drive`: the drive that moves it.
-        least: rms of the drive per second below which the relation is silent.
+        least: least rms per second of the drive; below it, the relation is silent.
     """
 
     over: tuple[Group, ...]
@@ -143,8 +143,8 @@ class Geometry:
 
     Attributes:
         wheel_radius, half_track: m; None where the data set does not state them.
-        turned: (yaw channel, kind of wheel channel) -> yaw per difference of left and right, learnt from the data, for
-            use where the lengths are not stated.
+        turned: (yaw channel, kind of wheel channel) -> yaw per difference of left and right, estimated from the data;
+            used if the lengths are not stated.
     """
 
     wheel_radius: float | None
@@ -152,7 +152,7 @@ class Geometry:
     turned: Mapping[tuple[str, str], float]
 
     def metres(self, kind: str) -> float | None:
-        """Returns the m per unit of a wheel channel; None where they are not known."""
+        """Returns the metres per unit of a wheel channel; None: not known."""
         return 1.0 if kind in {"travel", "velocity"} else self.wheel_radius
 
     def turn(self, yaw: str, kind: str) -> float | None:
@@ -177,7 +177,7 @@ def relations(names: Iterable[str], geometry: Geometry, least: Mapping[str, floa
 
 
 def _yaw_groups(name: str, present: set[str]) -> tuple[Group, ...]:
-    """Returns groups that may be wrong together: the channel alone, all of one gyro, all that the frame may reverse."""
+    """Returns groups that may be wrong together: one channel, all of the gyro, all that a wrong frame reverses."""
     both = tuple(sorted(present & {"yaw_rate", "yaw_angle"}))
     return tuple(dict.fromkeys([(name,), both, tuple(sorted({*both, *(present & {"accel_sway"})}))]))
 
@@ -230,7 +230,7 @@ def _of_two_wheels(kind: str, present: set[str], geometry: Geometry) -> list[Rel
     yaws = [yaw for yaw in ("yaw_rate", "yaw_angle") if yaw in present]
     found: list[Relation] = [Alike((("accel_surge",),), groups, _surging(kind, metres), floor=_MOVES)]
     for yaw in yaws:
-        # A ratio that is learnt from the data includes the slip.
+        # A ratio that is estimated from the data includes the slip.
         per, is_learnt = geometry.turn(yaw, kind), (yaw, kind) in geometry.turned
         slips = per is not None and not is_learnt
         found.append(Alike(_yaw_groups(yaw, present), groups, _turning(yaw, kind, per), floor=_MOVES, slips=slips))
@@ -281,7 +281,7 @@ def _swaying(yaw: str, kind: str, metres: float) -> Motions:
 
 
 def _left_and_right(left: str, right: str, least: Mapping[str, float]) -> Relation:
-    """The relation of both sides, if they are driven alike and so hard that friction cannot hold one of them."""
+    """The relation of both sides, if their drives are alike and too strong for friction to hold one side."""
 
     def sides(windows: Windows) -> tuple[Vector, Vector]:
         one, other = windows.of(left), windows.of(right)

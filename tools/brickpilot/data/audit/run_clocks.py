@@ -1,11 +1,11 @@
-"""Finds runs whose clock is fast or slow, drifts or jumps, and rates that are late beside their sums.
+"""Finds runs whose clock is fast or slow, drifts or jumps; also rates that lag behind their sums.
 
-Two things show a wrong clock. One is the sampling interval, if the logger keeps this interval constant to a fraction of
-a percent in other runs. The other is the ratio of an angle's growth to the integral of its rate, which depends on the
-sensors and not on the run. If a ratio is wrong by the same factor in all runs, a scale may be wrong. The clock is wrong
-only if the ratios of wheels and gyro, two sensors, are wrong by the same factor.
+Two tests find a wrong clock. The first compares the sampling interval with that of the other runs, if it is constant
+there to a fraction of a percent. The second uses the ratio of an angle's growth to the integral of its rate, which is a
+property of the sensors and equal in all runs. If a ratio is wrong by the same factor in all runs, a scale may be wrong.
+The clock is wrong only if the ratios of wheels and gyro, two sensors, are wrong by the same factor.
 
-A rate that is late is a property of the log, not a fault: motor controllers report an averaged velocity.
+A late rate is not a fault: motor controllers report an averaged velocity.
 """
 
 from __future__ import annotations
@@ -23,25 +23,25 @@ from brickpilot.data.signals import RATE_OF
 
 _BLOCKS = 20
 _LEAST_SAMPLES = 60
-_STEADY = 0.002  # largest relative spread of an interval over a run's blocks and between runs, and of a sensor's ratio
-_OFF = 0.008  # share of the interval: a smaller difference is no fault
-_ON_PURPOSE = 0.15  # share of the interval: a larger difference is another sampling rate, chosen on purpose
+_STEADY = 0.002  # largest relative spread of an interval in and between runs, and of a sensor's ratio
+_OFF = 0.008  # relative difference of the interval: a smaller one is no fault
+_ON_PURPOSE = 0.15  # relative difference: a larger one is another sampling rate, chosen on purpose
 _ALIKE = 2 / 3  # share of the runs that must have the usual interval
-_SMOOTH = 0.15  # largest residual of a parabola over the drift
+_SMOOTH = 0.15  # largest residual of a fitted parabola, over the size of the drift
 _ROUND = 3e-4  # largest relative difference from a round number
 _WINDOWS = 24
-_BOUNDED = 0.5  # factor on the sd from independent windows, because residuals of a sum are not independent
-_RATIO_OFF, _DRIFTS = 0.012, 0.02  # largest deviation of a ratio, and its trend, that a bias and slip may cause
-_SURE = 5.0  # standard errors
-_WANDER = {"yaw_angle"}  # sums whose rate has a bias that changes slowly, which looks like a wrong clock
-_AGREE = 0.4  # share of a deviation: deviations that differ by less agree
+_BOUNDED = 0.5  # factor on the sd, because the residuals of a summed signal are not independent
+_RATIO_OFF, _DRIFTS = 0.012, 0.02  # largest deviation and trend of a ratio that bias and slip may cause
+_SURE = 5.0  # standard errors: a larger deviation is certain
+_WANDER = {"yaw_angle"}  # sums of rates with a slowly changing bias, which looks like a wrong clock
+_AGREE = 0.4  # relative difference: deviations that differ by less agree
 _JUMP = 8.0  # usual intervals: a longer step is a jump or a dropout
 _STOOD = 0.35  # share of the motion expected during a jump: below it, the vehicle stood
 _LOCAL = 10  # samples before and after a jump that give the speed there
 _STEPS = 10.0  # resolutions: least motion expected during a jump that is evidence
 _LONGEST_S = 0.2  # no sensor has a longer delay
-_SPAN_S = 0.04  # the span over which a sum is differenced, and a rate averaged
-_CLEARER = 0.8  # largest residual with a clear delay over that without a delay
+_SPAN_S = 0.04  # the span over which a summed signal is differenced, and a rate averaged
+_CLEARER = 0.8  # largest residual with a clear delay, over the residual without a delay
 _TRIED = 20  # delays that are tried in each direction, up to the longest
 _AGREES = 0.5  # largest spread of the runs' delays over their median
 
@@ -53,8 +53,8 @@ class ClockFault:
     Attributes:
         run: the run's number.
         start: the first sample whose time is wrong.
-        factor: stated over true time; None where it is not one number.
-        evidence: the rest of a sentence that begins with "its clock".
+        factor: stated over true time; None: the ratio is not constant.
+        evidence: the end of a sentence that begins with "its clock".
     """
 
     run: int
@@ -65,7 +65,7 @@ class ClockFault:
 
 @dataclass(frozen=True)
 class _Ratio:
-    """A sum's growth divided by the integral of its rate in one run, and this ratio's relative change over the run."""
+    """A sum's growth over the integral of its rate in one run (`value`), and this ratio's relative `trend`."""
 
     value: float
     sd: float
@@ -116,7 +116,7 @@ def _spread(values: Vector) -> float:
 
 
 def _usual_interval(intervals: list[float]) -> float | None:
-    """Returns the interval of most runs, or else None; of two runs that differ, the rounder number of ms or Hz."""
+    """Returns the interval of most runs, or of two runs the rounder one in ms or Hz; None: there is none."""
     for one in intervals:
         alike = sum(abs(other / one - 1.0) < _STEADY for other in intervals)
         if alike >= max(2.0, _ALIKE * len(intervals)) or len(intervals) == 1:
@@ -129,13 +129,13 @@ def _usual_interval(intervals: list[float]) -> float | None:
 
 
 def _digits(value: float) -> int:
-    """Returns how many decimal places a value needs."""
+    """Returns how many decimal places a value needs in scientific notation, at most 4."""
     scaled = value / 10.0 ** floor(log10(value))
     return next((digits for digits in range(4) if abs(round(scaled, digits) / scaled - 1.0) < _ROUND), 4)
 
 
 def _drifts(blocks: Vector, usual: float) -> bool:
-    """Whether the interval changes smoothly over the run: more than noise, and less than a change made on purpose."""
+    """Whether the interval changes smoothly in the run, by more than noise and less than a change made on purpose."""
     place = np.linspace(-1.0, 1.0, len(blocks))
     smooth = np.polyval(np.polyfit(place, blocks, 2), place)
     change = float(np.ptp(smooth))
@@ -154,7 +154,7 @@ def _ratios(views: Sequence[RunView]) -> list[dict[str, _Ratio]]:
             if len(view.time) >= _LEAST_SAMPLES:
                 windows = cut(view.time, {sums: view.outputs[sums], rate: view.outputs[rate]}, _WINDOWS)
                 if {sums, rate} <= windows.moved.keys():
-                    # The second column of the fit is a lag of the rate, or the bias of a gyro.
+                    # The coefficient of the fit's second column is the lag of the rate, or the bias of a gyro.
                     beside = windows.changed.get(rate, windows.seconds)
                     known = np.isfinite(windows.moved[sums]) & np.isfinite(windows.moved[rate]) & np.isfinite(beside)
                     if np.count_nonzero(known) > _WINDOWS // 2 and np.any(windows.moved[rate][known]):
@@ -179,7 +179,7 @@ def _ratio(growth: Vector, rate: Vector, beside: Vector, lag: float | None) -> _
     if lag is None:
         solved, sds = _solve(np.column_stack([rate, beside]), growth)
         value, sd = float(solved[0]), float(sds[0])
-    else:  # from the sums themselves, because their error at a sample stays bounded while the path grows
+    else:  # from the sums themselves: their error stays bounded while the path grows
         path, integral = (np.cumsum(one) - np.mean(np.cumsum(one)) for one in (growth - lag * beside, rate))
         value = float(path @ integral) / float(integral @ integral)
         sd = float(np.sqrt(np.sum((path - value * integral) ** 2) / (integral @ integral))) * _BOUNDED
@@ -237,7 +237,7 @@ def _off(ratio: _Ratio, middle: float, spread: float) -> tuple[float, float]:
 
 
 def _denied(offs: Mapping[str, tuple[float, float]], by: float) -> bool:
-    """Whether a ratio that is certain enough contradicts a fault of the size `by`."""
+    """Whether one of the ratios certainly contradicts a fault of the size `by`."""
     return any(abs(off - by) > max(_AGREE * abs(by), _SURE * sd) for off, sd in offs.values())
 
 
@@ -249,7 +249,7 @@ def _agree(offs: Sequence[tuple[float, float]], least: float) -> bool:
 
 
 def _off_in_all(usual: Mapping[str, tuple[float, float]]) -> float | None:
-    """Returns stated over true time if wheels and gyro are wrong by the same factor in all runs; else None."""
+    """Returns stated over true time, if wheels and gyro are wrong by the same factor in all runs; else None."""
     offs = [(middle - 1.0, max(spread, _STEADY)) for middle, spread in usual.values()]
     kinds = {"yaw" if name.startswith("yaw_") else "wheel" for name in usual}
     if len(kinds) < 2 or not _agree(offs, _RATIO_OFF):
@@ -291,7 +291,7 @@ def delays(views: Sequence[RunView]) -> dict[str, float]:
         each = [one for view in views if (one := _delay(view, sums, rate)) is not None]
         middle = float(np.median(each)) if each else 0.0
         spread = 1.4826 * float(np.median(np.abs(np.array(each) - middle))) if each else 0.0
-        # A delay of less than a row may come from the moment at which a row is written.
+        # A delay of less than one row may be due to the moment at which the row is written.
         if abs(middle) > np.median([view.interval for view in views]) and spread < _AGREES * abs(middle):
             found[rate] = middle
     return found
@@ -333,5 +333,5 @@ def _delay(view: RunView, sums: str, rate: str) -> float | None:
 
 
 def _growth(time: Vector, at: Vector, values: Vector) -> Vector:
-    """Returns the change of `values` over `_SPAN_S` about each of `time`."""
+    """Returns the change of `values` over a span of `_SPAN_S` centred on each entry of `time`."""
     return np.asarray(np.interp(time + _SPAN_S / 2, at, values) - np.interp(time - _SPAN_S / 2, at, values))

@@ -1,8 +1,8 @@
-"""Finds where a signal keeps one value: wrongly, as clipped or frozen, or because each sample is held for several rows.
+"""Finds where a signal keeps one value: clipped, frozen, or because each sample is held for several rows.
 
-A channel that is logged faster than it is sampled holds its samples. A row that only repeats such a sample is no new
-data. It looks like a sensor that is frozen for a few rows, and makes the noise look smaller. Inputs are commands: they
-hold until the next command.
+A channel that is logged faster than it is sampled holds its samples. A row that repeats a sample holds no new data.
+Such rows look like a frozen sensor, and make the noise seem smaller. Inputs are commands: they hold until the next
+command.
 """
 
 from __future__ import annotations
@@ -15,31 +15,31 @@ import numpy as np
 from brickpilot.data.audit.view import LEAST_SAMPLES, Held, Mask, RunView, Vector, driven_by, stretches
 from brickpilot.data.signals import RATE_OF, SUMMED
 
-_ANALOGUE = ("accel_", "yaw_rate", "current", "force", "battery")  # constant only where the resolution is coarse
-_LEAST_CLIPPED = 8  # samples at a run's extreme
-_CLIPPED_BEYOND = 5.0  # least count of a clipped extreme over the count of any other value
+_ANALOGUE = ("accel_", "yaw_rate", "current", "force", "battery")  # constant only if their resolution is coarse
+_LEAST_CLIPPED = 8  # least number of samples at a run's extreme
+_CLIPPED_BEYOND = 5.0  # least frequency of a clipped extreme over that of any other value
 _EDGE_STEPS = 3.0  # resolutions: least jump to and from a plateau
-_DITHERS = 0.6  # largest share of repeats of a signal with noise of half a resolution or more
-_BLOCK = 50  # samples over which a share of repeats is taken
+_DITHERS = 0.6  # largest share of repeats in a signal whose noise is at least half a resolution
+_BLOCK = 50  # number of samples from which one share of repeats is computed
 _QUIET_BLOCKS = 0.9  # quantile of the share of repeats over blocks: the quietest tenth is left out
-_UNLIKELY = 4.0  # least length of a frozen stretch over that expected once, or over the longest elsewhere
+_UNLIKELY = 4.0  # least length of a frozen stretch over the length expected once, or the longest elsewhere
 _LEAP = 8.0  # least jump when a frozen sensor recovers, over the largest other change of the signal
-_NEAR = 4.0  # times the usual change between samples: a sample this close to an extreme is near it
-_FEW = 0.2  # samples near an extreme over samples at it: with more, the sensor froze at a steady level
-_STALE = 0.75  # share of repeats: above it, the sum or rate of the same sensor stands, too, and is no evidence
+_NEAR = 4.0  # usual changes between samples: a sample closer to an extreme counts as near it
+_FEW = 0.2  # samples near over samples at an extreme: above it, the sensor froze at a steady level
+_STALE = 0.75  # share of repeats: above it, the same sensor's sum or rate stands, too, and is no evidence
 _FAR = 0.25  # share of the stated range: a value this far outside is far beyond it
-_NOW_AND_THEN = 0.02  # share of samples far beyond the range, above which clipping cannot cause them
+_NOW_AND_THEN = 0.02  # share of samples far beyond the range: above it, clipping is not the cause
 _BATTERY = "battery_voltage"
-_GROWS = 1.25  # least second speed of a shaft that starts, over its first speed
+_GROWS = 1.25  # a shaft starts if its second speed over its first one is larger
 _STARTS = 0.2  # share of the fastest speed: below it, a shaft may begin or end a standstill
-_OFF_RATE = 0.1  # share of the fastest motion: allowed difference of a constant rate from the growth of its sum
+_OFF_RATE = 0.1  # share of the fastest motion: allowed difference of a rate from its sum's growth
 _RATE_STEPS = 3.0  # resolutions: allowed error of a difference of two samples
-_DRIVEN = 0.5  # share of the usual drive: above it, a sum that stands is frozen
+_DRIVEN = 0.5  # share of the usual drive: above it, a constant sum is frozen
 _PACE_S, _PACE_SAMPLES = 0.03, 10
 _STEADY = 0.3  # largest change of a steady rate over the fastest, or of a steady drive over the largest
-_FAST = 0.3  # share of the fastest motion: a faster one cannot stop within one sample
+_FAST = 0.3  # share of the fastest motion: a faster motion cannot stop within one sample
 _MOTION = ("wheel_", "yaw_", "angle", "speed", "position", "velocity")
-_REVERSES = 0.3  # share of samples at which noise changes direction
+_REVERSES = 0.3  # noise changes its direction at a larger share of the samples
 _REPEATED = 0.02  # largest share of repeats of a channel that changes with every sample
 
 
@@ -48,8 +48,8 @@ class AcrossRuns:
 
     Attributes:
         views: the views of all runs.
-        noise: the channels that change direction at most samples: noise does, motion does not.
-        fastest: channel of a motion -> its largest mean rate over a fortieth of a run.
+        noise: the channels whose value changes direction so often that they show noise.
+        fastest: motion channel -> its largest mean rate over one fortieth of a run.
         usual_drive: sum -> mean size of its drive while the sum moves; 0 if the sum repeats values outside long
             stretches of one value.
     """
@@ -84,7 +84,7 @@ def clipped(view: RunView, name: str, stated: tuple[float, float] | None) -> Mas
     """Finds two or more samples in a row at an end of the stated range; without a range, a plateau at an extreme.
 
     An end at 0 does not count, because an unsigned sensor rests there. A channel that is often far beyond its range is
-    not clipped: it may be in another unit.
+    not clipped, but may be in another unit.
     """
     values = view.outputs[name]
     found = np.zeros(len(values), dtype=bool)
@@ -113,7 +113,7 @@ def leaves(values: Vector, stated: tuple[float, float] | None) -> bool:
 
 
 def _plateau(values: Vector, resolution: float) -> Mask:
-    """Finds samples at the highest value, if this value is by far the most frequent and jumps lead to and from it."""
+    """Finds samples at the highest value, if it is by far the most frequent one and jumps lead to and from it."""
     none = np.zeros(len(values), dtype=bool)
     known = values[np.isfinite(values)]
     if len(known) < LEAST_SAMPLES or known.max() == 0.0:
@@ -136,7 +136,7 @@ def _plateau(values: Vector, resolution: float) -> Mask:
 
 
 def frozen(view: RunView, name: str, across: AcrossRuns) -> tuple[Mask, Mask]:
-    """Finds stretches of one value that the signal's noise, its rate or a jump at the end shows to be wrong.
+    """Finds stretches of one value that are wrong according to the noise, the rate or a jump at the end.
 
     Returns the frozen samples, and those that are clipped instead.
     """
@@ -163,11 +163,10 @@ def frozen(view: RunView, name: str, across: AcrossRuns) -> tuple[Mask, Mask]:
 
 
 def _stands(view: RunView, name: str, start: int, stop: int) -> bool:
-    """Whether a rate is zero, and near zero just before and after, as for a shaft that stands.
+    """Whether a rate is zero, and near zero just before and after, because its shaft stands.
 
-    The speed of an encoder has no noise at standstill, even if it has much in motion. At the start of a run, the first
-    speed after zero may be large if the next one is larger still, because the shaft then really starts. If the sensor
-    only starts late, it shows the speed that it missed, and stays there.
+    An encoder's speed has no noise at standstill. At the start of a run the first speed after zero may be large if the
+    next one is larger still: the shaft starts. A sensor that starts late jumps to the present speed and stays there.
     """
     values = view.outputs[name]
     if name not in RATE_OF.values() or values[start] != 0.0:
@@ -181,9 +180,8 @@ def _stands(view: RunView, name: str, start: int, stop: int) -> bool:
 def _at_extreme(view: RunView, name: str, stands: Mask) -> Mask:
     """Finds samples at an extreme of the run if the stretches `stands` reach it: the sensor is at the end of its range.
 
-    Some cases are excluded: a sum, which may stop at its extreme; zero, which a dead sensor gives; a sensor that failed
-    while its signal rose, which never leaves the extreme; and a sensor that froze at a steady level, which has many
-    other samples near this level.
+    Excluded are: a sum, which may stop at its extreme; zero, the value of a dead sensor; a stretch up to the run's end,
+    as of a sensor that failed; and a level with many other samples near it, as of a sensor that froze in steady motion.
     """
     values = view.outputs[name]
     found = np.zeros(len(values), dtype=bool)
@@ -213,9 +211,9 @@ def _moves_elsewhere(view: RunView, name: str, start: int, stop: int) -> bool:
 
 
 def _too_long(view: RunView, name: str, start: int, stop: int, across: AcrossRuns) -> bool:
-    """Whether the stretch is too long, as the signal seldom repeats values elsewhere.
+    """Whether the stretch is too long for a signal that seldom repeats values elsewhere.
 
-    A wheel that stands is no frozen sensor. A turning wheel is also compared with turning wheels alone, because a
+    The channel of a standing wheel is not frozen. A turning wheel is also compared with turning wheels alone, because a
     standing or creeping wheel repeats values more often.
     """
     level = view.outputs[name][start]
@@ -231,7 +229,7 @@ def _too_long(view: RunView, name: str, start: int, stop: int, across: AcrossRun
 
 
 def _expected_once(pieces: Sequence[Vector], least: float) -> float:
-    """Returns the length of a stretch of one value that is expected once; infinite: values repeat too often.
+    """Returns the length of a constant stretch that is expected once; infinite: values repeat too often.
 
     `least`: only values of this size or more count. If it is above 0, the longest stretch found is returned instead of
     the expected one, because a wheel may turn slowly for a while.
@@ -247,7 +245,7 @@ def _expected_once(pieces: Sequence[Vector], least: float) -> float:
 
 
 def _jumps(view: RunView, name: str, start: int, stop: int) -> bool:
-    """Whether the change at the stretch's end is by far the signal's largest; of a rate, the one at its start, too."""
+    """Whether the change at the stretch's end, and for a rate also the one at its start, is by far the largest."""
     values = view.outputs[name]
     edges = [stop] if name in SUMMED else [start, stop]
     if name.startswith(_ANALOGUE) or not all(0 < edge < len(values) for edge in edges):
@@ -281,7 +279,7 @@ def _contradicts_partner(view: RunView, name: str, start: int, stop: int, across
 
 
 def _never_stands(view: RunView, name: str, start: int, stop: int, across: AcrossRuns) -> bool:
-    """Whether a sum stands although its drive is about as strong as usual while it moves, and in both directions.
+    """Whether a sum stands although its drive, in both directions, is about as strong as usual in motion.
 
     A machine that is driven in one direction only may be at its end stop. A yaw angle has no end stop, so for it one
     direction is enough.
@@ -335,19 +333,19 @@ def _fastest(view: RunView, name: str) -> float:
 
 
 _LEAST_CHANGES = 20
-_LEAST_ROWS = 1.5  # mean rows for each sample
+_LEAST_ROWS = 1.5  # least mean number of rows for each sample
 _ROW = 1.1  # rows: the largest delay with which a change is logged
-_REGULAR = 0.9  # share of changes that are whole beats apart
-_STEPS = 2.5  # resolutions: a smaller change is no beat, as a coarse channel at constant speed also changes regularly
-_TOGETHER = 0.9  # share of the changes of a coarse channel that fall on those of another channel
+_REGULAR = 0.9  # least share of changes that are whole beats apart
+_STEPS = 2.5  # resolutions: smaller changes are no beat; a coarse channel at constant speed has them
+_TOGETHER = 0.9  # least share of a coarse channel's changes in rows where another channel changes
 
 
 def held(time: Vector, outputs: Mapping[str, Vector], resolution: Mapping[str, float]) -> dict[str, Held]:
     """Returns the channels of one run that are held, by name.
 
     A channel is held if its value changes at a regular beat of several rows, and by more than one step of its
-    resolution. A coarse channel that changes only together with such a channel is held, too. At rest two samples may
-    have the same value, so a beat without a change is a new sample, too.
+    resolution. A coarse channel that changes only together with a held channel is held, too. At rest, two samples may
+    be equal: a beat without a change still counts as a new sample.
     """
     row = float(np.median(np.diff(time)))
     changed = {name: _changes(values) for name, values in outputs.items()}
@@ -409,7 +407,7 @@ def _beat(time: Vector, changed: Mask, row: float) -> float | None:
         return None
     apart = np.diff(time[at])
     short = apart <= 1.5 * float(np.median(apart))
-    beat = float(np.mean(apart[short]))  # each beat is rounded to rows, but their mean is exact
+    beat = float(np.mean(apart[short]))  # each beat is rounded to rows, but the mean of the beats is exact
     if beat < _LEAST_ROWS * row:
         return None
     beats = np.maximum(np.round(apart / beat), 1.0)
@@ -433,7 +431,7 @@ def _falls_on(mask: Mask, grid: Mask) -> bool:
 
 
 def _fresh(time: Vector, grid: Mask, beat: float, row: float) -> Mask:
-    """Returns the rows of `grid`, and those at whole beats after a row of `grid` where the next one is not due yet."""
+    """Returns the rows of `grid`, and the rows at whole beats in longer gaps of `grid`."""
     fresh = grid.copy()
     at = np.append(np.flatnonzero(grid), len(time))
     for start, stop in zip(at[:-1].tolist(), at[1:].tolist(), strict=True):

@@ -16,24 +16,24 @@ Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 LEAST_SAMPLES = 20
-"""Fewer samples, or fewer equal ones in a row, are too few for a conclusion."""
+"""Least number of samples, or of equal samples in a row, for a conclusion."""
 
 LEAST_WINDOWS = 4
-"""Fewer windows are no evidence."""
+"""Least number of windows that count as evidence."""
 
 EQUAL = 2.5
-"""Largest ratio of two measurements of one motion, up or down, that lags, wrong lengths and unequal wheels cause."""
+"""Largest ratio, up or down, of two measurements of one motion that lags, wrong lengths and unequal wheels cause."""
 
-_FEWEST, _MOST = 8, 32  # windows of a run
+_FEWEST, _MOST = 8, 32  # number of windows of a run
 _WINDOW_S = 0.25  # longer than delays and lags of sensors, shorter than a manoeuvre
-_KNOWN = 0.7  # share of known samples, for a window to count
+_KNOWN = 0.7  # least share of known samples in a window that counts
 _TOGETHER = 0.9  # least correlation of two measurements of the same motion
-_EDGE = 0.15  # share of a window: the velocity at an edge is a mean over this span on each side
+_EDGE = 0.15  # share of a window on each side of an edge: the edge's velocity is the mean over it
 
 
 @dataclass(frozen=True, eq=False)
 class Channels:
-    """One run as it was measured, SI: (n,) each, NaN where blank."""
+    """The channels of one run as measured, SI: (n,) each, NaN where blank."""
 
     time: Vector
     inputs: Mapping[str, Vector]
@@ -63,7 +63,7 @@ class Held:
 
     Attributes:
         beat: s from sample to sample.
-        fresh: (n,) true in the rows in which a sample is new; all others repeat it.
+        fresh: (n,) true in the rows with a new sample; the other rows repeat the sample before.
     """
 
     beat: float
@@ -94,7 +94,7 @@ class RunView(Channels):
         return np.flatnonzero(known & self.held[name].fresh if name in self.held else known)
 
     def once(self, name: str, part: slice = slice(None)) -> Vector:
-        """Returns the values of a channel in a part of the run, each held sample once."""
+        """Returns the values of a channel in a part of the run, without the rows that repeat a held sample."""
         values = self.outputs[name][part]
         return values[self.held[name].fresh[part]] if name in self.held else values
 
@@ -112,7 +112,7 @@ def stretches(mask: Mask, least: int = 1) -> list[tuple[int, int]]:
 
 
 def driven_by(name: str) -> str:
-    """Returns which of the `drives` moves a channel; "": no single one."""
+    """Returns which of the `drives` moves a channel; "": no single drive does."""
     if name.endswith(("_left", "_right")):
         return name.rsplit("_", 1)[1]
     if name.startswith("yaw_"):
@@ -128,9 +128,9 @@ class Windows:
     even if their noise, filters and sampling differ.
 
     Attributes:
-        interval: s between samples, the median.
+        interval: median time between samples, s.
         seconds: (w,), the length of each window.
-        moved: channel -> (w,), the integral of a rate or the growth of a sum, SI; NaN where too little is known.
+        moved: channel -> (w,), the integral of a rate or the growth of a sum, SI; NaN if too few samples are known.
         changed: channel of a wheel or motor -> (w,), the change of its rate from a window's start to its end.
         roughness: channel -> mean size of its second differences as logged, which show noise and resolution more than
             motion; 0: not known.
@@ -154,7 +154,7 @@ class Windows:
         return float(np.sqrt(np.mean((values[known] / self.seconds[known]) ** 2))) if known.any() else 0.0
 
     def unbiased(self, values: Vector) -> Vector:
-        """Returns (w,) values without their mean per second, which a bias or a slope would change."""
+        """Returns (w,) values without their mean rate, which a bias or a slope would change."""
         known = np.isfinite(values)
         return values - self.seconds * (np.sum(values[known]) / max(float(np.sum(self.seconds[known])), 1e-300))
 

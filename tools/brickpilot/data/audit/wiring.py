@@ -1,7 +1,7 @@
-"""Finds channels that are wired or stated wrongly in all runs: swapped, reversed, dead, or by a wrong factor.
+"""Finds channels that are wired or stated wrongly in all runs: swapped, reversed, dead, or scaled wrongly.
 
-The idea is that the other channels predict each channel; see `wiring_motion`. When swaps and signs are right, the same
-regressions give the factors.
+Each channel is predicted from the other channels by a regression; see `wiring_motion`. Once swaps and signs are right,
+the same regressions give the factors.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ from brickpilot.data.audit.wiring_motion import (
     pair,
 )
 
-_SIDES_FREE = 2.5  # largest ratio of the gains of two motors of which one is weak
+_SIDES_FREE = 2.5  # largest ratio of two motors' gains that a weak motor explains
 _UNITS = tuple(one for by in (180 / pi, 30 / pi, 1000.0) for one in (by, 1 / by))
-_STEPS_S = (1e-4, 0.5)  # shortest and longest time between samples in a log that shows how a robot moves
+_STEPS_S = (1e-4, 0.5)  # shortest and longest plausible time between samples in a robot's log
 COUNTS_A_TURN = " counts a turn"
-"""The end of the text of a guess that states the number of an encoder's counts."""
+"""How the text of a guess ends that states the counts of an encoder."""
 
 _FULL = (100.0, 255.0, 1000.0, 1023.0, 4095.0, 32767.0)
 
 
 def miswired(runs: Sequence[Channels], nominal: Mapping[str, float]) -> tuple[Miswired, ...]:
-    """Returns what is wired or stated wrongly in all runs of a robot with two wheels, the surest first.
+    """Returns the faults in wiring and scale that all runs of a robot with two wheels have, in order of the search.
 
     Args:
         runs: as measured, in the paper's frame.
@@ -49,13 +49,13 @@ def miswired(runs: Sequence[Channels], nominal: Mapping[str, float]) -> tuple[Mi
         here = stage(runs, nominal)
         found += here
         if any(one.sure < SURE for one in here):
-            break  # later stages need this fault to be mended
+            break  # later stages work only after this fault is mended
         runs = [mended(run, here) for run in runs]
     return tuple(found)
 
 
 def with_counts(found: Sequence[Miswired], guessed: Sequence[str]) -> tuple[tuple[Miswired, ...], tuple[str, ...]]:
-    """Returns the faults and the guesses; counts that fit the stated lengths replace guessed counts a turn.
+    """Returns the faults and the guesses. Guessed counts a turn are replaced by counts that fit the stated lengths.
 
     Args:
         guessed: as in `Dataset.guessed`, such as "960 counts a turn".
@@ -71,7 +71,7 @@ def with_counts(found: Sequence[Miswired], guessed: Sequence[str]) -> tuple[tupl
 
 
 def taken_from(faults: Iterable[Miswired]) -> dict[str, Taken]:
-    """Returns signal -> the measured channel that it has to be taken from, after all faults are mended."""
+    """Returns signal -> the measured channel that holds its values, with a factor, after all mends are combined."""
     found: dict[str, Taken] = {}
     for fault in faults:
         found |= {
@@ -83,7 +83,7 @@ def taken_from(faults: Iterable[Miswired]) -> dict[str, Taken]:
 
 
 def mended(run: Channels, faults: Iterable[Miswired]) -> Channels:
-    """Returns a run in which each channel is taken from the right column, if this column is sure."""
+    """Returns a run with those faults corrected that are sure (`is_mended`)."""
     values = {"time": run.time, **run.inputs, **run.outputs}
     for fault in faults:
         if fault.is_mended:
@@ -101,10 +101,10 @@ def _hypotheses(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[
 
 
 def _between_wheels(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[Miswired]:
-    """Returns an encoder that has another number of counts, according to the other encoder and the yaw."""
+    """Returns an encoder whose counts a turn contradict the other encoder and the yaw."""
     motion = Motion(runs)
     if (fit := motion.turning()) is None or abs(ratio := log(fit.gains[1] / fit.gains[0])) > log(UNIT_FITS):
-        return []  # another unit is for the audit to find
+        return []  # the wheel is in another unit, which the audit finds
     expected = motion.geometry(nominal)
     apart = [0.0, 0.0] if expected is None else [abs(_apart_from_unit(gain / expected)[1]) for gain in fit.gains]
     odd = int(apart[1] > apart[0])
@@ -144,7 +144,7 @@ def _of_yaw(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[Misw
 
 
 def _of_drives(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[Miswired]:
-    """Returns two inputs in different units, if one motor would otherwise be weaker than any motor is."""
+    """Returns two inputs in different units, if the ratio of the motors' gains is implausible otherwise."""
     motion = Motion(runs)
     fits = [fit for number in range(len(LAGS)) if (fit := motion.driven(number)) is not None]
     if not fits:
@@ -163,7 +163,7 @@ def _of_drives(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[M
 
 
 def _apart_from_unit(ratio: float) -> tuple[float, float]:
-    """Returns the factor of a unit nearest to a ratio, or 1, and the logarithm of the rest."""
+    """Returns the unit's factor nearest to a ratio, or 1, and the logarithm of ratio / factor."""
     if 1 / UNIT_FITS < ratio < UNIT_FITS:
         return 1.0, log(ratio)
     unit = min(_UNITS, key=lambda one: abs(log(ratio / one)))
@@ -172,7 +172,7 @@ def _apart_from_unit(ratio: float) -> tuple[float, float]:
 
 
 def _beyond(size: float, limit: float, sd: float) -> float:
-    """Returns the probability that a size is beyond its limit."""
+    """Returns the probability that a size with the error `sd` is beyond its limit."""
     return 0.5 * (1.0 + erf((size - limit) / (sqrt(2.0) * max(sd, 0.02))))
 
 

@@ -1,8 +1,8 @@
-"""The motion of drives, wheels and yaw in short windows, and the ways in which they may be wired.
+"""The motion of drives, wheels and yaw in short windows, and the hypotheses of how they are wired.
 
-The wheels follow their drives, straight and turning, each with a positive gain and a lag; the yaw follows the
-difference of the wheels. Each way to swap and reverse the channels is a hypothesis that explains a share of the motion.
-Its weight is the likelihood of this share, times a prior for each of its faults.
+The model: the wheels follow their drives with positive gains and a lag, in straight motion and in turns; the yaw
+follows the difference of the wheels. Each way to swap and reverse the channels is a hypothesis that explains a share of
+the motion. Its weight is its likelihood, which this share gives, times a prior for each of its faults.
 """
 
 from __future__ import annotations
@@ -19,25 +19,25 @@ from brickpilot.data.audit.fault import Kind
 from brickpilot.data.audit.view import Channels, Vector, cut
 
 SURE = 0.99
-"""A fault with at least this share of the trust is mended before the analysis."""
+"""A fault with at least this probability is mended before the analysis."""
 
 WHEEL_KINDS = ("angle", "travel", "speed", "velocity")
 
 _WINDOW_S = 0.1
-_PER_SECOND = 4.0  # independent windows in a second
-_MOST = 60.0  # independent windows that count at most: more data do not make this rough model truer
-_FLOOR = 0.02  # share of the motion that the rough model leaves unexplained even where it is right
-_EXPLAINED = 0.4  # share of the motion: an explanation of less is no evidence
+_PER_SECOND = 4.0  # number of independent windows in a second
+_MOST = 60.0  # largest number of independent windows that count: the model is too rough for more
+_FLOOR = 0.02  # share of the motion that even the right hypothesis leaves unexplained
+_EXPLAINED = 0.4  # share of the motion: a hypothesis that explains less gets no credit
 _PER_FAULT = 6.0  # logarithm of the prior odds against each fault
-LAGS = (1.0, 0.5, 0.25, 0.1)  # share of a step response that the motion makes in one window
-_DEAD = 0.01  # share of the larger motion of the two wheels: up to it, a wheel stands still
-_APART = 0.3  # share of the drives' rms: a weaker drive of a wheel does not show a dead encoder
+LAGS = (1.0, 0.5, 0.25, 0.1)  # share of its step response that a motion completes in one window, for each lag
+_DEAD = 0.01  # share of the larger wheel motion: up to it, a wheel stands still
+_APART = 0.3  # share of the drives' rms: with a weaker drive, a still wheel is no dead encoder
 FREE = 1.33  # largest error of a ratio, up or down, that slip and inexact lengths may cause
 UNIT_FITS = 3.0  # largest error, up or down, of a ratio that the factor of a unit explains
-_ONE_RUN = 30.0  # times the usual motion of all runs: more motion in one run means another unit there
-_ONE_NUMBER = 0.93  # least share of the turns that two wheels without slip explain
+_ONE_RUN = 30.0  # usual motions of all runs: more motion in one run means another unit there
+_ONE_NUMBER = 0.93  # least share of the yaw that two wheels without slip explain
 _COLLINEAR = 1e4  # largest condition number of the normal equations at which left and right can be told apart
-USUAL = {"yaw": 3.0, "angle": 10.0, "speed": 10.0, "travel": 0.5, "velocity": 0.5}  # fastest, SI
+USUAL = {"yaw": 3.0, "angle": 10.0, "speed": 10.0, "travel": 0.5, "velocity": 0.5}  # fastest usual motion, SI
 
 
 @dataclass(frozen=True)
@@ -50,16 +50,16 @@ class Taken:
 
 @dataclass(frozen=True)
 class Miswired:
-    """One fault, in words, and how it is mended.
+    """One fault of the wiring or scale, in words, and its correction.
 
     Attributes:
-        kind: "swapped", "sign", "frozen", "unit" or "clock", as in a data fault.
+        kind: "swapped", "sign", "frozen", "unit" or "clock", as in `Fault`.
         signals: the channels that are wrong.
         text: what is wrong, as the beginning of a sentence.
-        sure: share of the trust, 0..1.
-        mend: signal -> what it should be taken from; empty: it cannot be mended.
+        sure: probability of the fault, 0..1.
+        mend: signal -> the channel that holds its values; empty: the fault cannot be mended.
         factor: stated over true value; None: the fault is no factor.
-        is_open: whether something else may be wrong instead, such as a measured length; then nothing is mended.
+        is_open: whether another value may be wrong instead, such as a measured length; then nothing is mended.
     """
 
     kind: Kind
@@ -72,7 +72,7 @@ class Miswired:
 
     @property
     def is_mended(self) -> bool:
-        """Whether the analysis uses mended channels."""
+        """Whether the analysis uses the mended channels."""
         return bool(self.mend) and self.sure >= SURE and not self.is_open
 
     @property
@@ -158,7 +158,7 @@ class Motion:
         return max(ahead, apart) > alone_alike
 
     def hypotheses(self, nominal: Mapping[str, float]) -> list[Miswired]:
-        """Returns the faults of the likeliest way to swap and reverse the channels; empty: there is none."""
+        """Returns the faults of the likeliest hypothesis; empty: it has no fault."""
         likelihood = {seen: self._score(seen, self._least_turn(nominal)) for seen in {one.seen for one in _WAYS}}
         scored = [(likelihood[one.seen] - _PER_FAULT * one.cost, one) for one in _WAYS if self._can(one)]
         if not scored:
@@ -180,7 +180,7 @@ class Motion:
         ]  # fmt: skip
 
     def turning(self) -> Gains | None:
-        """Returns the yaw per motion of the left and of the right wheel."""
+        """Returns the gains from the left and the right wheel to the yaw; None: not measured, or no constant gains."""
         if self.yaw is None or not self.both:
             return None
         left, right = (self.at[name] for name in self.wheels)
@@ -198,7 +198,7 @@ class Motion:
         return whole if alike else None
 
     def driven(self, lag: int) -> Gains | None:
-        """Returns the motion of each side per drive, from the wheels or else from the yaw."""
+        """Returns the gain from each side's drive to its wheel, or without wheels to the yaw."""
         left, right, seconds = self.at[f"left{lag}"], self.at[f"right{lag}"], float(np.sum(self.at["seconds"]))
         if not self.both:
             return None if self.yaw is None else _gains(np.column_stack([left, -right]), self.at[self.yaw], seconds)
@@ -213,7 +213,7 @@ class Motion:
         return None if metres is None or half_track is None else metres / (2 * half_track)
 
     def with_it(self, name: str) -> list[str]:
-        """Returns a channel and the other channels of the same wheel, or of the yaw, that move in the same way."""
+        """Returns a channel and those channels of the same wheel, or of the yaw, that correlate with it."""
         stem, side = name.split("_")[0], name.rsplit("_", 1)[1]
         found = [name]
         for other in self.names:
@@ -225,7 +225,7 @@ class Motion:
         return found
 
     def is_odd_by(self, unit: float) -> bool:
-        """Whether the wheels, and not the yaw, differ by the factor of a unit from a small robot's motion."""
+        """Whether the factor `unit` is likelier an error of the wheels than of the yaw, for a small robot."""
         turn = float(np.nanmax(np.abs(self.at[self.yaw or ""]), initial=0.0)) / USUAL["yaw"]
         roll = float(np.nanmax(np.abs(self.at[self.wheels[0]]), initial=0.0)) / USUAL[self.kind or ""]
         return abs(log(turn)) + abs(log(roll * unit)) < abs(log(turn / unit)) + abs(log(roll))
@@ -243,14 +243,14 @@ class Motion:
     def _least_turn(self, nominal: Mapping[str, float]) -> float:
         """Returns the least yaw per difference of the wheels; a smaller yaw has another cause.
 
-        A gyro's bias, or unequal wheels, give a straight drive a little yaw that follows both wheels. This yaw does not
-        show a reversed wheel.
+        A gyro's bias or unequal wheels cause a small yaw in straight motion, proportional to both wheels. This yaw is
+        no sign of a reversed wheel.
         """
         usual = USUAL["yaw"] / (2 * USUAL[self.kind or "speed"])
         return (self.geometry(nominal) or usual) / UNIT_FITS
 
     def _score(self, seen: tuple[int, ...], least_turn: float) -> float:
-        """Returns the logarithm of the likelihood of a way to wire, from the columns of `_Way.seen`."""
+        """Returns the log-likelihood of a hypothesis; `seen`: its columns and signs (`_Way.seen`)."""
         (a, sa, b, sb), (c, sc, d, sd), sign = seen[:4], seen[4:8], seen[8]
         sides = ("left", "right")
         alive = [name in self.at and name not in self.still for name in self.wheels] or [False, False]
@@ -319,7 +319,7 @@ class _Way:
         return (u.left, u.left_sign, u.right, u.right_sign, w.left, w.left_sign, w.right, w.right_sign, self.yaw)
 
     def told(self, motion: Motion) -> list[tuple[str, Kind, dict[str, Taken]]]:
-        """Returns each fault as its sentence, its kind and how it is mended; they are mended one after the other."""
+        """Returns each fault's sentence, kind and correction; the corrections apply one after the other."""
         found: list[tuple[str, Kind, dict[str, Taken]]] = []
         inputs = [name for name in motion.inputs if name.endswith(("_left", "_right"))]
         wheels = [name for wheel in motion.wheels for name in motion.with_it(wheel)]
@@ -347,7 +347,7 @@ _WAYS = [_Way(one, other, yaw) for one, other, yaw in product(_ALL_SIDES, _ALL_S
 
 
 def _share_left(y: Vector, x: Vector, least: float = 0.0) -> float:
-    """Returns minus the log of the share of `y` that a fit of `x`'s columns leaves; its factors are above `least`."""
+    """Returns minus the log of the share of `y` that a fit by `x`'s columns leaves; the gains are at least `least`."""
     known = np.isfinite(y) & np.isfinite(x).all(axis=1)
     y, x = y[known], x[known]
     power = float(y @ y)
@@ -375,9 +375,9 @@ class Gains:
 
 
 def _gains(x: Vector, y: Vector, seconds: float, least: float = _EXPLAINED) -> Gains | None:
-    """Returns the gains of the columns of `x` in `y`; None: not told apart, not positive, or they explain too little.
+    """Returns the gains from the columns of `x` to `y`; None: collinear, not positive, or they explain too little.
 
-    `least`: the share of `y` that they have to explain.
+    `least`: the least share of `y` that the gains have to explain.
     """
     known = np.isfinite(y) & np.isfinite(x).all(axis=1)
     x, y = x[known], y[known]
