@@ -38,7 +38,7 @@ typedef enum { BODY_COUPLED = 0, BODY_PAPER = 1 } body_profile_t;
 #define BODY_IS_PAPER(coefficients) ((coefficients)->profile == BODY_PAPER)
 #endif
 
-/* The generator makes them from SI values, and proves that nothing overflows. Units of value and result in brackets. */
+/* The generator computes the coefficients from SI values, and proves that nothing overflows. Brackets: unit of value and result. */
 typedef struct {
     body_profile_t profile;
     /* Coupled: mean and half difference, with the sum or difference of mV as input. Paper: left and right. */

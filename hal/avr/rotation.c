@@ -40,7 +40,7 @@ static inline void take(volatile uint16_t *count, uint8_t *was, uint8_t is)
 
 ISR(PCINT2_vect)
 {
-    const uint8_t pins = PINS_IN(BOARD_LEFT_A); /* once, so that all four are of one time */
+    const uint8_t pins = PINS_IN(BOARD_LEFT_A); /* read once, so that all four pins are of the same time */
 
     take(&left, &left_was, state(pins, LEFT_A, LEFT_B));
     take(&right, &right_was, state(pins, RIGHT_A, RIGHT_B));

@@ -3,7 +3,7 @@
  *
  *   X(name, unit of the coefficient, lowest coefficient as a multiple of the range: 0 or -1, odd, expression)
  *
- * A list stands for a place and a way to act there, which determines the factor of the expression: see ROW_ in
+ * Each list belongs to one place and one way to act there. Both determine the factor of the expression: see ROW_ in
  * composed_rows.h. The symbols, in SI units:
  *   V      voltage at this wheel's motor (0 where it floats); other: voltage at the other motor
  *   i, w, theta   current, speed and angle of this wheel

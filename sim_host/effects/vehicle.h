@@ -142,9 +142,9 @@ typedef struct {
     real_t drag_yaw;        /* body: N m s/rad, times yaw rate; starts at 0 */
     real_t step;            /* s: the motor step in timing, drive and wheel hooks; the body step in others (0 before the
                                first) */
-    real_t command[2];      /* timing: V; NaN floats */
+    real_t command[2];      /* timing: V; NaN: the motor floats */
     real_t supply;          /* supply: V at the drive; commands scale with supply / battery_voltage */
-    real_t voltage[2];      /* drive: V at the motor; NaN floats */
+    real_t voltage[2];      /* drive: V at the motor; NaN: it floats */
     real_t wheel_torque[2]; /* wheel: N m driving forward, beside the motor's; starts at 0 */
     real_t dry[DRY_COUNT];  /* wheel: bounds; several effects add theirs; starts at 0 */
     motor_t motor[2];       /* motor */

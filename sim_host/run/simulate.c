@@ -8,14 +8,14 @@
 #include "run/thread.h"
 
 enum { THREADS_MAX = 64 };
-enum { LOOK_AHEAD = 64 }; /* how far on in the list a run may be that joins a group */
+enum { LOOK_AHEAD = 64 }; /* a run that joins a group is at most so many places further on in the list */
 
 typedef struct {
     bp_run *runs;
     int count;
     int widest;  /* the most runs that go side by side */
     int next;    /* no run before this one is free */
-    bool *taken; /* count of them; NULL where each run goes alone */
+    bool *taken; /* `count` flags, one for each run; NULL if each run goes alone */
     lock_t lock;
 } queue_t;
 

@@ -1,4 +1,4 @@
-"""Instructions of the plant's and the firmware's inner loops on this machine, which must not grow: tests/speed.
+"""The number of instructions in the inner loops of plant and firmware, counted here, must not grow: tests/speed.
 
 `run_gates` of tests/run builds the program that is counted.
 """

@@ -44,7 +44,7 @@ def hidden_page(content: Mapping[str, Any]) -> str:
 
 
 def _claims_chart(title: str, claims: Sequence[Mapping[str, Any]]) -> Markup | None:
-    """Draws the claims that are shares, with their numbers in the table; None: no claim is a share."""
+    """Draws the claims whose value is a percentage, with their row numbers in the table; None: there is none."""
     shares = [(number, one) for number, one in enumerate(claims, 1) if one["unit"] == "%" and one["value"] is not None]
     if not shares:
         return None

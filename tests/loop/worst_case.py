@@ -1,4 +1,4 @@
-"""Looks for the longest control period of a brick: any start, a full line in both directions, any settings.
+"""Looks for the longest control period of a brick, for any start and settings, with the link full both ways.
 
     PYTHONPATH=tests python tests/loop/worst_case.py [TARGET...] [--flights N] [--seconds S] [--seed N]
 

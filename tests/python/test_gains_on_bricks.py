@@ -23,7 +23,7 @@ TARGET = "avr:328p-rotation"
 
 
 def planned(folder: Path, board: str, sensors: str, steps: int) -> tuple[Robot, Plan]:
-    """Writes headers with the gains into `folder`; returns their robot, `middle`, and the plan of its flight."""
+    """Writes headers with the gains into `folder`. Returns the robot `middle` and the plan of its flight."""
     own = robot.load(write(folder, "middle", OWN["middle"]))
     mission, flags = simulate.mission(own, None), boards.flags_of(boards.BOARDS[board], sensors, ROOT)
     tuned = robot.with_gains(own, TUNED)

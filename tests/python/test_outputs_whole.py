@@ -186,7 +186,7 @@ def test_on_a_full_disk_nothing_is_left_and_one_line_names_the_output(
         room = draw.randrange(largest)
         status, said = Begun(*COMMANDS[name].words, cwd=folder, room=room).ended()
         assert (status, len(said)) == (1, 1), (room, said)
-        # A compiler works in a temporary folder, and is killed there.
+        # A compiler runs out of room in its temporary folder, so the line names the compiler.
         assert OUT in said[0] or (name in COMPILES and "compil" in said[0]), said
         assert not list((folder / PLACE).iterdir())
 

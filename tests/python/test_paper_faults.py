@@ -156,7 +156,7 @@ def test_fault_8_half_power_is_not_half_voltage_when_the_motor_floats_between_pu
     half = drive(robot("coupled"), 4.5, 4.5, 5.0).final.surge
     assert pulsed(robot("coupled"), 0.0).final.surge == pytest.approx(half, rel=0.01)
     assert pulsed(robot("coupled"), math.nan).final.surge > 1.2 * half
-    # The paper's thrust depends on the voltage alone: half the time gives half of it, floating or not.
+    # The paper's thrust depends on the voltage alone: half the time is half the thrust, floating or not.
     paper = robot("paper")
     stalled = dataclasses.replace(paper, parameters={**paper.parameters, "wheel_inertia": 1e4})
     braked, floating = (pulsed(stalled, between, 0.5).final.surge for between in (0.0, math.nan))

@@ -1,4 +1,4 @@
-"""The yardstick: fit in percent before, after and attainable, at each horizon, on fit runs and on held-out runs."""
+"""The yardstick: fit in percent of the nominal and the found model and the attainable one, by horizon and role."""
 
 from __future__ import annotations
 

@@ -125,7 +125,7 @@ def _copy(work: Callable[[_Item], Any], items: Sequence[_Item], turns: int) -> t
 
 
 def _taken(work: Callable[[_Item], Any], items: Sequence[_Item], turns: int) -> dict[int, Any]:
-    """Takes turns until none is left, and returns index -> result."""
+    """Reads item numbers from `turns`, works on these items until no number is left, and returns index -> result."""
     found = {}
     while turn := os.read(turns, _TURN.size):
         (index,) = _TURN.unpack(turn)

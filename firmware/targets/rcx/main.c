@@ -46,7 +46,7 @@ static mode_command_t command_now(void)
     const uint8_t pressed = panel_pressed();
     const bool running = state.step.mode.mode == MODE_RUN;
 
-    if (!state.started) /* a session has begun: the host starts the mission */
+    if (!state.started) /* a host has opened a session: it alone starts the mission */
         starting = false;
     if ((pressed & PANEL_PRGM) != 0) {
         starting = false;

@@ -269,7 +269,7 @@ def applied(plan: Plan, drawn: Drawn, faults: Mapping[str, Fault]) -> Plan:
     Args:
         plan: the plan with the scenario, the sensors and the gains that were drawn for the run.
         drawn: the inputs that are named KIND.NAME; other names are ignored.
-        faults: name -> the part of a fault that the file fixes.
+        faults: name -> the values of a fault that the file gives as constants.
     """
     of = _by_kind(drawn)
     numbers = {kind: {name: float(value) for name, value in of.get(kind, {}).items()} for kind in ranges()}

@@ -74,7 +74,7 @@ class Adequacy:
 
     @property
     def sentence(self) -> str:
-        """Returns a sentence for a reader on why more is missing; empty if nothing is missing."""
+        """Returns a sentence on what shows that more is missing; empty if nothing is missing."""
         if self.most_predictable > numbers.SHARED_REST:
             signal = max(self.predictable, key=lambda name: self.predictable[name])
             return (

@@ -38,7 +38,7 @@ _LEAST_STRETCHES = 10
 _LEAST_RUNS = 4  # least number of parts that are left out in turn for a predictor; fewer runs are cut into parts
 _DAMPED = 4.0  # factor by which the damping grows until a step is short enough
 _HALVINGS = 5  # number of lengths at which a long step is tried, each half of the previous length
-_FAR = 3.0  # in scales: a residual is clipped to this before its correlation time is computed
+_FAR = 3.0  # multiple of its robust scale to which a residual is clipped before its correlation time is computed
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,7 +195,7 @@ class Judge:
         return Evidence(found, self.density(left_out), left_out, away, away_slopes, information)
 
     def _beyond(self, problem: Problem, point: Array, far: Sequence[_Moved]) -> Iterator[_Moved]:
-        """Yields each stretch with its residual, simulated at the end of its step.
+        """Yields each stretch of `far` with its residual, simulated at the values to which its step leads.
 
         A step is halved as long as its end fits the other stretches worse: it has left a curved valley of the cost that
         a fit without this stretch would follow. If the shortest step also fits worse, nothing is yielded. The caller

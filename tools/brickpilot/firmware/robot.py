@@ -161,7 +161,7 @@ def _stated(toml: TomlFile) -> dict[Place, float]:
             table = toml.table(place[: depth + 1], table.get(name, {}))
         below = {one[len(place)] for one in OWN if len(one) > len(place) and one[: len(place)] == place}
         toml.known_keys(place, table, names)
-        for name in table.keys() - below - {"paper"}:  # another profile, which only the project's firmware has
+        for name in table.keys() - below - {"paper"}:  # only the project's firmware has `paper`
             found[*place, name] = _checked(toml, (*place, name), table[name], names[name]["unit"])
     return found
 

@@ -356,7 +356,7 @@ def of_samples(
         measured: the measured data, where `replay` runs on other samples than were measured.
 
     Raises:
-        InputError: the runs hold nothing that the model gives.
+        InputError: the runs have no signal that the model gives.
     """
     found, notes = blocks(measured or replay.dataset, model, set(runs))
     made = _weighed(replay, SAMPLES, runs, found, notes, threads)
@@ -387,7 +387,7 @@ def of_bins(
         as_measured: angles and travels are compared by their values, not by their change from bin to bin.
 
     Raises:
-        InputError: the runs hold nothing that the model gives.
+        InputError: the runs have no signal that the model gives.
     """
     replay, bins = on_coarse_grid(dataset, width_s) if coarse else (Replay(dataset, MOTOR_STEP_S), Bins(width_s))
     changes = frozenset[str]() if as_measured else _compared_by_change(dataset)

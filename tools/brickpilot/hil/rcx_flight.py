@@ -255,7 +255,7 @@ class SimulatedRcx:
 
     Attributes:
         ms: simulated time since the brick was switched on.
-        driven: us for which motors A and C were driven in the last `run` or `bring`, forward minus backward.
+        driven: time, us, for which motors A and C were driven in the last `run` or `bring`, forward minus backward.
 
     Raises:
         InputError: no checkout of the project, no compiler or no brickOS.

@@ -1,4 +1,4 @@
-"""The state from which a run starts, or a window that is cut out of a run.
+"""The state at the start of a run, or at the start of a window that is cut out of a run.
 
 The state is estimated from several samples instead of one. A sensor effect of the model, such as a scale or a bias,
 changes the reading of a state. So the result is the state in which the model's sensors give the measured values.

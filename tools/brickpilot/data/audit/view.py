@@ -28,7 +28,7 @@ _FEWEST, _MOST = 8, 32  # number of windows of a run
 _WINDOW_S = 0.25  # longer than delays and lags of sensors, shorter than a manoeuvre
 _KNOWN = 0.7  # least share of known samples in a window that counts
 _TOGETHER = 0.9  # least correlation of two measurements of the same motion
-_EDGE = 0.15  # share of a window on each side of an edge: the edge's velocity is the mean over it
+_EDGE = 0.15  # share of a window: the velocity at a window's edge is the mean over this much on each side
 
 
 @dataclass(frozen=True, eq=False)
