@@ -26,13 +26,14 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_sessionstart(session: pytest.Session) -> None:
     """Stops where the installed package is older than the checkout. Workers of xdist follow their controller.
 
-    Each worker has a processor of its own, so that what can work on several does not: copies that wait for each other
-    cost a fifth of a search. What runs in real time has them all.
+    Each worker gets one processor, so that a search makes no copies of its process: copies that wait for each other
+    cost a fifth of a search. Tests in real time keep all processors.
     """
     worker = getattr(session.config, "workerinput", None)
     if worker is not None and sys.platform == "linux" and session.config.option.markexpr != "realtime":
-        all_of_them = sorted(os.sched_getaffinity(0))
-        os.sched_setaffinity(0, {all_of_them[int(worker["workerid"].removeprefix("gw")) % len(all_of_them)]})
+        processors = sorted(os.sched_getaffinity(0))
+        number = int(worker["workerid"].removeprefix("gw"))
+        os.sched_setaffinity(0, {processors[number % len(processors)]})
     if worker is None:
         first = next(outdated(ROOT, Path(brickpilot.__file__).parent), None)
         if first is not None:

@@ -16,7 +16,10 @@ from brickpilot.cli.terminal import as_json, jobs_option, log_options, progress_
 @log_options
 @click.option("--out", metavar="DIR", help="The folder to write; default runs/why-NAME.")
 @click.option(
-    "--budget", type=click.FloatRange(min=0, min_open=True), metavar="SECONDS", help="As in discover: the best so far."
+    "--budget",
+    type=click.FloatRange(min=0, min_open=True),
+    metavar="SECONDS",
+    help="Give the best answer so far after this time.",
 )
 @click.option("--verbose", is_flag=True, help="Also print every step to take, every symptom and every note.")
 @seed_option

@@ -75,7 +75,7 @@ class Replay:
         self.inputs = self.inputs or {run.name: motor_inputs(run, self.dataset) for run in self.dataset.runs}
         self.whole = self.whole or {run.name: (run.time, self.inputs[run.name]) for run in self.dataset.runs}
         self._begun: dict[tuple[object, ...], _Begun] = {}
-        self._acting: dict[tuple[_Own, tuple[str, ...]], list[OpenLoopRun]] = {}
+        self._acting: dict[tuple[_Own, tuple[str, ...]], list[OpenLoopRun]] = {}  # runs with their changed inputs
 
     def simulate(
         self,
