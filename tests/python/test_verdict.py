@@ -248,23 +248,22 @@ LITTLE, MUCH = (Adequacy({"speed": one}, {}, {}) for one in (0.1, 0.3))
 
 
 @pytest.mark.parametrize(
-    ("weak", "kind", "best", "rivals"),
+    ("weak", "left", "kind", "best"),
     [
-        ([], "none", (), []),  # three stretches speak against the friction
-        ([""], "named", ("coulomb_friction",), []),
-        (["", "coulomb_friction"], "named", ("coulomb_friction", "cogging"), []),  # friction alone is not adequate
-        (["", "coulomb_friction", "coulomb_friction cogging"], "unknown", ("coulomb_friction",), []),
+        ([], 0.66, "none", ()),  # three stretches speak against the friction
+        ([""], 0.66, "named", ("coulomb_friction",)),
+        (["", "coulomb_friction"], 0.4, "named", ("coulomb_friction", "cogging")),  # friction alone is not adequate
+        (["", "coulomb_friction"], 0.66, "unknown", ("coulomb_friction",)),  # cogging may imitate another friction
+        (["", "coulomb_friction", "coulomb_friction cogging"], 0.4, "unknown", ("coulomb_friction",)),
     ],
 )
-def test_what_leaves_too_much_is_no_answer(
-    weak: list[str], kind: str, best: tuple[str, ...], rivals: list[tuple[str, ...]]
-) -> None:
-    """The friction removes most of the error and the nominal model still holds weight; cogging removes a third more."""
+def test_what_leaves_too_much_is_no_answer(weak: list[str], left: float, kind: str, best: tuple[str, ...]) -> None:
+    """The friction removes most of the error and the nominal model still holds weight; cogging leaves `left` of it."""
     flat, uneven = np.full(15, -40.0), np.where(np.arange(15) < 3, -18.0, 6.0)
     table = [
         made("", flat, cost=99.0),
         made("coulomb_friction", flat + uneven, cost=98.0),
-        made("coulomb_friction cogging", flat + uneven + 1.0, cost=97.7),
+        made("coulomb_friction cogging", flat + uneven + 1.0, cost=98.0 + math.log(left, 4)),
     ]
     found = verdict.adequate(found_in(table, 2.0), lambda one: MUCH if " ".join(one.names) in weak else LITTLE)
     assert (found.kind, found.best.names) == (kind, best)

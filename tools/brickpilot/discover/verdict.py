@@ -196,9 +196,10 @@ def best_so_far(found: Found) -> Explanation:
 def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozenset[str]]) -> dict[Evidence, Evidence]:
     """Returns the explanations that are weighed, each with the evidence that it is weighed by.
 
-    An explanation is left out if a simpler one, neither refuted nor left out itself, says as much. If it contains a
-    simpler one, it has to remove at least as much of the simpler one's error as it leaves: squared error above noise,
-    and distance of values from the stated ones. Error that the wrong shape of the simpler one's laws may leave in a
+    An explanation is left out if a simpler one, not left out itself, says as much. If it contains a simpler one, it has
+    to remove at least as much of the simpler one's error as it leaves: squared error above noise, and distance of values
+    from the stated ones. A refuted nominal model speaks against none: then a law is missing. Refuted laws still speak,
+    as something is missing or their shape is wrong, and a law added to them may imitate the right shape. Error that the wrong shape of the simpler one's laws may leave in a
     signal does not count: it is a share of what these laws removed beside the values of runs. If not surely more than
     this error is removed, no part is missing, and the simpler one gets the likelier evidence of both. An explanation is
     also left out if one with fewer parts is no worse in evidence and prior: there are many large sets of parts, and
@@ -224,7 +225,7 @@ def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozen
             fewer = len(one.explanation.parts) < len(other.explanation.parts)
             if fewer and prior[one] >= prior[other] and one.total >= other.total:
                 left_out.add(other)
-        if other not in left_out and other.explanation.key not in refuted:
+        if other not in left_out and (other.explanation.laws or other.explanation.key not in refuted):
             stands.append(other)
     needed = [one for one in ranked if one not in left_out]
     first = {one.explanation.laws: one for one in reversed(needed)}  # explanations of the same laws count as one
