@@ -14,7 +14,7 @@
 enum { RUN_AT_MOST = 1000 };
 static const double REGULATOR_DROP_V = 0.5, REGULATED_V = 5.0, NEEDED_AT_16_MHZ_V = 3.8;
 
-/* simavr prints what it meets; what matters here comes as a status. */
+/* Drops simavr's messages: the errors that matter here come as a status. */
 static void say_nothing(avr_t *avr, const int level, const char *format, va_list values)
 {
     (void)avr;
@@ -23,7 +23,7 @@ static void say_nothing(avr_t *avr, const int level, const char *format, va_list
     (void)values;
 }
 
-/* simavr would sleep in real time. */
+/* Without this function simavr sleeps in real time. */
 static void do_not_sleep(avr_t *avr, avr_cycle_count_t cycles)
 {
     (void)avr;
@@ -35,7 +35,7 @@ static bool main_runs(const avr_t *avr)
     return avr->interrupts.running_ptr == 0 && avr->sreg[S_I] && avr->state == cpu_Running;
 }
 
-/* A jump to itself, in place of the main program's next instruction. */
+/* Lets the time of a jump to itself pass, in place of the main program's next instruction. */
 static void stand_still(avr_t *avr)
 {
     avr->cycle += 2;
@@ -57,7 +57,7 @@ static void look(chip_t *chip, bool asleep)
     profile_look(chip->profile, avr->cycle, avr->pc, stack, asleep);
 }
 
-/* simavr begins to sleep in the call that does the instruction. */
+/* True also before a SLEEP instruction: simavr begins to sleep in the call that executes it. */
 static bool sleeps(const avr_t *avr)
 {
     enum { SLEEP_LOW = 0x88, SLEEP_HIGH = 0x95 };
@@ -79,7 +79,8 @@ static void run(avr_t *avr)
         look(chip, asleep);
 }
 
-/* simavr may do many instructions in one call, up to its next timer; with a fault or a profile that looks at each, one. */
+/* simavr may run many instructions in one call, up to its next timer. If a fault or a profile looks at each, it runs
+ * one. */
 static void choose_stride(chip_t *chip)
 {
     const bool each = chip->fault[CHIP_INTERRUPT_STUCK] > 0 || chip->fault[CHIP_MAIN_HELD] > 0 || chip->profile != NULL;
@@ -157,7 +158,7 @@ static void after_reset(avr_io_t *hook)
     pins_make_noise(chip);
 }
 
-/* Finds a device of simavr by its kind, and by its name where it has one right behind its head. */
+/* Finds a device of simavr by its kind and, unless `name` is 0, by the name that follows its avr_io_t head. */
 static void *device(avr_t *avr, const char *kind, char name)
 {
     for (avr_io_t *io = avr->io_port; io != NULL; io = io->next)
@@ -188,7 +189,7 @@ static void forget(elf_firmware_t *firmware)
     free(firmware->fuse);
 }
 
-/* simavr reads any file as ELF; this looks whether it is one, for an AVR. */
+/* simavr reads any file as ELF. This function checks that the file is ELF, for an AVR. */
 static bool is_avr_elf(const char *file)
 {
     static const unsigned char MAGIC[] = {0x7F, 'E', 'L', 'F', ELFCLASS32, ELFDATA2LSB};
@@ -201,8 +202,9 @@ static bool is_avr_elf(const char *file)
     return whole && memcmp(head, MAGIC, sizeof MAGIC) == 0 && head[18] == EM_AVR;
 }
 
-/* The address where a reset begins: 0, or the boot section's if the fuse BOOTRST is programmed, which reads as 0. BOOTSZ halves the
- * section from its largest size. ATmega328P datasheet, tables 27-7 and 28-6; ATmega2560, tables 29-13 and 30-4. */
+/* The address where a reset begins: 0, or the start of the boot section if the fuse BOOTRST is programmed (reads as 0).
+ * Each step of BOOTSZ halves the section, from its largest size. ATmega328P datasheet, tables 27-7 and 28-6;
+ * ATmega2560, tables 29-13 and 30-4. */
 static avr_flashaddr_t reset_address(const avr_t *avr, uint32_t largest_boot_section)
 {
     enum { HIGH = 1, BOOTRST = 1, BOOTSZ_AT = 1, BOOTSZ_MASK = 3 };
@@ -307,11 +309,11 @@ void chip_run_step(chip_t *chip)
         if (avr->run == run && (chip->unpowered || chip->fault[CHIP_RESET_PIN] > 0 || chip_has_stopped(chip)))
             idle(avr);
         else
-            avr->run(avr); /* `run`, or simavr's own reset by the watchdog */
+            avr->run(avr); /* our run(), or simavr's own function for a reset by the watchdog */
     }
 }
 
-/* The level of the detector, V, by the three low bits of the extended fuse byte; 0: it is off. */
+/* The level of the brown-out detector, V, from the three low bits of the extended fuse byte; 0: the detector is off. */
 static double brown_out_level(const avr_t *avr)
 {
     static const double LEVELS[] = {0, 0, 0, 0, 4.3, 2.7, 1.8, 0};
@@ -345,7 +347,7 @@ void chip_profile(chip_t *chip, profile_t *profile)
     choose_stride(chip);
 }
 
-/* A reset while the pin is low; the processor starts, and knows why, when it is let go. */
+/* A low reset pin resets the processor. When the pin is high again, the processor's flags name it as the cause. */
 static void pull_reset_pin(chip_t *chip, bool low)
 {
     if (low)
@@ -356,7 +358,7 @@ static void pull_reset_pin(chip_t *chip, bool low)
 
 static const avr_regbit_t NEVER = {.reg = 0};
 
-/* While the data line is low the chip's own bus device waits: it does not see that it is enabled. */
+/* While the data line is held low, the chip's own I2C device waits: its enable bit is hidden from it. */
 static void hold_bus(chip_t *chip, bool held)
 {
     if (held == (chip->twi->twen.reg == 0))
@@ -389,7 +391,7 @@ void chip_set_fault(chip_t *chip, chip_fault_t fault, double value)
     chip->fault[fault] = value;
     choose_stride(chip);
     if (!was_stuck && chip->fault[CHIP_CONVERTER_STUCK] > 0) {
-        chip->converter_enable = chip->adc->aden; /* the end of a conversion looks at this bit */
+        chip->converter_enable = chip->adc->aden; /* simavr checks this bit at the end of a conversion */
         chip->adc->aden = NEVER;
     } else if (was_stuck && !(chip->fault[CHIP_CONVERTER_STUCK] > 0)) {
         chip->adc->aden = chip->converter_enable;

@@ -12,7 +12,7 @@ static const double PI = 3.14159265358979323846;
 enum { PLACE_DRIVE, PLACE_LOSS, PLACE_WHEEL, PLACE_BODY, PLACE_FLOOR, PLACE_ENCODER, PLACE_IMU, PLACE_COUNT };
 
 typedef struct {
-    double position, speed, push; /* m, m/s, m/s^2; rad for yaw */
+    double position, speed, push; /* m, m/s, m/s^2; for yaw rad, rad/s, rad/s^2 */
 } sprung_t;
 
 typedef struct {
@@ -23,11 +23,12 @@ typedef struct {
     double step;     /* s: length of the last body step */
     double dry_surge, dry_yaw;
     sprung_t surge, yaw;
-    double wheel_error[2], wheel_angle[2]; /* rad/s, rad: how much more the rotation sensors read */
+    double wheel_error[2], wheel_angle[2]; /* rad/s, rad: error of the rotation sensors' readings */
     double gyro_error, gyro_angle;         /* rad/s, rad */
 } memory_t;
 
-/* A law at the left wheel (k = 0) or the right one (k = 1). The terms of a difference act on a robot alone. */
+/* Evaluates a law at the left wheel (k = 0) or the right one (k = 1). Terms of a left-right difference act on a robot
+ * alone. */
 static double sided(composed_sum_t *sum, const double *common, const double *diff, const composed_t *given,
                     const composed_point_t *at, const vehicle_t *vehicle, int k)
 {
@@ -71,7 +72,7 @@ static void start(const double *value, double *memory, vehicle_t *vehicle)
     kept->speed[1] = vehicle->state.wheel_speed[1];
 }
 
-/* The time t of the terms, `since` s after the run's start. */
+/* The time t that the terms use, s, at `since` s after the run's start. */
 static double clock_time(const composed_t *given, const memory_t *kept, double since)
 {
     return since + given->clock * kept->start_age;
@@ -97,7 +98,7 @@ static void drive(const double *value, double *memory, vehicle_t *vehicle)
     }
 }
 
-/* Adds losses to the motors' own, which the integrator treats implicitly. Their sum never drives a wheel. */
+/* Adds losses to the motors' own losses. The integrator treats the sum implicitly, and the sum never drives a wheel. */
 static void motor(const double *value, double *memory, vehicle_t *vehicle)
 {
     const composed_t *given = (const composed_t *)value;
@@ -141,8 +142,8 @@ static void wheel(const double *value, double *memory, vehicle_t *vehicle)
     kept->time += vehicle->step;
 }
 
-/* Moves a mass on a spring and a damper, carried by a body that accelerated with `rate` for h s, by the implicit
- * midpoint rule. */
+/* Moves a mass on a spring and a damper by h s, with the implicit midpoint rule. The body that carries the mass
+ * accelerated with `rate`. */
 static void swing(sprung_t *mass, const composed_t *given, double rate, double h)
 {
     const double p = 2 * PI * given->frequency, loss = given->damping * p;
@@ -160,7 +161,7 @@ static double lever(const vehicle_t *vehicle)
     return vehicle->vehicle == BP_MOTOR && p[PARAMETER_FORCE_PER_VOLT] > 0 ? 1 : p[PARAMETER_WHEEL_RADIUS];
 }
 
-/* The losses of the wheels as a drag on the surge, N s/m: the most that terms of the body may take away. */
+/* The wheels' losses as a drag on the surge, N s/m. Terms of the body may take away at most this drag. */
 static double rolling_drag(const vehicle_t *vehicle)
 {
     const double *p = vehicle->parameter;
@@ -197,7 +198,7 @@ static composed_point_t body_point(const composed_t *given, memory_t *kept, cons
     return at;
 }
 
-/* Gravity's pull at x, m, where the sine by which the floor falls along x stays within +-0.7. */
+/* Gravity's pull at position x, m. The sine of the angle by which the floor falls along x is limited to +-0.7. */
 static pull_t pull_at(const composed_t *given, const vehicle_t *vehicle, double x, double heading)
 {
     const composed_point_t at = {.x = x, .patch = patch_at(given, x)};
@@ -225,7 +226,7 @@ static void push_body(const composed_t *given, memory_t *kept, vehicle_t *vehicl
     vehicle->moment_yaw += composed_yaw_push(given->yaw_push, given, &at);
 }
 
-/* The floor acts on a robot alone: on a motor its pull is a force on the load. */
+/* The floor terms act on a robot alone: on a motor their pull would be a force on the load. */
 static void body(const double *value, double *memory, vehicle_t *vehicle)
 {
     const composed_t *given = (const composed_t *)value;
@@ -238,7 +239,7 @@ static void body(const double *value, double *memory, vehicle_t *vehicle)
         push_body(given, kept, vehicle);
 }
 
-/* An error in a speed sums up in the angle from the run's start on. */
+/* From the run's start on, the error of a speed adds up to an error of the angle. */
 static void misread_wheels(const composed_t *given, memory_t *kept, vehicle_t *vehicle)
 {
     const bp_state *state = &vehicle->state;
@@ -279,7 +280,7 @@ static void misread_motion(const composed_t *given, memory_t *kept, vehicle_t *v
     output[OUTPUT_ACCEL_SWAY] += composed_accel_sway_add(given->accel_sway_add, given, &at);
 }
 
-/* The terms of sensors act on a robot alone. */
+/* Terms of sensors act on a robot alone, not on a motor. */
 static void sensor(const double *value, double *memory, vehicle_t *vehicle)
 {
     const composed_t *given = (const composed_t *)value;

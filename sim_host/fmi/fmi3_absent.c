@@ -1,5 +1,5 @@
-/* fmi3_absent.c: functions of FMI 3.0 that modelDescription.xml does not announce. They do nothing and say so: with an
- * error, or with success where they were asked for nothing. */
+/* fmi3_absent.c: functions of FMI 3.0 that modelDescription.xml does not announce. They do nothing. They return an
+ * error, or success if the call asks for nothing. */
 #include "fmi/standard/fmi3Functions.h"
 
 #pragma GCC diagnostic ignored "-Wunused-parameter"

@@ -3,7 +3,7 @@
 #include "plant/body.h"
 #include "plant/contact.h"
 
-/* Force over what a tyre can bear from which a step is repeated. */
+/* Ratio of a tyre's force to the most that it can bear, above which a step is repeated. */
 static const double OVERLOAD = 1.05;
 
 static pair_t add(pair_t a, pair_t b)
@@ -17,36 +17,37 @@ static pair_t invert(pair_t a)
     return (pair_t){.left = a.right * scale, .right = a.left * scale, .cross = -a.cross * scale};
 }
 
-/* Slip speed over force: `creep` where the force is small, and so much more for fast slip that the force stays within
- * the friction. */
+/* Slip speed over force: `creep` for small forces. It grows with fast slip, so that the force stays within the
+ * friction. */
 static double compliance(const tyre_t *tyre, double load, double slip)
 {
     const double beyond = slip / (tyre->friction * load);
     return sqrt(tyre->creep * tyre->creep + beyond * beyond);
 }
 
-/* How softly the tyres hold in a step. Where the grip is one circle, each wheel's slip along the track and sideways
- * count together. */
+/* How the tyres hold in a step. With `one_circle`, a wheel's slip along the track and its slip sideways share one
+ * limit. */
 typedef struct {
     double along[2]; /* m/(N s): slip speed over force of each wheel along the track */
     double side;     /* kg: side impulse of both wheels over their common slip speed */
-    double side_yaw; /* kg m: the same over the yaw rate, and yaw impulse over sway: of contacts ahead and behind */
+    double side_yaw; /* kg m: side impulse over yaw rate, and yaw impulse over sway, of contacts ahead and behind */
     double yaw;      /* kg m^2: yaw impulse of the contacts' side forces over the yaw rate */
 } hold_t;
 
-/* The share of its wheel's, or its axle's, load that lies beyond the middle: with the centre of mass `offset` of `arm`
- * towards it. No contact lifts off. */
+/* Share of the load that one of two opposite contacts bears. It lies `arm` from the middle, the centre of mass `offset`
+ * towards it. Neither contact lifts off. */
 static double load_share(double offset, double arm)
 {
     return 0.5 * fmin(fmax(1 + offset / arm, 0.05), 1.95);
 }
 
 /* The four contacts of a skid steer lie half a wheelbase ahead of and behind the middle, so that a turn drags them
- * sideways. Each bears friction times its load against its slip over the floor, in whatever direction: Coulomb's law at
- * each wheel as in Kozlowski & Pazderski 2004, Modeling and control of a 4-wheel skid-steering mobile robot, Int. J.
- * Appl. Math. Comput. Sci. 14, eq. 14 to 17; theirs parts the directions, and passes 0 by an arc tangent. What the
- * floor resists a turn with, and how much wider than it is the vehicle turns (Mandow and others 2007, Experimental
- * kinematics for wheeled skid-steer mobile robots), follow. */
+ * sideways. The force on each contact is friction times its load, against its slip over the floor in any direction:
+ * Coulomb's law at each wheel, as in Kozlowski & Pazderski 2004, Modeling and control of a 4-wheel skid-steering mobile
+ * robot, Int. J. Appl. Math. Comput. Sci. 14, eq. 14 to 17. Their law treats each direction separately, and passes
+ * through 0 by an arc tangent. The floor's resistance to a turn, and the larger track width with which the vehicle
+ * seems to turn (Mandow and others 2007, Experimental kinematics for wheeled skid-steer mobile robots), follow from
+ * this law. */
 static hold_t hold_of_four(const vehicle_t *vehicle, const slip_t *slip, double h)
 {
     const build_t *build = &vehicle->build;
@@ -90,8 +91,8 @@ static hold_t hold_of(const vehicle_t *vehicle, const slip_t *slip, double h)
     return hold;
 }
 
-/* The force over a step belongs to the slip at its end; with that at its start the method would be of first order. The
- * slip is extrapolated from the starts of this step and the last. */
+/* The force over a step is that of the slip at the step's end; the slip at its start would make the method first order.
+ * The slip is extrapolated from the starts of the last step and this one. */
 static void expect(wheels_t *wheels, const vehicle_t *vehicle)
 {
     const bp_state *state = &vehicle->state;
@@ -127,8 +128,9 @@ static void prepare(wheels_t *wheels, const vehicle_t *vehicle)
     wheels->body.turn = 0;
 }
 
-/* Impulses of h s on surge, sway and yaw about the middle of the axle, without those of the tyres. The velocity of the
- * centre of mass keeps its direction over ground, so it turns in the body's axes. This is exact and adds no energy. */
+/* Impulses over h s on surge, sway and yaw, about the middle of the axle, without the tyres' impulses. The velocity of
+ * the centre of mass keeps its direction over ground, so it turns in the body's axes. This is exact and adds no
+ * energy. */
 typedef struct {
     double surge, sway, yaw;
 } impulse_t;
@@ -145,7 +147,7 @@ static impulse_t impulse_of(const vehicle_t *vehicle, double h)
                        .yaw = a * sway - c * surge + h * (vehicle->moment_yaw - vehicle->drag_yaw * state->yaw_rate)};
 }
 
-/* Computes how the body moves without tyre force along the track: its mass as the wheels feel it, with the sway
+/* Computes the body's motion without tyre force along the track: its mass as the wheels feel it, with the sway
  * eliminated, and the speeds that it would reach. */
 static void free_body(wheels_t *wheels, const vehicle_t *vehicle, double h, const hold_t *hold)
 {
@@ -178,7 +180,7 @@ static void free_body(wheels_t *wheels, const vehicle_t *vehicle, double h, cons
 }
 
 /* With the compliance C of the tyres and the body's mass B, the impulse on the body is (C / h + 1 / B)^-1 times the
- * speed of the wheels ahead of the free body. That is implicit in the slip, and for C = 0 it is rolling without
+ * speed of the wheels ahead of the free body. This rule is implicit in the slip, and for C = 0 it gives rolling without
  * slip. */
 static void grip(wheels_t *wheels, vehicle_t *vehicle, double h)
 {
@@ -231,7 +233,8 @@ static void ground_speeds(const wheels_t *wheels, const vehicle_t *vehicle, doub
         dry_solve(ground, &wheels->body.mass, inverse, bound);
 }
 
-/* The same of the contacts of a skid steer that a turn drags sideways. */
+/* True where the contacts of a skid steer, dragged sideways by a turn, were taken to hold more than they can. Sets
+ * their slip. */
 static bool drags(wheels_t *wheels, const vehicle_t *vehicle, double h)
 {
     if (vehicle->vehicle != BP_SKID_STEER)
@@ -248,8 +251,8 @@ static bool drags(wheels_t *wheels, const vehicle_t *vehicle, double h)
     return over;
 }
 
-/* A tyre that loses its hold was expected to stick, and bore what no tyre can. It slips by what that force makes of it,
- * and so it holds less: by as much as it was overloaded, in each repetition. */
+/* True where a tyre was expected to stick and bore more force than it can. Its slip is then set to what that force
+ * gives, so in each repetition it holds less, by the ratio of the overload. */
 static bool overloads(wheels_t *wheels, const vehicle_t *vehicle, double h)
 {
     const double radius = vehicle->parameter[PARAMETER_WHEEL_RADIUS];

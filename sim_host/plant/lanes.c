@@ -5,7 +5,7 @@
 
 #include "plant/contact.h"
 
-/* The build says how wide the kernels are that it has; without them each run goes alone. */
+/* LANES_BUILT: width of the widest kernel in this build. Without kernels each run goes alone. */
 #ifndef LANES_BUILT
 #define LANES_BUILT 1
 #endif
@@ -19,9 +19,9 @@ static const lanes_kernel_t *const KERNEL[] = {
 #endif
     NULL};
 
-/* Places of numbers in a vehicle_t. */
+/* Index of a field in a vehicle_t, counted in numbers. */
 #define PLACE(field) ((int)(offsetof(vehicle_t, field) / sizeof(double)))
-enum { MOTION_COUNT = 6 }; /* currents, speeds and angles of the wheels: what changes in each motor step */
+enum { MOTION_COUNT = 6 }; /* numbers that each motor step changes: currents, speeds and angles of the wheels */
 
 int lanes_widest(int limit)
 {
@@ -43,7 +43,7 @@ bool lanes_may_hold(const plant_t *plant)
     return contact_of(&plant->vehicle) != &contact_slip;
 }
 
-/* Copies numbers of one plant's vehicle from the group. */
+/* Copies numbers first..end - 1 of one vehicle from the group to its plant. */
 static void give(lanes_t *lanes, int lane, int first, int end)
 {
     double *one = (double *)&lanes->plant[lane].vehicle;
@@ -53,7 +53,7 @@ static void give(lanes_t *lanes, int lane, int first, int end)
         one[i] = all[i * width];
 }
 
-/* Copies them back into the group. */
+/* Copies numbers first..end - 1 of plant `from` into a lane of the group. */
 static void take(lanes_t *lanes, int from, int lane, int first, int end)
 {
     const double *one = (const double *)&lanes->plant[from].vehicle;
@@ -63,7 +63,7 @@ static void take(lanes_t *lanes, int from, int lane, int first, int end)
         all[i * width] = one[i];
 }
 
-/* Gives a plant what the hooks of a site may read and the step has changed since the site before. */
+/* Gives a plant the numbers that the hooks of a site may read and that have changed since the last site. */
 static void give_site(lanes_t *lanes, int lane, site_t site)
 {
     switch (site) {
@@ -97,7 +97,7 @@ static void give_site(lanes_t *lanes, int lane, site_t site)
     }
 }
 
-/* Takes over what the hooks of a site may change. */
+/* Copies the numbers that the hooks of a site may change from the plant to its lane. */
 static void take_site(lanes_t *lanes, int lane, site_t site)
 {
     switch (site) {
@@ -128,7 +128,7 @@ static void take_site(lanes_t *lanes, int lane, site_t site)
     }
 }
 
-/* Gives each plant whose hooks run by themselves the state and what follows from it, or the motors. */
+/* Gives each plant with hooks that run robot by robot the state and what follows from it; at SITE_MOTOR, the motors. */
 static void tell(void *owner, site_t site)
 {
     lanes_t *lanes = owner;
@@ -155,7 +155,7 @@ static void run_batch(void *owner, site_t site, int batch)
     }
 }
 
-/* The law in registers that stands for an effect, or -1. */
+/* The index of the law in registers for an effect; -1: the effect runs robot by robot. */
 static int law_of(lanes_t *lanes, const effect_t *effect)
 {
     for (int i = 0; i < lanes->law_count; i++)
@@ -169,7 +169,7 @@ static int law_of(lanes_t *lanes, const effect_t *effect)
     return lanes->law_count++;
 }
 
-/* Puts the effects of plant `from` into a lane: those that have a law in registers. */
+/* Puts those effects of plant `from` into a lane that have a law in registers. */
 static void enter_effects(lanes_t *lanes, int from, int lane)
 {
     const bp_model *model = lanes->plant[from].model;
@@ -190,7 +190,7 @@ static void enter_effects(lanes_t *lanes, int from, int lane)
     }
 }
 
-/* Puts plant `from` into a lane as it is. */
+/* Copies plant `from`, in its present state, into a lane. */
 static void enter(lanes_t *lanes, int from, int lane)
 {
     const int width = lanes->kernel->width;
@@ -205,13 +205,13 @@ static void enter(lanes_t *lanes, int from, int lane)
     enter_effects(lanes, from, lane);
 }
 
-/* Where the plants are in their models' effects while the order of a site is made. */
+/* Position of each plant in its model's list of effects, while the order of a site is made. */
 typedef struct {
     int effect[LANES_MOST];
-    int hook[LANES_MOST]; /* how many of them had a hook at the site */
+    int hook[LANES_MOST]; /* number of effects before this one with a hook at the site */
 } cursor_t;
 
-/* The effect that comes next at a site, of all plants, and NULL after the last. */
+/* The next effect at a site, over all plants; NULL after the last. */
 static const effect_t *next_effect(const lanes_t *lanes, cursor_t *at, site_t site)
 {
     const effect_t *first = NULL;
@@ -229,7 +229,7 @@ static const effect_t *next_effect(const lanes_t *lanes, cursor_t *at, site_t si
     return first;
 }
 
-/* Writes down in which order laws and batches of hooks run at a site. */
+/* Stores the order in which laws and batches of hooks run at a site. */
 static void order_site(lanes_t *lanes, site_t site)
 {
     lanes_site_t *order = &lanes->view->site[site];
@@ -276,7 +276,7 @@ void lanes_open(lanes_t *lanes, int count)
     memset(lanes->status, 0, sizeof lanes->status);
     memset(lanes->acts, 0, sizeof lanes->acts);
     for (int lane = 0; lane < lanes->kernel->width; lane++)
-        enter(lanes, lane < count ? lane : 0, lane); /* a lane that is left over does as the first one does */
+        enter(lanes, lane < count ? lane : 0, lane); /* a spare lane repeats the first plant */
     for (int site = SITE_TIMING; site < SITE_COUNT; site++)
         order_site(lanes, (site_t)site);
     lanes->view->tell = NULL;

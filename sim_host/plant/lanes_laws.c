@@ -1,4 +1,4 @@
-/* The kernel of lanes_kernel.h for LANES robots; nothing where the build does not say how many. */
+/* The kernel of lanes_kernel.h for LANES robots; empty if the build does not define LANES. */
 #ifdef LANES
 
 #include <string.h>
@@ -33,7 +33,7 @@ typedef struct {
 typedef char fits_its_memory[sizeof(stepped_t) <= LANES_BYTES ? 1 : -1];
 typedef char state_is_that_of_one[sizeof(state_t) == LANES * sizeof(bp_state) ? 1 : -1];
 
-/* The numbers of a vehicle_t that hooks of a site change. */
+/* Range of the numbers of a vehicle_t that the hooks of a site may change: first..end - 1. */
 typedef struct {
     size_t first, end;
 } stretch_t;
@@ -52,7 +52,8 @@ static stretch_t changed_at(site_t site)
     return CHANGED[site];
 }
 
-/* Runs a law for all lanes, and undoes it in those whose robot does not have it. Laws of any site may change the heat. */
+/* Runs a law for all lanes, then restores the values in lanes whose robot lacks it. Laws of any site may change the
+ * heat. */
 static void run_law(stepped_t *plant, int index, site_t site)
 {
     const lanes_law_t *law = &plant->view.law[index];

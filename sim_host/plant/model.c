@@ -167,11 +167,11 @@ static const bp_parameter_info PARAMETER[PARAMETER_COUNT] = {
                               .preset = 0.01},
 };
 
-/* A bare motor has none of these: they are 0 until they are set. */
+/* A bare motor has none of these parameters: each is 0 until it is set. */
 static const parameter_t OF_A_VEHICLE[] = {PARAMETER_MASS, PARAMETER_WHEEL_RADIUS, PARAMETER_ROLLING_FRICTION,
                                            PARAMETER_DRAG_AREA};
 
-/* The contacts of a skid steer; no other vehicle has these. */
+/* True where the vehicle has the parameter. Only a skid steer has the parameters of its contacts. */
 static bool has(const bp_model *model, int parameter)
 {
     return parameter < PARAMETER_WHEELBASE || model->vehicle == BP_SKID_STEER;

@@ -8,8 +8,8 @@
 #include "plant/contact_load.h"
 #include "plant/output.h"
 
-/* Share of a step by which an interval may exceed a whole number of steps, so that rounding in sample times adds
- * none. */
+/* Share of a step by which an interval may exceed a whole number of steps, so that rounding in sample times adds no
+ * step. */
 static const double STEP_SLACK = 1e-6;
 
 static void run_hooks(plant_t *plant, site_t site)
@@ -35,8 +35,8 @@ static void gather_hooks(plant_t *plant, const bp_model *model)
     }
 }
 
-/* The nominal motor of one side. Eq. 13 in eq. 14 is a loss that is linear in the speed: m g sigma r_w abs(w) at the
- * radius r_w. */
+/* The nominal motor of one side. The rolling friction of eq. 13 is, in eq. 14, a loss linear in the speed: m g sigma
+ * r_w abs(w) at the radius r_w. */
 static motor_t nominal_motor(const vehicle_t *vehicle, int side)
 {
     const double *p = vehicle->parameter;
@@ -71,7 +71,7 @@ static void set_motors(plant_t *plant)
     run_hooks(plant, SITE_MOTOR);
 }
 
-/* Gives the body of a coupled vehicle the speeds of its wheels. */
+/* Sets surge and yaw rate of a coupled vehicle from its wheel speeds. */
 static void carry_body(vehicle_t *vehicle)
 {
     bp_state *state = &vehicle->state;
@@ -83,7 +83,7 @@ static void carry_body(vehicle_t *vehicle)
     state->yaw_rate = 0.5 * radius / half_track * (speed[0] - speed[1]);
 }
 
-/* Makes wheels and body of a coupled vehicle agree at the start. Where tyres slip they need not agree. */
+/* Makes the speeds of wheels and body of a coupled vehicle agree at the start. If tyres slip, the speeds may differ. */
 static void join_speeds(vehicle_t *vehicle)
 {
     bp_state *state = &vehicle->state;
@@ -118,7 +118,7 @@ static bool has_hooks(const plant_t *plant, site_t site)
 
 #include "plant/step.h"
 
-/* The wheels of a skid steer slip by its nature, so its own law takes the place of those that effects have set. */
+/* The wheels of a skid steer always slip, so its own tyre law replaces the tyre laws that effects have set. */
 static void build_contacts(vehicle_t *vehicle)
 {
     if (vehicle->vehicle != BP_SKID_STEER)
@@ -176,11 +176,11 @@ int plant_start(plant_t *plant, const bp_model *model, const bp_state *initial, 
     if (!(plant->wheels.inertia.left > 0) || !(plant->wheels.inertia.right > 0))
         return BP_E_RANGE;
     sense(plant, 0);
-    step_feel(plant); /* `felt` was 0 */
+    step_feel(plant); /* `felt` is 0 until here */
     return 0;
 }
 
-/* Returns `state` with what it leaves open, NaN, taken from `now`. A state is made of doubles alone. */
+/* Returns `state` with each NaN replaced by the value in `now`. A state is made of doubles alone. */
 static bp_state completed(const bp_state *state, const bp_state *now)
 {
     enum { FIELDS = sizeof(bp_state) / sizeof(double) };
@@ -203,14 +203,14 @@ int plant_restart(plant_t *plant, const bp_state *state)
     const bool wheels_open = isnan(state->wheel_speed[0]) && isnan(state->wheel_speed[1]);
     const bool body_given = !isnan(state->surge) || !isnan(state->yaw_rate);
     if (vehicle->vehicle != BP_MOTOR && vehicle->profile == BP_COUPLED && wheels_open && body_given) {
-        whole.wheel_speed[0] = 0; /* stands for "from the body's speeds" */
+        whole.wheel_speed[0] = 0; /* 0 means: from the body's speeds */
         whole.wheel_speed[1] = 0;
     }
     start_state(vehicle, &whole);
     return 0;
 }
 
-/* Counts the even steps of at most `limit` that make up `interval`: at least 1, or -1 beyond 1e9. */
+/* Returns how many equal steps of at most `limit` make up `interval`: at least 1; -1: more than 1e9. */
 static int even_steps(double interval, double limit)
 {
     const double count = ceil(interval / limit - STEP_SLACK);
