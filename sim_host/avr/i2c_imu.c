@@ -5,7 +5,7 @@
 #include <string.h>
 
 static const double G = 9.80665, DEGREE = 0.017453292519943295;
-enum { KHZ = 16000 }; /* cycles of a ms */
+enum { KHZ = 16000 }; /* cycles in 1 ms */
 
 /* InvenSense RM-MPU-6000A 4.2 and PS-MPU-6000A 3.4; ST DS LSM6DSO rev 2. */
 enum {
@@ -81,7 +81,7 @@ static void sample_lsm(i2c_imu_t *imu)
                                            (imu->registers[LSM_GYRO] >> 4 ? LSM_GYRO_NEW : 0));
 }
 
-/* Cycles from sample to sample; 0: it does not measure. */
+/* Cycles from sample to sample; 0: the IMU does not measure. */
 static uint64_t period(const i2c_imu_t *imu)
 {
     static const double HZ[] = {0, 12.5, 26, 52, 104, 208, 416, 833, 1666, 3332, 6664};
@@ -95,7 +95,7 @@ static uint64_t period(const i2c_imu_t *imu)
     return rate == 0 || rate > 10 ? 0 : (uint64_t)(1e3 * KHZ / HZ[rate]);
 }
 
-/* From being set up to the first sample of the gyro. */
+/* Cycles from the IMU's set-up to the gyro's first sample. */
 static uint64_t start_up(const i2c_imu_t *imu)
 {
     return imu->kind == I2C_MPU6050 ? 30 * KHZ : 70 * KHZ;
@@ -151,7 +151,7 @@ static void take(i2c_imu_t *imu, uint8_t byte)
     measure(imu);
 }
 
-/* "Data ready" is cleared by being read (MPU-6050), or by the reading of the data (LSM6DS). */
+/* A read of the flag "data ready" clears it (MPU-6050), or a read of the data does (LSM6DS). */
 static uint8_t give(i2c_imu_t *imu)
 {
     const uint8_t byte = imu->registers[imu->pointer];
@@ -171,7 +171,8 @@ static void answer(const i2c_imu_t *imu, uint8_t what, uint8_t byte)
     avr_raise_irq(imu->bus->io.irq + TWI_IRQ_INPUT, avr_twi_irq_msg(what, 0, byte));
 }
 
-/* Each message of simavr is a condition on the bus. The address is as it travels: its last bit says whether the master reads. */
+/* Each message of simavr is a condition on the bus. The address is the byte on the bus: its last bit says whether the
+ * master reads. */
 static void on_bus(avr_irq_t *irq, uint32_t value, void *param)
 {
     i2c_imu_t *imu = param;

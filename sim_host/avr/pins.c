@@ -4,7 +4,7 @@
 
 #include "avr/chip.h"
 
-enum { GLITCH_CYCLES = 320 }; /* 20 us: longer than an interrupt's latency, so that it is not overlooked */
+enum { GLITCH_CYCLES = 320 }; /* 20 us: longer than an interrupt's latency, so that the program sees the pulse */
 
 static avr_ioport_t *port_of(const chip_t *chip, wiring_pin_t pin)
 {
@@ -18,8 +18,9 @@ static bool port_level(const chip_t *chip, wiring_pin_t pin)
     return (chip->avr->data[port->r_ddr] & chip->avr->data[port->r_port]) >> pin.bit & 1;
 }
 
-/* The level of a PWM pin. The timer drives it where its output is connected, whatever the port says: simavr lets a write to the
- * port through. With the compare value at the top the output never changes; simavr pulls it the wrong way. */
+/* The level of a PWM pin. If the timer's output is connected, the timer drives the pin, whatever the port says; simavr
+ * lets a write to the port through. With the compare value at the counter's top the output never changes; simavr sets
+ * it to the wrong level. */
 static bool pwm_level(const chip_t *chip, int side)
 {
     const wiring_pin_t pin = chip->wiring->motor[side][PIN_PWM];
@@ -64,8 +65,8 @@ static void on_compare(avr_irq_t *irq, uint32_t value, void *param)
     pins_look(chip);
 }
 
-/* A conversion samples its input when it starts. simavr scales by 1023 parts of the reference and takes whole millivolts; the chip
- * scales by 1024. So it gets the millivolts for which it computes what the chip would. */
+/* A conversion samples its input when it starts. simavr divides the reference by 1023 and takes whole millivolts; the
+ * chip divides it by 1024. So simavr gets the millivolts for which its result equals the chip's. */
 static void on_conversion(avr_irq_t *irq, uint32_t value, void *param)
 {
     (void)irq;
@@ -87,7 +88,7 @@ void pins_convert(chip_t *chip)
     }
 }
 
-/* The clock line of the I2C bus, as the program pulses it by hand. */
+/* Follows the clock line of the I2C bus while the program pulses it by hand. */
 static void on_bus_pin(avr_irq_t *irq, uint32_t value, void *param)
 {
     chip_t *chip = param;
@@ -101,7 +102,7 @@ static void watch(chip_t *chip, avr_io_addr_t address)
     avr_irq_register_notify(avr_iomem_getirq(chip->avr, address, NULL, AVR_IOMEM_IRQ_ALL), on_register, chip);
 }
 
-/* simavr 1.6 knows no pin-change interrupt of the ATmega2560's port K. */
+/* Adds the pin-change interrupt of the ATmega2560's port K, which simavr 1.6 lacks. */
 static void complete_pin_change(chip_t *chip)
 {
     enum { PCIFR = 0x3B, PCICR = 0x68, GROUP = 2 };
@@ -162,7 +163,7 @@ void pins_encoder(chip_t *chip, int side)
     trace_encoder(chip, side, a, b);
 }
 
-/* A reset clears what the processor read of its inputs, and their levels have not changed. */
+/* Sets the input registers again: a reset clears them, but the levels at the pins have not changed. */
 void pins_after_reset(chip_t *chip)
 {
     for (int side = 0; side < SIDES; side++) {

@@ -12,7 +12,7 @@ static double battery(const world_t *world)
     return world->battery_v > 0 ? world->battery_v : world->plant.vehicle.parameter[PARAMETER_BATTERY_VOLTAGE];
 }
 
-/* Bias and noise are those of one control step: the sensors' band of 160 Hz lets them change no faster. */
+/* Draws bias and noise for one control step: the sensors' bandwidth of 160 Hz lets them change no faster. */
 static void draw_noise(world_t *world)
 {
     static const imu_reading_t NOTHING = {0, 0, 0};
@@ -24,7 +24,7 @@ static double limited(double value, double range)
     return value > range ? range : value < -range ? -range : value;
 }
 
-/* An accelerometer shows the mean over a control step, as it does in bp_fly(): its band ends near 160 Hz. */
+/* An accelerometer shows the mean over a control step, as in bp_fly(): its bandwidth is near 160 Hz. */
 static double mean_force(world_t *world, int axis, double now)
 {
     double *last = world->specific_force[axis];
@@ -42,13 +42,13 @@ static void set_volts(world_t *world, int input, double value)
     world->chip.volts[input] = (analog->zero + value / analog->per_count) * 5.0 / 1024;
 }
 
-/* An axis that board.h calls reversed is mounted so. */
+/* Changes the sign if board.h says that the axis is reversed. */
 static double mounted(const world_t *world, int input, double value)
 {
     return world->chip.wiring->analog[input].per_count < 0 ? -value : value;
 }
 
-/* The voltages at the converter, and what the digital IMUs measure, follow the state that the plant has just reached. */
+/* Sets the converter's voltages and what the digital IMUs measure from the state that the plant has just reached. */
 static void sense(world_t *world)
 {
     const imu_config_t *imu = &world->imu_config;
@@ -93,7 +93,8 @@ static void turn_wheels(world_t *world, const double before[OUTPUT_COUNT])
     }
 }
 
-/* What the drives did in the step that has just ended moves the plant; its edges come in the step that begins. */
+/* The drives' duty in the step that has just ended moves the plant. The sensor edges of this motion come in the step
+ * that begins. */
 static void on_step(void *owner)
 {
     world_t *world = owner;
@@ -115,7 +116,8 @@ static void on_step(void *owner)
     turn_wheels(world, before);
 }
 
-/* The sensors that the request describes, or else the packaged robot's. The processor's own converter rounds. */
+/* Takes the sensors that the request describes, or else the packaged robot's, without rounding: the processor's
+ * converter rounds. */
 static void choose_devices(world_t *world)
 {
     const bp_devices *devices = world->request.devices;
@@ -163,7 +165,7 @@ void world_set_battery(world_t *world, double volts)
     chip_supply(&world->chip, battery(world));
 }
 
-/* What the sensors show now, and an empty place for what the drives are about to do. */
+/* Logs what the sensors show now. The drives' columns stay 0 until log_drives() fills them. */
 static void log_row(world_t *world, double *row)
 {
     static const double NOT_YET[SIDES] = {0, 0};

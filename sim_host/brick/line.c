@@ -78,7 +78,7 @@ static const char *split(const char *host_and_port, char *host, size_t room, con
     return NULL;
 }
 
-/* Returns NULL, or why this address may not be listened on: whoever reaches a line commands the robot. */
+/* Returns NULL, or why the brick may not listen on this address: anyone who reaches the line can command the robot. */
 static const char *take_token(line_t *line, const struct sockaddr_in *address)
 {
     const char *token = getenv(LINE_TOKEN);
@@ -127,7 +127,7 @@ const char *line_listen(line_t *line, const char *host_and_port)
     return trouble;
 }
 
-/* Whether the present client still has the line: it has sent nothing that is unread, and has not gone. */
+/* True if the present client is still connected and has sent nothing that is unread. */
 static bool is_quiet(int fd)
 {
     char byte;
@@ -135,7 +135,7 @@ static bool is_quiet(int fd)
     return recv(fd, &byte, 1, MSG_PEEK | MSG_DONTWAIT) < 0 && (errno == EAGAIN || errno == EWOULDBLOCK);
 }
 
-/* Sends words with a 0 round them, as no frame has. */
+/* Sends words between two 0 bytes, which no frame has. */
 static void tell(int fd, const char *words)
 {
     char bytes[2 + TOKEN_TEXT_MOST] = {0};
@@ -144,7 +144,7 @@ static void tell(int fd, const char *words)
     (void)send(fd, bytes, (size_t)size + 2, MSG_NOSIGNAL | MSG_DONTWAIT);
 }
 
-/* What has come is read first: closing a socket with unread bytes would take the words back. */
+/* Reads what the client has sent before the socket closes: unread bytes would make the close discard the words. */
 static void send_away(int fd)
 {
     char bytes[64];
@@ -163,7 +163,7 @@ static time_t now_s(void)
     return now.tv_sec;
 }
 
-/* Ends the connection. Always -1. */
+/* Ends the connection. Always returns -1. */
 static int drop(line_t *line)
 {
     close(line->fd);
@@ -188,7 +188,7 @@ static void ask_for_proof(line_t *line)
     tell(line->fd, words);
 }
 
-/* Takes bytes of the client's proof. Returns 0, or -1 and ends the connection: the proof is wrong. */
+/* Takes bytes of the client's proof. Returns 0, or -1 if the proof is wrong, which ends the connection. */
 static int take_proof(line_t *line, const unsigned char *bytes, size_t size)
 {
     char wanted[TOKEN_PROOF + 1];

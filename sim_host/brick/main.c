@@ -2,9 +2,9 @@
  *
  *   brick --pty | --serial PATH | --listen HOST:PORT | --slcan-pty | --slcan PATH   [--until-eof]
  *
- * --listen on an address that other machines reach needs BRICKPILOT_TOKEN in the environment, at both ends: brick/token.h.
- * Its first line on stdout is the value for `brickpilot hil --link`. With --until-eof it ends when its standard input
- * ends. SIGUSR1 restarts the brick, which it reports in one line.
+ * --listen on an address that other machines reach needs BRICKPILOT_TOKEN in the environment, at both ends:
+ * brick/token.h. The first line on stdout is the value for `brickpilot hil --link`. With --until-eof the process ends
+ * when its standard input ends. SIGUSR1 restarts the brick, and the process prints a line that says so.
  */
 #define _XOPEN_SOURCE 600
 #define _GNU_SOURCE
@@ -68,7 +68,7 @@ static void take_byte(process_t *process, uint8_t byte)
 
 static void send_all(process_t *process)
 {
-    uint8_t bytes[SLCAN_SIZE_MAX]; /* the longer of the two */
+    uint8_t bytes[SLCAN_SIZE_MAX]; /* the larger of both encodings */
     message_t message;
 
     while (brick_give(&process->brick, &message)) {
@@ -81,7 +81,7 @@ static void send_all(process_t *process)
     line_flush(&process->line);
 }
 
-/* Reads what has come. False: the line is closed and will not come back. */
+/* Reads the bytes that have come. False: the line is closed for good. */
 static bool read_line(process_t *process)
 {
     uint8_t bytes[READ_SIZE];
@@ -110,7 +110,7 @@ static void restart(process_t *process)
     fflush(stdout);
 }
 
-/* Serves the line until it ends. The signal is let in only while ppoll() waits, so that none is missed. */
+/* Serves the line until it ends. SIGUSR1 is unblocked only while ppoll() waits, so that no signal is missed. */
 static int run(process_t *process)
 {
     sigset_t blocked, before;

@@ -142,7 +142,7 @@ static void wheel(const double *value, double *memory, vehicle_t *vehicle)
     kept->time += vehicle->step;
 }
 
-/* Moves a mass on a spring and a damper by h s, with the implicit midpoint rule. The body that carries the mass
+/* Moves a mass on a spring and a damper over h s, by the implicit midpoint rule. The body that carries the mass
  * accelerated with `rate`. */
 static void swing(sprung_t *mass, const composed_t *given, double rate, double h)
 {

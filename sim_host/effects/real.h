@@ -1,9 +1,9 @@
-/* real.h: the number that the plant's equations are written over.
+/* real.h: the number type of the plant's equations.
  *
- * A file is compiled for one robot, or for LANES of them side by side: then a real_t holds one value of each robot, in
- * the lanes of a vector register, and an operator acts on all of them. IEEE 754 makes every operation the same in a lane
- * as alone, and functions of the C library are called lane by lane, so both give the same bits. Where a law decides by a
- * value, it computes what each lane may need and chooses: `any_lane` and `all_lanes` say what can be left out.
+ * A file is compiled for one robot, or for LANES robots side by side. Then a real_t holds one value of each robot, in
+ * the lanes of a vector register, and an operator acts on all of them. By IEEE 754 every operation gives the same in a
+ * lane as alone, and functions of the C library are called lane by lane, so both give the same bits. A law that decides
+ * by a value computes all that a lane may need, then chooses: `any_lane` and `all_lanes` say what can be left out.
  */
 #ifndef BRICKPILOT_EFFECTS_REAL_H
 #define BRICKPILOT_EFFECTS_REAL_H
@@ -15,11 +15,11 @@
 #define LANES 1
 #endif
 
-/* Functions of vectors are part of their callers, so that no vector is passed through memory. */
+/* Functions on vectors are inlined into their callers, so that no vector is passed through memory. */
 #define IN_LANES static inline __attribute__((always_inline))
 
-/* A long function that one robot seldom needs: as a part of its caller it would take the registers that the other work
- * there needs, also where it is not called. */
+/* A long function that is seldom called for one robot. Inlined, it would take registers that the other work of its
+ * caller needs, even when it is not called. */
 #if LANES == 1
 #define APART static __attribute__((noinline))
 #else
@@ -29,7 +29,7 @@
 #if LANES == 1
 
 typedef double real_t;
-typedef int mask_t; /* of a comparison: 0 or 1 */
+typedef int mask_t; /* result of a comparison: 0 or 1 */
 
 IN_LANES real_t real_of(double value)
 {
@@ -91,15 +91,15 @@ IN_LANES void real_turn(real_t angle, real_t *cosine, real_t *sine)
 
 #else
 
-/* Vectors of gcc and clang: compilers split what the processor has no register for. */
+/* Vector types of gcc and clang: the compiler splits a vector that is wider than the processor's registers. */
 typedef double real_t __attribute__((vector_size(8 * LANES)));
-typedef __typeof__((real_t){0} < (real_t){0}) mask_t; /* of a comparison: each lane 0 or all bits */
+typedef __typeof__((real_t){0} < (real_t){0}) mask_t; /* result of a comparison: each lane 0 or all bits */
 
 IN_LANES real_t real_of(double value)
 {
     real_t result = {0};
     for (int i = 0; i < LANES; i++)
-        result[i] = value; /* not 0 + value, which has no -0 */
+        result[i] = value; /* not 0 + value, which turns -0 into 0 */
     return result;
 }
 IN_LANES mask_t mask_of(int value)
@@ -126,7 +126,7 @@ IN_LANES mask_t mask_not(mask_t mask)
 }
 IN_LANES real_t choose(mask_t mask, real_t yes, real_t no)
 {
-#ifdef __clang__ /* whose version 14 joins these operations of bits to a wrong one, with AVX-512 */
+#ifdef __clang__ /* clang 14 merges the bit operations below into a wrong one, with AVX-512 */
     real_t result = no;
     for (int i = 0; i < LANES; i++)
         result[i] = mask[i] != 0 ? yes[i] : no[i];
@@ -184,7 +184,7 @@ IN_LANES void real_turn(real_t angle, real_t *cosine, real_t *sine)
     real_t cosines = angle, sines = angle;
     for (int i = 0; i < LANES; i++) {
         const double one = angle[i];
-        const double of_cosine = cos(one), of_sine = sin(one); /* which compilers join to one call */
+        const double of_cosine = cos(one), of_sine = sin(one); /* compilers merge both into one call */
         cosines[i] = of_cosine;
         sines[i] = of_sine;
     }
@@ -194,12 +194,12 @@ IN_LANES void real_turn(real_t angle, real_t *cosine, real_t *sine)
 
 #endif
 
-/* The smaller one; `limit` where the value is NaN. */
+/* The smaller of both; `limit` if the value is NaN. */
 IN_LANES real_t real_least(real_t value, real_t limit)
 {
     return choose(value < limit, value, limit);
 }
-/* The larger one; `limit` where the value is NaN. */
+/* The larger of both; `limit` if the value is NaN. */
 IN_LANES real_t real_most(real_t value, real_t limit)
 {
     return choose(value > limit, value, limit);

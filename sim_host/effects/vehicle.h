@@ -75,19 +75,20 @@ typedef struct {
     real_t friction; /* 1 */
 } tyre_t;
 
-/* Masses and geometry of the vehicle, the effects' included. */
+/* Masses and geometry of the vehicle, with the effects applied. */
 typedef struct {
     real_t mass;
     real_t yaw_inertia; /* about the centre of mass */
-    real_t com_forward; /* m: centre of mass from the middle of the axle */
-    real_t com_right;   /* m */
-    real_t rim[2];      /* radius of either wheel over wheel_radius */
+    real_t com_forward; /* m: centre of mass ahead of the middle of the axle */
+    real_t com_right;   /* m: and to the right of it */
+    real_t rim[2];      /* radius of each wheel over wheel_radius */
     tyre_t along;       /* each wheel's rolling; coupled profile only */
     tyre_t across;      /* the side force of both wheels together; coupled profile only */
-    real_t one_circle;  /* 1: `along` and `across` are those of each wheel, in every direction of its slip */
+    real_t one_circle;  /* 1: the law of a tyre holds for each wheel, in every direction of its slip */
 } build_t;
 
-/* Dry friction is a bound: the most that may oppose one motion, and hold it at zero. Each motion has its own. */
+/* Dry friction is a bound: the largest force or torque that opposes one motion, or holds it at zero. Each motion has
+ * its own. */
 typedef enum {
     DRY_LEFT,  /* turning of the left wheel, N m; of a motor, N m or N */
     DRY_RIGHT, /* turning of the right wheel, N m */
@@ -107,7 +108,7 @@ typedef struct {
     real_t drag;            /* N m s/rad, or N s/m: all losses that are linear in the speed */
 } motor_t;
 
-/* A bp_state of each robot. */
+/* One bp_state for each robot. */
 #if LANES == 1
 typedef bp_state state_t;
 #else
@@ -116,9 +117,10 @@ typedef struct {
 } state_t;
 #endif
 
-/* First come numbers and nothing else, so that a number stands at the same place for several robots side by side. */
+/* The struct begins with numbers alone, so that each number has the same index for one robot and for several side by
+ * side. */
 typedef struct {
-    /* State. Hooks read it; only the windings' `heat` may be written by one. */
+    /* State. Hooks read it; they may write the windings' `heat` alone. */
     state_t state;
     real_t accel_surge; /* mean specific force over the last body step */
     real_t accel_sway;
@@ -135,7 +137,7 @@ typedef struct {
 
     /* Working values. The plant sets them to the nominal model's; then the hooks of the site named here change them. */
     real_t force_surge;     /* body: N forward, at the middle of the axle; starts at 0 */
-    real_t force_sway;      /* body: N to the right; not felt while coupled wheels do not slide; starts at 0 */
+    real_t force_sway;      /* body: N to the right; no effect while coupled wheels do not slide; starts at 0 */
     real_t moment_yaw;      /* body: N m clockwise, about the middle of the axle; starts at 0 */
     real_t drag_surge;      /* body: N s/m, times surge; starts at the air drag's */
     real_t drag_sway;       /* body: N s/m, times sway; starts at the air drag's */
@@ -163,8 +165,8 @@ static inline int vehicle_wheels(const vehicle_t *vehicle)
     return vehicle->vehicle == BP_MOTOR ? 1 : 2;
 }
 
-/* The voltage of a battery from which effects have taken what they take: at least 1 % of the nominal one, so that a
- * command over the supply stays finite. */
+/* Limits the voltage that effects have left of a battery to at least 1 % of the nominal voltage, so that a command
+ * divided by the supply stays finite. */
 static inline real_t vehicle_supply_of(const vehicle_t *vehicle, real_t voltage)
 {
     const real_t least = 0.01 * vehicle->parameter[PARAMETER_BATTERY_VOLTAGE];

@@ -15,7 +15,7 @@ struct fmu {
     bool begun;      /* the initialisation is over */
     bool up_to_date; /* the plant has been started with the present values */
     double time;
-    struct bp_model model; /* that of the plant, which points to it */
+    struct bp_model model; /* the plant's model; the plant points to it */
     plant_t plant;
     double output[OUTPUT_COUNT];
     char message[MESSAGE_SIZE];
@@ -131,7 +131,7 @@ static bool start(fmu_t *fmu)
     return true;
 }
 
-/* Starts the plant with the values that are set, unless it has been. */
+/* Starts the plant with the present values, unless it has been started with them. */
 static bool prepare(fmu_t *fmu)
 {
     if (fmu->up_to_date)

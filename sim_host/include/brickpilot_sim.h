@@ -8,14 +8,14 @@
 #ifndef BRICKPILOT_SIM_H
 #define BRICKPILOT_SIM_H
 
-enum { BP_DIFF_DRIVE = 0, BP_MOTOR = 1, BP_SKID_STEER = 2 }; /* vehicle; skid steer is of the profile coupled alone */
+enum { BP_DIFF_DRIVE = 0, BP_MOTOR = 1, BP_SKID_STEER = 2 }; /* vehicle; a skid steer needs the profile coupled */
 enum { BP_COUPLED = 0, BP_PAPER = 1 };                       /* profile */
 enum { BP_E_NAME = -1, BP_E_RANGE = -2, BP_E_MEMORY = -3, BP_E_TIME = -4, BP_E_DIVERGED = -5 };
-enum { BP_MAX_PARAMETERS = 192 }; /* of one effect */
+enum { BP_MAX_PARAMETERS = 192 }; /* most parameters of one effect */
 
 typedef struct bp_model bp_model;
 
-/* What a parameter is for. 0 is no role: it stands for a row that does not say. */
+/* What a parameter is for. 0 means that the row states no role. */
 enum {
     BP_ROLE_SIZE = 1, /* how large the effect is, or a physical value of the nominal model */
     BP_ROLE_SHAPE,    /* how the effect acts, not how strongly: a phase, a speed, a share */
@@ -37,8 +37,8 @@ enum {
  * NULL where they do not apply.
  *
  * Three names of parameters mean the same in every effect: `order` (periods per turn of the wheel), `phase` (at wheel
- * angle 0) and `phase_difference` (left less right). An effect with an `order` is searched for at the orders read off
- * the data. */
+ * angle 0) and `phase_difference` (left less right). A search for an effect with an `order` tries the orders that the
+ * data show. */
 typedef struct {
     const char *name;
     int role;                /* BP_ROLE_ */
@@ -47,69 +47,69 @@ typedef struct {
     const char *meaning;
     double minimum; /* allowed range, ends included */
     double maximum;
-    double preset; /* value when nobody gives one; of an effect: a size that shows clearly */
-    int odd;       /* 1 where the sign turns over when left and right are swapped */
+    double preset; /* value if the caller gives none; of an effect: a size that shows clearly */
+    int odd;       /* 1: its sign changes when left and right are swapped */
 
-    int optional; /* 1: the effect is complete without it; a fit tries it beside the others and alone */
-    double trial; /* size that a search tries instead of the preset, where that is 0 */
+    int optional; /* 1: the effect acts without it too; a fit tries it with the others and alone */
+    double trial; /* size that a search tries if the preset is 0 */
     double
-        scan_from;  /* sizes that a search tries one by one, because what an effect changes comes and goes with them: */
-    double scan_to; /* `scan_count` sizes from scan_from to scan_to, each the same factor above the last */
-    int scan_count; /* 0: no such list */
-    const char *limits;    /* BP_ROLE_LIMIT: an output, or "voltage" for the command */
-    const char *arm_of;    /* name of the load of which this is the lever arm; a fit moves the load and their product */
-    const char *only_with; /* name of the parameter that this one adds to: it means nothing without it */
+        scan_from; /* first of the sizes that a search tries one by one, because the effect shows at some sizes alone */
+    double scan_to;        /* last of these `scan_count` sizes, each the same factor above the one before */
+    int scan_count;        /* 0: no such list */
+    const char *limits;    /* of BP_ROLE_LIMIT: the output that it limits, or "voltage" for the command */
+    const char *arm_of;    /* name of the load whose lever arm this is; a fit varies the load and their product */
+    const char *only_with; /* name of the parameter that this one adds to; alone, this one means nothing */
     const char
         *in_volts; /* of a torque at the wheel: the name of the voltage torque R / K_t, which calibrations report */
     int zero_if_unstated;  /* 1: a nominal parameter taken to be 0 where a data set does not give it */
-    const char *variation; /* how the law differs where this is not 0, to be read after "but": "by direction" */
-    const char *mechanism; /* of the law that this parameter alone stands for, where it is not the effect's */
-    const char *same_as;   /* the nominal parameter that this one adds to: missing only where that one is 0 */
-    const char *says; /* what a value above 0 means, as a clause with {} for its size; NULL: words, size and unit do */
-    const char *says_below; /* the same below 0; NULL: it cannot be, or left and right change places (`odd`) */
-    int over_mean; /* 1: left less right over their mean; texts say how much smaller the smaller side is than the other */
+    const char *variation; /* how the law differs if this is not 0, as words after "but": "by direction" */
+    const char *mechanism; /* mechanism of the law that this parameter makes alone, if not the effect's */
+    const char *same_as;   /* the nominal parameter that this one adds to: a model lacks this only if that is 0 */
+    const char
+        *says; /* what a value above 0 means, as a clause with {} for its size; NULL: words, size and unit suffice */
+    const char *says_below; /* the same below 0; NULL: never below 0, or left and right change places (`odd`) */
+    int over_mean;          /* 1: left less right over their mean; texts say how much smaller the smaller side is */
 } bp_parameter_info;
 
 /* One effect of the library. Every row sets every field except the last eight; the composed effect has no advice.
  *
- * A mechanism has several laws, because the same part fails in more than one way. An effect whose law differs in one
- * respect from a better known one is its variant: `variant_of` names that one, which has the same mechanism and is no
- * variant itself, and `variation` says what differs, to be read after "but": "battery_discharge, but by time". A verdict
- * may then be right in the mechanism and wrong in the law, and say so.
+ * A mechanism has several laws, because the same part fails in more than one way. An effect is a variant if its law
+ * differs in one respect from that of a better known effect: `variant_of` names the better known effect, which has the
+ * same mechanism and is no variant itself. `variation` says what differs, as words after "but": "battery_discharge, but
+ * by time". A verdict may be right in the mechanism and wrong in the law, and say so.
  *
- * A law contains another where it is that one with some of its parameters at 0, at one period a turn or equal to each
- * other, while the others have the other law's values: stiction_stribeck without a breakaway is coulomb_friction, and
- * cogging of one period a turn is gravity_load. Parameters that cannot be 0 keep their presets, and the vehicle's own mass
- * and inertia may give way: a load without weight, far out, moves the centre of mass alone. The composed effect contains
- * no law, for it is none until its terms are chosen.
+ * A law contains another law if it becomes that law when some of its parameters are 0, one period a turn or equal to
+ * each other, and the rest have the other law's values: stiction_stribeck without a breakaway is coulomb_friction, and
+ * cogging of one period a turn is gravity_load. Parameters that cannot be 0 keep their presets, and the vehicle's own
+ * mass and inertia may be adjusted: a load without weight, far out, moves the centre of mass alone. The composed effect
+ * contains no law, because it has none until its terms are chosen.
  *
- * A law is made of others where these together are it, at sizes of their own: friction in one direction alone is
- * coulomb_friction and a constant_offset. */
+ * A law is made of other laws if their sum, each at its own size, is that law: friction in one direction alone is
+ * coulomb_friction plus a constant_offset. */
 typedef struct {
     const char *name;
     const char *words;   /* a noun phrase: "The simulator lacks ..." */
     const char *summary; /* one sentence for a reader who does not know the name */
     const char
-        *mechanism;      /* supply, drive, timing, motor, gear, bearing, tyre, body, floor or sensor: what to look at */
+        *mechanism; /* supply, drive, timing, motor, gear, bearing, tyre, body, floor or sensor: the part to look at */
     const char *acts_on; /* supply, drive, motor, gear, wheel, body, sensor or timing: where in the equations */
     const char *equation;
     const char *source;
     int prior;                /* BP_PRIOR_ */
     const char *prior_reason; /* one sentence that says why, of this effect alone */
-    const char *advice; /* one sentence on what to do; of an odd size above 0, left and right change places below it */
+    const char *advice; /* one sentence on what to do; for an odd size above 0: left and right change places below 0 */
     int parameter_count;
     const bp_parameter_info *parameters;
 
-    double motor_step;      /* s: the longest motor step that still resolves it; 0: as long as without it */
-    int carries_over;       /* 1: charge or heat that one run leaves changes the next */
+    double motor_step;      /* s: the longest motor step that still resolves the effect; 0: no limit of its own */
+    int carries_over;       /* 1: the charge or heat that one run leaves changes the next run */
     int composed;           /* 1: a sum of terms that discovery composes, never a candidate of its own */
     const char *variant_of; /* the effect of which this one is a variant; NULL: none */
-    const char *variation;  /* what differs from that one; NULL: none */
+    const char *variation;  /* what differs from that effect; NULL: none */
     const char *contains;   /* names of the effects whose laws this one contains, with spaces between; NULL: none */
     const char *made_of;    /* names of the effects that together are this law, with spaces between; NULL: none */
-    const char
-        *stated_by; /* how a data set states it, at its presets: of an effect on sensors by this key of a rotation
-                               sensor's channel, of one on drives by inputs whose names begin so; NULL: not so */
+    const char *stated_by;  /* how a data set states the effect, at its presets: on sensors, by this key of a rotation
+                               sensor's channel; on drives, by inputs whose names begin so; NULL: it cannot */
 } bp_effect_info;
 
 /* The tables of nominal parameters, effects and output columns. NULL beyond the last row. */
@@ -133,7 +133,7 @@ int bp_model_add_effect(bp_model *model, const char *effect, const double *value
 int bp_model_remove_effect(bp_model *model, const char *effect);
 
 /* The part of a model's effects that the firmware's compensation can undo, as physical quantities. [0] is left, [1]
- * right. A model without effects has factors of 1 and 0 elsewhere. Each effect's own file says what it adds. */
+ * right. Without effects each factor is 1 and everything else is 0. Each effect's own file says what it adds. */
 typedef struct {
     double flux[2];           /* factor of the torque constant and the back-EMF constant */
     double rim[2];            /* factor of the wheel radius */
@@ -159,13 +159,13 @@ typedef struct {
     double age;                   /* s since power-on */
     double charge;                /* C drawn from the battery since power-on */
     double heat[2];               /* K of the windings above their surroundings; 0 where nothing heats */
-    double rest;                  /* s at rest before the run, in which the windings cool; 0 once the run has begun */
+    double rest; /* s: time at rest before the run, while the windings cool; 0 once the run has begun */
 } bp_state;
 
-/* From this sample on a run goes on from another state: the mark between two open-loop windows. The outputs of the sample
- * itself are still those of the window before. A field that is NaN stays as simulated, and so do the memories of the
- * effects, such as commands that are on their way. Without wheel speeds a coupled vehicle gets them from surge and
- * yaw_rate. */
+/* From this sample on a run continues from another state: a restart divides two open-loop windows. The outputs of the
+ * sample itself are still those of the window before. A field that is NaN stays as simulated, and so do the memories of
+ * the effects, such as commands that are still delayed. If the wheel speeds are NaN, a coupled vehicle gets them from
+ * surge and yaw_rate. */
 typedef struct {
     int sample; /* 1 or more, increasing from restart to restart */
     bp_state state;
@@ -177,7 +177,7 @@ typedef struct {
 typedef struct {
     const bp_model *model;
     int samples;         /* 1 or more */
-    const double *time;  /* s, strictly increasing, samples long */
+    const double *time;  /* s, strictly increasing; `samples` times */
     const double *input; /* samples x 2 (left, right) V, or samples x 1 for a motor; NaN: the motor floats */
     bp_state initial;
     double motor_step; /* s, upper limit; 0: [rates] motor_step of models/rcx.toml */
@@ -190,24 +190,24 @@ typedef struct {
     int status;         /* filled: 0 or BP_E_ */
 
     int restart_count;
-    const bp_restart *restart; /* restart_count of them; or NULL */
+    const bp_restart *restart; /* array of restart_count; or NULL */
 } bp_run;
 
 /* Simulates `count` runs on up to `threads` threads. Returns 0, or the status of the first run that failed. The outputs
  * do not depend on the number of threads, not even in their last bit. */
 int bp_simulate(bp_run *runs, int count, int threads);
 
-/* The same with at most `lanes` runs side by side in vector registers: 1, 2, 4 or 8, of which the processor may have
- * fewer. bp_simulate() takes as many as bp_lanes(). The outputs do not depend on it, not even in their last bit. Runs go
- * side by side that have the same sample times, longest steps, kind of vehicle and profile, and tyres that do not slip;
- * models, inputs and restarts may differ. */
+/* Like bp_simulate(), with at most `lanes` runs side by side in vector registers: 1, 2, 4 or 8, or fewer if the
+ * processor has fewer. bp_simulate() uses bp_lanes() lanes. The outputs do not depend on `lanes`, not even in their
+ * last bit. Runs go side by side if they have the same sample times, longest steps, kind of vehicle and profile, and
+ * tyres that do not slip; models, inputs and restarts may differ. */
 int bp_simulate_lanes(bp_run *runs, int count, int threads, int lanes);
 int bp_lanes(void);
 
 /* One closed loop in this process: plant, sensors and the firmware. A control step lasts [rates] body_step of
  * models/rcx.toml. */
 enum { BP_SENSORS_IDEAL = 0, BP_SENSORS_IMU = 1, BP_SENSORS_IMU_ENCODERS = 2 };
-enum { BP_MAX_WAYPOINTS = 32, BP_MAX_COORDINATE_M = 30 }; /* of a route: as firmware/autopilot/route.h has them */
+enum { BP_MAX_WAYPOINTS = 32, BP_MAX_COORDINATE_M = 30 }; /* of a route: the limits of firmware/autopilot/route.h */
 
 /* A setting of the firmware: its number in hal/wire/settings.toml, and the raw integer that the firmware holds. */
 typedef struct {
@@ -219,13 +219,13 @@ typedef struct {
 typedef struct {
     double accel_noise_sd, accel_range, accel_bias_surge, accel_bias_sway; /* m/s^2 */
     double gyro_noise_sd, gyro_range, gyro_bias;                           /* rad/s */
-    int bits;                  /* of the converter of all three axes; 0: readings are not rounded */
+    int bits;                  /* of the converter, for all three axes; 0: readings are not rounded */
     double counts_per_turn;    /* of a wheel, above 0 */
     double battery_resolution; /* V, above 0 */
 } bp_devices;
 
 typedef struct {
-    const bp_model *model;   /* not of a BP_MOTOR */
+    const bp_model *model;   /* of any vehicle but a BP_MOTOR */
     int controller;          /* BP_COUPLED or BP_PAPER: the firmware's set of constants */
     int sensors;             /* BP_SENSORS_ */
     unsigned long long seed; /* of the sensors' noise */
@@ -242,9 +242,9 @@ typedef struct {
     short *motors;           /* steps x 2 duty_q15, filled; or NULL */
     int status;              /* filled: 0 or BP_E_ */
 
-    const bp_setting *settings; /* setting_count of them, written before the flight; or NULL */
+    const bp_setting *settings; /* array of setting_count, written before the flight; or NULL */
     int setting_count;
-    const bp_devices *devices; /* NULL: those of models/rcx.toml */
+    const bp_devices *devices; /* NULL: the sensors of models/rcx.toml */
 
     const int *columns; /* NULL: `log` has all columns, step by step. Else indices in bp_log_name(), column by column */
     int column_count;   /* of `columns` */
@@ -256,18 +256,19 @@ const char *bp_log_name(int index); /* "time_s", "true_x_m", ...; NULL beyond th
  * route that the firmware refuses. The same seed gives the same bytes. */
 int bp_fly(bp_flight *flight);
 
-/* Flies `count` flights, each of which gets the bytes and the status that bp_fly() gives it alone. Neighbours that have
- * as many steps and the same profile and motor_step advance side by side in up to `lanes` lanes of vector registers, as
- * in bp_simulate_lanes(): that takes less time. Returns 0, or the status of the first flight that failed. */
+/* Flies `count` flights, each of which gets the bytes and the status that bp_fly() gives it alone. Neighbouring flights
+ * with the same number of steps, vehicle, profile and motor_step advance side by side in up to `lanes` lanes of vector
+ * registers, as in bp_simulate_lanes(), which takes less time. Returns 0, or the status of the first flight that
+ * failed. */
 int bp_fly_many(bp_flight *flights, int count, int lanes);
 
-/* Bytes of the plants that can fly side by side. Where two libraries share a plant (run/build), they were compiled from
- * the same one only if both say the same. */
+/* Returns the bytes of all plants that can fly side by side. Two libraries that share a plant (run/build) were compiled
+ * from the same plant only if both return the same number. */
 int bp_plant_size(void);
 
-/* The same loop with its controller elsewhere: the caller carries the readings to it and its motor commands back. The
- * request is that of a mission for bp_fly(). Its arrays are filled in the same way, except that the controller's
- * columns of the log are 0. The loop ignores controller, start_step, cruise and settings. */
+/* The same loop with its controller outside: the caller carries the readings to the controller and its motor commands
+ * back. The request is that of a mission for bp_fly(). Its arrays are filled in the same way, except that the
+ * controller's columns of the log are 0. The loop ignores controller, start_step, cruise and settings. */
 typedef struct bp_loop bp_loop;
 
 /* The readings of one step in the formats of hal/include/hal.h. A status is 0 (ok), 1 (absent) or 2 (stale). */

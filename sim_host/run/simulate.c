@@ -123,7 +123,8 @@ static void advance_lanes(lanes_t *lanes, const group_t *group)
     }
 }
 
-/* Starts each run. One that fails, or that does not fit into a lane, is done here; the others go on side by side. */
+/* Starts each run. A run that fails ends here. A run that cannot go into a lane is simulated here, alone; the others go
+ * on side by side. */
 static void simulate_group(lanes_t *lanes, group_t *group)
 {
     int kept = 0;
@@ -152,8 +153,8 @@ static bool go_together(const bp_run *a, const bp_run *b)
     return a->time == b->time || memcmp(a->time, b->time, (size_t)a->samples * sizeof *a->time) == 0;
 }
 
-/* Takes the first run that is free, and those near it that go with it. Groups are formed one after the other, so they do
- * not depend on who takes them. */
+/* Takes the first free run, and free runs near it that can go side by side with it. Groups are formed one after the
+ * other, so they do not depend on which thread takes them. */
 static group_t take(queue_t *queue)
 {
     group_t group = {.count = 0};
