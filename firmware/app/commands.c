@@ -67,7 +67,7 @@ mode_command_t commands_next(commands_t *commands)
     return command;
 }
 
-/* Does what one kind of request asks for, writes the reply's own fields into its data, and returns the reply's status. */
+/* Carries out one kind of request, writes the fields of the reply into `data`, and returns the reply's status. */
 typedef uint8_t request_t(commands_t *commands, loop_state_t *loop, uint8_t *data);
 
 static uint8_t open_session(commands_t *commands, loop_state_t *loop, uint8_t *data)
@@ -96,7 +96,7 @@ static uint8_t open_session(commands_t *commands, loop_state_t *loop, uint8_t *d
     return status;
 }
 
-/* True if the diagram of mode.h has an arrow from this mode by this command. */
+/* True if the diagram of mode.h has an arrow for this command out of this mode. */
 static bool leads_on(mode_name_t mode, uint8_t command)
 {
     if (command == MODE_START)
@@ -124,7 +124,7 @@ static bool running(const commands_t *commands, const loop_state_t *loop)
     return loop->step.mode.mode == MODE_RUN || commands->pending == MODE_START;
 }
 
-/* The other three requests have two fields in common: a number, and whether to write. */
+/* The requests for parameters, waypoints and routes share two fields: a number, and whether to write. */
 static inline uint8_t number_of(const uint8_t *data)
 {
     return data[WIRE_PARAMETER_REQUEST_PARAMETER_AT] & WIRE_PARAMETER_REQUEST_PARAMETER_MASK;
@@ -204,7 +204,7 @@ static uint8_t route(commands_t *commands, loop_state_t *loop, uint8_t *data)
     uint8_t status = ROUTE_OK;
 
     if (!writes(data) || (count > 0 && count == commands->route.count && crc == crc_in_force(commands))) {
-        /* the host reads, or repeats its request, since the reply was lost */
+        /* the host reads, or repeats a request whose reply was lost */
     } else if (running(commands, loop)) {
         status = ROUTE_BUSY;
     } else if (count > ROUTE_WAYPOINTS_MAX) {
@@ -225,9 +225,9 @@ static uint8_t route(commands_t *commands, loop_state_t *loop, uint8_t *data)
 }
 
 static const struct row {
-    uint16_t id; /* that of the reply is the next one */
+    uint16_t id; /* id of the request; the reply has the next id */
     request_t *take;
-    uint8_t status_at;  /* in the reply */
+    uint8_t status_at;  /* place of the status in the reply's data */
     bool beside_number; /* the status stands in the upper bits of the byte that holds the number */
 } REQUESTS[] = {
     {WIRE_OPEN_FRAME_ID, open_session, WIRE_HELLO_STATUS_AT, false},

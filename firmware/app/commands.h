@@ -1,8 +1,9 @@
 /* commands.h: the requests of the host at the other end of the link. Pure: no HAL, no clock.
  *
- * OPEN begins a session with the constants of a profile, an empty route and no command. A host writes a new route waypoint by
- * waypoint beside the one in force; it then takes its place at once, so that the robot never flies half a route. Every request
- * gets a reply with its sequence number. A request whose CRC is wrong, or whose kind is unknown, gets none.
+ * OPEN begins a session with the constants of a profile, an empty route and no command. A host writes a new route,
+ * waypoint by waypoint, beside the route in force. The new route then replaces the old one at once, so that the robot
+ * never flies half a route. Every request gets a reply with the same sequence number. A request whose CRC is wrong, or
+ * whose kind is unknown, gets no reply.
  */
 #ifndef BRICKPILOT_APP_COMMANDS_H
 #define BRICKPILOT_APP_COMMANDS_H
@@ -12,9 +13,9 @@
 
 typedef struct {
     parameters_t parameters;
-    route_t route; /* in force: its waypoints are the caller's own, or stand in `waypoints` */
+    route_t route; /* the route in force: its waypoints are the caller's own, or stand in `waypoints` */
     route_waypoint_t waypoints[2][ROUTE_WAYPOINTS_MAX]; /* one is in force, the host writes the other */
-    mode_command_t pending;                             /* for the next step */
+    mode_command_t pending;                             /* the command for the next step */
     bool open;                                          /* a session is open: the reply to OPEN was ok */
     bool realtime;                                      /* the pace that OPEN asked for */
 } commands_t;
@@ -22,8 +23,8 @@ typedef struct {
 /* The state before any session: no route, and the constants of `coupled`, or of the only profile in the image (model/body.h). */
 void commands_start(commands_t *commands);
 
-/* Does what `message` asks for, turns it into the reply, and returns true. Returns false, and changes nothing, if it is no valid
- * request. `loop` is the loop's state: a new session clears it. */
+/* Carries out the request `message`, overwrites it with the reply, and returns true. Returns false, and changes
+ * nothing, if `message` is no valid request. `loop` is the loop's state: a new session clears it. */
 bool commands_take(commands_t *commands, loop_state_t *loop, message_t *message);
 
 /* Returns the command for the next step, and forgets it. */

@@ -54,7 +54,7 @@ static void send_telemetry(const loop_config_t *config, loop_state_t *state)
         state->until_telemetry = (uint8_t)(every - 1);
         state->next_part = 0;
     }
-    /* Several parts in this tick where `every` is short: a report ends before the next one begins. */
+    /* Where `every` is small, a tick sends several parts, so that one report ends before the next one begins. */
     for (uint8_t sent = 0; sent < TELEMETRY_PARTS; sent = (uint8_t)(sent + every)) {
         if (state->next_part == TELEMETRY_PARTS)
             return;
@@ -108,7 +108,7 @@ void loop_heard(loop_state_t *state)
     state->silent_ms = 0;
 }
 
-/* The command, or the end of the run where a tick is too late or nothing has been heard for too long. */
+/* Returns `command`, or the command that cuts the run if a tick is too late or nothing has been heard for too long. */
 static mode_command_t guard(const loop_config_t *config, loop_state_t *state, uint16_t elapsed_ms,
                             mode_command_t command)
 {

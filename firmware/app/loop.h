@@ -1,10 +1,10 @@
 /* loop.h: the control loop, and with serve.h the only caller of the HAL. A tick reads the sensors, runs the step and writes the motors.
  *
  * Call loop_tick() every STEP_MS. It measures the period itself, so that a late tick is integrated over its true length.
- * A tick later than watchdog_ms is a failure of the clock or of the caller: the run is cut, with motors off. So is one later than
- * 20 ms, the longest step that is integrated over its whole length, whatever watchdog_ms says.
- * A run also ends when neither a sensor nor a message has been heard for silent_ms. Only a reset and a new start drive
- * again.
+ * A tick later than watchdog_ms is a failure of the clock or of the caller: the run is cut, with motors off. Whatever
+ * watchdog_ms says, a tick later than 20 ms cuts the run too: a longer period is not integrated over its whole length.
+ * A run also ends when neither a sensor nor a message has been heard for silent_ms. After a cut the robot drives again
+ * only after a reset and a new start.
  */
 #ifndef BRICKPILOT_APP_LOOP_H
 #define BRICKPILOT_APP_LOOP_H
@@ -13,34 +13,34 @@
 
 typedef struct {
     step_config_t step;
-    uint16_t watchdog_ms;    /* longest period that a run survives, STEP_MS..20; more counts as 20 */
-    uint16_t silent_ms;      /* a run ends after so long without any sensor reading and any message */
-    uint8_t telemetry_every; /* every part of the telemetry is sent once in so many ticks; 0: never */
+    uint16_t watchdog_ms;    /* longest period that does not end a run, STEP_MS..20; more counts as 20 */
+    uint16_t silent_ms;      /* a run ends after a longer time with neither a sensor reading nor a message */
+    uint8_t telemetry_every; /* each part of the telemetry is sent once in this number of ticks; 0: never */
 } loop_config_t;
 
 /* All zero at the start. */
 typedef struct {
     step_state_t step;
-    uint32_t tick;           /* since the start; wraps */
-    uint32_t clock_ms;       /* of the newest tick */
-    uint16_t late_ticks;     /* ticks more than a step late; stays at 65535 */
-    uint16_t aborted;        /* runs that a late tick or silence ended; stays at 65535 */
-    uint16_t silent_ms;      /* time since anything was heard; stays at 65535 */
-    uint8_t until_telemetry; /* ticks until its first part is due again */
+    uint32_t tick;           /* ticks since the start; wraps */
+    uint32_t clock_ms;       /* time of the newest tick */
+    uint16_t late_ticks;     /* ticks more than a step late; saturates at 65535 */
+    uint16_t aborted;        /* runs that a late tick or silence ended; saturates at 65535 */
+    uint16_t silent_ms;      /* time since a sensor or a message was heard; saturates at 65535 */
+    uint8_t until_telemetry; /* ticks until the first part of the telemetry is due again */
     uint8_t next_part;
     uint8_t until_heartbeat;
     bool started;
-    signals_sensors_t sensors; /* of the newest tick */
+    signals_sensors_t sensors; /* readings of the newest tick */
     step_output_t output;
 } loop_state_t;
 
 /* Reads the clock and stops the motors. Without this call the first tick reads the clock. */
 void loop_start(loop_state_t *state);
 
-/* A valid message has come over the link: the run goes on although no sensor is heard. */
+/* Call it when a valid message has come over the link: a run then goes on although no sensor is heard. */
 void loop_heard(loop_state_t *state);
 
-/* One tick. The autopilot flies `route`. `command` is that of mode_step(), MODE_NONE in most ticks. */
+/* One tick. The autopilot flies `route`. `command` goes to mode_step(); in most ticks it is MODE_NONE. */
 void loop_tick(const loop_config_t *config, const route_t *route, loop_state_t *state, mode_command_t command);
 
 #endif

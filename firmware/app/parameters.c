@@ -10,11 +10,11 @@
 
 typedef struct {
     int16_t low;
-    uint16_t span; /* from there to the largest value */
+    uint16_t span; /* the largest value minus `low` */
 } range_t;
 
 typedef struct {
-    uint8_t at; /* in parameters_t */
+    uint8_t at; /* offset of the setting in parameters_t, bytes */
     unsigned size : 3;
     unsigned range : 4;
     unsigned at_rest : 1; /* not to be written while the robot drives */
@@ -35,7 +35,7 @@ void parameters_start(parameters_t *parameters, const FLASH loop_config_t *const
     parameters->believed_travel_um_q2 = constants->step.speed.count_travel_um_q2;
 }
 
-/* The travel per count that is `scale_q15` of itself more than `believed`; saturates. */
+/* The corrected travel per count, `believed` * (1 + scale); saturates. */
 static uint16_t scaled_travel_um_q2(uint16_t believed, int16_t scale_q15)
 {
     const int32_t more = fix_mul_q15(believed, scale_q15);

@@ -1,7 +1,7 @@
 /* parameters.h: the settings that a host may read and write while the brick is on, by their numbers, as raw integers.
  *
- * hal/wire/settings.toml lists every setting with its format and range. Those that tune the controller may be written at any time;
- * those that describe the robot (the compensation) only while it does not drive.
+ * hal/wire/settings.toml lists every setting with its format and range. Settings that tune the controller may be
+ * written at any time; settings that describe the robot (the compensation) only while the robot does not drive.
  */
 #ifndef BRICKPILOT_APP_PARAMETERS_H
 #define BRICKPILOT_APP_PARAMETERS_H
@@ -10,28 +10,29 @@
 #include "core/flash.h"
 
 typedef struct {
-    loop_config_t config;           /* in force */
+    loop_config_t config;           /* the configuration in force */
     int16_t travel_scale_q15;       /* correction of the travel per count; the only setting outside `config` */
-    uint16_t believed_travel_um_q2; /* the constants' travel per count, without that */
+    uint16_t believed_travel_um_q2; /* travel per count of the profile's constants, without that correction */
 } parameters_t;
 
 typedef enum {
     PARAMETERS_OK = 0,
     PARAMETERS_UNKNOWN = 1, /* there is no setting of this number */
-    PARAMETERS_RANGE = 2,   /* outside its range: nothing is changed */
-    PARAMETERS_BUSY = 3     /* not while the robot drives: nothing is changed */
+    PARAMETERS_RANGE = 2,   /* the value is outside its range: nothing is changed */
+    PARAMETERS_BUSY = 3     /* the setting must not change while the robot drives: nothing is changed */
 } parameters_status_t;
 
-/* The constants of a profile, and no compensation. */
+/* Sets the constants of a profile, and no compensation. */
 void parameters_start(parameters_t *parameters, const FLASH loop_config_t *constants);
 
-/* The value in force; 0: there is no such setting. */
+/* Returns the value in force, or 0 if there is no such setting. */
 int32_t parameters_read(const parameters_t *parameters, uint8_t number);
 
 /* Writes a setting. `running`: the robot drives. */
 parameters_status_t parameters_write(parameters_t *parameters, uint8_t number, int32_t value, bool running);
 
-/* Does what the PARAMETER_REQUEST of this data asks for, and puts the value in force into its place. The status is not put there. */
+/* Carries out the PARAMETER_REQUEST in `data`, and writes the value in force into its value field. It returns the
+ * status, and does not write it into `data`. */
 parameters_status_t parameters_take(parameters_t *parameters, bool running, uint8_t *data);
 
 #endif

@@ -3,14 +3,14 @@
 #include "core/bytes.h"
 #include "core/fix.h"
 
-/* What the model knows a voltage as. */
+/* Converts a voltage from mV to the model's unit, 2^MOTOR_VOLTAGE_BITS mV. */
 static inline int16_t of_model(int16_t voltage_mv)
 {
     return MOTOR_VOLTAGE_BITS == 0 ? voltage_mv : (int16_t)fix_trunc_shift(voltage_mv, MOTOR_VOLTAGE_BITS);
 }
 
 #ifndef FRICTION_UNLEARNT
-/* The model, with the voltages of the step before less what friction takes. */
+/* Steps the model with the voltages of the step before, less the voltage that friction takes. */
 static void predict(const step_config_t *config, step_state_t *state, const signals_drive_t *drive)
 {
     const int16_t surge_mv = (int16_t)fix_trunc_shift(fix_add(drive->left_mv, drive->right_mv), 1);
@@ -21,7 +21,7 @@ static void predict(const step_config_t *config, step_state_t *state, const sign
                  of_model(fix_sub16(drive->right_mv, taken_mv)));
 }
 
-/* The voltage that holds the demanded speed against the friction, too. The autopilot demands none backwards. */
+/* The voltage that holds the demanded speed, also against friction. The autopilot never demands a speed backwards. */
 static int16_t feedforward_mv(const step_config_t *config, const step_state_t *state, int16_t speed_mm_s_q4)
 {
     const int16_t mv = fix_mul16_q10(config->feedforward_mv_q10, speed_mm_s_q4);

@@ -5,8 +5,8 @@
  *   estimator  heading from the gyro, speed from prediction and sensors, pose by dead reckoning; a reference overrides
  *              them all
  *   autopilot  mode and line of sight: the speed and heading to hold
- *   control    one PID each, eq. 21
- *   mixer      two voltages, heading first, and their duty at this battery voltage
+ *   control    one PID for the speed and one for the heading, eq. 21
+ *   mixer      the voltages of both motors, heading first, and the duty for them at this battery voltage
  */
 #ifndef BRICKPILOT_APP_STEP_H
 #define BRICKPILOT_APP_STEP_H
@@ -21,14 +21,13 @@
 
 typedef struct {
     const body_coefficients_t
-        *model; /* the caller's constants: no setting changes them, and a configuration in RAM has no copy */
+        *model; /* the caller's constants: no setting changes them, so they are not copied into RAM */
     heading_config_t heading;
     speed_config_t speed;
     mode_config_t mode;
     pid_config_t speed_pid;
     pid_config_t heading_pid;
-    int16_t
-        feedforward_mv_q10; /* mV per 1/16 mm/s of demanded speed: the voltage that holds it on level ground, 0..32767 */
+    int16_t feedforward_mv_q10; /* mV per 1/16 mm/s of demanded speed, to hold that speed on level ground, 0..32767 */
     mixer_config_t mixer;
 } step_config_t;
 
@@ -42,7 +41,7 @@ typedef struct {
     pid_state_t speed_pid;
     pid_state_t heading_pid;
     mixer_state_t mixer;
-    uint8_t lag_ms; /* the model's lag: time by which it is behind the sensors, below its period */
+    uint8_t lag_ms; /* time by which the model lags behind the sensors, less than BODY_PERIOD_MS */
 } step_state_t;
 
 /* The signals of one step, as its stages have written them. */
@@ -56,8 +55,8 @@ typedef struct {
     signals_drive_t drive;
 } step_output_t;
 
-/* One step of sensors->period_ms. `command` is that of mode_step(). Writes all of `output`. Never fails: a robot that must not drive
- * gets duty 0. */
+/* One step of sensors->period_ms. `command` goes to mode_step(). Writes all of `output`. Never fails: a robot that must
+ * not drive gets duty 0. */
 void step_run(const step_config_t *config, const route_t *route, step_state_t *state, const signals_sensors_t *sensors,
               mode_command_t command, step_output_t *output);
 

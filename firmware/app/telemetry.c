@@ -3,7 +3,7 @@
 #include "core/fix.h"
 #include "wire/codecs_gen.h"
 
-enum { TICK_AT = WIRE_TELEMETRY_X_TICK_MS_AT, LAST = MESSAGE_DATA_MAX - 1 }; /* the same in each part */
+enum { TICK_AT = WIRE_TELEMETRY_X_TICK_MS_AT, LAST = MESSAGE_DATA_MAX - 1 }; /* places that are the same in each part */
 
 /* Puts a number into the message, low byte first, and returns the place behind it. */
 static uint8_t *put16(uint8_t *at, uint16_t value)
@@ -13,13 +13,13 @@ static uint8_t *put16(uint8_t *at, uint16_t value)
     return at + 2;
 }
 
-/* The same of the numbers of a part: bytes 0 to 5. */
+/* Puts the three numbers of a part into bytes 0 to 5. */
 static void put_three(uint8_t *data, int16_t first, int16_t second, int16_t third)
 {
     (void)put16(put16(put16(data, (uint16_t)first), (uint16_t)second), (uint16_t)third);
 }
 
-/* By address: 32 bits as an argument make more code, and the RCX has hardly any left. */
+/* Takes the number by address: an argument of 32 bits makes more code, and the RCX has hardly any room for it. */
 static uint8_t *put32(uint8_t *at, const int32_t *value)
 {
     return put16(put16(at, (uint16_t)*value), (uint16_t)((uint32_t)*value >> 16));
@@ -49,7 +49,7 @@ static uint8_t track_flags(const mode_state_t *mode, const signals_estimate_t *e
     return flags;
 }
 
-/* Two bits each for -1, 0 and 1. */
+/* Packs the fault and the two saturation flags. A flag of -1, 0 or 1 takes two bits. */
 static uint8_t demand_flags(mode_fault_t fault, const signals_drive_t *drive)
 {
     uint8_t flags = (uint8_t)drive->yaw_saturated;
@@ -61,7 +61,7 @@ static uint8_t demand_flags(mode_fault_t fault, const signals_drive_t *drive)
     return flags | fault;
 }
 
-/* Returns the place of the message's data. */
+/* Sets id and size of the message. Returns the place of its data. */
 static uint8_t *begin(message_t *message, uint16_t id)
 {
     message->id = id;
@@ -71,7 +71,7 @@ static uint8_t *begin(message_t *message, uint16_t id)
 
 void telemetry_part(telemetry_part_t part, const loop_state_t *state, message_t *message)
 {
-    uint8_t *const data = begin(message, (uint16_t)(WIRE_TELEMETRY_X_FRAME_ID + part)); /* their ids are in order */
+    uint8_t *const data = begin(message, (uint16_t)(WIRE_TELEMETRY_X_FRAME_ID + part)); /* part ids are in order */
 
     data[TICK_AT] = (uint8_t)state->clock_ms;
     data[LAST] = 0;

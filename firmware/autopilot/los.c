@@ -5,7 +5,7 @@
 #include "core/trig.h"
 #include "core/turns.h"
 
-/* From the robot to a waypoint on one axis, um. */
+/* Distance from the robot to a waypoint on one axis, um. */
 static int32_t to_waypoint_um(int16_t waypoint_mm, int32_t robot_um)
 {
     return fix_sub32(fix_mul(waypoint_mm, 1000), robot_um);
@@ -41,7 +41,7 @@ static uint16_t heading_error_bam16(los_state_t *los, const signals_estimate_t *
     return fix_abs_u16(los->heading_error_bam16);
 }
 
-/* Compares the distance to the waypoint with another one: less than 0, 0 or more. */
+/* Compares the distance to the waypoint with `distance_mm`. Returns less than 0, 0 or more than 0. */
 static int16_t compare_distance(const los_state_t *los, uint16_t distance_mm)
 {
     return fix_compare_square(los->distance_squared_mm2, distance_mm);
@@ -72,7 +72,7 @@ static void end(los_state_t *los, los_status_t status)
     enter(los, LOS_END);
 }
 
-/* Brakes for a turn where the heading error is too large to drive on: true. */
+/* If the heading error is too large to drive on, brakes for a turn and returns true. */
 static bool pivots(const los_config_t *config, los_state_t *los, const signals_estimate_t *estimate)
 {
     if (heading_error_bam16(los, estimate) <= config->pivot_bam16)
@@ -100,7 +100,7 @@ static void begin_leg(const los_config_t *config, const route_t *route, los_stat
         enter_drive(los);
 }
 
-/* Leaves a leg that has ended: its waypoint is reached (LOS_UNDERWAY), or it has failed. */
+/* Leaves a leg that has ended: its waypoint is reached (`status` is LOS_UNDERWAY), or the leg has failed. */
 static void leave_leg(const los_config_t *config, const route_t *route, los_state_t *los,
                       const signals_estimate_t *estimate, los_status_t status)
 {
@@ -127,7 +127,7 @@ static void leave_leg(const los_config_t *config, const route_t *route, los_stat
     }
 }
 
-/* Counts when the robot passes the plane through the waypoint. True when it has done so too often on this leg. */
+/* Counts an overshoot when the robot passes the plane through the waypoint. True at too many on this leg. */
 static bool overshoots(const los_config_t *config, los_state_t *los, const signals_estimate_t *estimate)
 {
     if (!los->passing || fix_project(&los->to_mm, &los->pass_q15) >= -(int16_t)config->overshoot_mm)
@@ -140,7 +140,7 @@ static bool overshoots(const los_config_t *config, los_state_t *los, const signa
     return los->leg_overshoots > config->max_overshoots;
 }
 
-/* The condition that ends the phase holds in this step. True when it has held for `needed_ms`. */
+/* The condition that ends the phase holds in this step. True when the condition has held for `needed_ms`. */
 static bool held(los_state_t *los, uint8_t period_ms, uint16_t needed_ms)
 {
     los->quiet_ms = fix_add_u16(los->quiet_ms, period_ms);
@@ -178,8 +178,9 @@ static void move(const los_config_t *config, los_state_t *los, const signals_est
         enter_drive(los);
 }
 
-/* The speed from which the robot can still brake: the square root of 2 decel distance, creep..cruise. The roots are left out
- * where the larger coordinate of the distance alone allows cruise: with them the worst step takes 3,000 states more. */
+/* The speed from which the robot can still brake: the square root of 2 decel distance, limited to creep..cruise. No
+ * root is computed where the larger coordinate of the distance alone allows cruise: with the roots the worst step takes
+ * 3,000 states more. */
 static uint16_t approach_speed_mm_s_q4(const los_config_t *config, const los_state_t *los)
 {
     const uint16_t cruise = (uint16_t)config->cruise_mm_s_q4, creep = (uint16_t)config->creep_mm_s_q4;

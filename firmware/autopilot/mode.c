@@ -3,7 +3,7 @@
 #include "core/bytes.h"
 #include "core/fix.h"
 
-enum { WAIT_STEPS = 255 }; /* 4 blocks of the estimator or more: 0.8 s at 3 ms, 2.3 s at 9 ms */
+enum { WAIT_STEPS = 255 }; /* longest wait: 4 blocks of the estimator or more, 0.8 s at 3 ms, 2.3 s at 9 ms */
 
 /* Enters a mode with the motors off. In RUN the same step may switch them on. */
 static void enter(mode_state_t *state, mode_name_t mode, mode_fault_t fault)
@@ -34,7 +34,7 @@ static void obey(const route_t *route, mode_state_t *state, mode_command_t comma
     }
 }
 
-/* True while a run that has not driven yet rests, so that the gyro's bias can be learnt. */
+/* True while a run waits at rest, before it drives, for the gyro's bias to be learnt. */
 static bool waits_for_bias(mode_state_t *state, const signals_estimate_t *estimate)
 {
     return estimate->bias_unknown && !state->demand.drive && state->waited_steps++ < WAIT_STEPS;

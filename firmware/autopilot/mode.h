@@ -5,8 +5,8 @@
  *   ARRIVED, FAULT --reset--> IDLE
  *
  * Nothing but a reset leaves FAULT. Motors are off in every mode but RUN. A run whose gyro has no learnt bias yet begins with a rest
- * of up to 255 steps, in LOS_BEGIN and with motors off. If the bias is not learnt by then, it drives without, and
- * signals_estimate_t.bias_unknown says so.
+ * of up to 255 steps, in LOS_BEGIN and with motors off. If the bias is not learnt by then, the robot drives without it,
+ * and signals_estimate_t.bias_unknown says so.
  */
 #ifndef BRICKPILOT_AUTOPILOT_MODE_H
 #define BRICKPILOT_AUTOPILOT_MODE_H
@@ -15,7 +15,7 @@
 
 typedef struct {
     los_config_t los;
-    uint16_t lost_ms; /* in RUN the estimate may be invalid for so long; meanwhile the last demand is kept */
+    uint16_t lost_ms; /* longest time in RUN with an invalid estimate; meanwhile the last demand is kept */
 } mode_config_t;
 
 enum { MODE_IDLE = 0, MODE_RUN = 1, MODE_ARRIVED = 2, MODE_FAULT = 3 };
@@ -33,7 +33,7 @@ enum {
 };
 typedef uint8_t mode_fault_t;
 
-/* The loop gives the last two itself; the fault has the number of the command. */
+/* The control loop gives the last two commands itself. The fault that follows has the number of the command. */
 enum {
     MODE_NONE = 0,
     MODE_START = 1,
@@ -46,12 +46,12 @@ typedef uint8_t mode_command_t;
 
 /* All zero is IDLE. */
 typedef struct {
-    signals_demand_t demand; /* of the newest step */
+    signals_demand_t demand; /* demand of the newest step */
     mode_name_t mode;
     mode_fault_t fault;   /* why FAULT was entered; cleared by a reset */
     uint16_t lost_ms;     /* how long the estimate has been invalid */
-    uint8_t waited_steps; /* of this run, at rest for the gyro's bias */
-    los_state_t los;      /* of the newest step in RUN */
+    uint8_t waited_steps; /* steps that this run has waited at rest for the gyro's bias */
+    los_state_t los;      /* guidance of the newest step in RUN */
 } mode_state_t;
 
 /* One step of estimate->period_ms. `command` acts where the diagram has an arrow for it (abort and cut: in RUN); elsewhere it is

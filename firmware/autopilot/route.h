@@ -4,7 +4,7 @@
 
 #include <stdint.h>
 
-/* Waypoints of a route that a host writes: a build constant, 1..32. Two such routes stand in RAM. */
+/* Most waypoints of a route that a host writes: a build constant, 1..32. RAM holds two such routes. */
 #ifndef ROUTE_WAYPOINTS_MAX
 #define ROUTE_WAYPOINTS_MAX 32
 #endif
@@ -31,7 +31,7 @@ enum {
 };
 typedef uint8_t route_status_t;
 
-/* The route is written only with ROUTE_OK. */
+/* Checks the waypoints. Sets `route` only if it returns ROUTE_OK. */
 route_status_t route_set(route_t *route, const route_waypoint_t *waypoints, uint8_t count);
 
 #endif

@@ -5,8 +5,8 @@
 
 enum { PERIOD_MAX_MS = 20 };
 
-/* mV/s Q10 times ms is mV Q16 times 0.064. Returns 0.064 * period * 2^14, that is 1048.576 * period, at most 1.5 too large.
- * The products are of bytes, which the RCX multiplies in one instruction. */
+/* mV/s Q10, times ms, times 0.064 is mV Q16. Returns 0.064 * period * 2^14, that is 1048.576 * period, at most 1.5 too
+ * large. The products are of bytes, which the RCX multiplies in one instruction. */
 static uint16_t factor_q14(uint8_t period_ms)
 {
     if (period_ms > PERIOD_MAX_MS)

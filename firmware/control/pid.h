@@ -1,8 +1,8 @@
 /* pid.h: one PID controller, eq. 21, with its output in millivolts.
  *
  * Used twice: for forward speed (error in mm/s times 16) and for heading (error as binary angle). The derivative acts on
- * the measurement, so that a new demand causes no kick. The integral is kept in mV, and is held while the output cannot
- * follow in its direction. Never fails: it saturates and counts.
+ * the measurement, so that a new demand causes no kick. The integral is kept in mV. It is held (anti-windup) while the
+ * output is saturated in the direction of its change. The controller never fails: it saturates, and `limited` says so.
  * The response is the same in both directions: negate every input and the state, and every output is negated.
  */
 #ifndef BRICKPILOT_CONTROL_PID_H
@@ -23,7 +23,7 @@ typedef struct {
     int16_t kp_mv_q10; /* mV per error unit, 0..32767 */
     int16_t ki_mv_q10; /* mV per error unit and second, 0..32767 */
     int16_t kd_mv_q10; /* mV per rate unit, 0..32767 */
-    int16_t limit_mv;  /* of the output, and of the integral: 0..32000 */
+    int16_t limit_mv;  /* limit of the output and of the integral, 0..32000 */
 } pid_config_t;
 
 /* All zero is a controller at rest. */
@@ -35,7 +35,7 @@ typedef struct {
     int16_t error;          /* demand minus measurement, error units, any */
     int16_t rate;           /* rate of change of the measurement, rate units, any; 0 where unknown */
     int16_t feedforward_mv; /* any */
-    int8_t saturated;       /* the mixer's flag for the last output: 1 it gave less, -1 it gave more, 0 as much */
+    int8_t saturated;       /* the mixer's flag for the last output: 1: the motors got less; -1: more; 0: as much */
     uint8_t period_ms;      /* 1..20; larger counts as 20 */
 } pid_input_t;
 
