@@ -1,4 +1,4 @@
-/* bytes.h: memcpy() and memset() of the firmware, which calls no library. The compiler would call it to copy a struct. */
+/* bytes.h: memcpy() and memset() of the firmware, which calls no library. Copying a struct would call one. */
 #ifndef BRICKPILOT_CORE_BYTES_H
 #define BRICKPILOT_CORE_BYTES_H
 
@@ -9,7 +9,7 @@
 /* Copies `size` bytes, 1 or more. `to` and `from` do not overlap. */
 void bytes_copy(void *to, const void *from, uint16_t size);
 
-/* The same out of a table in flash. */
+/* The same from a table in flash. */
 #ifdef __AVR__
 void bytes_copy_flash(void *to, const FLASH void *from, uint16_t size);
 #else

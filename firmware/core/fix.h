@@ -4,8 +4,9 @@
  * have. So all products and quotients of variables in firmware/ are made here. Shifts are by constants. Right shifts of
  * negative numbers are arithmetic (they round towards minus infinity) with every compiler in use; test_fix.c checks it.
  *
- * Beware: the RCX's compiler, gcc 3.4.6, makes wrong code for some right shifts of 32 bits: by 15, and of signed numbers by
- * 24 to 26, also where it joins two shifts to one of these. Use the two words instead. tests/vectors finds such errors.
+ * Beware: the RCX's compiler, gcc 3.4.6, makes wrong code for some right shifts of 32-bit numbers: by 15, and of signed
+ * numbers by 24 to 26. It does so also where it joins two shifts to one of these. Use the two 16-bit words of the
+ * number instead. tests/vectors finds such errors.
  */
 #ifndef BRICKPILOT_CORE_FIX_H
 #define BRICKPILOT_CORE_FIX_H
@@ -13,8 +14,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* FIX_IN_ASSEMBLY: on the RCX most functions are in core/h8; their C forms define them. FIX_INLINE: before the small functions,
- * which are inline, except on the RCX, where each use would take 20 to 100 bytes. */
+/* FIX_IN_ASSEMBLY: on the RCX most functions are in assembly, in core/h8; their C forms define their results.
+ * FIX_INLINE: makes the small functions inline, except on the RCX, where each use would take 20 to 100 bytes. */
 #ifdef __H8300__
 #define FIX_IN_ASSEMBLY
 #define FIX_INLINE
@@ -25,7 +26,7 @@
 #define FIX_INT16_MAX 32767
 #define FIX_INT32_MAX 2147483647L
 
-/* A vector of the plane, or a direction's unit vector in q15: its cosine and sine. */
+/* A vector in the plane, or the unit vector of a direction in q15: its cosine and sine. */
 typedef struct {
     int16_t x;
     int16_t y;
@@ -47,7 +48,7 @@ int32_t fix_dot(const fix_vector_t *of, const fix_vector_t *with);
 /* The projection of `of` on a direction: the scalar product / 2^15, to the nearest, halves away from zero, saturated. */
 int16_t fix_project(const fix_vector_t *of, const fix_vector_t *direction_q15);
 
-/* Compares `value`, 0..2^31-1, with the square of `root`, 0..32768: less than 0, 0, or more. */
+/* Compares `value`, 0..2^31-1, with the square of `root`, 0..32768. Returns less than 0, 0, or more than 0. */
 int16_t fix_compare_square(int32_t value, uint16_t root);
 
 /* Saturating conversions and sums; any operands. */
@@ -68,7 +69,7 @@ int32_t fix_clamp_q16(int32_t value, int16_t limit);
  * Any value; bits 1..30, a constant. */
 FIX_INLINE int32_t fix_round_shift(int32_t value, uint8_t bits);
 
-/* The same as 16 bits, saturated; bits 8..30. */
+/* The same, saturated to 16 bits; bits 8..30. */
 int16_t fix_round_shift16(int32_t value, uint8_t bits);
 
 /* gain * value, rounded to the nearest, halves away from zero; fix_mul16_q10() also saturates. gain 0..32767, value any. */
@@ -78,13 +79,13 @@ int16_t fix_mul16_q10(int16_t gain_q10, int16_t value);
 /* value * 256. */
 int32_t fix_to_q8(int16_t value);
 
-/* value * factor; must fit into 32 bits. */
+/* value * factor; the product must fit into 32 bits. */
 int32_t fix_mul32_u8(int32_t value, uint8_t factor);
 
 /* 1 / value: 32768 / value to the nearest, at most 32767; value 1..255. */
 int16_t fix_reciprocal_q15(uint8_t value);
 
-/* The number of bits of `count`, 0..16, but at most `most`. The newest of `count` samples gets the weight 2^-bits. */
+/* The number of bits of `count`, 0..16, at most `most`. bias.c gives its newest sample the weight 2^-bits. */
 uint8_t fix_bit_length(uint16_t count, uint8_t most);
 
 /* count + 1, saturated at 65535. */
@@ -99,13 +100,13 @@ FIX_INLINE uint16_t fix_add_u16(uint16_t a, uint16_t b);
 /* (a * b) >> 16 with the full 48-bit product, rounded down. Any operands: the result always fits. */
 uint32_t fix_mul_u32_q16(uint32_t a, uint16_t b);
 
-/* value * factor / 2^15 rounded towards zero, so that negating either negates the result; saturates at +-(2^31 - 1). */
+/* value * factor / 2^15 rounded towards zero: negating one operand negates the result. Saturates at +-(2^31 - 1). */
 int32_t fix_mul_q15(int32_t value, int16_t factor_q15);
 
 /* The same, saturated at +-32767. */
 int16_t fix_mul16_q15(int16_t value, int16_t factor_q15);
 
-/* value * factor / 2^16 rounded towards zero, so that negating value negates the result; any operands: it always fits. */
+/* value * factor / 2^16 rounded towards zero: negating value negates the result. Any operands: the result fits. */
 int32_t fix_mul_q16(int32_t value, uint16_t factor_q16);
 
 /* value / 1000, as value * 16777 / 2^24, too small by 13 parts in a million; to the nearest, halves away from zero, saturated. */

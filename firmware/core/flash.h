@@ -1,8 +1,10 @@
-/* flash.h: FLASH, for constant tables. A const table of an AVR chip stands in RAM, too, unless it says that it stays in flash, where other
- * instructions read it. A pointer to it is one to `const FLASH`. On all other processors FLASH is nothing.
+/* flash.h: FLASH, for constant tables. On an AVR chip a const table is copied into RAM, unless FLASH keeps it in flash,
+ * where other instructions read it. A pointer to such a table points to `const FLASH`. On other processors FLASH is
+ * empty.
  *
- * Beware: where a loop walks through a table, avr-gcc 5.4 at -O2 forgets that it stands in flash (its pass ivopts), and reads RAM. So only
- * bytes_copy_flash() does that, and hal/avr/compile leaves the pass out. tests/vectors finds such errors.
+ * Beware: where a loop walks through such a table, the pass ivopts of avr-gcc 5.4 at -O2 forgets that the table is in
+ * flash, and the loop reads RAM. So only bytes_copy_flash() has such a loop, and hal/avr/compile switches the pass off.
+ * tests/vectors finds such errors.
  */
 #ifndef BRICKPILOT_CORE_FLASH_H
 #define BRICKPILOT_CORE_FLASH_H

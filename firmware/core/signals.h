@@ -1,4 +1,4 @@
-/* signals.h: the structs that pass from one stage of a step to the next. Each is written by one stage alone.
+/* signals.h: the structs that pass from one stage of a step to the next. Each struct is written by one stage alone.
  *
  *   sensors    the loop, from the HAL
  *   predicted  the model
@@ -27,19 +27,20 @@ enum {
     SENSOR_GYRO = 1,
     SENSOR_ACCELEROMETER = 2,
     SENSOR_ROTATION = 4,
-    SENSOR_REFERENCE = 8, /* the true state: a simulator's, or a tracked arena's */
+    SENSOR_REFERENCE = 8, /* the true state, from a simulator or a tracking system */
     SENSOR_BATTERY = 16
 };
 
-/* The sensors that this build supports. A build for a brick with fewer, -DSENSORS_POSSIBLE=..., has no code for the others and
- * never asks the HAL for them. It does what a full build does when these sensors are absent. */
+/* The sensors that this build supports. A build for a brick with fewer sensors, -DSENSORS_POSSIBLE=..., has no code for
+ * the others and never asks the HAL for them. It does what a full build does when those sensors are absent. */
 #ifndef SENSORS_POSSIBLE
 #define SENSORS_POSSIBLE (SENSOR_GYRO | SENSOR_ACCELEROMETER | SENSOR_ROTATION | SENSOR_REFERENCE | SENSOR_BATTERY)
 #endif
 
 #define SENSOR_POSSIBLE(bits) ((SENSORS_POSSIBLE & (bits)) != 0)
 
-/* True when a sensor of `bits` (constants) has delivered in this step. False at compile time where the build supports none. */
+/* True when a sensor in `bits` (constants) has a value in this step. False at compile time if the build supports
+ * none. */
 #define SIGNALS_HAVE(sensors, bits) (((sensors)->have & ((bits)&SENSORS_POSSIBLE)) != 0)
 
 /* False if the build has only the profile `coupled`, whose wheels cannot slide sideways. */
@@ -83,7 +84,7 @@ typedef struct {
 typedef struct {
     int32_t x_um; /* +-2147 m, saturates */
     int32_t y_um;
-    int32_t travel_um_q5;      /* forward since the step before, +-1613234176 */
+    int32_t travel_um_q5;      /* travel forward since the step before, +-1613234176 */
     int32_t sway_travel_um_q5; /* the same to the right */
     uint16_t heading_bam16;
     int16_t speed_mm_s_q4;   /* surge, saturates at +-2.047 m/s */
@@ -92,7 +93,7 @@ typedef struct {
     uint8_t period_ms;       /* time since the step before, 1..20 */
     bool at_rest; /* wheels and body stand still: true from the end of the first quiet block until something moves */
     bool valid;   /* false: the estimate is too poor to steer by */
-    bool bias_unknown; /* the heading is that of a gyro whose bias has not been learnt */
+    bool bias_unknown; /* the heading comes from a gyro whose bias has not been learnt */
 } signals_estimate_t;
 
 /* Autopilot -> control. */
@@ -110,7 +111,7 @@ typedef struct {
 
 /* Mixer -> motors; in the next step -> model, and -> control for its anti-windup. */
 typedef struct {
-    int16_t left_mv; /* what the model's motor gets, after saturation */
+    int16_t left_mv; /* voltage of the model's motor, after saturation */
     int16_t right_mv;
     int16_t left_q15; /* duty, -32767..32767 = -1..1 times the battery voltage */
     int16_t right_q15;

@@ -9,10 +9,11 @@
 /* All zero at the start. */
 typedef struct {
     int32_t value;   /* in the samples' unit and format */
-    uint16_t learnt; /* number of samples; stays at 65535 */
+    uint16_t learnt; /* number of samples; saturates at 65535 */
 } bias_t;
 
-/* Takes a sample, within +-2^30. It has at least the weight 2^-slowest_weight_bits, 0..16. The value saturates at +-limit, 0..2^30. */
+/* Takes a sample, within +-2^30. The sample gets at least the weight 2^-slowest_weight_bits, 0..16. The bias saturates
+ * at +-limit, 0..2^30. */
 void bias_learn(bias_t *bias, int32_t sample, uint8_t slowest_weight_bits, int32_t limit);
 
 #endif

@@ -5,10 +5,10 @@
 #include "core/fix.h"
 
 enum {
-    QUIET_MRAD_S = 60,                           /* three resolutions of the gyro, four sd of its noise */
-    QUIET_MM_S2 = 115,                           /* the same of the accelerometer */
-    QUIET_MEAN_MM_S2 = 20,                       /* four sd of a mean of FRICTION_REST_STEPS */
-    FEIGNED_MM_S2 = FRICTION_BIAS_MM_S2 * 5 / 2, /* the bias, its speed by the end over the time constant, and noise */
+    QUIET_MRAD_S = 60,                           /* three times the gyro's resolution, four sd of its noise */
+    QUIET_MM_S2 = 115,                           /* the same for the accelerometer */
+    QUIET_MEAN_MM_S2 = 20,                       /* four sd of the mean of FRICTION_REST_STEPS readings */
+    FEIGNED_MM_S2 = FRICTION_BIAS_MM_S2 * 5 / 2, /* the bias, the speed it adds over the time constant, and noise */
     PER_MS_Q15 = 524                             /* 16 / s */
 };
 
@@ -25,7 +25,7 @@ static bool quiet(const friction_input_t *input)
            fix_abs_u16(input->yaw_rate_mrad_s) <= QUIET_MRAD_S && fix_abs_u16(input->accel_mm_s2) <= QUIET_MM_S2;
 }
 
-/* True at the end of enough quiet steps whose mean acceleration is none: a robot that starts gently is no rest. */
+/* True after enough quiet steps whose mean acceleration is noise: a robot that starts gently is not at rest. */
 static bool rests(friction_state_t *state, const friction_input_t *input)
 {
     const bool is_quiet = quiet(input);
@@ -44,7 +44,7 @@ static bool rests(friction_state_t *state, const friction_input_t *input)
     return is_quiet && sum <= QUIET_MEAN_MM_S2 * FRICTION_REST_STEPS;
 }
 
-/* Of what is learnt, four times as much is in force as it is beyond what a bias feigns, up to the whole. */
+/* The friction in force: four times the learnt friction above what a bias feigns, at most all that is learnt. */
 static int32_t in_force_mv_q4(const friction_config_t *config, const friction_state_t *state)
 {
     const int32_t learnt_mv_q4 = (int32_t)state->learnt_mv_q4;
@@ -68,7 +68,7 @@ static void learn(const friction_config_t *config, friction_state_t *state, cons
     state->learnt_mv_q4 = (uint16_t)(learnt < 0 ? 0 : fix_clamp32(learnt, MOST_MV_Q4));
 }
 
-/* Counts the time since the last rest as told. */
+/* Counts how long the robot has been believed slow, and the time since its last rest as told (friction.h). */
 static void watch_speed(friction_state_t *state, const friction_input_t *input)
 {
     if (!slow(input->speed_mm_s_q4)) {
@@ -102,7 +102,7 @@ void friction_take_motion(const friction_config_t *config, friction_state_t *sta
 {
     const uint16_t speed = fix_abs_u16(speed_mm_s_q4);
     const uint32_t turning =
-        fix_mul_u16(fix_abs_u16(yaw_rate_mrad_s), (uint16_t)config->half_track_m_q14) >> 10; /* of a side */
+        fix_mul_u16(fix_abs_u16(yaw_rate_mrad_s), (uint16_t)config->half_track_m_q14) >> 10; /* speed of a side */
 
     if (speed >= FRICTION_STILL_MM_S_Q4 && speed >= turning)
         state->motion = FRICTION_ROLLS;

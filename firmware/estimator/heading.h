@@ -6,10 +6,10 @@
  * in, each with less weight than the one before. A reference overrides the gyro.
  * The rotation sensors' own heading is not used: one count is 2 degrees of heading, and an error of 1 % in half-track
  * or wheel radius turns the heading further than the gyro's bias does after a rest.
- * The configuration may hold a known bias and a known scale error. They are taken out first, to the nearest mrad/s;
- * then the bias that remains is learnt.
- * A reading at the end of the gyro's range hides a part of the turn, which the heading then lacks: such steps are
- * counted. Negate all rates, the known bias and the initial heading, and the output is negated.
+ * The configuration may hold a known bias and a known scale error. Both are taken out first, to the nearest mrad/s;
+ * then the bias that remains is learnt. A reading at the end of the gyro's range misses a part of the turn, which the
+ * heading then lacks: such steps are counted. Negate all rates, the known bias and the initial heading, and the output
+ * is negated.
  */
 #ifndef BRICKPILOT_ESTIMATOR_HEADING_H
 #define BRICKPILOT_ESTIMATOR_HEADING_H
@@ -24,7 +24,7 @@ typedef struct {
     uint16_t quiet_mrad_s;       /* largest difference of two samples in a block at rest, 1..32767 */
     uint16_t rest_speed_mm_s_q4; /* at or below this speed the model is at rest, 0..32767 */
     uint8_t slowest_weight_bits; /* a block has at least the weight 2^-this, 0..7 */
-    uint16_t blind_ms;           /* the model's yaw rate may replace the gyro for so long, 0..65000 */
+    uint16_t blind_ms;           /* longest time for which the model's yaw rate may replace the gyro's, 0..65000 */
     uint16_t gyro_full_mrad_s;   /* a reading of this size or more is at the end of the gyro's range, 1..32767 */
     int16_t gyro_bias_mrad_s;    /* known bias: the gyro's reading at rest, any */
     int16_t gyro_scale_q15;      /* known scale error: true rate = rate * (1 + this), -32767..32767 = -1..1 */
@@ -32,16 +32,16 @@ typedef struct {
 
 /* All zero at the start, or heading_bam32 set to the robot's heading. */
 typedef struct {
-    bias_t bias; /* mrad/s q8, learnt, in addition to the known one: +-127 mrad/s */
+    bias_t bias; /* learnt in addition to the known bias, mrad/s q8: +-127 mrad/s */
     uint32_t heading_bam32;
     int32_t block_sum_mrad_s;
-    int16_t raw_rate_mrad_s; /* of the step before, with the bias that is learnt */
+    int16_t raw_rate_mrad_s; /* rate of the step before, with the learnt bias still in it */
     int16_t block_least_mrad_s;
     int16_t block_most_mrad_s;
     uint16_t rotation_left; /* of the step before */
     uint16_t rotation_right;
-    uint16_t blind_ms;   /* since the last gyro sample or reference; stays at 65535 */
-    uint16_t full_steps; /* steps without a reference in which the gyro was at the end of its range; stays at 65535 */
+    uint16_t blind_ms;   /* time since the last gyro sample or reference; saturates at 65535 */
+    uint16_t full_steps; /* steps without a reference, with the gyro at the end of its range; saturates at 65535 */
     uint8_t block_steps;
     bool at_rest; /* true from the end of the first quiet block until something moves */
 } heading_state_t;

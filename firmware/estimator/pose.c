@@ -9,7 +9,7 @@ static uint16_t middle_bam16(uint16_t before_bam16, uint16_t after_bam16)
     return (uint16_t)(before_bam16 + (uint16_t)((turned + (turned < 0 ? 1 : 0)) >> 1));
 }
 
-/* Moves along an axis by the share of the travel along it and that of the sway. Returns the new place, um. */
+/* Moves along an axis by the components of forward and sway travel on this axis. Returns the new coordinate, um. */
 static int32_t move_axis(pose_axis_t *axis, const signals_estimate_t *estimate, int16_t along_q15, int16_t across_q15)
 {
     const int32_t sum = axis->rest_um_q5 + fix_mul_q15(estimate->travel_um_q5, along_q15) +

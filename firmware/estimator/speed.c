@@ -4,13 +4,13 @@
 
 enum {
     Q17_PER_UM_S_Q8_Q15 = 16777,     /* 131.072 / 256: (um/s q8) to (mm/s q17) */
-    PER_1000_Q24 = 16777,            /* applied as q15, then 9 bits */
+    PER_1000_Q24 = 16777,            /* 1/1000: applied as q15, then shifted by 9 bits */
     MM_S2_Q8_PER_Q17_MS_Q14 = 32000, /* 256 * 1000 / 131072: (mm/s q17 per ms) to (mm/s^2 q8) */
     SPEED_LIMIT_MM_S_Q1 = 16380,
     JUMP_LIMIT_MM_S_Q1 = 8192,
     MOST_TRAVEL_UM_Q_11 = 16384, /* um / 2^11: 2^30 um q5 */
     MOST_COUNTS = 4096,
-    KNOWN_BIAS = 64 /* samples: an eighth of the noise is left, 4 mm/s^2 */
+    KNOWN_BIAS = 64 /* samples: their mean has an eighth of the noise, 4 mm/s^2 */
 };
 
 #define BIAS_LIMIT_MM_S2_Q12 4096000L
@@ -45,7 +45,7 @@ static int16_t forward_mm_s2(const speed_state_t *state, const signals_sensors_t
 }
 
 #ifndef FRICTION_UNLEARNT
-/* True where the accelerometer is all that tells the speed, and its bias is known. */
+/* True where only the accelerometer measures the speed, and its bias is known. */
 static bool learns_friction(const speed_config_t *config, const speed_state_t *state, const signals_sensors_t *sensors)
 {
     return config->friction.mv_per_mm_s2_q10 != 0 && state->bias.learnt >= KNOWN_BIAS && !state->rotation_known &&
@@ -53,7 +53,7 @@ static bool learns_friction(const speed_config_t *config, const speed_state_t *s
 }
 #endif
 
-/* The accelerometer's correction of the predicted speed, mm/s q17: eq. 2, with the specific force for X - D_u. */
+/* The accelerometer's correction of the predicted speed, mm/s q17: eq. 2, with the specific force as X - D_u. */
 static int32_t accel_correction(const speed_config_t *config, speed_state_t *state, const signals_sensors_t *sensors,
                                 const signals_predicted_t *predicted, int16_t yaw_rate_mrad_s)
 {
@@ -65,7 +65,7 @@ static int32_t accel_correction(const speed_config_t *config, speed_state_t *sta
 
 #ifndef FRICTION_UNLEARNT
     if (learns_friction(config, state, sensors)) {
-        friction_input_t input; /* field by field: an initialiser calls memcpy on the RCX */
+        friction_input_t input; /* set field by field: on the RCX an initialiser calls memcpy */
         friction_belief_t belief;
 
         input.innovation_mm_s_q17 = fix_sub32(0, difference);
@@ -109,8 +109,8 @@ static int32_t counted_travel_um_q5(const speed_config_t *config, speed_state_t 
     return fix_clamp_q16(mean + fix_mul_q15(turned, config->count_mismatch_q15), MOST_TRAVEL_UM_Q_11);
 }
 
-/* The rotation sensors' correction of the predicted speed, mm/s q17. Corrects the travel, too. A step without a reading gets no
- * correction, but its travel is kept: the next reading has its counts, too. */
+/* The rotation sensors' correction of the predicted speed, mm/s q17. Corrects the travel, too. A step without a reading
+ * gets no correction, but its travel is kept, since the next reading includes its counts. */
 static int32_t rotation_correction(const speed_config_t *config, speed_state_t *state, const signals_sensors_t *sensors,
                                    signals_estimate_t *estimate)
 {
@@ -145,7 +145,7 @@ static inline int32_t travel_um_q5(int16_t before_mm_s_q4, int16_t after_mm_s_q4
     return fix_mul32_u8(fix_add(before_mm_s_q4, after_mm_s_q4), period_ms);
 }
 
-/* The speed by prediction and sensors, mm/s q17. Sets the forward travel. */
+/* The speed from prediction and sensors, mm/s q17. Sets the forward travel. */
 static int32_t observe(const speed_config_t *config, speed_state_t *state, const signals_sensors_t *sensors,
                        const signals_predicted_t *predicted, signals_estimate_t *estimate)
 {

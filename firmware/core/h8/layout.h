@@ -1,5 +1,5 @@
-/* layout.h: where the RCX's compiler puts the fields of all structs that assembly reads, in bytes. The one list of them:
- * assembly takes the offsets from it, and firmware/model/h8/layout.c does not compile where an offset is wrong.
+/* layout.h: offsets, in bytes, that the RCX's compiler gives the fields of all structs that assembly reads. The only
+ * list of them: assembly includes it, and firmware/model/h8/layout.c does not compile where an offset is wrong.
  *
  * Every field of such a struct is listed, in its order, so that no two fields can change places unnoticed.
  */
@@ -67,7 +67,7 @@
     X(body_state_t, motor[1], STATE_MOTOR_1)                                                                           \
     X(body_state_t, motion, STATE_MOTION)
 
-/* A larger build has more fields after them, which no assembly reads. */
+/* A larger build has these fields after the fields above. No assembly reads them. */
 #define COEFFICIENTS_TRAVEL_FROM_SPEED 66
 #define COEFFICIENTS_HEADING_FROM_YAW_RATE 70
 #define COEFFICIENTS_THRUST_FROM_VOLTAGE 74
