@@ -6,9 +6,9 @@
  *   motor = wanted + emf * speed + offset + friction in the direction of motion
  *   needed = motor * (1 + gain) + deadband in the direction of motor
  *
- * Below DRIVE_STILL_MM_S_Q4 friction is taken in the direction of the voltage wanted. There, friction grows with 16 times
- * that voltage up to its size, and so does the dead band: noise about zero does not reverse the motor again and again.
- * All zero changes nothing, bit for bit. Negate voltage, speed and offset, and the result is negated.
+ * Below DRIVE_STILL_MM_S_Q4 friction acts in the direction of the wanted voltage. There, friction is 16 times this
+ * voltage, up to its full size, and so is the dead band: noise about zero does not reverse the motor again and again. A
+ * configuration of all zeros changes nothing, bit for bit. Negate voltage, speed and offset, and the result is negated.
  */
 #ifndef BRICKPILOT_MIXER_DRIVE_H
 #define BRICKPILOT_MIXER_DRIVE_H
@@ -30,7 +30,7 @@ typedef struct {
     drive_side_t right;
     int16_t deadband_mv;      /* 0..32000 */
     int16_t half_track_m_q14; /* 0..32767: up to 2 m */
-    int16_t reserve_mv;       /* part of the battery's voltage that is kept for all of these, 0..32000 */
+    int16_t reserve_mv;       /* part of the battery's voltage that is kept for these corrections, 0..32000 */
 } drive_config_t;
 
 /* The speed over ground that turning adds on the left side and subtracts on the right; saturates. */

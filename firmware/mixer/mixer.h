@@ -1,8 +1,8 @@
 /* mixer.h: from the two efforts to two motor voltages, and from these to the duty that this robot's motors need.
  *
- * left = surge + yaw, right = surge - yaw. Heading has priority: yaw gets the voltage that there is, surge gets the rest.
- * Exactly symmetric if the drive's sides are alike and have no offset: negate yaw, and the motors change places; negate
- * both efforts and the motion, and both outputs are negated.
+ * left = surge + yaw, right = surge - yaw. Heading has priority: yaw gets what it needs of the available voltage, surge
+ * gets the rest. Exactly symmetric if the drive's sides are alike and have no offset: negate yaw, and the motors change
+ * places; negate both efforts and the motion, and both outputs are negated.
  * Never fails: it saturates, and reports that to the controllers.
  */
 #ifndef BRICKPILOT_MIXER_MIXER_H
@@ -24,15 +24,15 @@ typedef struct {
     uint16_t battery_mv;   /* the newest reading, or the nominal voltage: the duty is computed for it */
 } mixer_state_t;
 
-/* Takes the battery's reading, if this step has one. Where the battery sags, corrects the voltages of state->drive: their duty was
- * computed for the reading before, and this one says what the motors really had. */
+/* Takes the battery's reading, if this step has one. Where the battery sags, corrects the voltages of state->drive:
+ * their duty was computed for the reading before, and the new reading is what the battery really gave. */
 void mixer_take_battery(const mixer_config_t *config, mixer_state_t *state, const signals_sensors_t *sensors);
 
 /* Sets `drive`, and keeps a copy in state->drive. state->battery_mv any; above 32000 counts as 32000. Efforts any. Reads
  * speed and yaw rate of `estimate`.
  * Voltages are within battery * max_duty minus the drive's reserve; they are what the model's motors would get. Duty is
- * drive_voltage_mv() of them, at most max_duty, over battery, rounded to the nearest 1/32767: the battery's own voltage
- * gives 32767. No effort gives duty 0, whatever the drive. */
+ * drive_voltage_mv() of these divided by the battery's voltage, at most max_duty, rounded to the nearest 1/32767: the
+ * full battery voltage gives 32767. No effort gives duty 0, whatever the drive. */
 void mixer_step(const mixer_config_t *config, mixer_state_t *state, const signals_effort_t *effort,
                 const signals_estimate_t *estimate, signals_drive_t *drive);
 

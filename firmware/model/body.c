@@ -27,7 +27,7 @@ static int32_t square(int32_t speed_mm_s_q17)
     return (int32_t)fix_mul_u16(speed_q1, speed_q1);
 }
 
-/* Eq. 5, on one axis. */
+/* Drag by eq. 5, on one axis. */
 static int32_t drag(const body_coefficients_t *coefficients, int32_t speed_mm_s_q17)
 {
     const int32_t loss = scale_apply(&coefficients->drag, square(speed_mm_s_q17));
@@ -78,8 +78,8 @@ static bool moves(int32_t surge_mm_s_q17, int32_t sway_mm_s_q17)
            fix_mul_u16((uint16_t)BODY_REST_SPEED_MM_S_Q17, (uint16_t)BODY_REST_SPEED_MM_S_Q17);
 }
 
-/* Eq. 6, 7 and 9 seen from the room: along the velocity; for a vehicle that moves backward, along the velocity's mirror
- * image ahead of it. */
+/* Direction of thrust by eq. 6, 7 and 9, in the room's frame: along the velocity. For a vehicle that moves backward,
+ * along the mirror image of the velocity ahead of it. */
 static uint16_t thrust_bam16(const body_state_t *state, uint16_t heading_bam16)
 {
     if (!moves(state->motion.surge_mm_s_q17, state->motion.sway_mm_s_q17))

@@ -3,9 +3,9 @@
  * Profile BODY_COUPLED. Wheels neither slip nor slide, so surge = r_w (w_l + w_r) / 2, yaw rate = r_w (w_l - w_r) /
  * (2 half-track), sway = 0, and the tyre force puts the body's inertia onto the wheels. Mean and half difference of
  * both wheels are then two independent motors, with the inertias J + m r_w^2 / 2 and J + J_z r_w^2 /
- * (2 half-track^2). Only air drag (eq. 5) ties them to the past step.
+ * (2 half-track^2). Only air drag (eq. 5) is taken from the speed of the step before.
  *
- * Profile BODY_PAPER. Each wheel turns for itself (eq. 14). Thrust is eq. 15 to 17 with the wheel speed's mean over the
+ * Profile BODY_PAPER. Each wheel is one motor (eq. 14). Thrust is eq. 15 to 17 with the wheel speed's mean over the
  * step, along the velocity vector (eq. 6, 7, 9), or along the heading below BODY_REST_SPEED; nothing damps yaw. The
  * velocity is kept in the room's frame, where the Coriolis terms of eq. 2 and 3 vanish, and turned into surge and sway.
  *
@@ -19,15 +19,15 @@
 #include "model/motor.h"
 
 #define BODY_PERIOD_MS STEP_MS
-#define BODY_SPEED_LIMIT_MM_S_Q17 1073479680L      /* 8.19 m/s, either axis: two of them fit in 31 bits */
+#define BODY_SPEED_LIMIT_MM_S_Q17 1073479680L      /* 8.19 m/s, either axis: the sum of two fits in 31 bits */
 #define BODY_YAW_RATE_LIMIT_MRAD_S_Q12 1966080000L /* 480 rad/s */
 #define BODY_REST_SPEED_MM_S_Q17 45875L            /* 0.35 mm/s: below it motion has no direction */
 
 typedef enum { BODY_COUPLED = 0, BODY_PAPER = 1 } body_profile_t;
 
-/* An image for a small brick holds one of them: -DBODY_WITHOUT_PAPER or -DBODY_WITHOUT_COUPLED. Do not give it coefficients
- * of the other. With -DBODY_VELOCITY_ONLY, too, an image without `paper` has body_predict() and body_correct_surge() alone,
- * which are all that app/step.c calls. */
+/* An image for a small brick holds one profile: -DBODY_WITHOUT_PAPER or -DBODY_WITHOUT_COUPLED. Do not give it
+ * coefficients of the other profile. With -DBODY_VELOCITY_ONLY, too, an image without `paper` has body_predict() and
+ * body_correct_surge() alone, which are all that app/step.c calls. */
 #if defined(BODY_WITHOUT_PAPER)
 #define BODY_ONLY BODY_COUPLED
 #define BODY_IS_PAPER(coefficients) false
@@ -38,7 +38,8 @@ typedef enum { BODY_COUPLED = 0, BODY_PAPER = 1 } body_profile_t;
 #define BODY_IS_PAPER(coefficients) ((coefficients)->profile == BODY_PAPER)
 #endif
 
-/* The generator computes the coefficients from SI values, and proves that nothing overflows. Brackets: unit of value and result. */
+/* The generator computes the coefficients from SI values, and proves that nothing overflows. Brackets: units of input
+ * and result. */
 typedef struct {
     body_profile_t profile;
     /* Coupled: mean and half difference, with the sum or difference of mV as input. Paper: left and right. */
@@ -79,8 +80,8 @@ typedef struct {
     int32_t right_mrad_s_q13;
 } body_wheels_t;
 
-/* One step of the velocities, with both voltages held and limited to +-MOTOR_VOLTAGE_LIMIT_MV. Moves the heading in `paper`,
- * where thrust needs it; neither the heading in `coupled` nor the position. */
+/* One step of the velocities, with both voltages held and limited to +-MOTOR_VOLTAGE_LIMIT_MV. Moves the heading in
+ * `paper`, where thrust needs it. It moves neither the heading in `coupled` nor the position. */
 void body_predict(const body_coefficients_t *coefficients, body_state_t *state, int16_t left_mv, int16_t right_mv);
 
 /* One step of velocities, heading and position. */

@@ -7,7 +7,7 @@
 #include "core/fix.h"
 #include "model/body.h"
 
-/* Declares an array of negative size where the field is elsewhere: the compiler's message names the offset to correct. */
+/* Declares an array of negative size if the offset is wrong: the compiler's message names the offset to correct. */
 #define CHECK(type, field, offset)                                                                                     \
     extern char correct_in_core_h8_layout_h_##offset[offsetof(type, field) == (offset) ? 1 : -1];
 

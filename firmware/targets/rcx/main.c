@@ -13,7 +13,7 @@
 
 enum {
     REST_MS = 2000,
-    TELEMETRY_MS = 2000, /* from one set of telemetry to the next: its seven messages take half a second of the link */
+    TELEMETRY_MS = 2000, /* from one report to the next: its seven messages take half a second of the link */
     HEARTBEAT_MS = 3000  /* from one HEARTBEAT with FAULTS to the next */
 };
 
@@ -24,7 +24,7 @@ static bool starting; /* the mission starts as soon as the robot has rested */
 /* Times of the clock. 16 bits are enough for the times measured here. */
 static uint16_t now_ms, due_ms, resting_ms, telemetry_ms, heartbeat_ms;
 
-/* True if `time_ms` has passed; then the time begins again. */
+/* True if `time_ms` has passed since `since_ms`; the time then begins again. */
 static bool is_over(uint16_t *since_ms, uint16_t time_ms)
 {
     if ((uint16_t)(now_ms - *since_ms) < time_ms)
@@ -39,7 +39,7 @@ static void start_soon(void)
     resting_ms = now_ms;
 }
 
-/* Returns the command of a button, or else that of the host. */
+/* Returns the command of a button, or else the host's command. */
 static mode_command_t command_now(void)
 {
     mode_command_t command = commands_next(&commands);
@@ -61,7 +61,7 @@ static mode_command_t command_now(void)
     return command;
 }
 
-/* The settings say how often the loop sends, but they are made for faster links. So this holds the loop back, tick by tick. */
+/* The loop's settings for sending are made for faster links. So this function holds the messages back, tick by tick. */
 static void hold_back(void)
 {
     state.until_telemetry = state.until_heartbeat = 1;

@@ -2,7 +2,7 @@
  * would need. The link carries 218 bytes per second: too few to send the readings while driving. `brickpilot import rcx` fetches the
  * recording afterwards, as a data set.
  *
- * The host asks for a block with two bytes, its number, low byte first. The reply is that number and the block. Block 0 is the
+ * The host asks for a block by number: two bytes, low byte first. The reply is the number and the block. Block 0 is the
  * description (describe()); block n holds the samples from 20 (n - 1) on. A repeated request gets the same reply.
  */
 #include <conio.h>
@@ -17,7 +17,7 @@
 enum {
     VERSION = 1,
     PERIOD_MS = 10,
-    SAMPLE_SIZE = 5, /* four numbers of 10 bits; the first one has the lowest bits */
+    SAMPLE_SIZE = 5, /* bytes: four numbers of 10 bits; the first one has the lowest bits */
     BLOCK_SAMPLES = 20,
     SAMPLES_MOST = 1700,
     HALF = 16384

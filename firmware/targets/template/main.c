@@ -21,7 +21,7 @@ static bool wait_for_tick(void)
     return false;
 }
 
-/* Returns the host's command, or that to start once the robot has rested. */
+/* Returns the host's command, or MODE_START once the robot has rested. */
 static mode_command_t command_now(void)
 {
     const mode_command_t command = commands_next(&commands);

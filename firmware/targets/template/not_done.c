@@ -1,4 +1,5 @@
-/* not_done.c: what a port and its main program do not do yet, on this machine's screen. The recipe's step 3 removes it. */
+/* not_done.c: prints what a port and its main program still lack, on this machine's screen. The recipe's step 3 removes
+ * it. */
 #include "template/not_done.h"
 
 #include <stdio.h>
