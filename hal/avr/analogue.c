@@ -7,7 +7,7 @@
 #include "avr/board.h"
 #include "hal.h"
 
-/* 125 kHz: the converter is good for 10 bits up to 200. A conversion takes 13 of its cycles, and 1 until the next one has begun. */
+/* 125 kHz: the converter gives 10 good bits up to 200 kHz. A conversion takes 13 of its cycles, the next start 1. */
 enum { CONTROL = 1U << ADEN | 1U << ADIE | 1U << ADPS2 | 1U << ADPS1 | 1U << ADPS0, BEGIN = 1U << ADSC };
 enum { AVCC = 1U << REFS0 };
 #ifdef BOARD_ATMEGA2560
@@ -16,8 +16,8 @@ enum { BANDGAP_INPUT = 0x1E };
 enum { BANDGAP_INPUT = 0x0E };
 #endif
 
-/* A round is one turn through the sensors; the burst is 4 rounds and two readings of the bandgap, of which the first one only lets
- * the input settle. */
+/* A round reads each sensor in turn; a burst is 4 rounds and two readings of the bandgap, of which the first one only
+ * lets the input settle. */
 enum { ROUNDS = 4, COUNT_MOST = 1023, FRESH_TICKS = 1 };
 #if BOARD_IMU != BOARD_ANALOGUE
 #define ROUND ANALOGUE_BATTERY
@@ -42,13 +42,13 @@ static const __flash uint8_t INPUTS[ANALOGUE_SUMS] = {
     [ANALOGUE_BATTERY] = AVCC | BOARD_BATTERY_INPUT, [ANALOGUE_BANDGAP] = AVCC | BANDGAP_INPUT,
 };
 
-/* 1.1 V of 5 V are 225; both may be a tenth off. */
+/* 1.1 V of 5 V reads as 225; both voltages may be wrong by a tenth. */
 enum { BANDGAP_LEAST = 184, BANDGAP_MOST = 276 };
 
-static uint16_t sums[ANALOGUE_SUMS]; /* of the burst that is under way */
-static uint8_t at;                   /* conversions of it that have ended */
+static uint16_t sums[ANALOGUE_SUMS]; /* sums of the burst under way */
+static uint8_t at;                   /* conversions of this burst that have ended */
 static volatile uint16_t newest[ANALOGUE_BATTERY + 1];
-static volatile uint8_t age = 255; /* ticks since the newest good burst ended; stays at 255 */
+static volatile uint8_t age = 255; /* ticks since the newest good burst ended; saturates at 255 */
 static volatile uint16_t faults;
 
 static void count_fault(void)
@@ -137,7 +137,8 @@ static bool read(uint8_t which, uint16_t *sum)
 #define LOG2(readings) ((readings) == 16 ? 4U : (readings) == 8 ? 3U : 2U)
 
 #if BOARD_IMU == BOARD_ANALOGUE
-/* What an axis gives. An input that stays at either end is not connected. The whole range fits: see the checks below. */
+/* The value of an axis. An input that stays at either end is not connected. The whole range fits: see the checks
+ * below. */
 #define IS_CONNECTED(sum, readings) ((sum) > 0 && (sum) < (readings) * (uint16_t)COUNT_MOST)
 
 static int16_t scaled(uint16_t sum, uint8_t readings_log2, uint16_t zero, uint16_t per_count_q8, bool reversed)

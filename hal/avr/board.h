@@ -1,7 +1,7 @@
 /* board.h: the wiring of the robot, and the sign, zero and scale of each sensor. Edit it if your robot is wired differently.
  *
  * This file names no register, so that a simulator of the board can include it, too. A pin is a pair: the letter of its port, and
- * its bit. The chip is that of the compiler; a host says -DBOARD_ATMEGA2560, or gets the ATmega328P.
+ * its bit. The compiler's target selects the chip. On a host -DBOARD_ATMEGA2560 does; else it is an ATmega328P.
  */
 #ifndef BRICKPILOT_AVR_BOARD_H
 #define BRICKPILOT_AVR_BOARD_H
@@ -12,7 +12,7 @@
 
 #define BOARD_CPU_HZ 16000000UL
 
-/* Motors: an H-bridge of the kind of TB6612FNG, with two inputs for the direction and one for the PWM of each motor.
+/* Motors: an H-bridge like the TB6612FNG, with two inputs for the direction and one for the PWM of each motor.
  *
  *   IN1 IN2   PWM
  *    1   0   duty   forward: between the pulses the bridge shorts the motor
@@ -20,9 +20,9 @@
  *    1   1    1     brake: the motor is shorted. Duty 0 does this, as the controller's model assumes
  *    0   0    0     coast: no current. After a reset, and in every safe state
  *
- * Timer 1 makes the PWM: fast, 10 bits, no prescaler, 15.6 kHz. OCR1A, OCR1B of 0..1023 is a duty of 1..1024 parts of 1024. While a motor
- * coasts or brakes, its pin is off the timer and steady. After a reset all pins are inputs: pull-down resistors of 10 kilohm hold
- * each of the six low. If a motor turns the wrong way, swap its two wires. */
+ * Timer 1 makes the PWM: fast, 10 bits, no prescaler, 15.6 kHz. OCR1A or OCR1B = 0..1023 gives a duty of 1..1024 parts
+ * of 1024. While a motor coasts or brakes, its PWM pin is steady, off the timer. After a reset all pins are inputs:
+ * pull-down resistors of 10 kilohm hold each of the six low. If a motor turns the wrong way, swap its two wires. */
 #ifdef BOARD_ATMEGA2560
 #define BOARD_LEFT_PWM B, 5  /* OC1A, pin 11 of an Arduino Mega */
 #define BOARD_RIGHT_PWM B, 6 /* OC1B, pin 12 */
@@ -74,8 +74,9 @@
 #endif
 
 /* Analogue inputs: channels 0 to 3 of the converter (PC0..PC3, or PF0..PF3 of the ATmega2560; A0..A3), against AVcc of 5 V. The gyro and
- * the accelerometers, if they are analogue, give 2.5 V for zero. Clockwise from above, forward and to the right are more volts. Zero
- * is the reading at rest on level ground, in 1024ths of 5 V. PER_COUNT_Q8 is mrad/s or mm/s^2 for one of these, times 256. */
+ * the accelerometers, if they are analogue, give 2.5 V for zero. Turning clockwise (from above) and accelerating
+ * forward or to the right give more volts. ZERO is the reading at rest on level ground, in 1024ths of 5 V. PER_COUNT_Q8
+ * is mrad/s or mm/s^2 per 1024th, times 256. */
 #define BOARD_GYRO_INPUT 0
 #define BOARD_SURGE_INPUT 1
 #define BOARD_SWAY_INPUT 2
@@ -91,13 +92,13 @@
 #define BOARD_SWAY_PER_COUNT_Q8 9810
 #define BOARD_SWAY_REVERSED 0
 
-/* The battery, behind 30 kilohm to it and 10 kilohm to ground: 5 V are 20 V. */
+/* The battery, through a divider of 30 kilohm to it and 10 kilohm to ground: 5 V at the input are 20 V. */
 #define BOARD_BATTERY_FULL_MV 20000
 
-/* The host's line: UART 0, 8 bits, no parity. 16 MHz makes 117,647 baud of it, 2.1 % more, as every Arduino does. */
+/* The host's line: UART 0, 8 bits, no parity. At 16 MHz it has 117,647 baud, 2.1 % more, as on every Arduino. */
 #define BOARD_BAUD 115200UL
 
-/* Timer 2 counts milliseconds. Every BOARD_TICK_MS of them begin a tick. */
+/* Timer 2 counts milliseconds. A tick begins every BOARD_TICK_MS. */
 #ifndef BOARD_TICK_MS
 #define BOARD_TICK_MS 3
 #endif

@@ -15,7 +15,7 @@ enum { PRESCALE = 64, TOP = BOARD_CPU_HZ / PRESCALE / 1000 - 1 };
 _Static_assert(BOARD_TICK_MS > 1, "the digital IMU is read in the ms before a tick");
 
 static volatile uint32_t now_ms;
-static volatile uint8_t ticks; /* that have begun, but the loop has not seen them; stays at 255 */
+static volatile uint8_t ticks; /* ticks that have begun and that the loop has not seen; saturates at 255 */
 static uint8_t until_tick = BOARD_TICK_MS;
 
 ISR(TIMER2_COMPA_vect)
@@ -34,8 +34,8 @@ ISR(TIMER2_COMPA_vect)
 
 void clock_start(void)
 {
-    TCCR2A = 1U << WGM21; /* begins anew at OCR2A */
-    TCCR2B = 1U << CS22;  /* by 64 */
+    TCCR2A = 1U << WGM21; /* counts from 0 again after OCR2A */
+    TCCR2B = 1U << CS22;  /* clock divided by 64 */
     OCR2A = TOP;
     TIMSK2 = 1U << OCIE2A;
 }
@@ -51,8 +51,8 @@ uint32_t hal_clock_ms(void)
     return ms;
 }
 
-/* Sleeps until an interrupt, as the manual of avr/sleep.h says: none comes between sei() and the instruction after it, so that none
- * is slept through. Interrupts are off before and after. */
+/* Sleeps until an interrupt, as the manual of avr/sleep.h says: no interrupt comes between sei() and the instruction
+ * after it, so that the chip sleeps through none. Interrupts are off before and after. */
 static void sleep_until_interrupt(void)
 {
     sleep_enable();

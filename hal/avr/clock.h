@@ -6,8 +6,8 @@
 
 void clock_start(void);
 
-/* Sleeps until a tick begins. Returns at once if one has begun since the last return. Call it with interrupts on. Returns the ticks that
- * have begun since then: 1, or more if the caller was late. */
+/* Sleeps until a tick begins. Returns at once if a tick has begun since the last call returned. Call it with interrupts
+ * on. Returns the number of ticks since then: 1, or more if the caller was late. */
 uint8_t clock_wait(void);
 
 #endif

@@ -24,9 +24,9 @@ typedef struct {
     uint8_t at, value;
 } setting_t;
 
-/* Of each sensor: its address, its name and those of its kin, what is written to it, the burst (its first register and size, the bits of
- * the first byte that say "new data"), where in the burst the values are, and what one of 65536 of a range means in mrad/s or mm/s^2,
- * times 65536. Both give 1,000 degrees/s and 2 g, and a band of 150 to 190 Hz. */
+/* For each sensor: its address, the names of the chips of its kind, its settings, the burst (its first register and
+ * size, the bits of the first byte that say "new data"), where in the burst the values are, and mrad/s or mm/s^2 per
+ * count, times 65536. Both sensors have ranges of 1,000 degrees/s and 2 g, and a bandwidth of 150 to 190 Hz. */
 #if BOARD_IMU == BOARD_MPU6050
 /* InvenSense, MPU-6000/6050 register map 4.2; the MPU-6500, 9250 and 9255 have the same registers. Data: high byte first. */
 enum { ADDRESS = 0x68 | BOARD_IMU_SECOND_ADDRESS, WHO_AM_I = 0x75, BURST = 0x3A, SIZE = 15, READY = 1 };
@@ -40,33 +40,33 @@ static const __flash setting_t SETTINGS[] = {
     {0x1C, 0x00}, /* ACCEL_CONFIG: 2 g */
     {0x38, 0x01}, /* INT_ENABLE: data ready */
 };
-#define YAW_Q16 34873UL   /* 32.8 of them are a degree/s */
-#define FORCE_Q16 39227UL /* 16,384 are g */
+#define YAW_Q16 34873UL   /* 32.8 counts are a degree/s */
+#define FORCE_Q16 39227UL /* 16,384 counts are g */
 #else
 /* ST, LSM6DS3, LSM6DSL, LSM6DS3TR-C, LSM6DSO: low byte first. */
 enum { ADDRESS = 0x6A | BOARD_IMU_SECOND_ADDRESS, WHO_AM_I = 0x0F, BURST = 0x1E, SIZE = 14, READY = 3 };
 enum { YAW_AT = 8, SURGE_AT = 10, SWAY_AT = 12, HIGH = 1, LOW = 0 };
 static const __flash uint8_t NAMES[] = {0x69, 0x6A, 0x6C};
 static const __flash setting_t SETTINGS[] = {
-    {0x12, 0x44}, /* CTRL3_C: both bytes of a value are of one sample; registers follow each other */
+    {0x12, 0x44}, /* CTRL3_C: both bytes of a value are of one sample; a burst reads register after register */
     {0x10, 0x70}, /* CTRL1_XL: 833 Hz, 2 g */
     {0x11, 0x78}, /* CTRL2_G: 833 Hz, 1,000 degrees/s */
 };
-#define YAW_Q16 40034UL   /* 35 thousandths of a degree/s */
-#define FORCE_Q16 39204UL /* 61 millionths of g */
+#define YAW_Q16 40034UL   /* a count is 35 thousandths of a degree/s */
+#define FORCE_Q16 39204UL /* a count is 61 millionths of g */
 #endif
 
 enum { ASK = 0, FIRST_SETTING = 1, RUN = FIRST_SETTING + sizeof SETTINGS / sizeof SETTINGS[0] };
-enum { FRESH_TICKS = 1, START_TICKS = 100 / BOARD_TICK_MS }; /* the slower one gives data 80 ms after it was set up */
+enum { FRESH_TICKS = 1, START_TICKS = 100 / BOARD_TICK_MS }; /* the slower chip gives data 80 ms after it is set up */
 
 typedef struct {
     int16_t surge, sway, yaw;
 } counts_t;
 
 static uint8_t at;           /* ASK, the setting that is written next, or RUN */
-static uint8_t without_data; /* ticks in RUN */
+static uint8_t without_data; /* ticks in RUN without new data */
 static counts_t newest;
-static uint8_t age = 255; /* ticks since the newest reading; stays at 255 */
+static uint8_t age = 255; /* ticks since the newest reading; saturates at 255 */
 static uint16_t faults;
 static bool begun;
 
@@ -160,7 +160,7 @@ static int16_t scaled(int16_t counts, uint32_t per_count_q16, bool reversed)
     return (counts < 0) != reversed ? (int16_t)-value : value;
 }
 
-/* The chip lies with its x axis forward and its face up: its y axis points to the left, and it turns counter-clockwise. */
+/* The chip lies with its x axis forward and its face up: its y axis points left, its yaw rate counter-clockwise. */
 hal_status_t hal_imu_read(hal_imu_t *out)
 {
     counts_t now;

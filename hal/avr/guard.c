@@ -6,8 +6,8 @@
 
 #include "avr/motors.h"
 
-/* What avrdude burns: a crystal at its full speed, no boot loader, and the brown-out detector at 4.3 V, which the sensors' 5 V need.
- * A library of Arduino has none: a boot loader cannot write them. */
+/* The fuses that avrdude writes: a crystal at its full speed, no boot loader, and the brown-out detector at 4.3 V,
+ * which the sensors' 5 V need. An Arduino library has no fuses: a boot loader cannot write them. */
 #ifndef BRICKPILOT_LIBRARY
 FUSES = {
     .low = 0xFF,
@@ -23,9 +23,9 @@ extern uint16_t __heap_start;
 
 #define ALIVE 0x6B95D2A4UL
 
-/* Not cleared at a start, so that it outlives every reset and every boot loader: loaders use the start of RAM and its
- * end, and this lies between the variables and the stack. What RAM holds after power-on is no such pair, but by a chance
- * of 1 in 2^64. */
+/* The mark is not cleared at a start, so that it outlives every reset and every boot loader: loaders use the start of
+ * RAM and its end, and the mark lies between the variables and the stack. After power-on RAM holds such a pair only by
+ * a chance of 1 in 2^64. */
 static struct {
     uint32_t alive, complement;
 } mark __attribute__((section(".noinit")));
@@ -35,7 +35,7 @@ static bool survived
     __attribute__((section(".noinit"))); /* the program had run before this start, and RAM kept its mark */
 
 /* Runs before the variables are cleared. After a watchdog reset the watchdog is on, at 15 ms. A boot loader may have
- * cleared MCUSR: those of Arduino's core do, and leave nothing that can be trusted in a register. */
+ * cleared MCUSR: the loaders of Arduino's core do, and no register keeps a copy that can be trusted. */
 __attribute__((naked, used, section(".init3"))) static void keep_cause(void)
 {
     survived = mark.alive == ALIVE && mark.complement == ~ALIVE;
@@ -71,7 +71,7 @@ void guard_start(void)
 
 void guard_tick(void)
 {
-    leave_mark(); /* also where a stack that has grown too far has overwritten it */
+    leave_mark(); /* also after a stack that grew too far has overwritten it */
     if (__heap_start == CANARY)
         wdt_reset();
 }

@@ -1,8 +1,9 @@
 /* guard.h: why the chip started, and what starts it again when the program fails.
  *
- * Every reset makes all pins inputs at once, and the pull-down resistors at the H-bridge then let both motors coast. That is the safe
- * state. Three things lead there: the watchdog, when guard_tick() is not called for GUARD_MS; the brown-out detector, below 4.3 V; and
- * an interrupt that nobody expects, or a stack that has grown into the variables, after which the watchdog does the rest.
+ * Every reset makes all pins inputs at once, and the pull-down resistors at the H-bridge then let both motors coast.
+ * That is the safe state. Three things lead there: the watchdog, when guard_tick() is not called for GUARD_MS; the
+ * brown-out detector, below 4.3 V; and an unexpected interrupt, or a stack that has grown into the variables, after
+ * which the watchdog resets the chip.
  */
 #ifndef BRICKPILOT_AVR_GUARD_H
 #define BRICKPILOT_AVR_GUARD_H
@@ -10,7 +11,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* The watchdog's own oscillator is good to a tenth. */
+/* The watchdog's own oscillator is accurate to a tenth. */
 enum { GUARD_MS = 30 };
 
 /* Bits of guard_cause(), as MCUSR has them. */
@@ -20,14 +21,14 @@ enum { GUARD_POWER_ON = 1, GUARD_RESET_PIN = 2, GUARD_BROWN_OUT = 4, GUARD_WATCH
  * has cleared the register, as those of Arduinos do. */
 uint8_t guard_cause(void);
 
-/* True after power-on, and after the reset pin's button if MCUSR tells of it alone: only then a robot may drive off by
- * itself. It is a power-on if RAM holds no mark of guard_start() and MCUSR shows nothing, or a power-on and no
- * watchdog. RAM may keep the mark for some seconds without supply: then the robot waits for a command. Behind a loader
- * that clears MCUSR the button cannot be told from the watchdog. */
+/* True after power-on, and after a push of the reset button if MCUSR shows the reset pin alone: only then may a robot
+ * drive off by itself. A start is a power-on if RAM holds no mark of guard_start(), and MCUSR shows nothing, or a
+ * power-on and no watchdog. RAM may keep the mark for some seconds without supply: then the robot waits for a command.
+ * With a loader that clears MCUSR, the button cannot be told from the watchdog. */
 bool guard_may_start(void);
 
-/* Starts the watchdog, and marks in RAM that the program runs, whose motors may be on. From now on guard_tick() has to
- * be called. */
+/* Starts the watchdog, and marks in RAM that the program runs and that motors may be on. From then on guard_tick() has
+ * to be called in every tick. */
 void guard_start(void);
 void guard_tick(void);
 

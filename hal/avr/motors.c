@@ -14,8 +14,8 @@ enum { LEFT_ON_TIMER = 1U << COM1A1, RIGHT_ON_TIMER = 1U << COM1B1 };
 
 typedef enum { COAST, BRAKE, FORWARD, BACKWARD } bridge_t;
 
-/* The direction's pins of both motors may share a port with other pins, also with those of an interrupt. So this runs with
- * interrupts off. */
+/* The direction pins of both motors may share a port with other pins, also with pins that an interrupt writes. So this
+ * function runs with interrupts off. */
 static inline void set_pin(volatile uint8_t *port, uint8_t bit, bool on)
 {
     *port = (uint8_t)(on ? *port | bit : *port & ~bit);
@@ -71,7 +71,7 @@ void motors_start(void)
     TCCR1B = MODE_B;
 }
 
-/* Returns the parts of 1024, to the nearest. */
+/* Returns the duty in parts of 1024, rounded to the nearest. */
 static uint16_t parts_of(int16_t duty_q15)
 {
     const uint16_t size = duty_q15 < 0 ? -(uint16_t)duty_q15 : (uint16_t)duty_q15;

@@ -5,7 +5,7 @@
 /* Starts the PWM. The motors coast. */
 void motors_start(void);
 
-/* No current: the safe state. Also safe in an interrupt. */
+/* Switches the current off: the safe state. It may also be called in an interrupt. */
 void motors_coast(void);
 
 #endif

@@ -11,7 +11,7 @@
 #define PINS_DIRECTION_(letter, bit) DDR##letter
 #define PINS_BIT_(letter, bit) (1U << (bit))
 
-/* Of a pin of board.h, which becomes its letter and its bit here. */
+/* For a pin of board.h, which expands to its letter and its bit. */
 #define PINS_OUT(...) PINS_OUT_(__VA_ARGS__)
 #define PINS_IN(...) PINS_IN_(__VA_ARGS__)
 #define PINS_DIRECTION(...) PINS_DIRECTION_(__VA_ARGS__)

@@ -6,9 +6,9 @@
 
 void rotation_start(void);
 
-/* Changes of both lines of a sensor at a time: at least one edge was missed, or it was noise. Nothing is counted then. Stays at 65535.
- * Most noise is no error: a false pulse on one line counts forth and back. If the other line has an edge within the pulse, the count
- * loses 4 against the motion, and that is no error either. */
+/* Number of times that both lines of a sensor changed at once: an edge was missed, or there was noise. The sensor then
+ * counts nothing. Saturates at 65535. Most noise is not seen here: a false pulse on one line counts forth and back. If
+ * the other line has an edge within the pulse, the count loses 4 against the motion, which is not seen either. */
 uint16_t rotation_errors(void);
 
 #endif

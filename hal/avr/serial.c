@@ -8,7 +8,7 @@
 
 enum { DIVISOR = (BOARD_CPU_HZ + 4 * BOARD_BAUD) / (8 * BOARD_BAUD) - 1 }; /* with 8 samples a bit */
 
-/* The interrupts alone write in_put and out_taken, the program alone in_taken and out_put. One byte each, so no lock is needed. */
+/* Only interrupts write in_put and out_taken, only the program in_taken and out_put. A byte each: no lock is needed. */
 static volatile uint8_t in[SERIAL_IN], out[SERIAL_OUT];
 static volatile uint8_t in_put, in_taken, out_put, out_taken;
 static volatile uint16_t overruns;
@@ -36,7 +36,7 @@ static inline void count_overrun(void)
 
 ISR(USART_RX_vect)
 {
-    const uint8_t status = UCSR0A, byte = UDR0; /* in this order: the status is that of the byte */
+    const uint8_t status = UCSR0A, byte = UDR0; /* read in this order: the status belongs to the byte */
     const uint8_t put = next_in(in_put);
 
     if (status & 1U << DOR0)

@@ -5,8 +5,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* Powers of two, so that an index wraps with a mask. In a tick of 3 ms 35 bytes come; a frame has 15 at most, and eight of them can
- * wait to be sent. One byte of each buffer stays empty. */
+/* Powers of two, so that an index wraps with a mask. Up to 35 bytes come in a tick of 3 ms; a frame has at most 15
+ * bytes, and eight frames can wait to be sent. One byte of each buffer stays empty. */
 enum { SERIAL_IN = 64, SERIAL_OUT = 128 };
 
 void serial_start(void);
@@ -14,13 +14,13 @@ void serial_start(void);
 /* Gives the oldest byte that has come. Returns false if there is none. */
 bool serial_read(uint8_t *byte);
 
-/* Whether so many bytes can be sent at once, 0..127. */
+/* True if `size` bytes, 0..127, can be sent at once. */
 bool serial_has_room(uint8_t size);
 
-/* Sends bytes for which there is room. */
+/* Sends `size` bytes. The caller has checked that there is room for them. */
 void serial_write(const uint8_t *bytes, uint8_t size);
 
-/* Bytes that were lost, in the UART or for want of room in the buffer; stays at 65535. */
+/* Number of bytes lost in the UART or for lack of room in the buffer; saturates at 65535. */
 uint16_t serial_overruns(void);
 
 #endif

@@ -12,7 +12,8 @@
 /* The chip divides its clock by 16 + 2 TWBR. */
 enum { HERTZ = 400000, RATE = (BOARD_CPU_HZ / HERTZ - 16) / 2 };
 
-/* What TWSR says has happened. simavr tells the acknowledge of an address as that of a byte; nothing here depends on which it is. */
+/* Values of TWSR: what has happened. simavr reports an address's acknowledge as that of a byte; both do the same
+ * here. */
 enum {
     STARTED = 0x08,
     STARTED_AGAIN = 0x10,
@@ -107,7 +108,7 @@ const uint8_t *twi_received(void)
     return in;
 }
 
-/* A line is low where its pin is an output, and the pull-up resistor's where it is an input. */
+/* A line is low while its pin is an output; while the pin is an input, the pull-up resistor makes the line high. */
 #define PULL(...) (PINS_DIRECTION(__VA_ARGS__) |= PINS_BIT(__VA_ARGS__))
 #define LET_GO(...) (PINS_DIRECTION(__VA_ARGS__) &= (uint8_t)~PINS_BIT(__VA_ARGS__))
 

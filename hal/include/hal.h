@@ -30,7 +30,7 @@ typedef struct {
     uint16_t right;
 } hal_rotation_t;
 
-/* The true state of the robot, if something outside it measures that. */
+/* The true state of the robot, if something outside the robot measures it. */
 typedef struct {
     int32_t x_um; /* -2e9..2e9 */
     int32_t y_um;
@@ -42,8 +42,8 @@ typedef struct {
 /* Milliseconds since power-on; wraps at 2^32. */
 uint32_t hal_clock_ms(void);
 
-/* Give the newest reading, and the same one again if they are called twice in a step. They write `out` only if they return HAL_OK; with
- * HAL_PARTLY, only its yaw rate. */
+/* These functions give the newest reading, and the same reading again in the same step. They write `out` only if they
+ * return HAL_OK; with HAL_PARTLY they write only its yaw rate. */
 hal_status_t hal_imu_read(hal_imu_t *out);
 hal_status_t hal_rotation_read(hal_rotation_t *out);
 hal_status_t hal_reference_read(hal_reference_t *out);

@@ -6,8 +6,8 @@
 /* Reports that the function that contains it is not done yet; `what` says what it has to do. */
 #define NOT_DONE(what) not_done(__func__, what)
 
-/* The contract suite defines it (tests/contract/port_template.c): it prints a line, and the test that got here fails. So does
- * firmware/targets/template/not_done.c, for a program on this machine. */
+/* The contract suite defines it in tests/contract/port_template.c: it prints a line, and the test that called it fails.
+ * For a program on this machine, firmware/targets/template/not_done.c defines it. */
 void not_done(const char *function, const char *what);
 
 #endif

@@ -1,4 +1,4 @@
-/* template.c: a port that does nothing yet. README.md says how to make a port of it.
+/* template.c: a port that does nothing yet. README.md says how to turn it into a port.
  *
  * hal.h states the unit and the range of every value. No call may block.
  */

@@ -1,5 +1,4 @@
-/* not_done.c: prints what a port and its main program still lack, on this machine's screen. The recipe's step 3 removes
- * it. */
+/* not_done.c: prints on this screen what a port and its main program still lack. The recipe's step 3 removes it. */
 #include "template/not_done.h"
 
 #include <stdio.h>
