@@ -1,6 +1,6 @@
-/* bridge.h: an H-bridge of the kind of TB6612FNG, and for how many cycles it was in each of its states.
+/* bridge.h: an H-bridge like the TB6612FNG, and the number of cycles in each of its states.
  *
- * IN1 and IN2 apart and PWM high drive the motor; IN1 and IN2 apart and PWM low short it, as both high do; both low let it coast.
+ * IN1 and IN2 differ: a high PWM drives the motor, a low PWM shorts it. Both high: it is shorted. Both low: it coasts.
  */
 #ifndef BRICKPILOT_SIM_AVR_BRIDGE_H
 #define BRICKPILOT_SIM_AVR_BRIDGE_H
@@ -12,13 +12,13 @@ typedef enum { BRIDGE_COAST, BRIDGE_SHORT, BRIDGE_FORWARD, BRIDGE_BACKWARD, BRID
 
 typedef struct {
     bridge_state_t state;
-    uint64_t since;                 /* cycle from which on `cycles` are still to be counted */
+    uint64_t since;                 /* cycle up to which `cycles` are counted */
     uint64_t cycles[BRIDGE_STATES]; /* since the last bridge_clear() */
 } bridge_t;
 
 bridge_state_t bridge_state(bool in1, bool in2, bool pwm);
 
-/* From cycle `now` on the bridge is in this state. A `now` before the last one counts as that one. */
+/* From cycle `now` on the bridge is in this state. A `now` before that of the last call counts as the latter. */
 void bridge_set(bridge_t *bridge, bridge_state_t state, uint64_t now);
 
 /* Counts up to cycle `now`. */
@@ -26,8 +26,8 @@ void bridge_count(bridge_t *bridge, uint64_t now);
 
 void bridge_clear(bridge_t *bridge);
 
-/* Returns the mean duty of what was counted, -1..1, where a shorted motor counts as 0. NaN: it coasted for more than half of the
- * time, or nothing was counted. A shorter time in which it coasted is left out. */
+/* Returns the mean duty of what was counted, -1..1, where a shorted motor counts as 0. NaN: it coasted for at least
+ * half of the time, or nothing was counted. A shorter coasting time is left out of the mean. */
 double bridge_duty(const bridge_t *bridge);
 
 #endif

@@ -79,8 +79,8 @@ static void run(avr_t *avr)
         look(chip, asleep);
 }
 
-/* simavr may run many instructions in one call, up to its next timer. If a fault or a profile looks at each, it runs
- * one. */
+/* simavr may run many instructions in a call, up to its next timer; it runs one if a fault or a profile looks at
+ * each. */
 static void choose_stride(chip_t *chip)
 {
     const bool each = chip->fault[CHIP_INTERRUPT_STUCK] > 0 || chip->fault[CHIP_MAIN_HELD] > 0 || chip->profile != NULL;

@@ -113,8 +113,7 @@ void chip_run_step(chip_t *chip);
 void chip_turn(chip_t *chip, int side, const quadrature_track_t *track);
 
 /* Sets the battery's voltage; the robot's 5 V regulator feeds the processor from it. Below the level of the brown-out
- * detector, the processor stays in reset. Without a detector it stops where it is, with its pins and timers as they
- * are. */
+ * detector, the processor stays in reset. Without a detector it stops where it is, and pins and timers stay too. */
 void chip_supply(chip_t *chip, double battery_v);
 
 /* Counts cycles into `profile` from now on. `profile` still belongs to the caller. */
@@ -122,8 +121,8 @@ void chip_profile(chip_t *chip, profile_t *profile);
 
 void chip_set_fault(chip_t *chip, chip_fault_t fault, double value);
 
-/* True if the processor has stopped: it met an invalid instruction, or it sleeps with interrupts off. Only its watchdog
- * restarts it. */
+/* True if the processor has met an invalid instruction, or sleeps with interrupts off. Only its watchdog restarts
+ * it. */
 bool chip_has_stopped(const chip_t *chip);
 
 /* Tells the chip the level of the bus' clock line. */

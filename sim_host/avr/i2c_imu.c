@@ -171,8 +171,7 @@ static void answer(const i2c_imu_t *imu, uint8_t what, uint8_t byte)
     avr_raise_irq(imu->bus->io.irq + TWI_IRQ_INPUT, avr_twi_irq_msg(what, 0, byte));
 }
 
-/* Each message of simavr is a condition on the bus. The address is the byte on the bus: its last bit says whether the
- * master reads. */
+/* Each message of simavr is a condition on the bus. The address byte's last bit says whether the master reads. */
 static void on_bus(avr_irq_t *irq, uint32_t value, void *param)
 {
     i2c_imu_t *imu = param;

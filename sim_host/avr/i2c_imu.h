@@ -1,5 +1,6 @@
-/* i2c_imu.h: an MPU-6050 or an LSM6DS on the processor's I2C bus, by their data sheets: registers, ranges, "data ready", the time from
- * being set up to the first sample. Their filters are not simulated: a burst gives what the robot does at its start.
+/* i2c_imu.h: an MPU-6050 or an LSM6DS on the processor's I2C bus, by their data sheets: registers, ranges, "data
+ * ready", the time from set-up to the first sample. Their filters are not simulated: a burst gives the motion at its
+ * start.
  */
 #ifndef BRICKPILOT_SIM_AVR_I2C_IMU_H
 #define BRICKPILOT_SIM_AVR_I2C_IMU_H
@@ -22,8 +23,8 @@ typedef struct {
     i2c_imu_kind_t kind;
     uint8_t registers[I2C_REGISTERS];
     uint8_t pointer;
-    bool selected, pointed; /* this chip is spoken to; it was told a register */
-    bool unpowered;         /* it does not answer */
+    bool selected, pointed; /* the master addresses this chip; it has sent a register number */
+    bool unpowered;         /* no supply: the chip does not answer */
     bool runs;
     uint64_t next_sample; /* cycle */
     i2c_motion_t motion;
@@ -32,7 +33,7 @@ typedef struct {
 /* Puts a chip on the bus, as it is after power-on: it does not measure yet. */
 void i2c_imu_connect(i2c_imu_t *imu, i2c_imu_kind_t kind, avr_twi_t *bus);
 
-/* Takes its supply, or gives it back: then its registers are those of power-on. */
+/* Takes the chip's supply away, or gives it back: then its registers are those of power-on. */
 void i2c_imu_power(i2c_imu_t *imu, bool on);
 
 #endif

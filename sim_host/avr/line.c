@@ -1,7 +1,7 @@
 /* line.c: the host's end of UART 0. */
 #include "avr/chip.h"
 
-enum { BITS = 10, RECEIVER_HOLDS = 3 }; /* two bytes, and one in the shift register */
+enum { BITS = 10, RECEIVER_HOLDS = 3 }; /* bytes: two, and one in the shift register */
 
 static void on_sent(avr_irq_t *irq, uint32_t value, void *param)
 {
@@ -12,7 +12,7 @@ static void on_sent(avr_irq_t *irq, uint32_t value, void *param)
         chip->lost_out++;
 }
 
-/* simavr counts a parity bit that 8N1 does not have, and does not look at U2X when it is written after the rate. */
+/* Corrects a byte's time: simavr counts a parity bit, which 8N1 lacks, and misses a U2X written after the rate. */
 void line_keep_time(chip_t *chip)
 {
     avr_uart_t *uart = chip->uart;

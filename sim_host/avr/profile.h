@@ -1,8 +1,8 @@
-/* profile.h: for how many cycles the processor is in which part of its program, step by step, and how deep its stack is.
+/* profile.h: cycles of the processor in each part of its program, step by step, and the depth of its stack.
  *
- * A part has functions, given by their addresses. From the entry of one of them to its return the cycles are the part's, with all that it
- * calls. Part 0 is the control step: what it calls may be a part of its own, and what is not stays with part 0. What other
- * parts call is theirs. Interrupts are apart from all of them.
+ * A part is a set of functions, given by their addresses. From the entry of such a function to its return the cycles
+ * count for the part, with all that it calls. Part 0 is the control step: a part that it calls is counted apart, and
+ * all else that it calls counts for part 0. What other parts call counts for them. Interrupts are counted apart.
  */
 #ifndef BRICKPILOT_SIM_AVR_PROFILE_H
 #define BRICKPILOT_SIM_AVR_PROFILE_H
@@ -13,11 +13,11 @@
 #include "brickpilot_avr.h"
 
 enum { PROFILE_FUNCTIONS = 64 };
-enum { PROFILE_FRAMES = 4 }; /* the step, a part of it, and an interrupt; one to spare */
+enum { PROFILE_FRAMES = 4 }; /* for the step, a part of it, an interrupt, and one to spare */
 
 typedef struct {
     uint8_t part;
-    uint16_t stack; /* pointer at the entry */
+    uint16_t stack; /* stack pointer at the entry */
 } profile_frame_t;
 
 typedef struct {
@@ -29,11 +29,11 @@ typedef struct {
     uint64_t now;          /* cycle up to which all is counted */
     uint16_t lowest_stack; /* the stack pointer's lowest value */
     bp_avr_costs row;
-    bp_avr_costs *rows; /* the caller's, of the steps that have ended */
+    bp_avr_costs *rows; /* rows of the steps that have ended; they belong to the caller */
     int room, ended;
 } profile_t;
 
-/* Counts what passed since the last call, then looks at the instruction that comes next. `asleep`: that time was slept. */
+/* Counts the cycles since the last call, then looks at the next instruction. `asleep`: the processor has slept. */
 void profile_look(profile_t *profile, uint64_t cycle, uint32_t next, uint16_t stack, bool asleep);
 
 #endif

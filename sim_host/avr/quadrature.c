@@ -24,7 +24,7 @@ uint32_t quadrature_next(const quadrature_track_t *track, int64_t count, int *st
     if (end == (double)count)
         return 0;
     *step = end > (double)count ? 1 : -1;
-    if (!is_past(track, past, count, *step)) /* rounding at the very end: the next track has it */
+    if (!is_past(track, past, count, *step)) /* rounding at the very end: the edge comes in the next track */
         return 0;
     while (past - before > 1) {
         const uint32_t middle = before + (past - before) / 2;
@@ -38,10 +38,10 @@ uint32_t quadrature_next(const quadrature_track_t *track, int64_t count, int *st
 
 bool quadrature_a(int64_t count)
 {
-    return ((count + 1) & 2) != 0; /* 0 1 1 0 */
+    return ((count + 1) & 2) != 0; /* over four counts: 0 1 1 0 */
 }
 
 bool quadrature_b(int64_t count)
 {
-    return (count & 2) != 0; /* 0 0 1 1 */
+    return (count & 2) != 0; /* over four counts: 0 0 1 1 */
 }

@@ -12,11 +12,11 @@ typedef struct {
     double counts[2]; /* at the start and at the end: angle times counts per turn, not rounded */
     double rate[2];   /* counts/s */
     double seconds;   /* from start to end */
-    uint32_t cycles;  /* the same; 1 or more */
+    uint32_t cycles;  /* the same in cycles; 1 or more */
 } quadrature_track_t;
 
-/* Returns after how many cycles from the start, 1..track->cycles, the count first leaves `count` for good in this track; 0: it
- * does not. `step` becomes +1 or -1. */
+/* Returns the cycle from the start, 1..track->cycles, at which the sensor's count leaves `count` for good in this
+ * track; 0: it does not. `step` becomes +1 or -1. */
 uint32_t quadrature_next(const quadrature_track_t *track, int64_t count, int *step);
 
 /* The levels of A and B at a count. Forward, A leads B. */

@@ -15,19 +15,19 @@ typedef struct {
 
 /* A reading is zero + value / per_count counts of 1024. */
 typedef struct {
-    int input; /* of the converter */
+    int input; /* number of the converter's input */
     double zero;
-    double per_count; /* rad/s, m/s^2 or V; negative: wired the other way round */
+    double per_count; /* rad/s, m/s^2 or V per count; negative: wired the other way round */
 } wiring_analog_t;
 
 typedef struct {
     const char *chip; /* as simavr names it */
     wiring_pin_t motor[SIDES][MOTOR_PINS];
     wiring_pin_t encoder[SIDES][2];      /* A, B */
-    bool reversed[SIDES];                /* B leads A forward */
+    bool reversed[SIDES];                /* B leads A in forward motion */
     wiring_pin_t bus_clock;              /* of the I2C bus */
     unsigned char pin_change_mask;       /* data address of the mask register of the encoders' port */
-    unsigned char pin_change_vector;     /* and the number of its interrupt */
+    unsigned char pin_change_vector;     /* number of that port's pin-change interrupt */
     unsigned short largest_boot_section; /* bytes */
     wiring_analog_t analog[ANALOG_COUNT];
 } wiring_t;

@@ -1,4 +1,4 @@
-/* wiring_of_board.h: makes a wiring_t of hal/avr/board.h. Included by one file for each chip, which says which chip it is. */
+/* wiring_of_board.h: makes a wiring_t from hal/avr/board.h. A file for each chip includes it and names the chip. */
 #include "avr/board.h"
 #include "avr/wiring.h"
 

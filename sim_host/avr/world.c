@@ -93,8 +93,8 @@ static void turn_wheels(world_t *world, const double before[OUTPUT_COUNT])
     }
 }
 
-/* The drives' duty in the step that has just ended moves the plant. The sensor edges of this motion come in the step
- * that begins. */
+/* The drives' duty in the step just ended moves the plant. The sensor edges of this motion come in the step that
+ * begins. */
 static void on_step(void *owner)
 {
     world_t *world = owner;
@@ -116,8 +116,7 @@ static void on_step(void *owner)
     turn_wheels(world, before);
 }
 
-/* Takes the sensors that the request describes, or else the packaged robot's, without rounding: the processor's
- * converter rounds. */
+/* Takes the request's sensors, or else the packaged robot's, without rounding: the processor's converter rounds. */
 static void choose_devices(world_t *world)
 {
     const bp_devices *devices = world->request.devices;

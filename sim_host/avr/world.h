@@ -22,15 +22,15 @@ typedef struct {
     imu_config_t imu_config;
     imu_reading_t noise; /* bias and noise of the control step */
     imu_reading_t measured;
-    double specific_force[2][PER_CONTROL_STEP]; /* surge, sway: of the last motor steps */
+    double specific_force[2][PER_CONTROL_STEP]; /* m/s^2: surge and sway in the last motor steps */
     encoder_config_t encoder_config;
-    double battery_v; /* of a fault; 0: the model's */
+    double battery_v; /* V, set by a fault; 0: the model's */
     double output[OUTPUT_COUNT];
-    double duty[SIDES];     /* of the last motor step; NaN: coasted */
-    double duty_sum[SIDES]; /* of the control step */
+    double duty[SIDES];     /* of the last motor step; NaN: it coasted */
+    double duty_sum[SIDES]; /* over the control step so far */
 } world_t;
 
-/* Puts the robot round `world->chip`, which is open. Returns 0 or BP_E_. */
+/* Sets up the robot round `world->chip`, which is open. Returns 0 or BP_E_. */
 int world_start(world_t *world, const bp_flight *request);
 
 /* Passes one motor step. Returns 0 or BP_E_. */

@@ -1,9 +1,9 @@
 /* brick.h: the firmware on the link port, without a transport and without a clock: its caller carries the messages and
  * tells the time.
  *
- * In lockstep the brick does a step as soon as a set of readings is complete. In real time it does one every STEP_MS.
- * The plant's clock stands still in lockstep while nothing is heard. So after BRICK_SILENT_US without a valid message
- * the brick takes that time as passed, which ends a run. In real time the firmware's own silent_ms does that.
+ * In lockstep the brick does a step as soon as a set of readings is complete. In real time it does a step every
+ * STEP_MS. In lockstep the plant's clock stands still while no message comes. So after BRICK_SILENT_US without a valid
+ * message the brick counts that time as passed, which ends a run. In real time the firmware's own silent_ms ends it.
  */
 #ifndef BRICKPILOT_BRICK_BRICK_H
 #define BRICKPILOT_BRICK_BRICK_H
@@ -31,8 +31,8 @@ void brick_take(brick_t *brick, const message_t *message);
 /* Hands over the next message to be sent; false: there is none. */
 bool brick_give(brick_t *brick, message_t *message);
 
-/* Tells the brick the time `now_us`, which never goes back. Returns after how many us it has to be told again, 0 or
- * more. */
+/* Tells the brick the time `now_us`, which never goes back. Returns after how many us the caller has to tell it again,
+ * 0 or more. */
 int64_t brick_time(brick_t *brick, int64_t now_us);
 
 #endif

@@ -31,23 +31,23 @@ const char *line_open_pty(line_t *line);
 const char *line_open_serial(line_t *line, const char *path);
 const char *line_listen(line_t *line, const char *host_and_port); /* port 0: any free one */
 
-/* The environment variable with the token of a listening line, of TOKEN_LEAST to TOKEN_MOST bytes. An address that other
- * machines reach is not listened on without one. */
+/* The environment variable with the token of a listening line, of TOKEN_LEAST to TOKEN_MOST bytes. Without a token, a
+ * brick does not listen on an address that other machines reach. */
 #define LINE_TOKEN "BRICKPILOT_TOKEN"
 
-/* What a client is told that comes while another one has the line; a 0 stands before and behind it. */
+/* Sent to a client that comes while another client has the line; a 0 stands before and behind it. */
 #define LINE_BUSY "another host has this link"
 
-/* What a client is asked for, before the challenge, and what one is told whose proof does not hold; 0 round both. */
+/* Sent to a client before the challenge; sent to a client whose proof is wrong. A 0 stands before and behind both. */
 #define LINE_ASKS "token "
 #define LINE_WRONG "the token is wrong"
 
 /* Seconds after which a client that has not proved the token makes way for the next one. */
 enum { LINE_PROOF_S = 2 };
 
-/* Accepts the connection that waits on `listening`. The first client keeps the line until it ends: another one is sent away
- * with LINE_BUSY. One that waits while bytes of the first, or its end, are unread is left for the next call. Where the line has a token, the client has to prove it
- * before anything else passes; one that has not is replaced after LINE_PROOF_S. */
+/* Accepts the connection that waits on `listening`. The first client keeps the line until it leaves; another client is
+ * sent away with LINE_BUSY, but waits for the next call while bytes of the first, or its end, are unread. If the line
+ * has a token, the client has to prove it first; a client that has not is replaced after LINE_PROOF_S. */
 void line_accept(line_t *line);
 
 /* Returns the number of bytes read. 0: none at present. -1: the other end has gone; a listening line waits for the

@@ -15,10 +15,10 @@ enum { TOKEN_LEAST = 16, TOKEN_MOST = 64, TOKEN_DIGITS = 32, TOKEN_PROOF = 64, T
 /* Writes bytes as two lower-case digits each, and a 0 behind them. */
 void token_digits(const uint8_t *bytes, size_t size, char *digits);
 
-/* HMAC-SHA-256 of `text`, of at most TOKEN_TEXT_MOST bytes, with a key of at most TOKEN_MOST. */
+/* HMAC-SHA-256 of `text`, of at most TOKEN_TEXT_MOST bytes, with a key of at most TOKEN_MOST bytes. */
 void token_hmac(const char *key, const char *text, uint8_t out[32]);
 
-/* The proof of `who`, "host" or "brick": of who, challenge and answer, each of TOKEN_DIGITS digits. */
+/* The proof of `who` ("host" or "brick"): the HMAC of who, challenge and answer (TOKEN_DIGITS digits each). */
 void token_proof(const char *token, const char *who, const char *challenge, const char *answer,
                  char proof[TOKEN_PROOF + 1]);
 

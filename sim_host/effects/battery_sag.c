@@ -13,8 +13,8 @@ static void supply(const real_t *value, real_t *memory, vehicle_t *vehicle)
 }
 
 /* The mean current over the step is linear in the voltage; plant/motor.h computes it in the same way, with the speed at
- * the start of the step. So the voltage at which battery and motors agree is exact, however long the step is beside L /
- * R. */
+ * the start of the step. So the voltage at which battery and motors agree is exact, however long the step is compared
+ * with L / R. */
 static void drive(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     sag_t *sag = (sag_t *)memory;
@@ -40,8 +40,8 @@ static void drive(const real_t *value, real_t *memory, vehicle_t *vehicle)
         sag->given[k] = vehicle->voltage[k] = share[k] * vehicle->supply; /* a floating motor is NaN and stays so */
 }
 
-/* Learns what the effects after this one let through. It goes half way each step, because the share that a dead band
- * lets through depends on the voltage. */
+/* Learns what the effects after this one let through. The estimate goes half way in each step, because the share that a
+ * dead band lets through depends on the voltage. */
 static void wheel(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)value;

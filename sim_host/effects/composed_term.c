@@ -27,8 +27,7 @@ typedef struct {
     double gyro_error, gyro_angle;         /* rad/s, rad */
 } memory_t;
 
-/* Evaluates a law at the left wheel (k = 0) or the right one (k = 1). Terms of a left-right difference act on a robot
- * alone. */
+/* Evaluates a law at the left wheel (k = 0) or the right one (k = 1). Terms of a difference act on a robot alone. */
 static double sided(composed_sum_t *sum, const double *common, const double *diff, const composed_t *given,
                     const composed_point_t *at, const vehicle_t *vehicle, int k)
 {

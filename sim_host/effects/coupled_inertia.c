@@ -1,6 +1,6 @@
 #include "effects/effect.h"
 
-/* A free oscillation is resolved by at least so many motor steps: a faster one would ring with the steps. */
+/* Least number of motor steps in a free oscillation: a faster oscillation would ring with the steps. */
 static const double STEPS_OF_PERIOD = 12;
 
 static const double FULL_TURN = 6.283185307179586; /* rad */
@@ -8,10 +8,10 @@ static const double FULL_TURN = 6.283185307179586; /* rad */
 typedef struct {
     real_t speed; /* rad/s of the second inertia */
     real_t twist; /* rad by which it is ahead of the wheel */
-    real_t step;  /* s: the motor step for which `twist` is still to follow the speeds */
+    real_t step;  /* s: the motor step over which `twist` has not been integrated yet */
 } second_t;
 
-/* Of the spring and the damper, over the second inertia: so that may be 0, and swings without being felt. */
+/* Spring and damper, divided by the second inertia. So the second inertia may be 0: the wheel then does not feel it. */
 typedef struct {
     real_t inertia;   /* kg m^2, or kg */
     real_t stiffness; /* 1/s^2 */
@@ -52,7 +52,7 @@ static real_t catch_up(second_t *second, real_t wheel_speed)
     return ahead;
 }
 
-/* The wheel feels what the second inertia takes, so no momentum is lost. */
+/* The wheel feels the torque that the second inertia takes, so no momentum is lost. */
 static void wheel(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     second_t *second = (second_t *)memory;

@@ -1,8 +1,8 @@
 #include "effects/effect.h"
 #include "effects/middle_speed.h"
 
-/* Where less than the lost voltage is left to drive a current, none flows: the motor feels its back EMF, that of the
- * middle of the step. */
+/* If less than the lost voltage is left to drive a current, no current flows: the motor's voltage is its back EMF, that
+ * of the middle of the step. */
 static void drive(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     for (int k = 0; k < vehicle_wheels(vehicle); k++) {

@@ -1,4 +1,4 @@
-/* delay_line.h: the memory of sensor effects that show what was true some time ago. */
+/* delay_line.h: the memory of sensor effects that show past readings. */
 #ifndef BRICKPILOT_EFFECTS_DELAY_LINE_H
 #define BRICKPILOT_EFFECTS_DELAY_LINE_H
 
@@ -16,7 +16,7 @@ typedef struct {
     double signal[];          /* `count` readings a row */
 } delay_line_t;
 
-/* What an effect that delays `count` signals needs, in doubles. */
+/* Memory of an effect that delays `count` signals, in doubles. */
 #define DELAY_MEMORY(count) ((int)(sizeof(delay_line_t) / sizeof(double)) + DELAY_ROWS * (count))
 
 static inline int delay_after(int row)

@@ -7,7 +7,7 @@ static void drive(const real_t *value, real_t *memory, vehicle_t *vehicle)
         vehicle->voltage[k] *= 1 + 0.5 * value[2] * real_sign(vehicle->voltage[k]);
 }
 
-/* Changes the drag at most so far that one direction is free of losses. */
+/* Changes the drag, but not below 0: then one direction is free of losses. */
 static void motor(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)memory;
@@ -18,7 +18,7 @@ static void motor(const real_t *value, real_t *memory, vehicle_t *vehicle)
     }
 }
 
-/* Friction in one direction only is half of it in both directions and half of it as a constant torque. */
+/* Friction in one direction only equals half of it in both directions plus half of it as a constant torque. */
 static void wheel(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)memory;

@@ -14,7 +14,7 @@
 
 #include "effects/vehicle.h"
 #if LANES > 1
-#include "effects_in_lanes.h" /* by CMake: a list of them, and names of their own for this width */
+#include "effects_in_lanes.h" /* made by CMake: a list of these effects, and their names for this width */
 #endif
 
 /* Makes the effect act at one site. `value` holds the parameters in the order of the row. `memory` is the effect's own

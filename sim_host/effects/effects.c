@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-/* The table, one line an effect. Hooks run in this order.
+/* The table, one line for each effect. Hooks run in this order.
  *
  * First come drive and motor, in the order in which a command passes them: pulses are made of the whole command, and a
  * rotor in its play changes the back EMF after the drive has done its part. Then wheels, body and floor, then what the

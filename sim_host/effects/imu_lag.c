@@ -8,7 +8,7 @@ typedef struct {
     real_t first;                 /* yaw rate at the start, where the filter has settled */
 } filter_t;
 
-/* Exact where the accelerations are constant in the step, as means are, and the yaw rate is linear in it. */
+/* Exact if the accelerations are constant in the step, as means are, and the yaw rate is linear in time. */
 static void advance(filter_t *filter, const real_t *output, real_t lag, real_t step)
 {
     const real_t kept = real_exp(-step / lag), mean_kept = -lag / step * real_expm1(-step / lag);
@@ -21,7 +21,7 @@ static void advance(filter_t *filter, const real_t *output, real_t lag, real_t s
     filter->yaw_rate = output[OUTPUT_YAW_RATE] - slope + kept * (filter->yaw_rate - filter->turning + slope);
 }
 
-/* Puts the filter to where it has settled. */
+/* Sets the filter to its steady state in the lanes of `settled`. */
 static void settle(filter_t *filter, const real_t *output, mask_t settled)
 {
     const real_t surge = output[OUTPUT_ACCEL_SURGE], sway = output[OUTPUT_ACCEL_SWAY];

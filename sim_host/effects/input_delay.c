@@ -27,7 +27,7 @@ static change_t *waiting(line_t *line, int i)
     return &line->change[((int)line->first + i) % CHANGES];
 }
 
-/* Where there are more changes than the ring holds, the last two are merged. */
+/* Adds a change of the command. If there are more changes than the ring holds, the last two are merged. */
 static void enter(line_t *line, const double command[2])
 {
     const int count = (int)line->count;

@@ -1,4 +1,4 @@
-/* middle_speed.h: how fast the wheels turn in the middle of a motor step. For drive hooks that feel the motors' back EMF. */
+/* middle_speed.h: how fast the wheels turn in the middle of a motor step. For drive hooks that use the back EMF. */
 #ifndef BRICKPILOT_EFFECTS_MIDDLE_SPEED_H
 #define BRICKPILOT_EFFECTS_MIDDLE_SPEED_H
 
@@ -11,7 +11,7 @@ typedef struct {
 
 enum { MIDDLE_SPEED_MEMORY = sizeof(before_t) / sizeof(real_t) };
 
-/* Begins a run: its hook at SITE_START. */
+/* Begins a run: the effect's hook at SITE_START. */
 static void middle_speed_start(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)value;

@@ -7,9 +7,9 @@
 static const double SLACK = 1e-9;
 
 typedef struct {
-    double sum;  /* of the duties of the ticks so far; a tick is a pulse where it reaches 1 */
+    double sum;  /* sum of the ticks' duties so far; a tick in which it reaches 1 is a pulse */
     double on;   /* 1 during a pulse */
-    double owed; /* s of pulse that is still due, since a motor step is all on or all off */
+    double owed; /* s: pulse time that is still due, since a motor step is all on or all off */
 } density_t;
 
 typedef struct {
@@ -30,7 +30,7 @@ static void begin_tick(density_t *density, double part)
     density->sum -= density->on;
 }
 
-/* Adds the pulses that fall into the next motor step to what is due. */
+/* Adds the pulse time of the next motor step to `owed`. */
 static void count_pulses(pulses_t *pulses, const vehicle_t *vehicle, double period)
 {
     double left = vehicle->step;

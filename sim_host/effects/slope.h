@@ -18,7 +18,7 @@ static inline pull_t slope_pull(const vehicle_t *vehicle, real_t slope_x, real_t
     return (pull_t){gravity * (slope_x * cosine + slope_y * sine), gravity * (slope_y * cosine - slope_x * sine)};
 }
 
-/* Pulls at the centre of mass. For body hooks. */
+/* Applies the pull at the centre of mass. For body hooks. */
 static inline void slope_push(vehicle_t *vehicle, pull_t pull)
 {
     const build_t *build = &vehicle->build;
@@ -27,7 +27,7 @@ static inline void slope_push(vehicle_t *vehicle, pull_t pull)
     vehicle->moment_yaw += build->mass * (build->com_forward * pull.sway - build->com_right * pull.surge);
 }
 
-/* Accelerometers show specific force, which gravity is no part of. For sensor hooks. */
+/* Accelerometers show specific force, which does not include gravity. For sensor hooks. */
 static inline void slope_show(vehicle_t *vehicle, pull_t pull)
 {
     vehicle->output[OUTPUT_ACCEL_SURGE] -= pull.surge;
@@ -40,7 +40,7 @@ static inline real_t slope_heading(const vehicle_t *vehicle)
     return vehicle->state.heading - 0.5 * vehicle->step * vehicle->state.yaw_rate;
 }
 
-/* x there, m. */
+/* The position x at that time, m. */
 static inline real_t slope_position(const vehicle_t *vehicle)
 {
     const state_t *state = &vehicle->state;

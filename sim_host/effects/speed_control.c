@@ -6,8 +6,8 @@ typedef struct {
     real_t summed[2]; /* V s: the error at each motor, summed since the run's start */
 } control_t;
 
-/* The command is the voltage at which an unloaded motor has the wanted speed. So both gains are on a voltage, and the
- * same on a small and on a large machine. A motor that floats, or has no back EMF, has no such controller. */
+/* The command is the voltage at which an unloaded motor has the wanted speed. So the gains act on a voltage, and have
+ * the same size on a small and on a large machine. A motor that floats, or has no back EMF, has no such controller. */
 static void drive(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     control_t *control = (control_t *)memory;

@@ -11,10 +11,10 @@ enum { SPEED_COUNT = sizeof SPEEDS / sizeof SPEEDS[0] };
 
 typedef struct {
     real_t started;
-    real_t filtered[SPEED_COUNT], last[SPEED_COUNT]; /* readings behind the filter, and before it in the last step */
+    real_t filtered[SPEED_COUNT], last[SPEED_COUNT]; /* last step's readings after and before the filter */
 } filter_t;
 
-/* Exact where a speed is linear in the step. */
+/* Exact if a speed is linear in time within the step. */
 static void sensor(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     filter_t *filter = (filter_t *)memory;

@@ -14,7 +14,7 @@ static void timing(const double *value, double *memory, vehicle_t *vehicle)
         if (held >= 1 || (isnan(command) && held > 0.5))
             vehicle->command[k] = 0;
         else
-            vehicle->command[k] = (1 - held) * command; /* NaN stays NaN: a motor that floats floats on */
+            vehicle->command[k] = (1 - held) * command; /* NaN stays NaN: a floating motor goes on floating */
     }
 }
 

@@ -87,8 +87,7 @@ typedef struct {
     real_t one_circle;  /* 1: the law of a tyre holds for each wheel, in every direction of its slip */
 } build_t;
 
-/* Dry friction is a bound: the largest force or torque that opposes one motion, or holds it at zero. Each motion has
- * its own. */
+/* Dry friction is a bound: the most that may oppose one motion, or hold it at zero. Each motion has its own bound. */
 typedef enum {
     DRY_LEFT,  /* turning of the left wheel, N m; of a motor, N m or N */
     DRY_RIGHT, /* turning of the right wheel, N m */
@@ -117,8 +116,7 @@ typedef struct {
 } state_t;
 #endif
 
-/* The struct begins with numbers alone, so that each number has the same index for one robot and for several side by
- * side. */
+/* The struct begins with numbers alone, so that a number has the same index for one robot and for several. */
 typedef struct {
     /* State. Hooks read it; they may write the windings' `heat` alone. */
     state_t state;

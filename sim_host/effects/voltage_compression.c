@@ -8,7 +8,7 @@ static void drive(const real_t *value, real_t *memory, vehicle_t *vehicle)
         vehicle->voltage[k] /= 1 + per_volt * real_abs(vehicle->voltage[k]);
 }
 
-/* At -0.9 the gain at full voltage is ten times that at none, and still finite. */
+/* At -0.9 the gain at full voltage is ten times the gain at 0 V, and still finite. */
 static const bp_parameter_info PARAMETERS[] = {
     {.name = "compression",
      .role = BP_ROLE_SIZE,

@@ -2,7 +2,7 @@
  * on top of it.
  *
  * `brickpilot export fmu` writes the robot: a table with one row for each variable, whose place in the table is its
- * value reference. An instance uses no statics, so that several may run at once, and files neither.
+ * value reference. An instance uses no static variables, so that several may run at once, and no files.
  */
 #ifndef BRICKPILOT_FMI_FMU_H
 #define BRICKPILOT_FMI_FMU_H
@@ -12,13 +12,13 @@
 
 typedef enum {
     FMU_TIME,      /* s: the independent variable */
-    FMU_VOLTAGE,   /* V: input of motor `index`; NaN floats, as FMU_FLOATS does */
+    FMU_VOLTAGE,   /* V: input of motor `index`; NaN: it floats, as with FMU_FLOATS */
     FMU_FLOATS,    /* boolean input of motor `index` */
     FMU_OUTPUT,    /* `index` in bp_output_name() */
     FMU_PARAMETER, /* `index` in bp_parameter() */
     FMU_EFFECT,    /* parameter `index` of the robot's effect `effect` */
     FMU_INITIAL,   /* double `index` of bp_state */
-    FMU_STEP_LIMIT /* s: 0 of the motor step, 1 of the body step */
+    FMU_STEP_LIMIT /* s; `index` 0: the motor step, 1: the body step */
 } fmu_kind_t;
 
 typedef struct {
@@ -54,9 +54,9 @@ void fmu_reset(fmu_t *fmu);
 /* Why the last call failed: one line, valid until the next call. */
 const char *fmu_message(const fmu_t *fmu);
 
-/* Set or get the variable with this value reference; `boolean` says of which type. Parameters and initial values may be
- * set until the initialisation ends, inputs at any time. An output that is read before that is the one of the values
- * that are set. False: there is no such variable, it cannot be set now, or the values are outside their ranges. */
+/* Set or get the variable with this value reference; `boolean`: it is boolean, not real. Parameters and initial values
+ * may be set until the initialisation ends, inputs at any time. An output that is read earlier follows from the values
+ * set so far. False: there is no such variable, it cannot be set now, or the values are outside their ranges. */
 bool fmu_set(fmu_t *fmu, size_t reference, bool boolean, double value);
 bool fmu_get(fmu_t *fmu, size_t reference, bool boolean, double *value);
 

@@ -18,8 +18,8 @@ int bp_brick_take(bp_brick *brick, unsigned int id, const unsigned char *data, i
 /* Hands over the next message to be sent: returns its size, and fills `id` and `data` (8 bytes). -1: there is none. */
 int bp_brick_give(bp_brick *brick, unsigned int *id, unsigned char *data);
 
-/* Tells the brick the time in us, which never goes back. Returns after how many us it has to be told again. It does the
- * steps in real time, and notices silence. */
+/* Tells the brick the time in us, which never goes back. Returns after how many us the caller has to tell it again.
+ * This call does the steps in real time, and notices silence. */
 long long bp_brick_time(bp_brick *brick, long long now_us);
 
 /* The codecs of the transports, for tests and benchmarks. An encoder returns the size that it wrote, at most 22. A

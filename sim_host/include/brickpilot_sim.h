@@ -65,8 +65,7 @@ typedef struct {
     const char *variation; /* how the law differs if this is not 0, as words after "but": "by direction" */
     const char *mechanism; /* mechanism of the law that this parameter makes alone, if not the effect's */
     const char *same_as;   /* the nominal parameter that this one adds to: a model lacks this only if that is 0 */
-    const char
-        *says; /* what a value above 0 means, as a clause with {} for its size; NULL: words, size and unit suffice */
+    const char *says; /* what a value above 0 means, as a clause with {} for its size; NULL: words, size and unit do */
     const char *says_below; /* the same below 0; NULL: never below 0, or left and right change places (`odd`) */
     int over_mean;          /* 1: left less right over their mean; texts say how much smaller the smaller side is */
 } bp_parameter_info;
@@ -258,8 +257,7 @@ int bp_fly(bp_flight *flight);
 
 /* Flies `count` flights, each of which gets the bytes and the status that bp_fly() gives it alone. Neighbouring flights
  * with the same number of steps, vehicle, profile and motor_step advance side by side in up to `lanes` lanes of vector
- * registers, as in bp_simulate_lanes(), which takes less time. Returns 0, or the status of the first flight that
- * failed. */
+ * registers (bp_simulate_lanes()), which takes less time. Returns 0, or the status of the first flight that failed. */
 int bp_fly_many(bp_flight *flights, int count, int lanes);
 
 /* Returns the bytes of all plants that can fly side by side. Two libraries that share a plant (run/build) were compiled

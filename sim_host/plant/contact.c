@@ -10,6 +10,6 @@ const contact_t *contact_of(const vehicle_t *vehicle)
         return &contact_load;
     if (vehicle->profile == BP_PAPER)
         return &contact_paper;
-    const bool slips = vehicle->build.along.creep > 0 || vehicle->build.across.creep > 0; /* a skid steer's always do */
+    const bool slips = vehicle->build.along.creep > 0 || vehicle->build.across.creep > 0; /* a skid steer always does */
     return slips ? &contact_slip : &contact_no_slip;
 }

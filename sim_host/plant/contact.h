@@ -1,5 +1,5 @@
-/* contact.h: what joins the wheels to the body. There are four contacts; vehicle, profile and tyres determine which
- * one. */
+/* contact.h: what joins the wheels to the body. There are four contacts; vehicle, profile and tyres determine which one
+ * applies. */
 #ifndef BRICKPILOT_PLANT_CONTACT_H
 #define BRICKPILOT_PLANT_CONTACT_H
 
@@ -13,10 +13,10 @@ typedef struct {
      * force and pose. */
     void (*finish)(const wheels_t *wheels, vehicle_t *vehicle, const state_t *before, double step);
 
-    /* Where the body moves on its own, for each motor step of h s; NULL where the wheels carry the body along.
-     * `expect` guesses how fast the tyres will slip at its end. `grip` sets the wheels' inertia and load as the tyres
-     * give way then. After the step, `overloads` is true where a tyre bore more than it can, and corrects the guess: the
-     * step is then to be repeated from `grip` on. `follow` sets the body's speeds. */
+    /* For each motor step of h s, if the body moves on its own; NULL if the wheels carry the body along. `expect`
+     * estimates the tyres' slip at the step's end. `grip` sets the wheels' inertia and load for this slip. After the
+     * step, `overloads` is true if a tyre bore more than it can, and corrects the estimate: then the step must be
+     * repeated from `grip` on. `follow` sets the body's speeds. */
     void (*expect)(wheels_t *wheels, const vehicle_t *vehicle);
     void (*grip)(wheels_t *wheels, vehicle_t *vehicle, double h);
     bool (*overloads)(wheels_t *wheels, const vehicle_t *vehicle, double h);
@@ -30,8 +30,8 @@ extern const contact_t contact_slip;
 /* Returns the contact of this vehicle. */
 const contact_t *contact_of(const vehicle_t *vehicle);
 
-/* Turns a body that resists u with `surge` and r with `yaw` (masses or drags) into the matrix that its ground speeds at
- * the left and the right wheel feel. */
+/* Turns the body's masses or drags, `surge` for u and `yaw` for r, into the matrix for its ground speeds at the left
+ * and the right wheel. */
 static inline pair_t contact_at_wheels(real_t surge, real_t yaw, real_t half_track)
 {
     const real_t sum = 0.25 * surge, difference = 0.25 * yaw / (half_track * half_track);

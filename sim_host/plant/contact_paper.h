@@ -1,4 +1,5 @@
-/* contact_paper.h: the contact of the paper profile. The wheels turn alone (eq. 14), the body is pushed by eq. 15 to 17 (eq. 1 to 9). */
+/* contact_paper.h: the contact of the paper profile. The wheels turn alone (eq. 14); eq. 15 to 17 push the body (eq. 1
+ * to 9). */
 #ifndef BRICKPILOT_PLANT_CONTACT_PAPER_H
 #define BRICKPILOT_PLANT_CONTACT_PAPER_H
 
@@ -67,7 +68,7 @@ static inline void paper_limit_drags(vehicle_t *vehicle, double step)
     vehicle->drag_yaw = real_least(vehicle->drag_yaw, vehicle->build.yaw_inertia / step);
 }
 
-/* The speed after the impulse of dry friction, which stops what it can hold. */
+/* Returns the speed after the impulse of dry friction; 0 if the impulse can stop the motion. */
 static inline real_t paper_rub(real_t speed, real_t most)
 {
     return choose(real_abs(speed) > most, speed - real_signed(most, speed), real_of(0));

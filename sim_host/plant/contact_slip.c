@@ -45,9 +45,8 @@ static double load_share(double offset, double arm)
  * sideways. The force on each contact is friction times its load, against its slip over the floor in any direction:
  * Coulomb's law at each wheel, as in Kozlowski & Pazderski 2004, Modeling and control of a 4-wheel skid-steering mobile
  * robot, Int. J. Appl. Math. Comput. Sci. 14, eq. 14 to 17. Their law treats each direction separately, and passes
- * through 0 by an arc tangent. The floor's resistance to a turn, and the larger track width with which the vehicle
- * seems to turn (Mandow and others 2007, Experimental kinematics for wheeled skid-steer mobile robots), follow from
- * this law. */
+ * through 0 by an arc tangent. Also the floor's resistance to a turn, and the larger effective track (Mandow and others
+ * 2007, Experimental kinematics for wheeled skid-steer mobile robots), follow. */
 static hold_t hold_of_four(const vehicle_t *vehicle, const slip_t *slip, double h)
 {
     const build_t *build = &vehicle->build;
@@ -128,9 +127,8 @@ static void prepare(wheels_t *wheels, const vehicle_t *vehicle)
     wheels->body.turn = 0;
 }
 
-/* Impulses over h s on surge, sway and yaw, about the middle of the axle, without the tyres' impulses. The velocity of
- * the centre of mass keeps its direction over ground, so it turns in the body's axes. This is exact and adds no
- * energy. */
+/* Impulses over h s on surge, sway and yaw about the middle of the axle, without the tyres'. The velocity of the centre
+ * of mass keeps its direction over ground, so it turns in the body's axes. This is exact and adds no energy. */
 typedef struct {
     double surge, sway, yaw;
 } impulse_t;
@@ -233,8 +231,7 @@ static void ground_speeds(const wheels_t *wheels, const vehicle_t *vehicle, doub
         dry_solve(ground, &wheels->body.mass, inverse, bound);
 }
 
-/* True where the contacts of a skid steer, dragged sideways by a turn, were taken to hold more than they can. Sets
- * their slip. */
+/* True where contacts of a skid steer, dragged sideways by a turn, were taken to hold too much. Sets their slip. */
 static bool drags(wheels_t *wheels, const vehicle_t *vehicle, double h)
 {
     if (vehicle->vehicle != BP_SKID_STEER)

@@ -2,8 +2,8 @@
  *
  * The wheel speeds w minimise 1/2 (w - f)' A (w - f) + sum_i c_i |d_i . w|. Here f are the speeds without dry friction,
  * and d_i are the four motions of dry_t: left (1, 0), right (0, 1), surge (1, 1), yaw (1, -1). Each motion meets a
- * bounded impulse against it, or the impulse that holds it at exactly zero. The bounds of any number of effects add up
- * in c_i.
+ * bounded impulse against it, or the impulse that holds it at exactly zero. c_i is the sum of the bounds of all
+ * effects.
  */
 #ifndef BRICKPILOT_PLANT_DRY_H
 #define BRICKPILOT_PLANT_DRY_H
@@ -29,9 +29,9 @@ typedef struct {
 } dry_way_t;
 
 static const dry_way_t DRY_MOTION[DRY_COUNT] = {{1, 0}, {0, 1}, {1, 1}, {1, -1}};
-static const dry_way_t DRY_ALONG[DRY_COUNT] = {{0, 1}, {1, 0}, {1, -1}, {1, 1}}; /* where that motion is zero */
+static const dry_way_t DRY_ALONG[DRY_COUNT] = {{0, 1}, {1, 0}, {1, -1}, {1, 1}}; /* where motion i is zero */
 
-/* One speed inside each sector between the lines on which a motion is zero. */
+/* One pair of speeds inside each sector between the lines on which a motion is zero. */
 static const dry_way_t DRY_SECTOR[] = {{2, 1}, {1, 2}, {-1, 2}, {-2, 1}, {-2, -1}, {-1, -2}, {1, -2}, {2, -1}};
 
 static inline dry_vector_t dry_vector(dry_way_t way)
@@ -70,7 +70,7 @@ static inline dry_vector_t dry_opposing(dry_vector_t w, const real_t bound[DRY_C
                           along[DRY_RIGHT] + along[DRY_SURGE] - along[DRY_YAW]};
 }
 
-/* Supposes that every motion slips in its direction of `guess`. True where the speeds that follow agree with that. */
+/* Supposes that every motion slips in its direction of `guess`. True where the resulting speeds agree with that. */
 static inline mask_t dry_slips(dry_vector_t guess, dry_vector_t *w, dry_vector_t free, const pair_t *inverse,
                                const real_t bound[DRY_COUNT])
 {
@@ -84,7 +84,7 @@ static inline mask_t dry_slips(dry_vector_t guess, dry_vector_t *w, dry_vector_t
     return agree;
 }
 
-/* True where all stands still: in no direction of motion does the impulse exceed what the bounds hold. */
+/* True where all stands still: the impulse exceeds what the bounds hold in no direction of motion. */
 static inline mask_t dry_sticks(dry_vector_t impulse, const real_t bound[DRY_COUNT])
 {
     mask_t moves = mask_of(0);
@@ -127,7 +127,7 @@ static inline dry_vector_t dry_solution(dry_vector_t free, const pair_t *matrix,
         return found;
     const dry_vector_t still = {real_of(0), real_of(0)};
     const dry_vector_t impulse = dry_multiply(matrix, free);
-    found = dry_choose(done, found, still); /* stays so where all sticks, or by rounding at the edge of sticking */
+    found = dry_choose(done, found, still); /* final if all sticks, or if by rounding no case below fits */
     done |= dry_sticks(impulse, bound);
     for (int j = 0; j < DRY_COUNT && !all_lanes(done); j++) {
         const mask_t holds = dry_holds(j, &w, impulse, matrix, bound) & mask_not(done);

@@ -1,8 +1,8 @@
-/* lanes_kernel.h: the step of plant/step.h in vector registers, and what plant/lanes.c knows of it.
+/* lanes_kernel.h: the step of plant/step.h in vector registers, and what plant/lanes.c needs of it.
  *
- * lanes_laws.c is compiled once for each width, with the laws of effects that are written over real_t. There a vehicle_t
- * holds LANES robots, so the two sides share no type but these. A number that stands at place i of a plant's vehicle
- * stands at place i * width + lane here, and so in all arrays below. */
+ * lanes_laws.c is compiled once for each width, with the laws of effects that are written over real_t. There a
+ * vehicle_t holds LANES robots, so both files share these types alone. The number at index i of a plant's vehicle has
+ * index i * width + lane here, and in all arrays below. */
 #ifndef BRICKPILOT_PLANT_LANES_KERNEL_H
 #define BRICKPILOT_PLANT_LANES_KERNEL_H
 
@@ -11,14 +11,14 @@
 
 #include "effects/effect.h"
 
-enum { LANES_BYTES = 65536, LANES_ALIGNMENT = 64 }; /* of the memory of a group */
+enum { LANES_BYTES = 65536, LANES_ALIGNMENT = 64 }; /* bytes: size and alignment of a group's memory */
 
-/* Effects of a group that run in registers: so many at most, with so many parameters and doubles of memory each. All
- * others run robot by robot. */
+/* Limits for the effects of a group that run in registers: their number, and the parameters and doubles of memory of
+ * each. All other effects run robot by robot. */
 enum { LAWS_MOST = 16, LAW_VALUES = 8, LAW_MEMORY = 16 };
 
 typedef struct {
-    const effect_t *effect; /* for the kernel alone */
+    const effect_t *effect; /* used by the kernel alone */
     unsigned robots;        /* one bit for each lane that has this effect */
     double *value;          /* LAW_VALUES */
     double *memory;         /* LAW_MEMORY */
@@ -30,21 +30,21 @@ typedef struct {
     int count;
     struct {
         int law;   /* an index into `law`; or -1: hooks that run robot by robot */
-        int batch; /* which ones: for `run` */
+        int batch; /* the number of their batch, for `run` */
     } step[STEPS_MOST];
 } lanes_site_t;
 
 /* One group of robots. */
 typedef struct {
     double *vehicle;   /* all numbers of vehicle_t: see vehicle_numbers */
-    double *nominal;   /* those of vehicle_t.motor, without effects */
+    double *nominal;   /* all numbers of vehicle_t.motor, without effects */
     double *parameter; /* PARAMETER_COUNT */
     double *input;     /* 2, V */
     double *output;    /* OUTPUT_COUNT */
     lanes_law_t law[LAWS_MOST];
 
-    /* Filled by the caller: the effects, and how to run those that run robot by robot. Where there are any, `tell` is
-     * called before SITE_BODY, for what a body step has changed, and after SITE_MOTOR. */
+    /* Filled by the caller: the effects, and how to run those that run robot by robot. If there are any, `tell` is
+     * called before SITE_BODY, to pass on what a body step has changed, and after SITE_MOTOR. */
     lanes_site_t site[SITE_COUNT];
     void (*tell)(void *owner, site_t site);
     void (*run)(void *owner, site_t site, int batch);
@@ -56,10 +56,10 @@ typedef struct {
     int vehicle_numbers;     /* must be vehicle_numbers() of one robot */
     bool (*runs_here)(void); /* this processor has such registers */
 
-    /* Makes a group in `memory`, which has LANES_BYTES and that alignment. */
+    /* Makes a group in `memory`, which has LANES_BYTES and LANES_ALIGNMENT. */
     lanes_view_t *(*open)(void *memory, int vehicle, int profile);
 
-    /* Finds the effect of this name, which has so many parameters and so much memory; NULL: it runs robot by robot. */
+    /* Finds the law in registers for the effect of this name; NULL: the effect runs robot by robot. */
     const effect_t *(*law)(const char *name);
 
     /* Advances by body_count steps of `step` s each; returns one bit for each lane whose state is finite. */

@@ -52,7 +52,7 @@ static stretch_t changed_at(site_t site)
     return CHANGED[site];
 }
 
-/* Runs a law for all lanes, then restores the values in lanes whose robot lacks it. Laws of any site may change the
+/* Runs a law for all lanes, then restores the values in lanes whose robot lacks it. Any site's laws may change the
  * heat. */
 static void run_law(stepped_t *plant, int index, site_t site)
 {

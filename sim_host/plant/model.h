@@ -4,7 +4,7 @@
 
 #include "effects/effect.h"
 
-enum { MODEL_EFFECTS = 64 }; /* at most so many are on at a time */
+enum { MODEL_EFFECTS = 64 }; /* most effects that are on at a time */
 
 struct bp_model {
     int vehicle;

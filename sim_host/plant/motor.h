@@ -12,7 +12,7 @@
 
 #include "effects/vehicle.h"
 
-/* What follows from step, resistance and inductance alone, and what it was computed for. */
+/* Coefficients that depend on step, resistance and inductance alone, and the values that they were computed for. */
 typedef struct {
     real_t of_step, of_resistance, of_inductance;
     real_t decay;      /* e^-a */
@@ -26,7 +26,7 @@ typedef struct {
     real_t emf_constant;
     real_t torque_constant;
     real_t torque_per_volt;
-    real_t decay; /* here and below: of motor_settled_t, but 0 where the motor floats */
+    real_t decay; /* this and the next three: of motor_settled_t, but 0 if the motor floats */
     real_t gain;
     real_t mean_decay;
     real_t mean_gain;
@@ -112,9 +112,9 @@ IN_LANES mask_t motor_settled(const motor_settled_t *settled, const motor_t *mot
     return step & resistance & inductance;
 }
 
-/* Fills the coefficients for motor steps of h seconds; stiffness 0..1. A motor that floats carries no current. `step` is
- * all zero, or was prepared before: what depends on step, resistance and inductance alone is computed when one of them
- * has changed, or taken from `other`, the motor of the other side, where that is the same. */
+/* Fills the coefficients for motor steps of h seconds; stiffness 0..1. A motor that floats carries no current. `step`
+ * is all zero, or was prepared before: coefficients that depend on step, resistance and inductance alone are computed
+ * only when one of these has changed. If `other`, the motor of the other side, has them, they are taken from it. */
 static inline void motor_prepare(motor_step_t *step, const motor_step_t *other, const motor_t *motor, double h,
                                  mask_t floats, real_t stiffness)
 {

@@ -42,8 +42,8 @@ static inline void output_of_motor(const vehicle_t *vehicle, real_t *out)
     out[OUTPUT_FORCE] = choose(moves, torque / lever, absent);
 }
 
-/* Puts in the accelerometers' readings: means over all body steps since the last reading, as a converter that
- * integrates gives them. `out` holds those of the last step alone. */
+/* Writes the accelerometers' readings into `out`: means over all body steps since the last reading, as an integrating
+ * converter gives them. Until then `out` holds the means over the last body step alone. */
 static inline void output_felt(const vehicle_t *vehicle, real_t *out)
 {
     if (vehicle->vehicle == BP_MOTOR)

@@ -38,12 +38,12 @@ typedef struct plant {
 int plant_start(plant_t *plant, const bp_model *model, const bp_state *initial, double motor_step, double body_step);
 
 /* Puts the vehicle into another state while it runs. A field that is NaN stays, and so do the memories of the effects.
- * Without wheel speeds a coupled vehicle gets them from surge and yaw_rate. The outputs change with the next
+ * If the wheel speeds are NaN, a coupled vehicle gets them from surge and yaw_rate. The outputs change with the next
  * plant_advance(). BP_E_RANGE: a value is infinite. */
 int plant_restart(plant_t *plant, const bp_state *state);
 
-/* Advances the vehicle by dt seconds with the inputs held: V left and right, NaN floats, and a motor reads [0] alone.
- * BP_E_TIME: dt is not positive and finite. BP_E_DIVERGED: the state is no longer finite. */
+/* Advances the vehicle by dt seconds with the inputs held: V left and right (NaN: the motor floats). A BP_MOTOR reads
+ * [0] alone. BP_E_TIME: dt is not positive and finite. BP_E_DIVERGED: the state is no longer finite. */
 int plant_advance(plant_t *plant, const double input[2], double dt);
 
 /* Counts the body steps in an interval of dt seconds, and the motor steps in each of them. BP_E_TIME: as above. */

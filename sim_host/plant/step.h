@@ -1,7 +1,7 @@
 /* step.h: one body step, for one robot or for several side by side.
  *
- * The file that includes it says before that what a stepped_t is: it has a `vehicle` and `wheels`, and these functions
- * reach its effects. They are const where that is written.
+ * The file that includes this header first defines stepped_t, which has a `vehicle` and `wheels`, and these functions,
+ * which reach its effects:
  *   bool has_hooks(const stepped_t *plant, site_t site)     any robot has an effect there
  *   void run_hooks(stepped_t *plant, site_t site)           run them
  *   void set_motors(stepped_t *plant)                       the nominal motors, then the hooks of SITE_MOTOR
@@ -16,7 +16,7 @@
 #include "plant/body.h"
 #include "plant/contact.h"
 
-/* How often a motor step is done at most, to find how fast tyres slip that lose their hold in it. */
+/* How many times a motor step is done at most, to find the slip of tyres that lose their hold in it. */
 enum { STEP_SLIP_TRIES = 4 };
 
 /* True where the state holds neither an infinity nor a NaN. */
@@ -99,7 +99,7 @@ static inline void step_motors(stepped_t *plant, const contact_t *contact, const
     }
 }
 
-/* Adds to `felt` what accelerometers show of the last body step. */
+/* Adds the accelerometers' readings of the last body step to `felt`. */
 static inline void step_feel(stepped_t *plant)
 {
     vehicle_t *vehicle = &plant->vehicle;
@@ -138,10 +138,10 @@ static inline void step_body(stepped_t *plant, const contact_t *contact, const r
     step_feel(plant);
 }
 
-/* Before the body steps from one reading of the sensors to the next, and after them. */
+/* One is called before the body steps between two readings of the sensors, the other after them. */
 static inline void step_sample_begins(stepped_t *plant)
 {
-    plant->vehicle.felt[0] = plant->vehicle.felt[1] = real_of(-0.0); /* any number is added to -0 exactly, also -0 */
+    plant->vehicle.felt[0] = plant->vehicle.felt[1] = real_of(-0.0); /* -0 + x is exactly x, even for x = -0 */
 }
 
 static inline void step_sample_ends(stepped_t *plant, int body_count)

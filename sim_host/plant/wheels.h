@@ -2,8 +2,8 @@
  *
  * The linear part is integrated by the implicit midpoint rule: (M + h/2 D + h K) dw = h (torque(w) + load) + p. M is
  * the inertia that the wheels feel, D the linear losses, K the motors' damping within the step, and p the impulse of
- * dry friction. Where a step does not resolve the motion, 1/2 goes to 1 (implicit Euler) by s^2 / (1 + s^2), with s = h
- * (D + K_t K_e / R) / M.
+ * dry friction. If a step does not resolve the motion, the factor 1/2 grows to 1 (implicit Euler) with s^2 / (1 + s^2),
+ * where s = h (D + K_t K_e / R) / M.
  */
 #ifndef BRICKPILOT_PLANT_WHEELS_H
 #define BRICKPILOT_PLANT_WHEELS_H
@@ -14,8 +14,8 @@
 /* Speeds of the tyres over the floor, m/s. */
 typedef struct {
     real_t along[2]; /* of each wheel's rim ahead of the body */
-    real_t sway;     /* of both */
-    real_t yaw_rate; /* rad/s: of a skid steer, times their distance ahead of the middle */
+    real_t sway;     /* of both tyres, sideways */
+    real_t yaw_rate; /* rad/s; of a skid steer: it adds to sway, times a contact's distance ahead */
 } slip_t;
 
 typedef struct {
@@ -26,21 +26,21 @@ typedef struct {
     real_t dry_arm
         [DRY_COUNT]; /* factor from vehicle_t.dry to N m at the wheel; 0 where the wheels do not carry the motion */
 
-    /* For the contact alone, where the body moves on its own. Ground speeds are those of the body at each wheel,
+    /* Used by the contact alone, if the body moves on its own. Ground speeds are those of the body at each wheel,
      * m/s. */
     struct {
-        pair_t inverse;                   /* 1/kg: change of the ground speeds by impulses at the wheels */
-        pair_t grip;                      /* kg: impulse on the body by the wheels' speed ahead of `free` */
+        pair_t inverse;                   /* 1/kg: change of the ground speeds per impulse at the wheels */
+        pair_t grip;                      /* kg: impulse on the body per wheel speed ahead of `free` */
         pair_t mass;                      /* kg: inverse of `inverse` */
         real_t free[2];                   /* m/s: ground speeds at the end of the step without tyre force */
-        real_t sway_impulse;              /* N s */
-        real_t sway_mass;                 /* kg */
+        real_t sway_impulse;              /* N s: impulse on the sway, tyres included */
+        real_t sway_mass;                 /* kg: mass that it moves, tyres included */
         real_t sway_lever;                /* kg m: sway impulse that a change of the yaw rate takes */
-        real_t travel_surge, travel_sway; /* m, since the body step began */
-        real_t turn;                      /* rad */
+        real_t travel_surge, travel_sway; /* m: travel since the body step began */
+        real_t turn;                      /* rad: turn since the body step began */
         slip_t slip;                      /* at the start of the motor step; only where has_slip */
         bool has_slip;
-        slip_t ahead;   /* at the end of the motor step, as it is expected: the tyres hold as they do there */
+        slip_t ahead;   /* expected at the end of the motor step: the tyres' hold is computed for it */
         real_t turned;  /* kg m^2: hold of the contacts on the yaw rate in this step, with `ahead` */
         real_t soft[2]; /* 1/kg: slip speed over impulse of each tyre in this step, with `ahead` */
     } body;
@@ -67,8 +67,8 @@ static inline real_t wheels_stiffness(const wheels_t *wheels, const motor_t *mot
     return s * s / (1 + s * s);
 }
 
-/* Computes the coefficients that follow from the inertia alone. Call it when the contact has changed that within a body
- * step. */
+/* Computes the coefficients that follow from the inertia alone. Call it when the contact has changed the inertia within
+ * a body step. */
 static inline void wheels_join(wheels_t *wheels)
 {
     const pair_t *inertia = &wheels->inertia, *drag = &wheels->drag;
@@ -102,8 +102,8 @@ static inline pair_t wheels_scaled(const pair_t *matrix, real_t left, real_t rig
     return (pair_t){matrix->left * left * left, matrix->right * right * right, matrix->cross * left * right};
 }
 
-/* Solves in the speeds of the rims: their sum is the surge and their difference the yaw, whatever the radii. Leaves
- * `end` as it is where nothing rubs. */
+/* Solves for the speeds of the rims: whatever the radii, their sum gives the surge and their difference the yaw. Leaves
+ * `end` unchanged where `rubs` is false. */
 static inline void wheels_solve_rims(real_t end[2], const wheels_t *wheels, const real_t rim[2],
                                      real_t bound[DRY_COUNT], mask_t rubs)
 {

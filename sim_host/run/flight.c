@@ -149,7 +149,7 @@ void flight_commanded_voltage(const flight_t *flight, double voltage[2])
     voltage[1] = flight->port.right_q15 / 32767.0 * battery;
 }
 
-/* Writes the step into the log: a whole row, or its place in each of the chosen columns. */
+/* Writes the step into the log: a whole row, or one value in each of the chosen columns. */
 static void log_step(const flight_t *flight, const double voltage[2], const loop_state_t *loop)
 {
     const bp_flight *request = flight->request;

@@ -1,5 +1,5 @@
-/* flight.h: one closed loop of plant and sensors, as fly.c and loop.c share it: the one has the firmware in process, the
- * other a controller elsewhere. */
+/* flight.h: one closed loop of plant and sensors, shared by fly.c (the firmware in process) and loop.c (a controller
+ * outside). */
 #ifndef BRICKPILOT_RUN_FLIGHT_H
 #define BRICKPILOT_RUN_FLIGHT_H
 
@@ -9,11 +9,11 @@
 #include "sensors/battery.h"
 #include "sensors/encoder.h"
 
-#define FLIGHT_STEP_S RCX_BODY_STEP /* of the plant, and of the packaged firmware */
+#define FLIGHT_STEP_S RCX_BODY_STEP /* control step of the plant, and of the packaged firmware */
 enum { PLANT_STEP_MS = (int)(RCX_BODY_STEP * 1e3 + 0.5) };
 
 typedef struct {
-    const bp_flight *request; /* it, its arrays and the plant must outlive the flight */
+    const bp_flight *request; /* the request, its arrays and the plant must outlive the flight */
     plant_t *plant;
     int step; /* the control step that comes next, or is under way */
     sil_port_t port;
@@ -36,13 +36,13 @@ int flight_prepare(flight_t *flight, const bp_flight *request, plant_t *plant);
 /* Reads the sensors of this moment, with their noise, into the port. */
 void flight_sense(flight_t *flight);
 
-/* The voltages of the duties that stand in the port. */
+/* Fills in the voltages, V, of the duties in the port. */
 void flight_commanded_voltage(const flight_t *flight, double voltage[2]);
 
-/* Keeps what happens in the step, and goes on to the next. `loop` is NULL where the controller is not in process. */
+/* Stores the step's log and motor commands, and goes on to the next step. `loop`: NULL if the controller is outside. */
 void flight_keep_step(flight_t *flight, const double voltage[2], const loop_state_t *loop);
 
-/* A number as an integer of 16 bits, at most 32767 in size. */
+/* Rounds a number to an integer within +-32767. */
 int16_t flight_int16(double value);
 
 #endif

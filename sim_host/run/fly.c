@@ -28,8 +28,8 @@ static void follow_schedule(flight_t *flight, double voltage[2])
     flight->path += fabs(flight->plant->vehicle.state.surge) * FLIGHT_STEP_S;
 }
 
-/* Runs the firmware in process, where a step of it is due: that of an RCX is longer than the plant's. The motors keep
- * their duty between two steps. */
+/* Runs the firmware in process if a step of it is due: a step of an RCX is longer than a step of the plant. The motors
+ * keep their duty between two steps. */
 static void control(flight_t *flight)
 {
     const int every = STEP_MS / PLANT_STEP_MS;
@@ -42,7 +42,7 @@ static void control(flight_t *flight)
                   flight->step == begins ? MODE_START : MODE_NONE);
 }
 
-/* Does a step up to the voltages at which the plant has to advance. */
+/* Does a control step without the plant: fills in the voltages with which the plant has to advance. */
 static void fly_step(flight_t *flight, double voltage[2])
 {
     const bool manoeuvre = flight->request->drive != NULL;
@@ -70,7 +70,7 @@ static int fly(flight_t *flight)
     return status;
 }
 
-/* Gets a flight ready to fly with this plant, or says why that cannot be. */
+/* Prepares a flight with this plant. Returns 0 or a BP_E_ code. */
 static int begin(flight_t *flight, const bp_flight *request, plant_t *plant)
 {
     const int status = flight_prepare(flight, request, plant);
@@ -120,8 +120,8 @@ static void fly_lanes(side_by_side_t *side, int count)
         side->request[lane]->status = lanes->status[lane];
 }
 
-/* Begins each flight. One that fails, or whose plant does not fit into a lane, is done here; the others go on side by
- * side. */
+/* Begins each flight. A flight that fails ends here. A flight whose plant cannot go into a lane flies here, alone; the
+ * others go on side by side. */
 static void fly_group(side_by_side_t *side, bp_flight *requests, int count)
 {
     int kept = 0;
@@ -175,5 +175,5 @@ int bp_fly_many(bp_flight *requests, int count, int lanes)
 
 int bp_plant_size(void)
 {
-    return (int)sizeof(lanes_t); /* which holds plants */
+    return (int)sizeof(lanes_t); /* lanes_t holds the plants */
 }

@@ -1,4 +1,4 @@
-/* loop.c: a closed loop whose controller is elsewhere: bp_loop_. brickpilot_sim.h is the manual. */
+/* loop.c: the bp_loop_ functions: a closed loop whose controller is outside. brickpilot_sim.h is the manual. */
 #include <stdlib.h>
 
 #include "brickpilot_sim.h"

@@ -123,8 +123,8 @@ static void advance_lanes(lanes_t *lanes, const group_t *group)
     }
 }
 
-/* Starts each run. A run that fails ends here. A run that cannot go into a lane is simulated here, alone; the others go
- * on side by side. */
+/* Starts each run. A run that fails, or that cannot go into a lane, is completed here; the others go on side by
+ * side. */
 static void simulate_group(lanes_t *lanes, group_t *group)
 {
     int kept = 0;
