@@ -16,7 +16,7 @@ enum {
     ERROR = 2
 };
 
-/* The count of a change, by the lines before (A is 8, B is 4) and now (A is 2, B is 1). Forward: 00, 10, 11, 01. */
+/* The count of a change, by the lines before (A 8, B 4) and now (A 2, B 1). Forward, A leads: 00, 10, 11, 01. */
 static const __flash int8_t STEPS[16] = {0, -1, 1, ERROR, 1, 0, ERROR, -1, -1, ERROR, 0, 1, ERROR, 1, -1, 0};
 
 static volatile uint16_t left, right, errors;

@@ -6,7 +6,7 @@
 #include "console.h"
 #include "processor.h"
 
-enum { EXIT_R1 = 0xDEAD, EXIT_R2 = 0xBEEF }; /* with these a sleep ends the simulator */
+enum { EXIT_R1 = 0xDEAD, EXIT_R2 = 0xBEEF }; /* with these values a SLEEP ends the simulator */
 
 static void brick_start(uint8_t *memory)
 {
@@ -25,7 +25,7 @@ static void sleep_until_next(void)
     chip.now = then;
 }
 
-/* Lets time pass up to the instruction at `pc`, and counts it. Returns the interrupt that comes instead, or 0. */
+/* Lets time pass up to the instruction at `pc`, which it counts. Returns the interrupt that comes instead, or 0. */
 static int brick_before(uint16_t pc, bool masked, const uint16_t *registers)
 {
     const bool sleeps = word_at(pc) == SLEEP && !(registers[1] == EXIT_R1 && registers[2] == EXIT_R2);

@@ -1,12 +1,12 @@
-/* chip.h: what the RCX's chip does beside its instructions, in simulated time: an H8/3292 at 16 MHz. One clock period is a state.
+/* chip.h: the devices of the RCX's chip, an H8/3292 at 16 MHz, in simulated time. One clock period is called a state.
  *
  * Source: Hitachi H8/3297 Series Hardware Manual. Simulated are the timer FRT with its two compare matches, the watchdog as a timer,
  * the A/D converter in single mode, the serial interface in asynchronous mode, and the interrupts of all these. An interrupt that is
  * enabled but not simulated ends the simulator.
  *
- * Registers are bytes of the simulator's memory. Before each instruction chip_touch() is told where it reads or writes data; after it,
- * chip_written() sees what a program wrote into a register. A flag is set by a device. A program clears it by writing a 0 after it has read
- * the 1; so a flag that rises between the two stays.
+ * Registers are bytes of the simulator's memory. Before each instruction chip_touch() gets the address of its data;
+ * after it, chip_written() handles what a program wrote into a register. A device sets a flag. A program clears the
+ * flag by writing 0 after it has read 1; so a flag that rises in between stays set.
  */
 #ifndef BRICKPILOT_H8SIM_CHIP_H
 #define BRICKPILOT_H8SIM_CHIP_H
@@ -61,7 +61,7 @@ static const struct {
     [ADI] = {35, ADCSR, ADF, ADCSR, ADIE},
 };
 
-/* Registers whose flags behave as above, and which bits are flags that a program may only clear. */
+/* Registers with such flags, and their bits that are flags, which a program may only clear. */
 enum { FLAGGED = 3 };
 static const struct {
     uint16_t at;
@@ -71,25 +71,25 @@ static const struct {
 static struct {
     uint8_t *memory;
     uint64_t now;                           /* states since the start */
-    uint64_t next;                          /* when a device has something to do */
+    uint64_t next;                          /* time at which a device next has something to do */
     uint16_t touched;                       /* the register that the last instruction read or wrote; 0: none */
-    uint8_t before[FLAGGED], seen[FLAGGED]; /* the flagged registers; which flags a program has read as 1 */
+    uint8_t before[FLAGGED], seen[FLAGGED]; /* contents of the registers of FLAGS; flags read as 1 */
     int pending;                            /* the maskable interrupt that comes first; 0: none */
     bool nmi;
 
-    uint64_t frt_setting, frt_zero, match_a, match_b; /* when the counter began, and the times of the next matches */
+    uint64_t frt_setting, frt_zero, match_a, match_b; /* setting and start of the counter, times of the next matches */
     uint16_t ocr[2];
     uint8_t ocr_selected;
 
-    uint64_t overflow; /* of the watchdog's counter */
+    uint64_t overflow; /* time at which the watchdog's counter overflows */
     uint8_t wdt_control;
 
-    uint64_t converted;   /* when the conversion ends */
+    uint64_t converted;   /* time at which the conversion ends */
     uint16_t analogue[4]; /* the converter's four inputs, 0..1023 */
 
-    uint64_t sent; /* when the byte that is being sent is out */
+    uint64_t sent; /* time at which the byte that is being sent is out */
     uint8_t sending;
-    void (*out)(uint8_t byte); /* where it goes */
+    void (*out)(uint8_t byte); /* takes the byte that was sent */
 
     uint64_t spent[KINDS];
     uint32_t count[KINDS];
@@ -117,7 +117,7 @@ static void chip_fail(const char *what)
     exit(6);
 }
 
-/* The FRT counts up from 0 to OCRA, or through all 65536 numbers. */
+/* States per count of the timer FRT. It counts up from 0 to OCRA, or through all 65536 numbers. */
 static uint64_t frt_tick(void)
 {
     static const uint8_t STATES[] = {2, 8, 32};
@@ -133,7 +133,7 @@ static uint64_t frt_period(void)
     return (chip.memory[TCSR] & CCLRA ? chip.ocr[0] + 1U : 0x10000U) * frt_tick();
 }
 
-/* The counter begins anew when the timer is set up. One that is cleared at OCRA does not come to an OCRB above it. */
+/* The counter begins at 0 when the timer is set up. If it is cleared at OCRA, it never reaches an OCRB above OCRA. */
 static void start_frt(void)
 {
     const bool beyond = (chip.memory[TCSR] & CCLRA) != 0 && chip.ocr[1] > chip.ocr[0];
@@ -143,7 +143,7 @@ static void start_frt(void)
     chip.match_b = beyond ? NEVER : chip.now + (chip.ocr[1] + 1U) * frt_tick();
 }
 
-/* Of one byte on the line: start bit, eight bits, parity and stop bit. */
+/* States of one byte on the line: start bit, eight bits, parity and stop bit. */
 static uint64_t byte_states(void)
 {
     return 11ULL * 32 * (1ULL << 2 * (chip.memory[SMR] & 3)) * (chip.memory[BRR] + 1U);
@@ -156,7 +156,7 @@ static uint64_t wdt_tick(void)
     return STATES[chip.wdt_control & 7];
 }
 
-/* The prescaler runs on, whatever the counter is set to. */
+/* Sets the counter. The prescaler runs on unchanged. */
 static void start_wdt(uint8_t counter)
 {
     chip.overflow = chip.wdt_control & TME ? (chip.now / wdt_tick() + 256U - counter) * wdt_tick() : NEVER;
@@ -222,7 +222,7 @@ static void wdt_written(void)
         if ((word & WATCHES) == 0 || (word & 0x08) != 0)
             chip_fail("watchdog but for its NMI");
         if (began || (word & TME) == 0)
-            start_wdt(0); /* it holds the counter at 0 */
+            start_wdt(0); /* a watchdog that is off holds its counter at 0 */
     }
     put_word(WDT, (uint16_t)(chip.wdt_control << 8));
 }
@@ -265,7 +265,7 @@ static void keep_before(void)
         chip.before[i] = chip.memory[FLAGS[i].at];
 }
 
-/* After an instruction that read or wrote a register. */
+/* Called after an instruction that read or wrote a register. */
 static void chip_written(void)
 {
     const uint16_t at = chip.touched;
@@ -286,7 +286,7 @@ static void chip_written(void)
     find_pending();
 }
 
-/* Before an instruction that reads or writes data there. */
+/* Called before an instruction that reads or writes data at `address`. */
 static void chip_touch(uint16_t address)
 {
     if (address < REGISTERS)
@@ -299,7 +299,7 @@ static void chip_touch(uint16_t address)
         put_word(FRC, (uint16_t)((chip.now - chip.frt_zero) % frt_period() / frt_tick()));
 }
 
-/* A byte that comes on the line, or that the brick hears of its own. */
+/* Takes a byte that comes on the line, or that the brick hears while it sends it. */
 static void chip_receive(uint8_t byte, bool wrong)
 {
     if ((chip.memory[SCR] & RE) == 0)
@@ -314,7 +314,7 @@ static void chip_receive(uint8_t byte, bool wrong)
     find_pending();
 }
 
-/* An input that has its power on measures the battery's voltage and not the sensor. Bits 0 to 2 of port 6 give the power. */
+/* An input whose power is on measures the battery's voltage, not the sensor. Bits 0 to 2 of port 6 switch the power. */
 static void end_conversion(void)
 {
     const uint8_t input = chip.memory[ADCSR] & 3;
@@ -337,7 +337,7 @@ static void end_byte(void)
     chip_receive(byte, false);
 }
 
-/* Does what the devices have to do up to now. */
+/* Does all that the devices have to do up to the present time. */
 static void chip_run(void)
 {
     if (chip.match_a <= chip.now) {

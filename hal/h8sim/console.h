@@ -2,15 +2,15 @@
  * the number of bytes of each stands behind it:
  *
  *   r ms(2)                time passes
- *   l byte(1) wrong(1)     the line brings the brick a byte, in the time of a byte; wrong, not 0: with a wrong parity
+ *   l byte(1) wrong(1)     the brick receives a byte, in the time of a byte; wrong not 0: with a wrong parity
  *   k keys(1)              these buttons are held: 1 On-Off, 2 Run, 4 View, 8 Prgm
- *   a input(1) raw(2)      what the converter measures at input 1, 2 or 3, or, as input 0, at the battery: 0..1023
+ *   a input(1) raw(2)      sets what the converter measures at input 1, 2 or 3, or at the battery (input 0): 0..1023
  *   m address(2) size(2)   the reply is the content of the memory there
- *   b address(2)           from now on keeps the time whenever the instruction at this address begins
- *   e                      the reply is how many times have been kept (2), and these: states since the start (8 each). Forgets them
+ *   b address(2)           from now on records the time whenever the instruction at this address begins
+ *   e                      the number of recorded times (2), and each, in states since the start (8). Clears them
  *   t                      the reply is the time since the start (8), and for each kind of chip.h how often it came (4) and how
  *                          long it took (8), both since the start
- *   f size(1) path         a copy of this brick goes on, as a process of its own, with the commands that come at the socket of this path
+ *   f size(1) path         a copy of this brick, a process of its own, takes the commands from the socket of this path
  *
  * The reply to r and l is: how long motors A and C were driven in that time, forward less backward (us, 4 bytes each, signed), the number
  * of bytes that the brick has sent (2), and those bytes. The program ends at the end of its input.
@@ -29,10 +29,10 @@ enum { MOTORS = 0xFF80, STATES_A_MS = 16000, STATES_A_US = 16, LINE_BYTE = 73333
 enum { SENT_MOST = 4096, KEPT_MOST = 4096 };
 
 static struct {
-    uint64_t until; /* then the next command is read */
+    uint64_t until; /* time at which the next command is read */
     bool replies, brings, wrong;
     uint8_t brought;
-    uint8_t motors; /* the motor port since `settled` */
+    uint8_t motors; /* value of the motor port since the time `settled` */
     uint64_t settled;
     int64_t driven_a, driven_c; /* states, forward less backward */
     uint8_t sent[SENT_MOST];
@@ -47,7 +47,7 @@ static int direction(unsigned forward, unsigned backward)
     return (forward != 0) - (backward != 0);
 }
 
-/* Both bits of a motor together short it; none lets it float. */
+/* A motor with both bits set is shorted; with none it floats. */
 static void settle_motors(void)
 {
     const int64_t states = (int64_t)(chip.now - console.settled);
@@ -131,7 +131,7 @@ static void write_tally(void)
     }
 }
 
-/* The host waits at the socket, and sends nothing until the copy is there: so this end has no command that is not read yet. */
+/* The host waits at the socket, and sends nothing until the copy is there: so no command waits unread at this end. */
 static void copy_itself(void)
 {
     struct sockaddr_un to = {.sun_family = AF_UNIX};
@@ -151,7 +151,7 @@ static void copy_itself(void)
     dup2(end, STDOUT_FILENO);
 }
 
-/* Obeys a command. Returns false if time has to pass first. */
+/* Obeys a command. Returns false if time has to pass before the next one. */
 static bool obey(int command)
 {
     switch (command) {
@@ -198,14 +198,14 @@ static bool obey(int command)
     return true;
 }
 
-/* When the instruction at `pc` begins. */
+/* Records the time if the instruction at `pc` is the one of command b. */
 static void keep_time(uint16_t pc)
 {
     if (pc == console.kept_at && console.kept_size < KEPT_MOST)
         console.kept[console.kept_size++] = chip.now;
 }
 
-/* Replies and takes commands, if time has come up to there. */
+/* Replies and takes commands, if the time `until` has come. */
 static void console_poll(void)
 {
     if (chip.memory[MOTORS] != console.motors)

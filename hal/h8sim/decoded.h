@@ -1,9 +1,9 @@
 /* decoded.h: hal/h8sim/simulator puts this in place of the call of decode() in the simulator's main loop. It uses the loop's
  * variables sd, cpu, pc and code, and those of its condition codes.
  *
- * decode() searches its table of instructions for every instruction that it executes: 0.2 million per second. No instruction of
- * the H8/300 is longer than four bytes, so an address whose four bytes are still the same needs no second search: 30 million per
- * second.
+ * decode() searches its table of instructions for each one executed: this allows 0.2 million per second. No instruction
+ * of the H8/300 is longer than four bytes, so an address whose four bytes are still the same needs no second search: 30
+ * million per second.
  *
  * If the environment variable H8SIM_TRACE names a file, the address and the stack pointer of every instruction are written
  * there, two native 16-bit words each.
@@ -23,7 +23,7 @@
     if (!started) {
         const char *const path = getenv("H8SIM_TRACE");
         started = 1;
-        h8_set_reg(cpu, SBR_REGNUM, 0xFF00); /* 8-bit addresses begin there; the simulator leaves it at 0 */
+        h8_set_reg(cpu, SBR_REGNUM, 0xFF00); /* base of 8-bit addresses; the simulator leaves it at 0 */
         if (path && !(trace = fopen(path, "wb"))) {
             perror(path);
             exit(1);

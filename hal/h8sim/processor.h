@@ -1,10 +1,11 @@
-/* processor.h: how long the RCX's processor takes, and how it takes interrupts. Source: Hitachi H8/300 Series Programming Manual,
- * appendix A, and the chapter on exceptions of the H8/3297 Series Hardware Manual.
+/* processor.h: how long the RCX's processor takes for an instruction, and how it takes interrupts. Source: Hitachi
+ * H8/300 Series Programming Manual, appendix A, and the chapter on exceptions of the H8/3297 Series Hardware Manual.
  *
- * states_gen.h has the accesses of each instruction. Here their addresses are known, so that each access takes what it takes there: ROM
- * and RAM on the chip 2 states for a byte or a word, everything else (the RCX's RAM and its motor port on the 8-bit bus, the chip's own
- * registers) 3 for a byte and 6 for a word. No device of the RCX asks for wait states. All words of code count where the instruction
- * stands; the first word behind a jump from one kind of memory into the other is not told apart. */
+ * states_gen.h has the accesses of each instruction. Here their addresses are known, so each access gets the time of
+ * its memory: ROM and RAM on the chip take 2 states for a byte or a word, everything else (the RCX's RAM and its motor
+ * port on the 8-bit bus, the chip's own registers) 3 for a byte and 6 for a word. No device of the RCX asks for wait
+ * states. All words of code count as in the memory of the instruction, also the first word after a jump to other
+ * memory. */
 #ifndef BRICKPILOT_H8SIM_PROCESSOR_H
 #define BRICKPILOT_H8SIM_PROCESSOR_H
 
@@ -14,7 +15,7 @@
 enum { SLEEP = 0x0180, RTE = 0x56, EEPMOV = 0x7B, STACK = 7 };
 enum { ROM_END = 0x4000, RAM_BEGIN = 0xFD80, RAM_END = 0xFF80 }; /* on the chip */
 enum { PROGRAMS_BEGIN = 0xADBC };  /* where brickOS's memory for programs begins; the kernel lies below */
-enum { DECIDE = 2, INTERNAL = 4 }; /* own states of an interrupt */
+enum { DECIDE = 2, INTERNAL = 4 }; /* states of an interrupt besides its accesses */
 
 static struct {
     int depth; /* 0: a task runs, 1: an interrupt, 2: an NMI in an interrupt */
@@ -37,7 +38,7 @@ static unsigned byte_access_states(uint16_t address)
     return on_chip(address) ? 2 : 3;
 }
 
-/* The address of the instruction's data; of the stack where it is on the stack. `registers` has r0 to r7. */
+/* The address of the instruction's data; the stack pointer if the data are on the stack. `registers` has r0 to r7. */
 static uint16_t data_address(const uint8_t *code, const uint16_t *registers)
 {
     const instruction_t *const cost = &INSTRUCTIONS[code[0]];
@@ -61,7 +62,7 @@ static uint16_t data_address(const uint8_t *code, const uint16_t *registers)
     }
 }
 
-/* States of the instruction at `pc`. Tells the chip of a register that it reads or writes. */
+/* Returns the states of the instruction at `pc`. Tells the chip which register the instruction reads or writes. */
 static unsigned instruction_states(uint16_t pc, const uint16_t *registers)
 {
     const uint8_t *const code = &chip.memory[pc];
@@ -79,7 +80,7 @@ static unsigned instruction_states(uint16_t pc, const uint16_t *registers)
            cost->own;
 }
 
-/* Adds states to the time, and to what the processor does at `pc`. */
+/* Adds states to the time, and to the sum for what the processor does at `pc`. */
 static void spend(unsigned states, uint16_t pc)
 {
     const int task = pc >= PROGRAMS_BEGIN && pc < RAM_BEGIN ? PROGRAM : KERNEL;
@@ -88,8 +89,8 @@ static void spend(unsigned states, uint16_t pc)
     chip.spent[processor.depth > 0 ? processor.kinds[processor.depth] : task] += states;
 }
 
-/* Lets the devices run. Returns the interrupt that comes before the next instruction, or 0. The instruction after one that changes the
- * mask of interrupts (LDC, ORC, XORC, ANDC) always comes first. */
+/* Lets the devices run. Returns the interrupt that comes before the next instruction, or 0. After an instruction that
+ * changes the interrupt mask (LDC, ORC, XORC, ANDC) the next instruction always comes first. */
 static int interrupt_now(bool masked)
 {
     if (chip.touched != 0)

@@ -19,10 +19,10 @@ typedef struct {
         clock_ms; /* what hal_clock_ms() returns: link_take() writes the set's time; an owner with a clock writes its own */
     int16_t left_q15; /* the last duties that the controller wrote */
     int16_t right_q15;
-    message_t in[LINK_IN]; /* ring buffers: for hal_link_read(), and to be sent */
+    message_t in[LINK_IN]; /* ring buffers: messages for hal_link_read(), and messages to be sent */
     message_t out[LINK_OUT];
     uint8_t in_first, in_size, out_first, out_size;
-    uint16_t lost; /* messages that the port could not send for want of room; stays at 65535 */
+    uint16_t lost; /* messages that the port could not send for lack of room; saturates at 65535 */
 } link_port_t;
 
 /* Binds the port that this thread's calls of the HAL use from now on. The caller keeps it alive. NULL unbinds. */

@@ -1,10 +1,10 @@
 /* set.h: puts sets of sensor readings together from messages.
  *
- * A set is what one SYNC announces: every part whose status is ok, with the SYNC's sequence number and the low byte of its
- * time, under one CRC. A set counts as a whole or not at all. Parts and SYNC may come in any order, twice, damaged or not at
- * all. A set that is older than the newest one is refused. After SET_STALE_MOST of those in a row the sender must have begun
- * anew: its sets would look valid again as soon as its clock has caught up, so from then on every set is refused, until a new
- * session begins.
+ * A set is what one SYNC announces: every part whose status is ok. Its parts have the SYNC's sequence number and the
+ * low byte of the SYNC's time, and one CRC covers all. A set counts as a whole or not at all. Parts and SYNC may come
+ * in any order, twice, damaged or not at all. A set that is older than the newest one is refused. After SET_STALE_MOST
+ * such sets in a row the sender must have started anew. Its sets would look valid again as soon as its clock has caught
+ * up, so from then on every set is refused, until a new session begins.
  */
 #ifndef BRICKPILOT_HAL_LINK_SET_H
 #define BRICKPILOT_HAL_LINK_SET_H
@@ -32,7 +32,7 @@ typedef struct {
     uint16_t battery_mv;
     hal_reference_t reference;
 
-    /* Counts of what was refused; each stays at 65535. */
+    /* Counts of messages and sets that were refused; each saturates at 65535. */
     uint16_t bad;        /* a wrong CRC, size or status */
     uint16_t incomplete; /* a set that was not whole when the next SYNC came */
     uint16_t stale;      /* a set older than the newest one */

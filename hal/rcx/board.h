@@ -18,7 +18,7 @@ typedef struct {
     uint16_t zero_raw;     /* the reading at rest, on level ground */
     uint8_t per_count;     /* mm/s^2 or mrad/s per count, the whole part */
     uint8_t per_count_256; /* ... and the 256ths */
-    bool reversed;         /* larger readings mean backward, to the left, counter-clockwise */
+    bool reversed;         /* true: larger readings mean backward, to the left or counter-clockwise */
 } board_axis_t;
 
 #define BOARD_GYRO_INPUT SENSOR_2

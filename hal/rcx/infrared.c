@@ -17,7 +17,7 @@ static packet_t waiting[INFRARED_WAITING];
 static volatile uint8_t put, taken;
 
 enum { NONE, SENT, DUE };
-static packet_t reply; /* to the newest request */
+static packet_t reply; /* reply to the newest request */
 static volatile uint8_t reply_is;
 static uint8_t sequence;
 uint8_t infrared_faults[MESSAGE_DATA_MAX];
@@ -122,8 +122,8 @@ bool infrared_idle(void)
     return something_to_send(0) == 0;
 }
 
-/* The task that sends. wait_event() returns 0 when the program has to end. If a reply is replaced while the kernel copies it, its CRC
- * is wrong, and it is sent once more. */
+/* The task that sends. wait_event() returns 0 when the program has to end. If a reply is replaced while the kernel
+ * copies it, the copy's CRC is wrong, and the reply is sent again. */
 static int send(int argc, char **argv)
 {
     (void)argc;

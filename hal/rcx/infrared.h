@@ -2,9 +2,10 @@
  *
  *   F1 | 13 | to | from | sequence | id low | id high | 8 data | sum
  *
- * A packet takes 73 ms at 2400 baud. Sending waits for that, so it has a task of its own. The kernel's receiving interrupt only
- * copies. A packet with the sequence number of the packet before it is a repetition: its reply was lost. The port does not
- * give it to the controller again; it sends the reply again. Replies go before telemetry, and a new reply replaces the old one.
+ * A packet takes 73 ms at 2400 baud. Sending waits for that long, so it has a task of its own. The kernel's receiving
+ * interrupt only copies. A packet with the sequence number of the packet before it is a repetition: the reply was lost.
+ * The port does not give it to the controller again; it sends the reply again. Replies go before telemetry, and a new
+ * reply replaces the old one.
  */
 #ifndef BRICKPILOT_RCX_INFRARED_H
 #define BRICKPILOT_RCX_INFRARED_H
@@ -13,17 +14,17 @@
 #include <stdint.h>
 
 enum {
-    INFRARED_PORT = 7,    /* of the brick; port 0 belongs to the kernel, which loads programs there */
+    INFRARED_PORT = 7,    /* port of the brick; port 0 belongs to the kernel, which loads programs there */
     INFRARED_HOST = 0x87, /* address and port of the host */
-    INFRARED_HEAD = 3,    /* sequence and id */
-    INFRARED_PACKET = 11, /* ... and the 8 data that every message has */
+    INFRARED_HEAD = 3,    /* bytes of sequence and id */
+    INFRARED_PACKET = 11, /* ... and of the 8 data that every message has */
     INFRARED_WAITING =
         8, /* packets to be sent. Only one received packet waits: the controller reads it before the next one is here */
     INFRARED_STACK = 224
 };
 
 /* The data of the message FAULTS, which follows every HEARTBEAT. It counts, since the start: packets that were no message (bad),
- * repetitions (stale), and messages that found no room in either direction (lost). Each count stays at 65535. */
+ * repetitions (stale), and messages that found no room in either direction (lost). Each count saturates at 65535. */
 extern uint8_t infrared_faults[8];
 
 /* Starts to receive, and starts the task that sends. False if there is no memory for the task. */

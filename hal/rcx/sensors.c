@@ -3,7 +3,7 @@
 #include "hal.h"
 #include "rcx/board.h"
 
-/* A converter's 10 bits are the highest ones of a word. */
+/* The 10 bits of a converter's reading are the highest bits of a word. */
 enum { RAW_ONE = 64, RAW_MAX = 0xFFC0 };
 
 /* mV per count of the battery's converter: 43988 / 1560, as a whole part and a fraction. The formula is brickOS's own. 709 counts
@@ -31,7 +31,7 @@ static bool connected(uint16_t converter)
     return converter >= RAW_ONE && converter < RAW_MAX;
 }
 
-/* Multiplies with products of 8 bits: the processor has no others. */
+/* Multiplies 8 x 8 bits at a time: the processor has no other product. */
 static uint16_t times(uint16_t counts, uint8_t factor)
 {
     return (uint16_t)((uint8_t)(counts >> 8) * factor << 8) + (uint8_t)counts * factor;

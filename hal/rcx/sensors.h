@@ -1,16 +1,17 @@
-/* sensors.h: the inputs. hal.h reads them. */
+/* sensors.h: the sensor inputs. The functions of hal.h read them. */
 #ifndef BRICKPILOT_RCX_SENSORS_H
 #define BRICKPILOT_RCX_SENSORS_H
 
 /* Powers the inputs as board.h says. Rotation counts begin at 0, with the wheels at rest. */
 void sensors_start(void);
 
-/* Hold the kernel's converter while a control step runs, and let it go on before the task waits. At the end of its interrupt the kernel
- * starts the next conversion. So the converter interrupts 24,000 times a second, which takes 59 % of the processor's time, or 67 % with
- * rotation sensors. While it is held the inputs keep their readings, and a rotation sensor must not go on by two counts.
+/* sensors_hold() holds the kernel's A/D converter while a control step runs; sensors_release() lets it go on before the
+ * task waits. At the end of the converter's interrupt the kernel starts the next conversion. So the converter
+ * interrupts 24,000 times a second, which takes 59 % of the processor's time, or 67 % with rotation sensors. While it
+ * is held, the inputs keep their readings, and a rotation sensor must not advance by two counts.
  *
- * Bit 6 of ADCSR, at 0xFFE8, enables the interrupt. The kernel's handler writes this register too. These are single instructions, so the
- * handler cannot come in between. A conversion that ended meanwhile interrupts as soon as it may. */
+ * Bit 6 of ADCSR, at 0xFFE8, enables the interrupt. The kernel's handler writes this register too. Both functions are
+ * single instructions: the handler cannot come in between. A conversion that has ended interrupts at the release. */
 static inline void sensors_hold(void)
 {
     __asm__ volatile("bclr #6,@0xe8:8");

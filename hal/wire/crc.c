@@ -2,7 +2,7 @@
 
 static uint16_t byte_more(uint16_t crc, uint8_t byte)
 {
-#ifdef __H8300__ /* 34 bytes less, on a brick that has few left */
+#ifdef __H8300__ /* 34 bytes of code less, on a brick that has few left */
     crc ^= (uint16_t)((uint16_t)byte << 8);
     for (uint8_t bits = 8; bits > 0; bits--)
         crc = (uint16_t)(crc << 1) ^ (crc & 0x8000U ? 0x1021U : 0U);

@@ -1,7 +1,7 @@
 /* crc.h: CRC-16/CCITT-FALSE, and the CRC that messages have in bytes 6 and 7.
  *
- * A transport may have a checksum of its own; slcan has none. A message that leads to the motors therefore has a CRC from end
- * to end.
+ * A transport may have a checksum of its own; slcan has none. So every message that can move the motors has an
+ * end-to-end CRC.
  */
 #ifndef BRICKPILOT_WIRE_CRC_H
 #define BRICKPILOT_WIRE_CRC_H

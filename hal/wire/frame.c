@@ -19,7 +19,8 @@ static uint8_t cobs_encode(const uint8_t *raw, uint8_t size, uint8_t *bytes)
     return at;
 }
 
-/* Returns the number of decoded bytes; 0 if the bytes are no COBS. No frame is long enough for a full block of 254. */
+/* Returns the number of decoded bytes; 0 if they are not valid COBS. No frame is long enough for a full block of
+ * 254. */
 static uint8_t cobs_decode(const uint8_t *bytes, uint8_t size, uint8_t raw[RAW_MAX])
 {
     uint8_t made = 0, at = 0;

@@ -1,6 +1,6 @@
 /* frame.h: messages on a serial line.
  *
- *   id low, id high, size, data, CRC low, CRC high   at most 13 bytes; the CRC is of all before it
+ *   id low, id high, size, data, CRC low, CRC high   at most 13 bytes; the CRC covers all bytes before it
  *   coded as COBS                                    one byte more, and no 0x00 inside
  *   0x00                                             ends the frame
  *

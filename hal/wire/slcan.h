@@ -1,11 +1,11 @@
-/* slcan.h: messages on a serial line in the ASCII of CAN adapters (Lawicel). The decoder plays the adapter.
+/* slcan.h: messages on a serial line in the ASCII protocol of CAN adapters (Lawicel). The decoder plays the adapter.
  *
  *   tIIILDD..\r   a frame: id in three hexadecimal digits, size in one, data
  *   C, O, Sn      close, open, bit rate: the reply is \r. The bit rate has no effect
  *   V, N          version, serial number
  *
- * The reply to an empty line is \r. The reply to anything else, and to a frame while the adapter is closed, is a bell. Frames
- * have no reply and no checksum, so the messages have one of their own: crc.h.
+ * The reply to an empty line is \r. The reply to anything else, and to a frame while the adapter is closed, is a bell
+ * character. Frames have no reply and no checksum, so the messages have a CRC of their own: crc.h.
  */
 #ifndef BRICKPILOT_WIRE_SLCAN_H
 #define BRICKPILOT_WIRE_SLCAN_H
@@ -24,7 +24,7 @@ typedef struct {
     uint8_t line[SLCAN_SIZE_MAX - 1];
     uint8_t size;
     bool overlong;
-    bool open; /* only then may frames be sent */
+    bool open; /* true: frames may be sent */
     uint8_t reply[SLCAN_REPLY_MAX];
     uint8_t reply_size;
 } slcan_decoder_t;

@@ -1,4 +1,4 @@
-/* What h8300-hms-gcc 3.4 lacks: fixed widths on the RCX's processor, where int has 16 bits and long 32. */
+/* Integers of fixed width, which h8300-hms-gcc 3.4 lacks. On the RCX's processor int has 16 bits and long 32. */
 #ifndef BRICKPILOT_H8_STDINT_H
 #define BRICKPILOT_H8_STDINT_H
 
