@@ -12,8 +12,8 @@ static const port_world_t ENDS = {.imu = {32767, -32767, 32767},
                                   .battery_mv = 20000,
                                   .reference = {2000000000, -2000000000, 65535, -32767, 32767}};
 
-/* RULE says what hal.h demands, before the checks of it. A check that fails is printed with its rule. On an AVR chip, whose RAM
- * has no room for the texts, its line stands below the rule. */
+/* RULE states a demand of hal.h, before its checks. A check that fails is printed with its rule. An AVR chip has no RAM
+ * for the texts: there the number of the failed line leads to the rule above it. */
 #ifdef __AVR__
 #define RULE(text)
 #elif defined(UNITY_FRAMEWORK_H)
@@ -101,7 +101,7 @@ static void gives_nothing(hal_status_t status, unsigned devices)
     TEST_ASSERT_EQUAL_UINT16(21, battery_mv);
 }
 
-/* The test has passed as far as this port goes. Says what the port cannot tell. */
+/* Called if the test has passed as far as this port goes. Reports what the port cannot tell. */
 static void ignore_what_it_cannot_tell(hal_status_t status)
 {
     if (port_why_not(status) != NULL)

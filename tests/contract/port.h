@@ -1,7 +1,7 @@
 /* port.h: what the contract suite needs to know of a port, and the world around it that the suite controls.
  *
- * hal/template/README.md says how to add a port: a file port_NAME.c defines the functions below. On a brick or its simulator
- * the world is whatever stands in for the sensors, the motors and the other end of the link.
+ * hal/template/README.md says how to add a port: a file port_NAME.c defines the functions below. On a brick or its
+ * simulator the world replaces the sensors, the motors and the other end of the link.
  */
 #ifndef BRICKPILOT_CONTRACT_PORT_H
 #define BRICKPILOT_CONTRACT_PORT_H
@@ -20,15 +20,15 @@ typedef struct {
     hal_reference_t reference;
 } port_world_t;
 
-/* Switches the port on, with nothing measured yet; and off. */
+/* Switch the port on, with nothing measured yet, and off. */
 void port_begin(void);
 void port_end(void);
 
 /* Returns the devices that the port can have, as PORT_ bits. The others are HAL_ABSENT for ever. */
 unsigned port_devices(void);
 
-/* Returns the devices for which the port can return HAL_STALE, or HAL_ABSENT. port_why_not() says why it cannot for the others,
- * or returns NULL if there are none. */
+/* Returns the devices for which the port can return HAL_STALE, or HAL_ABSENT. port_why_not() says why it cannot for the
+ * other devices, or returns NULL if there are none. */
 unsigned port_tells(hal_status_t status);
 const char *port_why_not(hal_status_t status);
 

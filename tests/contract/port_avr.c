@@ -18,12 +18,12 @@
 enum { GYRO, SURGE, SWAY, BATTERY };
 enum { OPEN = 1023, RAW_LEAST = 1, RAW_MOST = 1022 };
 
-/* Of sim_host/models/rcx.toml: 2.5 V are 10.47 rad/s and 19.62 m/s^2. */
+/* Ranges of sim_host/models/rcx.toml, in mrad/s, mm/s^2 and mV: 2.5 V are 10.47 rad/s and 19.62 m/s^2. */
 enum { GYRO_RANGE = 10470, ACCEL_RANGE = 19620, BATTERY_RANGE = 20000 };
 
 volatile mailbox_t mailbox;
 
-static frame_decoder_t host; /* what the host makes of the bytes that the chip sends */
+static frame_decoder_t host; /* the host's decoder of the bytes that the chip sends */
 static bool began;
 
 void port_ask(uint8_t request)
@@ -80,15 +80,15 @@ const char *port_why_not(hal_status_t status)
 
 static uint16_t raw_of(int16_t value, int16_t range)
 {
-    const int32_t twice = (int32_t)value * 1024 / range; /* half a count each */
+    const int32_t twice = (int32_t)value * 1024 / range; /* in half counts */
     const int32_t raw = 512 + (twice >= 0 ? (twice + 1) / 2 : (twice - 1) / 2);
 
     return (uint16_t)(raw < RAW_LEAST ? RAW_LEAST : raw > RAW_MOST ? RAW_MOST : raw);
 }
 
 #if BOARD_IMU != BOARD_ANALOGUE
-/* A step of these chips is less than a mrad/s or a mm/s^2, so that only their ranges show: 32,767 steps one way, 32,768 the other. Up and to
- * the left are their positive directions. */
+/* A count of these chips is less than 1 mrad/s or 1 mm/s^2, so that only their ranges matter: 32,767 counts one way,
+ * 32,768 the other. Up and left are their positive directions. */
 #if BOARD_IMU == BOARD_MPU6050
 enum { DIGITAL_RATE = 17436, DIGITAL_RATE_NEG = 17437, DIGITAL_FORCE = 19613, DIGITAL_FORCE_NEG = 19614 };
 #else
@@ -100,7 +100,7 @@ static int16_t digital(int16_t value, int16_t most, int16_t least)
     return value > most ? most : value < -least ? (int16_t)-least : value;
 }
 #else
-/* What a converter of 10 bits leaves of a value, to the nearest. */
+/* A value after a converter of 10 bits, rounded to the nearest. */
 static int16_t resolved(int16_t value, int16_t range)
 {
     const int32_t q9 = ((int32_t)raw_of(value, range) - 512) * range;
@@ -133,7 +133,7 @@ port_world_t port_resolved(const port_world_t *world)
     return seen;
 }
 
-/* 1024 parts. */
+/* The drive's duty has 1024 steps. */
 int16_t port_resolved_duty(int16_t duty_q15)
 {
     const int32_t parts = ((duty_q15 < 0 ? -(int32_t)duty_q15 : duty_q15) + 16) / 32;
@@ -158,8 +158,8 @@ static void wait_ms(uint8_t ms)
     }
 }
 
-/* A change of the world comes in the middle of a burst. So the end of the next one is waited for, too; and a digital IMU may have to be set
- * up again. */
+/* A change of the world may come in the middle of a burst, so this time includes the next burst. A digital IMU may have
+ * to be set up again. */
 #if BOARD_IMU == BOARD_ANALOGUE
 enum { SETTLES_MS = 2 * BOARD_TICK_MS };
 #else
@@ -228,7 +228,7 @@ bool port_host_send(const message_t *message)
     return true;
 }
 
-/* Two whole ms without a byte are the end; the first one that is waited for has begun before. */
+/* Two whole ms without a byte are the end. It waits for three, because the first has already begun. */
 bool port_host_receive(message_t *message)
 {
     for (uint8_t silent_ms = 0; silent_ms < 3;) {

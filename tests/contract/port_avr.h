@@ -9,7 +9,7 @@ extern volatile mailbox_t mailbox;
 /* Makes a request (mailbox.h) of the world. */
 void port_ask(uint8_t request);
 
-/* Sends bytes of the host's, at most MAILBOX_BYTES, and waits until they have come. */
+/* Sends bytes from the host, at most MAILBOX_BYTES, and waits until they have come. */
 void port_host_bytes(const uint8_t *bytes, uint8_t size);
 
 #endif

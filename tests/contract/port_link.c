@@ -1,4 +1,4 @@
-/* port_link.c: the port over messages, its world at the other end of two COBS lines. */
+/* port_link.c: the port over messages, with its world at the other end of two COBS lines. */
 #include <stddef.h>
 
 #include "../unit/link/sets.h"
@@ -10,7 +10,7 @@ static link_port_t port;
 static sets_reading_t shown;
 static int16_t left, right; /* as the last valid MOTORS said */
 
-/* Through the transport, as it would travel. */
+/* Returns the message as the transport delivers it. */
 static message_t carried(const message_t *message)
 {
     uint8_t bytes[FRAME_SIZE_MAX];
@@ -97,7 +97,7 @@ void port_step(uint32_t ms, unsigned working, unsigned silent, const port_world_
         (void)send(&messages[i]);
 }
 
-/* The next message that is not for the motors. */
+/* Receives the next message that is not for the motors. */
 bool port_host_receive(message_t *message)
 {
     while (link_give(&port, message)) {

@@ -13,7 +13,7 @@
 enum { OPEN = 1023, RAW_MOST = 1023, PACKET_MOST = 16, SOURCE = 0x87 };
 
 static bool began;
-static uint8_t sent[PACKET_MOST]; /* by the host, last */
+static uint8_t sent[PACKET_MOST]; /* the host's last packet */
 static uint8_t sent_size;
 
 void port_begin(void)
@@ -58,7 +58,7 @@ const char *port_why_not(hal_status_t status)
 #endif
 }
 
-/* Counts of a converter from its middle, without the processor's missing multiplication: `value` in steps of q8. */
+/* The converter's reading of `value`: 512 and counts of per_count_q8. The chip has no such multiplication. */
 static uint16_t raw_of(int16_t value, uint16_t per_count_q8)
 {
     const bool below = value < 0;
@@ -82,7 +82,8 @@ static int16_t value_of(uint16_t raw, uint16_t per_count_q8)
 
 enum { ACCEL_Q8 = 38 * 256 + 82, GYRO_Q8 = 20 * 256 + 115 };
 
-/* brickOS's formula, raw times 43988 / 1560: the most counts up to `most_raw` that are at most `most_mv`, and what they are. */
+/* brickOS's formula, raw times 43988 / 1560 mV: returns the largest raw up to `most_raw` that gives at most
+ * `most_mv`. */
 static uint16_t battery(uint16_t most_raw, uint16_t most_mv, uint16_t *mv)
 {
     uint16_t raw = 0, next_mv = 0, over = 0;
@@ -112,7 +113,7 @@ port_world_t port_resolved(const port_world_t *world)
     return resolved;
 }
 
-/* 256 pulses at most. */
+/* A duty is up to 256 pulses. */
 int16_t port_resolved_duty(int16_t duty_q15)
 {
     const uint16_t size = (uint16_t)(duty_q15 < 0 ? -duty_q15 : duty_q15);

@@ -7,7 +7,7 @@
 #include "template/not_done.h"
 #include "unity.h"
 
-/* Marks begin: of no use to a finished port, whose recipe removes them. */
+/* Marks begin: a finished port needs none of this, and the recipe for a port removes it. */
 static bool listing, listed;
 
 void not_done(const char *function, const char *what)

@@ -1,5 +1,6 @@
-/* What CBMC does not answer in a minute (roots, products), or was not asked at length (duties; sines took it 47 s), tried for every input there is, as the host's compiler makes it. Prints a line for each property; exits 1 where one
- * does not hold. The second argument splits the work: 0 or 1. */
+/* Tries every input there is, in the host's code, for properties that CBMC does not prove in a minute (roots, products)
+ * or was given no time for (duties; sines took 47 s). Prints a line; exits 1 if the property does not hold. The second
+ * argument is the half: 0 or 1. */
 #include <stdio.h>
 #include <string.h>
 
@@ -8,7 +9,7 @@
 #include "mixer/mixer.c"
 #include "wire/frame.c"
 
-/* The largest root whose square is not above the value. */
+/* Returns 1 where fix_sqrt_u32() is not the largest root whose square is at most the value. */
 static unsigned long root(uint32_t value)
 {
     const uint64_t found = fix_sqrt_u32(value), square = found * found;
@@ -35,8 +36,8 @@ static unsigned long products(uint32_t first, uint32_t last)
     return wrong;
 }
 
-/* The duty of a motor that asks for more than there is: it is at most max_duty. A smaller voltage has no larger duty, since a quotient grows with its
- * dividend. take_supply() keeps the battery within 1000 (battery_floor_mv) and 32000 mV. */
+/* The duty for a voltage above the battery's is at most max_duty. A smaller voltage gives no larger duty, since a
+ * quotient grows with its dividend. take_supply() keeps the battery within 1000 (battery_floor_mv) and 32000 mV. */
 static unsigned long duties(uint32_t first, uint32_t last)
 {
     unsigned long wrong = 0;
@@ -77,7 +78,7 @@ static unsigned long sines(uint32_t first, uint32_t last)
     return wrong;
 }
 
-/* COBS looks at a byte only to see whether it is 0, and copies it. So every pattern of zeros of every size stands for all contents. */
+/* COBS copies bytes and only tests whether they are 0. So all patterns of zeros, in all sizes, cover all contents. */
 static unsigned long cobs(uint32_t first, uint32_t last)
 {
     unsigned long wrong = 0;
@@ -99,7 +100,7 @@ int main(int count, char **words)
     static const struct {
         const char *name;
         unsigned long (*wrong)(uint32_t first, uint32_t last);
-        uint32_t end; /* the work is split below it */
+        uint32_t end; /* end of the inputs; the work is split in their middle */
     } ALL[] = {{"roots", roots, 65536}, {"products", products, 65536},       {"duties", duties, 32001},
                {"sines", sines, 65536}, {"thousandths", thousandths, 65536}, {"cobs", cobs, 8192}};
     const uint32_t half = count > 2 ? (uint32_t)(words[2][0] - '0') : 0;

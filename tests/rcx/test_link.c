@@ -137,7 +137,7 @@ static void test_port_what_finds_no_room_is_counted(void)
     while (hal_link_read(&got))
         count++;
     TEST_ASSERT_EQUAL_UINT8(1, count);
-    port_host_repeat(); /* what was lost is no repetition */
+    port_host_repeat(); /* a lost message is no repetition */
     TEST_ASSERT_TRUE(hal_link_read(&got));
 }
 
@@ -172,11 +172,11 @@ static void test_port_faults_follow_a_heartbeat(void)
     TEST_ASSERT_EQUAL_HEX16(WIRE_HEARTBEAT_FRAME_ID, got.id);
     TEST_ASSERT_TRUE(port_host_receive(&got));
     TEST_ASSERT_EQUAL_HEX16(WIRE_FAULTS_FRAME_ID, got.id);
-    TEST_ASSERT_EQUAL_UINT8(1, got.data[WIRE_FAULTS_BAD_AT]); /* of the tests above */
+    TEST_ASSERT_EQUAL_UINT8(1, got.data[WIRE_FAULTS_BAD_AT]); /* from the tests above */
     TEST_ASSERT_EQUAL_UINT8(0, got.data[WIRE_FAULTS_INCOMPLETE_AT]);
     TEST_ASSERT_EQUAL_UINT8(2, got.data[WIRE_FAULTS_STALE_AT]);
     TEST_ASSERT_EQUAL_UINT8(3, got.data[WIRE_FAULTS_LOST_AT]);
-    world_run(10); /* the kernel notices that it is out */
+    world_run(10); /* the kernel notices that the message is out */
     TEST_ASSERT_TRUE(infrared_idle());
 }
 

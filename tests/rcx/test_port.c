@@ -90,10 +90,10 @@ static void test_port_gyro_reads_nothing_at_the_rails_and_mirrors_about_its_midd
 }
 
 #ifdef RCX_ROTATION
-/* A LEGO rotation sensor goes through four voltages, of which each step is a count. */
+/* A LEGO rotation sensor goes through four voltages; each change of voltage is a count. */
 static void test_port_rotation_counts_as_brickos_does(void)
 {
-    static const uint16_t forward[] = {960, 832, 384, 576}; /* in the middle of what brickOS takes for one */
+    static const uint16_t forward[] = {960, 832, 384, 576}; /* each in the middle of brickOS's range of the voltage */
     hal_rotation_t before, after;
 
     world_convert(1, forward[0]);
@@ -130,7 +130,7 @@ static void test_port_accelerometer_reads_nothing_at_the_rails_and_mirrors_about
 }
 #endif
 
-/* Against 43988 / 1560 added up once more, up all of the range and down again. */
+/* Compares with a second sum of 43988 / 1560, up the whole range and down again. */
 static void test_port_battery_follows_brickos_formula(void)
 {
     uint16_t mv = 0, over = 0, read;
@@ -207,7 +207,7 @@ static void test_port_display_tells_mode_and_waypoint(void)
     mode.fault = MODE_STATE_LOST;
     panel_show(&mode, false);
     shows("Err 3");
-    mode.fault = MODE_LATE; /* not that of Prgm, which is 4 */
+    mode.fault = MODE_LATE; /* not the fault of Prgm, which is 4 */
     panel_show(&mode, false);
     shows("Err 7");
     mode.mode = MODE_ARRIVED;

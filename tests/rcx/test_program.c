@@ -1,5 +1,5 @@
-/* test_program.c: the whole program, as Run starts it, beside the real kernel: buttons, display, link, and its end. The world does not
- * move: the robot measures that it stands still.
+/* test_program.c: the whole program, as the button Run starts it, beside the real kernel: buttons, display, link, and
+ * its end. The world does not move: the robot measures that it stands still.
  */
 #include <stddef.h>
 
@@ -23,7 +23,7 @@ void mm_defrag(void);
 int program_main(int argc, char **argv);
 
 static uint8_t asked;
-static uint8_t *stack; /* of the control loop, painted */
+static uint8_t *stack; /* stack of the control loop, filled with PAINT */
 
 void setUp(void) {}
 void tearDown(void) {}
@@ -37,7 +37,7 @@ static void level(void)
 
 static void shows(const char *text)
 {
-    static const uint8_t arrows[DISPLAY_SIZE] = {0, 0x04, 0x40, 0x44, 0x44}; /* of the motors */
+    static const uint8_t arrows[DISPLAY_SIZE] = {0, 0x04, 0x40, 0x44, 0x44}; /* the motors' arrows */
     uint8_t shown[DISPLAY_SIZE], wanted[DISPLAY_SIZE];
 
     for (uint8_t i = 0; i < DISPLAY_SIZE; i++)
@@ -74,7 +74,7 @@ static void test_program_rests_then_flies_its_own_route(void)
     level();
     world_press(0);
     stack = (uint8_t *)((tdata_t *)execi(&program_main, 0, NULL, PRIO_NORMAL, STACK))->stack_base;
-    for (uint16_t i = 0; i < STACK - 64; i++) /* what a task begins with lies at the top */
+    for (uint16_t i = 0; i < STACK - 64; i++) /* a task's first data lie at the top */
         stack[i] = PAINT;
     world_run(1900);
     shows("rESt");
@@ -135,7 +135,7 @@ static void test_program_leaves_most_of_the_link_to_the_host(void)
     TEST_ASSERT_TRUE(parts >= 7 * (records - 1));
 }
 
-/* The host's part of the link, where both cannot speak at once: asked again until answered. */
+/* Does the host's part of the link: both ends cannot send at once, so the host asks again until it gets an answer. */
 static void ask(message_t *request, uint16_t wanted, message_t *answer)
 {
     request->size = 8;
@@ -166,7 +166,7 @@ static void test_program_obeys_a_host(void)
     open.data[3] = (uint8_t)(WIRE_DBC >> 8);
     open.data[5] = WIRE_OPEN_PACE_REALTIME_CHOICE;
     press(KEY_VIEW);
-    shows("rESt"); /* and would start, were it not for the session */
+    shows("rESt"); /* without the session it would start now */
     ask(&open, WIRE_HELLO_FRAME_ID, &answer);
     TEST_ASSERT_EQUAL_UINT8(WIRE_HELLO_STATUS_OK_CHOICE, answer.data[5]);
     shows("idLE");
@@ -180,7 +180,7 @@ static void test_program_obeys_a_host(void)
     ask(&route, WIRE_ROUTE_FRAME_ID, &answer);
     TEST_ASSERT_EQUAL_UINT8(0, answer.data[4]);
     world_run(2500);
-    shows("idLE"); /* it does not begin by itself */
+    shows("idLE"); /* the robot does not start by itself */
     start.data[1] = MODE_START;
     ask(&start, WIRE_MODE_REPLY_FRAME_ID, &answer);
     world_run(100);
@@ -206,7 +206,7 @@ static void test_program_ends_when_the_kernel_asks(void)
 {
     const unsigned tasks = nb_tasks;
 
-    shutdown_tasks(T_KERNEL | T_USER); /* by their address both of its tasks count as the kernel's here */
+    shutdown_tasks(T_KERNEL | T_USER); /* by address both tasks of the program count as the kernel's here */
     world_run(600);
     TEST_ASSERT_EQUAL_UINT16(tasks - 2, nb_tasks);
     TEST_ASSERT_FALSE(drives());

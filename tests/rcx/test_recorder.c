@@ -1,4 +1,5 @@
-/* test_recorder.c: the recorder beside the real kernel. Prints every packet of its replies, for the host's side to read. */
+/* test_recorder.c: the recorder beside the real kernel. Prints every packet of its replies, for the host's side of the
+ * test. */
 #include <stddef.h>
 
 #include <unistd.h>
@@ -37,7 +38,7 @@ static void print(const uint8_t *bytes, uint8_t size)
     world_say(text);
 }
 
-/* The inputs follow the motors, so that the samples show whether both belong together. */
+/* The inputs follow the motors, so that the samples show whether inputs and motors match. */
 static void test_recorder_drives_and_keeps_what_the_sensors_say(void)
 {
     uint8_t packet[PACKET_MOST];
@@ -49,7 +50,7 @@ static void test_recorder_drives_and_keeps_what_the_sensors_say(void)
     (void)execi(&program_main, 0, NULL, PRIO_NORMAL, STACK);
     for (uint16_t ms = 0; ms < 17000; ms += 100) {
         world_run(100);
-        TEST_ASSERT_EQUAL_UINT8(0, ms == 8000 ? ask(0, packet) : 0); /* not while it drives */
+        TEST_ASSERT_EQUAL_UINT8(0, ms == 8000 ? ask(0, packet) : 0); /* no answer while the robot drives */
         world_pulses(&a, &c);
         world_convert(2, (uint16_t)(512 + (a - c) / 4));
         world_convert(1, (uint16_t)(512 + (a + c) / 4));

@@ -5,7 +5,7 @@
 
 #include "world.h"
 
-extern const char *unity_rule; /* what the checks that follow are of; 0: not said */
+extern const char *unity_rule; /* the rule of the checks that follow; 0: none */
 
 void setUp(void);
 void tearDown(void);

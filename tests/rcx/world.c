@@ -14,7 +14,7 @@
 #include <stdlib.h>
 #include <unistd.h>
 
-/* Not in brickOS's headers for programs; in its linker script. */
+/* These names are in brickOS's linker script, not in its headers for programs. */
 extern char bss_start[], end[], dm_handler[], clock_handler[], dkey_handler[], rx_handler[];
 extern volatile unsigned char motor_controller;
 void mm_init(void);
@@ -35,7 +35,7 @@ static uint8_t air[AIR]; /* sent by the brick, not yet received */
 static uint8_t air_size;
 static bool disturbed;
 
-/* Of the ROM, only its way back from an interrupt is called: by a task's first run and by yield(). */
+/* Only the ROM's return from an interrupt is called: by a task's first run and by yield(). */
 static void make_rom(void)
 {
     static volatile uint16_t *const ocia_return = (uint16_t *)0x04d4;
@@ -44,7 +44,7 @@ static void make_rom(void)
     ocia_return[1] = RETURN_FROM_INTERRUPT;
 }
 
-/* The kernel's start does this: the motors' handler lies where the kernel's variables will be. */
+/* Moves the motors' handler, as the kernel's start does: it lies where the kernel's variables will be. */
 static void move_motors_handler(void)
 {
     for (uint8_t i = 0; i < MOTORS_HANDLER_SIZE; i++)
@@ -189,7 +189,7 @@ static void drop(uint8_t size)
         air[i] = air[i + size];
 }
 
-/* Size of the whole packet that comes first, 0 where there is none. What a collision has cut short is passed over. */
+/* Size of the first whole packet, 0 if there is none. Drops packets that a collision has cut short. */
 static uint8_t whole_packet(void)
 {
     while (air_size > 0) {
@@ -215,7 +215,7 @@ uint8_t world_receive(uint8_t *bytes, uint8_t most)
         size = whole_packet();
     }
     if (size == 0) {
-        air_size = 0; /* nothing more will come of it */
+        air_size = 0; /* these bytes will never be a whole packet */
         return 0;
     }
     for (uint8_t i = 0; i < size && i < most; i++)

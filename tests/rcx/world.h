@@ -1,8 +1,8 @@
-/* world.h: the surroundings of a program on the RCX, on gdb's H8/300 simulator. The kernel is Debian's brickOS itself. LEGO's ROM, the
- * interrupts, the converter and the other end of the infrared link are written here.
+/* world.h: the surroundings of a program on the RCX, on gdb's H8/300 simulator. The kernel is Debian's brickOS itself.
+ * LEGO's ROM, the interrupts, the converter and the other end of the infrared link are simulated here.
  *
- * Time passes only in world_run(). In each ms the interrupts come, and the other tasks run until they wait. tests/gates/test_rcx_time.py
- * has the programs in simulated time.
+ * Time passes only in world_run(). In each ms the interrupts come, and the other tasks run until they wait.
+ * tests/gates/test_rcx_time.py runs the programs in simulated time.
  */
 #ifndef BRICKPILOT_RCX_WORLD_H
 #define BRICKPILOT_RCX_WORLD_H

@@ -1,5 +1,6 @@
-/* abstract.h: products and quotients that a proof leaves open, but for what it needs of them. proofs of fix.c and scale.c (fix.c, scale.c) show that the
- * real ones are so. A harness includes this file before the module that it proves, whose calls then come here.
+/* abstract.h: any products and quotients that have the properties which a proof needs. The proofs in fix.c and scale.c
+ * show that the real functions have them. A harness includes this file before the module that it proves, so that the
+ * module calls these functions.
  */
 #ifndef PROOF_ABSTRACT_H
 #define PROOF_ABSTRACT_H
@@ -7,7 +8,7 @@
 #include "contracts.h"
 #include "core/fix.h"
 
-/* fix_mul_q15() of a factor of at most 32767: fix_mul_q15_bounds() in fix.c. */
+/* fix_mul_q15() for factors of at most 32767 in size: fix_mul_q15_bounds() in fix.c proves the bound. */
 static int32_t open_share_q15(int32_t value, int16_t factor_q15)
 {
     const uint32_t whole = fix_abs_u32(value);
@@ -23,7 +24,7 @@ static int16_t open_share16_q15(int16_t value, int16_t factor_q15)
     return fix_sat16(open_share_q15(value, factor_q15));
 }
 
-/* fix_mul_u16() of a factor b of at most 32767, and fix_mul(). */
+/* fix_mul_u16() for factors b of at most 32767, and fix_mul(). */
 static uint16_t open_factor;
 static uint32_t open_product;
 
@@ -48,8 +49,8 @@ static int32_t open_mul(int16_t a, int16_t b)
     return product;
 }
 
-/* fix_div_u32() of the newest such product p = a * 32767 or less, by algebra: p / 32767 is at most a; and (p + half a divisor or less) / divisor is below
- * 32768 where a is at most the divisor. */
+/* fix_div_u32() of the newest such product p <= a * 32767. By algebra p / 32767 is at most a; and for a <= divisor, (p
+ * + at most half a divisor) / divisor is below 32768. */
 static uint32_t open_div_u32(uint32_t dividend, uint16_t divisor)
 {
     uint32_t quotient;
@@ -62,7 +63,7 @@ static uint32_t open_div_u32(uint32_t dividend, uint16_t divisor)
     return quotient;
 }
 
-/* Sines, cosines and arc tangents: trig.c. */
+/* Sines, cosines and arc tangents: trig.c proves their ranges. */
 static int16_t open_cosine(uint16_t angle)
 {
     int16_t any;

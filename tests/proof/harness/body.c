@@ -1,13 +1,14 @@
-/* The model, for every robot whose coefficients the generator admits. A coefficient is known here only by `most`: what it makes of the largest value that
- * it can meet. That more cannot come out follows from scale.c: a product grows with its value. The generator's condition (coefficients.py: prove_motor and
- * _fits) is `admitted`, in the firmware's integers; tests/proof/test_generator.py checks it on what the generator makes for drawn robots. */
+/* Proves the model, for every robot whose coefficients the generator admits. Of a coefficient only `most` is known
+ * here: its result for the largest value that it gets. No value gives more, because a product grows with its value
+ * (scale.c). admitted() is the generator's condition (coefficients.py: prove_motor and _fits) in the firmware's
+ * integers; tests/proof/test_generator.py checks it on the coefficients of robots drawn at random. */
 #include "abstract.h"
 #include "core/trig.h"
 #include "model/body.h"
 
 enum { CURRENT = 0, SPEED = 3, MOTOR = 6, DRAG = 12, SURGE, YAW, THRUST_VOLTAGE, THRUST_WHEEL, YAW_THRUST, ANY };
 
-static const body_coefficients_t coefficients_of; /* by their addresses alone */
+static const body_coefficients_t coefficients_of; /* used for their addresses alone */
 static int32_t most[ANY], current_most[2];
 static int32_t speed_most = MOTOR_SPEED_LIMIT_MRAD_S_Q13;
 
@@ -32,7 +33,7 @@ static uint8_t number_of(const scale_t *scale)
                                                 : ANY;
 }
 
-/* The largest value that comes to this coefficient. */
+/* The largest value that this coefficient gets. */
 static int32_t domain_of(uint8_t number)
 {
     if (number < DRAG && number % 3 == 2)
@@ -52,7 +53,7 @@ static int32_t open_scale(const scale_t *scale, int32_t value)
     int32_t result;
 
     ASSERT(number >= YAW_THRUST || UP_TO(domain_of(number), value));
-    if (number == ANY) /* one of part(): a mantissa below 2^15, and at most 3/4 of a unit off */
+    if (number == ANY) /* a scale of part(): mantissa below 2^15, result at most 3/4 of a unit off */
         ASSUME(fix_abs_u32(result) <= (fix_abs_u32(value) >> scale->shift) + (scale->shift != 0));
     else
         ASSUME(UP_TO(most[number], result));
@@ -73,7 +74,7 @@ static int32_t open_scale16(const scale_t *scale, int16_t value)
 #undef sum
 #include "model/body.c"
 
-/* What the generator admits. The sums are of 64 bits, so that none overflows here. */
+/* True for coefficients that the generator admits. The sums have 64 bits, so that none overflows here. */
 static bool admitted(bool paper)
 {
     long long sum;

@@ -2,7 +2,7 @@
 #include "core/bytes.h"
 #include "core/flash.h"
 
-/* bytes.c proves its loops; here they are one assignment of the whole. */
+/* bytes.c proves the loops; here each loop is one assignment of all its bytes. */
 static void open_copy(void *to, const void *from, uint16_t size)
 {
     uint8_t copy[size];
@@ -20,7 +20,7 @@ static void open_clear(void *what, uint16_t size)
 #define bytes_copy_flash open_copy
 #define bytes_clear open_clear
 
-/* The CRC is any number: crc.c proves the real one, and nothing below asks which. */
+/* The CRC is any number: crc.c proves the real CRC, and no proof below depends on its value. */
 #include "wire/crc.h"
 
 static uint16_t open_crc(uint16_t crc, uint16_t number)
@@ -33,7 +33,7 @@ static uint16_t open_crc(uint16_t crc, uint16_t number)
 
 #define crc_of_number open_crc
 
-/* The CRC of a message, too: whether it holds is open, and a seal is any number. Where no message is known, nobody asks. */
+/* So is a message's CRC: it may hold or not, and a seal is any number. An `unknown` message's CRC is never checked. */
 static bool held, unknown;
 
 static bool open_holds(const message_t *message)
@@ -58,7 +58,7 @@ static void open_seal(message_t *message)
 #define crc_holds open_holds
 #define crc_seal open_seal
 
-/* A waypoint that the proof looks at: any, so what holds of it holds of all. */
+/* The waypoint that the proof looks at. It may be any waypoint, so what holds of it holds of all. */
 static uint8_t place;
 
 static bool waypoint_holds(const route_t *of)
@@ -67,14 +67,14 @@ static bool waypoint_holds(const route_t *of)
                                   WITHIN(route_waypoint_t_x_mm, of->waypoints[place].y_mm));
 }
 
-/* What los.c proves of the real one, route_set_safe(). A proof looks at one outcome: with a status that is known the solver
- * knows which route is in force. */
+/* What route_set_safe() in los.c proves of the real function. A proof looks at one outcome, `accepts`: with a known
+ * status the solver knows which route is in force. */
 static bool accepts;
 
 static route_status_t open_route_set(route_t *route, const route_waypoint_t *waypoints, uint8_t count)
 {
     if (!accepts)
-        return ROUTE_REPEATED; /* or another status: it goes into the reply, and nothing else asks which */
+        return ROUTE_REPEATED; /* for any refusal: the status goes into the reply, and nothing else depends on it */
     route->waypoints = waypoints;
     route->count = count;
     ASSUME(count > 0 && count <= ROUTE_WAYPOINTS_MAX && waypoint_holds(route));
@@ -97,8 +97,8 @@ static bool opened, taken;
 static route_t before;
 static route_waypoint_t was;
 
-/* Any state of a brick: settings in their ranges, and a route in force: one of the two that a host writes, or that of the
- * caller. Where a proof names it, the solver need not tell them apart, which takes it long. */
+/* Any state of a brick: settings in their ranges, and a route in force: one of the two that a host writes, or that of
+ * the caller. If a proof names the route, the solver saves the time to tell them apart. */
 enum { FIRST, SECOND, OWN, ANY };
 
 static void any_brick(uint8_t in_force)
@@ -122,8 +122,8 @@ static void any_brick(uint8_t in_force)
     ASSUME(place < ROUTE_WAYPOINTS_MAX && waypoint_holds(&commands.route));
 }
 
-/* Takes any message of this kind in any such state. A message is taken if its CRC holds and a session is open, or if it opens
- * one; what is not taken changes nothing. */
+/* Takes any message of this kind in any such state. A message is taken if its CRC holds and a session is open, or if it
+ * opens a session; any other changes nothing. */
 static void take(uint16_t id, uint8_t in_force)
 {
     message_t any;
@@ -175,7 +175,7 @@ void commands_parameter(void)
     END();
 }
 
-/* The route in force stays: a waypoint is written beside it. */
+/* The route in force stays: a waypoint is written into another route. */
 void commands_waypoint(void)
 {
     take(WIRE_WAYPOINT_REQUEST_FRAME_ID, ANY);
@@ -198,7 +198,7 @@ void commands_open(void)
     END();
 }
 
-/* A route changes only where the robot neither drives nor is about to, and at once to one whose waypoints are in range. */
+/* A route changes only if the robot does not drive and is not about to; all waypoints of the new route are in range. */
 static void take_route(uint8_t in_force)
 {
     take(WIRE_ROUTE_REQUEST_FRAME_ID, in_force);

@@ -1,29 +1,30 @@
-/* contracts.h: what each stage of a step assumes of its inputs and of what it remembers, and what it gives. One predicate serves both: the stage
- * that makes a value asserts it, the stage that takes the value assumes it. So no output can leave what the next stage was proved for.
+/* contracts.h: what each stage of a step assumes of its inputs and its state, and what it guarantees. One predicate
+ * serves both: the stage that makes a value asserts it, the stage that takes the value assumes it. So every output is
+ * in the range for which the next stage was proved.
  *
- * A state's predicate holds for all zero, and each stage keeps it (one step from any state that fulfils it): so it holds after any number of steps.
- * Whatever is not mentioned is arbitrary: an object that a proof does not initialise has any value.
+ * A state's predicate holds for a state of zeros, and each stage keeps it (one step from any state that fulfils it). So
+ * it holds after any number of steps. All else is arbitrary: an object that a proof does not initialise has any value.
  */
 #ifndef PROOF_CONTRACTS_H
 #define PROOF_CONTRACTS_H
 
 #include "app/commands.h"
 #include "app/settings_gen.h"
-#include "ranges_gen.h" /* LEAST_ and MOST_: made of the headers' comments by ranges.py */
+#include "ranges_gen.h" /* LEAST_ and MOST_: made from the headers' comments by ranges.py */
 
 #define ASSUME(condition) __CPROVER_assume(condition)
 #define ASSERT(condition) __CPROVER_assert(condition, #condition)
 #define WITHIN(place, value) ((value) >= LEAST_##place && (value) <= MOST_##place)
 #define UP_TO(most, value) ((value) >= -(most) && (value) <= (most))
 
-/* The last statement of a proof. Compiled with -DREACHED it must fail: its assumptions leave something to prove. */
+/* The last statement of a proof. Compiled with -DREACHED it must fail, which shows that the assumptions can be met. */
 #ifdef REACHED
 #define END() __CPROVER_assert(false, "the end is reached")
 #else
 #define END()
 #endif
 
-/* The settings, in the ranges that firmware/app/parameters.c admits (settings.toml by settings_gen.h). */
+/* The settings, in the ranges that firmware/app/parameters.c admits (from settings.toml, by settings_gen.h). */
 #define PROOF_LOW(low, span) low,
 #define PROOF_SPAN(low, span) span,
 static const int16_t PROOF_LOWS[] = {SETTINGS_RANGES(PROOF_LOW)};
@@ -62,7 +63,7 @@ static bool sensors_hold(const signals_sensors_t *of)
 }
 
 #define PROOF_TRAVEL_MOST                                                                                              \
-    (536870912L + 1073741824L + 2L * 20 * 65536) /* what is behind, what is counted, what is predicted */
+    (536870912L + 1073741824L + 2L * 20 * 65536) /* most travel: left over, counted and predicted */
 #define PROOF_SWAY_MOST (20L * 65536)
 
 static bool estimate_holds(const signals_estimate_t *of)
@@ -88,7 +89,7 @@ static bool route_holds(const route_t *of)
 }
 
 static bool pid_holds(
-    const pid_state_t *of) /* a setting may lower limit_mv below the integral, so the bound is that of all limits */
+    const pid_state_t *of) /* a setting may lower limit_mv below the integral, so the bound is the largest limit_mv */
 {
     return UP_TO(MOST_pid_config_t_limit_mv * 65536L, of->integral_mv_q16);
 }

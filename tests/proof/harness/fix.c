@@ -1,5 +1,6 @@
-/* Every function of fix.h against arithmetic of 64 bits. A product of 32 by 16 bits is made of two of 16 by 16, which fix_mul_u16() makes exactly (one
- * widening multiplication of C). These two are left open here, as any numbers within their ranges: what the code makes of them must hold for all. */
+/* Compares every function of fix.h with 64-bit arithmetic. A product of 32 by 16 bits is made of two of 16 by 16 bits,
+ * which fix_mul_u16() makes exactly (one widening multiplication of C). Here these two are any numbers within their
+ * ranges: the result must be right for all. */
 #include "contracts.h"
 #include "core/fix.h"
 
@@ -100,10 +101,10 @@ void fix_products(void)
     END();
 }
 
-/* gain * value: the product is open. */
+/* gain * value, for any product. */
 void fix_gains(void)
 {
-    int32_t product; /* any that fix_mul() gives */
+    int32_t product; /* any product that fix_mul() gives */
 
     ASSUME(magnitude(product) <= 1073741824L);
     ASSERT(fix_round_shift(product, 10) == rounded(product, 10));
@@ -131,7 +132,7 @@ void fix_mul_q15_exact(void)
     END();
 }
 
-/* What open_share_q15() of abstract.h says, where |factor| <= 32767: the product, of which fix_mul_q15_exact() is the share, is then at most 32767 |value|. */
+/* The bound of open_share_q15() for |factor| <= 32767: the product (fix_mul_q15_exact()) is at most 32767 |value|. */
 void fix_mul_q15_bounds(void)
 {
     uint32_t whole;

@@ -1,7 +1,7 @@
 #include "contracts.h"
 #include "wire/crc.h"
 
-/* The CRC is any function of the bytes: crc.c proves the real one. */
+/* The CRC is any function of the bytes: crc.c proves the real CRC. */
 uint16_t __CPROVER_uninterpreted_crc(uint32_t, uint32_t, uint32_t, uint32_t);
 
 static uint16_t open_crc(uint16_t crc, const uint8_t *bytes, uint8_t size)
@@ -28,15 +28,16 @@ void frame_safe(void)
     ASSERT(decoder.size <= sizeof decoder.bytes);
     ASSERT(status != FRAME_MESSAGE || (message.id <= MESSAGE_ID_MAX && message.size <= MESSAGE_DATA_MAX));
     ASSERT(byte != 0 || (decoder.size == 0 && !decoder.overlong)); /* after a 0x00 the next frame is found */
-    /* Any other byte stands behind those before it, and changes nothing else. */
+    /* Any other byte is stored behind those before it, and changes nothing else. */
     ASSERT(byte == 0 || before.size == sizeof decoder.bytes ||
            (status == FRAME_MORE && decoder.size == before.size + 1 && decoder.overlong == before.overlong &&
             decoder.bytes[at] == (at == before.size ? byte : before.bytes[at])));
     END();
 }
 
-/* Whether the frame of a message is COBS of the bytes of frame.h, and these are unwrapped to the message. exhaustive.c shows that COBS is decoded to what was
- * encoded. The sizes one after the other, since CBMC follows a known size alone. */
+/* Proves that a message's frame is COBS of the bytes in frame.h, and that these bytes unwrap to the message.
+ * exhaustive.c shows that COBS decodes to what it encoded. The loop takes the sizes in turn, since CBMC follows a known
+ * size alone. */
 void frame_round_trip(void)
 {
     for (uint8_t data_size = 0; data_size <= MESSAGE_DATA_MAX; data_size++) {

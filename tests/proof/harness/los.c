@@ -1,7 +1,7 @@
 #include "abstract.h"
 #include "core/trig.h"
 
-/* What trig.c and exhaustive.c show of these. */
+/* What trig.c and exhaustive.c show of these functions. */
 static uint16_t open_root(uint32_t value)
 {
     uint16_t any;

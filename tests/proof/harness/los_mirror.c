@@ -1,5 +1,6 @@
-/* Left and right are treated alike: negate y and what turns, and the demand turns the other way. Products, sines, angles and roots are left open, but for the
- * symmetry that the real ones have: fix.c, mirror.h, exhaustive.c and trig_mirror() below show it. */
+/* Proves that left and right are treated alike: with y and all turns negated, the demand turns the other way. Products,
+ * sines, angles and roots are any functions with the symmetry of the real ones (fix.c, mirror.h, exhaustive.c,
+ * trig_mirror() below). */
 #include "contracts.h"
 #include "core/fix.h"
 #include "core/turns.h"
@@ -106,13 +107,13 @@ static bool opposite(int32_t a, int32_t b)
     return b >= -FIX_INT32_MAX && a == -b;
 }
 
-/* Angles are opposite also where both are half a turn. */
+/* True if two angles are opposite: half a turn is its own opposite. */
 static bool turned(uint16_t a, uint16_t b)
 {
     return (uint16_t)(a + b) == 0;
 }
 
-/* Whether two states are each other's mirror images: what the robot's left is to one, its right is to the other. */
+/* True if two states are mirror images of each other: the left of one is the right of the other. */
 static bool mirrors(const los_state_t *a, const los_state_t *b)
 {
     return a->to_mm.x == b->to_mm.x && opposite(a->to_mm.y, b->to_mm.y) && a->to_x_um == b->to_x_um &&
@@ -148,7 +149,7 @@ void los_mirror(void)
         others[i].y_mm = (int16_t)-waypoints[i].y_mm;
     }
     ASSUME(WITHIN(signals_estimate_t_period_ms, estimate.period_ms));
-    /* The least number has no mirror image. */
+    /* The most negative number has no mirror image. */
     ASSUME(estimate.y_um >= -FIX_INT32_MAX && estimate.yaw_rate_mrad_s >= -32767);
     image = estimate;
     image.y_um = -estimate.y_um;

@@ -1,5 +1,5 @@
-/* mirror.h: products of fix.h as any functions that are odd in each factor. What is mirrored for all of these is so for the real ones, which are of that
- * kind: fix.c compares them with formulas of magnitude and sign. */
+/* mirror.h: products of fix.h as any functions that are odd in each factor. A symmetry that holds for all of these
+ * holds for the real functions, which are odd too: fix.c compares them with formulas of magnitude and sign. */
 #ifndef PROOF_MIRROR_H
 #define PROOF_MIRROR_H
 
@@ -25,7 +25,7 @@ static int32_t odd_mul(int16_t a, int16_t b)
 static int32_t odd_share_q16(int32_t value, uint16_t factor)
 {
     const uint32_t whole = fix_abs_u32(value);
-    ASSERT(factor <= 20973U); /* of 20 ms: less than three eighths */
+    ASSERT(factor <= 20973U); /* the factor of 20 ms: less than three eighths */
     return odd(value == 0, value < 0, __CPROVER_uninterpreted_share(whole, factor), (whole >> 2) + (whole >> 3) + 1);
 }
 

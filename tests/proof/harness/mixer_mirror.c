@@ -1,4 +1,4 @@
-/* The mixer's two symmetries in two steps: what drive.c gives is odd, and with any odd functions in its place mixer.c mirrors. */
+/* Proves both symmetries of the mixer in two steps: drive.c is odd, and mixer.c is symmetric with any odd functions. */
 #include "mirror.h"
 
 uint32_t __CPROVER_uninterpreted_part(uint32_t, uint32_t);
@@ -14,7 +14,7 @@ static int16_t odd_share16_q15(int16_t value, int16_t factor_q15)
                         __CPROVER_uninterpreted_part(fix_abs_u16(value), fix_abs_u16(factor_q15)), FIX_INT16_MAX);
 }
 
-/* A sum is odd in both of its parts together: fix_sums proves what it is. */
+/* A sum changes its sign when both parts change theirs: fix_sums() proves its value. */
 static int16_t odd_add16(int16_t a, int16_t b)
 {
     const bool negative = a < 0 || (a == 0 && b < 0);
@@ -24,7 +24,7 @@ static int16_t odd_add16(int16_t a, int16_t b)
     return (int16_t)(negative ? -sum : sum);
 }
 
-/* The same product and the same quotient of the same two numbers, 0 of 0 and of too little; duty_q15() asks for no more. */
+/* Equal numbers give equal products and quotients, 0 for 0 or too small a dividend. duty_q15() needs no more. */
 static uint32_t same_mul_u16(uint16_t a, uint16_t b)
 {
     const uint32_t product = __CPROVER_uninterpreted_scaled(a, b);

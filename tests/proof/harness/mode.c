@@ -4,7 +4,7 @@
 static bool called;
 static int16_t most_mm_s_q4;
 
-/* What los.c proves of itself. */
+/* What the harness los.c proves of the real functions. */
 void los_reset(los_state_t *los)
 {
     los_state_t zero = {0};
@@ -50,9 +50,9 @@ void mode_safe(void)
     ASSERT(state.mode == MODE_RUN || (!demand.drive && demand.speed_mm_s_q4 == 0));
     /* Only a reset leaves FAULT, and leads to IDLE. */
     ASSERT(before.mode != MODE_FAULT || state.mode == MODE_FAULT || (command == MODE_RESET && state.mode == MODE_IDLE));
-    /* Only IDLE and a start enter RUN. */
+    /* RUN begins only in IDLE, by a start. */
     ASSERT(state.mode != MODE_RUN || before.mode == MODE_RUN || (before.mode == MODE_IDLE && command == MODE_START));
-    /* A demand is new, and at most cruise, or that of the step before. */
+    /* A demand is either new and at most cruise, or it is that of the step before. */
     ASSERT(!called || demand.speed_mm_s_q4 <= most_mm_s_q4);
     ASSERT(called || !demand.drive || (before.demand.drive && demand.speed_mm_s_q4 == before.demand.speed_mm_s_q4));
     END();

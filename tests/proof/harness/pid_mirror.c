@@ -4,7 +4,7 @@
 #define fix_mul_q16 odd_share_q16
 #include "control/pid.c"
 
-/* Negate every input and the state: every output and the state are negated, bit for bit. */
+/* If every input and the state are negated, every output and the new state are negated, bit for bit. */
 void pid_mirror(void)
 {
     parameters_t parameters;

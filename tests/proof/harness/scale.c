@@ -1,5 +1,5 @@
-/* scale_apply() and scale_apply16() are the exact product, rounded to the nearest; a product grows with its value, and so does what is made of it. The two
- * products of 16 by 16 bits are left open, as in fix.c. */
+/* Proves that scale_apply() and scale_apply16() give the exact product, rounded to the nearest, and that the result
+ * grows with the value. The two products of 16 by 16 bits are any numbers, as in fix.c. */
 #include "contracts.h"
 #include "core/fix.h"
 
@@ -35,7 +35,7 @@ void scale_apply_exact(void)
     const int32_t result = scale_apply(&scale, value);
     ASSERT(made == 2 && factors[0] == fix_abs_u32(value) >> 16 && factors[1] == (uint16_t)fix_abs_u32(value));
     const uwide_t product = ((uwide_t)products[0] << 16) + products[1];
-    /* Two bits are looked at below the 15 of the mantissa, and the rest is cut: at most 3/4 of a unit from the exact product. */
+    /* Uses two bits below the mantissa's 15 and cuts the rest: at most 3/4 of a unit from the exact product. */
     ASSERT(fix_abs_u32(result) == (uint32_t)nearest(product >> 14, (uint8_t)(scale.shift + 1)));
     ASSERT(result == 0 || (result < 0) == ((value < 0) != (scale.mantissa < 0)));
     END();

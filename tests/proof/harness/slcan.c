@@ -17,7 +17,7 @@ void slcan_safe(void)
     END();
 }
 
-/* A byte of a line stands behind those before it, and changes nothing else. */
+/* A byte of a line is stored behind those before it, and changes nothing else. */
 void slcan_gathers(void)
 {
     slcan_decoder_t decoder;
@@ -32,7 +32,8 @@ void slcan_gathers(void)
     END();
 }
 
-/* The line of a message, gathered as slcan_gathers() proves, is that message. The sizes one after the other, since CBMC follows a known size alone. */
+/* A message's line, gathered as slcan_gathers() proves, gives that message. The loop takes the sizes in turn, since
+ * CBMC follows a known size alone. */
 void slcan_round_trip(void)
 {
     for (uint8_t data_size = 0; data_size <= MESSAGE_DATA_MAX; data_size++) {

@@ -20,8 +20,8 @@ void speed_safe(void)
     END();
 }
 
-/* Whatever model, readings and settings say: friction keeps its limit, and takes no more than that from the motors. At rest it leaves
- * a voltage of the same sign or none: it cannot drive the model. */
+/* For any model, readings and settings, friction keeps its limit, and takes at most this limit from the motors. At rest
+ * it leaves a voltage of the same sign or none: it cannot drive the model. */
 void friction_bounded(void)
 {
     parameters_t parameters;

@@ -164,7 +164,7 @@ void step_keeps(void)
     END();
 }
 
-void step_begins(void) /* all zero: at the start and after OPEN, with whatever route there is */
+void step_begins(void) /* a state of zeros, at the start and after OPEN, with any route */
 {
     const step_state_t zero = {0};
     route_waypoint_t waypoints[ROUTE_WAYPOINTS_MAX];
