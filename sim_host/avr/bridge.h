@@ -13,12 +13,12 @@ typedef enum { BRIDGE_COAST, BRIDGE_SHORT, BRIDGE_FORWARD, BRIDGE_BACKWARD, BRID
 typedef struct {
     bridge_state_t state;
     uint64_t since;                 /* cycle up to which `cycles` are counted */
-    uint64_t cycles[BRIDGE_STATES]; /* since the last bridge_clear() */
+    uint64_t cycles[BRIDGE_STATES]; /* in each state since the last bridge_clear() */
 } bridge_t;
 
 bridge_state_t bridge_state(bool in1, bool in2, bool pwm);
 
-/* From cycle `now` on the bridge is in this state. A `now` before that of the last call counts as the latter. */
+/* From cycle `now` on, the bridge is in this state. A `now` earlier than the last call's counts as the last call's. */
 void bridge_set(bridge_t *bridge, bridge_state_t state, uint64_t now);
 
 /* Counts up to cycle `now`. */

@@ -80,7 +80,7 @@ struct chip {
     double fault[CHIP_FAULTS]; /* 0: the fault is absent */
     random_t random;
 
-    uint32_t resets;   /* by the processor's watchdog, its brown-out detector or its pin */
+    uint32_t resets;   /* resets by the processor's watchdog, its brown-out detector or its pin */
     uint32_t overruns; /* bytes that the receiver lost */
     uint32_t lost_out; /* bytes to the host that found no room in `out` */
 
@@ -113,7 +113,7 @@ void chip_run_step(chip_t *chip);
 void chip_turn(chip_t *chip, int side, const quadrature_track_t *track);
 
 /* Sets the battery's voltage; the robot's 5 V regulator feeds the processor from it. Below the level of the brown-out
- * detector, the processor stays in reset. Without a detector it stops where it is, and pins and timers stay too. */
+ * detector, the processor stays in reset. Without a detector it stops where it is; pins and timers stay as they are. */
 void chip_supply(chip_t *chip, double battery_v);
 
 /* Counts cycles into `profile` from now on. `profile` still belongs to the caller. */

@@ -26,7 +26,7 @@ typedef struct {
     bool selected, pointed; /* the master addresses this chip; it has sent a register number */
     bool unpowered;         /* no supply: the chip does not answer */
     bool runs;
-    uint64_t next_sample; /* cycle */
+    uint64_t next_sample; /* cycle of the next sample */
     i2c_motion_t motion;
 } i2c_imu_t;
 

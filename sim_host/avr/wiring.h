@@ -25,7 +25,7 @@ typedef struct {
     wiring_pin_t motor[SIDES][MOTOR_PINS];
     wiring_pin_t encoder[SIDES][2];      /* A, B */
     bool reversed[SIDES];                /* B leads A in forward motion */
-    wiring_pin_t bus_clock;              /* of the I2C bus */
+    wiring_pin_t bus_clock;              /* clock pin of the I2C bus */
     unsigned char pin_change_mask;       /* data address of the mask register of the encoders' port */
     unsigned char pin_change_vector;     /* number of that port's pin-change interrupt */
     unsigned short largest_boot_section; /* bytes */

@@ -33,10 +33,10 @@ typedef struct {
 /* Sets up the robot round `world->chip`, which is open. Returns 0 or BP_E_. */
 int world_start(world_t *world, const bp_flight *request);
 
-/* Passes one motor step. Returns 0 or BP_E_. */
+/* Lets one motor step pass. Returns 0 or BP_E_. */
 int world_pass(world_t *world);
 
-/* Passes one control step and logs it. Returns 0 or BP_E_. */
+/* Lets one control step pass and logs it. Returns 0 or BP_E_. */
 int world_fly(world_t *world);
 
 /* Sets the battery's voltage; 0: the model's. */

@@ -24,7 +24,7 @@ typedef struct {
     double dry_surge, dry_yaw;
     sprung_t surge, yaw;
     double wheel_error[2], wheel_angle[2]; /* rad/s, rad: error of the rotation sensors' readings */
-    double gyro_error, gyro_angle;         /* rad/s, rad */
+    double gyro_error, gyro_angle;         /* rad/s, rad: error of the gyro's readings */
 } memory_t;
 
 /* Evaluates a law at the left wheel (k = 0) or the right one (k = 1). Terms of a difference act on a robot alone. */

@@ -43,7 +43,7 @@ enum { EFFECT_MEMORY = 4096 }; /* doubles of memory that all active effects of a
 typedef struct {
     bp_effect_info info;
     int memory_count;
-    effect_hook_t *hook[SITE_COUNT]; /* NULL: it does not act there */
+    effect_hook_t *hook[SITE_COUNT]; /* NULL: the effect does not act there */
     effect_undo_t *undo;             /* NULL: the firmware can undo nothing of it */
 } effect_t;
 

@@ -2,7 +2,7 @@
 
 typedef struct {
     real_t missing; /* rad/s by which the last yaw rate was cut */
-    real_t angle;   /* rad: the integral of it */
+    real_t angle;   /* rad: the integral of `missing` */
 } lost_t;
 
 static void sensor(const real_t *value, real_t *memory, vehicle_t *vehicle)

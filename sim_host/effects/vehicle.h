@@ -84,7 +84,7 @@ typedef struct {
     real_t rim[2];      /* radius of each wheel over wheel_radius */
     tyre_t along;       /* each wheel's rolling; coupled profile only */
     tyre_t across;      /* the side force of both wheels together; coupled profile only */
-    real_t one_circle;  /* 1: the law of a tyre holds for each wheel, in every direction of its slip */
+    real_t one_circle;  /* 1: `along` is the law of each wheel, in every direction of its slip */
 } build_t;
 
 /* Dry friction is a bound: the most that may oppose one motion, or hold it at zero. Each motion has its own bound. */
@@ -137,8 +137,8 @@ typedef struct {
     real_t force_surge;     /* body: N forward, at the middle of the axle; starts at 0 */
     real_t force_sway;      /* body: N to the right; no effect while coupled wheels do not slide; starts at 0 */
     real_t moment_yaw;      /* body: N m clockwise, about the middle of the axle; starts at 0 */
-    real_t drag_surge;      /* body: N s/m, times surge; starts at the air drag's */
-    real_t drag_sway;       /* body: N s/m, times sway; starts at the air drag's */
+    real_t drag_surge;      /* body: N s/m, times surge; starts at the air drag */
+    real_t drag_sway;       /* body: N s/m, times sway; starts at the air drag */
     real_t drag_yaw;        /* body: N m s/rad, times yaw rate; starts at 0 */
     real_t step;            /* s: the motor step in timing, drive and wheel hooks; the body step in others (0 before the
                                first) */

@@ -19,7 +19,7 @@ struct fmu {
     plant_t plant;
     double output[OUTPUT_COUNT];
     char message[MESSAGE_SIZE];
-    double value[]; /* of each variable that can be set */
+    double value[]; /* value of each variable that can be set */
 };
 
 size_t fmu_size(void)

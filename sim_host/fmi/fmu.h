@@ -55,8 +55,8 @@ void fmu_reset(fmu_t *fmu);
 const char *fmu_message(const fmu_t *fmu);
 
 /* Set or get the variable with this value reference; `boolean`: it is boolean, not real. Parameters and initial values
- * may be set until the initialisation ends, inputs at any time. An output that is read earlier follows from the values
- * set so far. False: there is no such variable, it cannot be set now, or the values are outside their ranges. */
+ * may be set until the initialisation ends, inputs at any time. An output that is read before then follows from the
+ * values set so far. False: there is no such variable, it cannot be set now, or the values are outside their ranges. */
 bool fmu_set(fmu_t *fmu, size_t reference, bool boolean, double value);
 bool fmu_get(fmu_t *fmu, size_t reference, bool boolean, double *value);
 

@@ -26,7 +26,7 @@ void bp_avr_close(bp_avr *brick);
 enum { BP_AVR_GYRO = 0, BP_AVR_SURGE = 1, BP_AVR_SWAY = 2, BP_AVR_BATTERY_INPUT = 3 };
 int bp_avr_scale(bp_avr *brick, int input, double per_count);
 
-/* Lets `motor_steps` pass before the flight begins; nothing is logged. Returns 0 or BP_E_. */
+/* Lets `motor_steps` motor steps pass before the flight begins; nothing is logged. Returns 0 or BP_E_. */
 int bp_avr_wait(bp_avr *brick, int motor_steps);
 
 /* Flies one control step (3 ms) and fills its row of the request's log and motors with what the drives did in it. The

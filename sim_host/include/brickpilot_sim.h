@@ -65,7 +65,7 @@ typedef struct {
     const char *variation; /* how the law differs if this is not 0, as words after "but": "by direction" */
     const char *mechanism; /* mechanism of the law that this parameter makes alone, if not the effect's */
     const char *same_as;   /* the nominal parameter that this one adds to: a model lacks this only if that is 0 */
-    const char *says; /* what a value above 0 means, as a clause with {} for its size; NULL: words, size and unit do */
+    const char *says; /* what a value above 0 means: a clause with {} for its size; NULL: use words, size and unit */
     const char *says_below; /* the same below 0; NULL: never below 0, or left and right change places (`odd`) */
     int over_mean;          /* 1: left less right over their mean; texts say how much smaller the smaller side is */
 } bp_parameter_info;

@@ -17,7 +17,7 @@ static pair_t invert(pair_t a)
     return (pair_t){.left = a.right * scale, .right = a.left * scale, .cross = -a.cross * scale};
 }
 
-/* Slip speed over force: `creep` for small forces. It grows with fast slip, so that the force stays within the
+/* Slip speed over force: `creep` for small forces. It grows with the slip, so that the force stays within the
  * friction. */
 static double compliance(const tyre_t *tyre, double load, double slip)
 {
@@ -34,8 +34,8 @@ typedef struct {
     double yaw;      /* kg m^2: yaw impulse of the contacts' side forces over the yaw rate */
 } hold_t;
 
-/* Share of the load that one of two opposite contacts bears. It lies `arm` from the middle, the centre of mass `offset`
- * towards it. Neither contact lifts off. */
+/* Share of the load that one of two opposite contacts bears. The contact lies `arm` from the middle, the centre of mass
+ * `offset` towards it. Neither contact lifts off. */
 static double load_share(double offset, double arm)
 {
     return 0.5 * fmin(fmax(1 + offset / arm, 0.05), 1.95);
@@ -45,8 +45,8 @@ static double load_share(double offset, double arm)
  * sideways. The force on each contact is friction times its load, against its slip over the floor in any direction:
  * Coulomb's law at each wheel, as in Kozlowski & Pazderski 2004, Modeling and control of a 4-wheel skid-steering mobile
  * robot, Int. J. Appl. Math. Comput. Sci. 14, eq. 14 to 17. Their law treats each direction separately, and passes
- * through 0 by an arc tangent. Also the floor's resistance to a turn, and the larger effective track (Mandow and others
- * 2007, Experimental kinematics for wheeled skid-steer mobile robots), follow. */
+ * through 0 by an arc tangent. The floor's resistance to a turn and the larger effective track (Mandow and others 2007,
+ * Experimental kinematics for wheeled skid-steer mobile robots), follow. */
 static hold_t hold_of_four(const vehicle_t *vehicle, const slip_t *slip, double h)
 {
     const build_t *build = &vehicle->build;

@@ -12,8 +12,8 @@
 
 /* A symmetric 2 x 2 matrix. */
 typedef struct {
-    real_t left;  /* left, left */
-    real_t right; /* right, right */
+    real_t left;  /* element (left, left) */
+    real_t right; /* element (right, right) */
     real_t cross;
 } pair_t;
 
@@ -29,7 +29,7 @@ typedef struct {
 } dry_way_t;
 
 static const dry_way_t DRY_MOTION[DRY_COUNT] = {{1, 0}, {0, 1}, {1, 1}, {1, -1}};
-static const dry_way_t DRY_ALONG[DRY_COUNT] = {{0, 1}, {1, 0}, {1, -1}, {1, 1}}; /* where motion i is zero */
+static const dry_way_t DRY_ALONG[DRY_COUNT] = {{0, 1}, {1, 0}, {1, -1}, {1, 1}}; /* speeds with motion i zero */
 
 /* One pair of speeds inside each sector between the lines on which a motion is zero. */
 static const dry_way_t DRY_SECTOR[] = {{2, 1}, {1, 2}, {-1, 2}, {-2, 1}, {-2, -1}, {-1, -2}, {1, -2}, {2, -1}};

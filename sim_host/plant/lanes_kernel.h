@@ -20,8 +20,8 @@ enum { LAWS_MOST = 16, LAW_VALUES = 8, LAW_MEMORY = 16 };
 typedef struct {
     const effect_t *effect; /* used by the kernel alone */
     unsigned robots;        /* one bit for each lane that has this effect */
-    double *value;          /* LAW_VALUES */
-    double *memory;         /* LAW_MEMORY */
+    double *value;          /* LAW_VALUES parameters for each lane */
+    double *memory;         /* LAW_MEMORY doubles for each lane */
 } lanes_law_t;
 
 /* What happens at a site, in the order of the table of effects. */
@@ -39,7 +39,7 @@ typedef struct {
     double *vehicle;   /* all numbers of vehicle_t: see vehicle_numbers */
     double *nominal;   /* all numbers of vehicle_t.motor, without effects */
     double *parameter; /* PARAMETER_COUNT */
-    double *input;     /* 2, V */
+    double *input;     /* 2 voltages, V */
     double *output;    /* OUTPUT_COUNT */
     lanes_law_t law[LAWS_MOST];
 

@@ -3,7 +3,7 @@
  * The file that includes this header first defines stepped_t, which has a `vehicle` and `wheels`, and these functions,
  * which reach its effects:
  *   bool has_hooks(const stepped_t *plant, site_t site)     any robot has an effect there
- *   void run_hooks(stepped_t *plant, site_t site)           run them
+ *   void run_hooks(stepped_t *plant, site_t site)           runs these effects
  *   void set_motors(stepped_t *plant)                       the nominal motors, then the hooks of SITE_MOTOR
  *   void sense(stepped_t *plant, double step)               the outputs with the hooks of SITE_SENSOR, where there are any
  */
@@ -138,7 +138,7 @@ static inline void step_body(stepped_t *plant, const contact_t *contact, const r
     step_feel(plant);
 }
 
-/* One is called before the body steps between two readings of the sensors, the other after them. */
+/* Call step_sample_begins() before the body steps between two readings, and step_sample_ends() after them. */
 static inline void step_sample_begins(stepped_t *plant)
 {
     plant->vehicle.felt[0] = plant->vehicle.felt[1] = real_of(-0.0); /* -0 + x is exactly x, even for x = -0 */

@@ -34,7 +34,7 @@ typedef struct {
         pair_t mass;                      /* kg: inverse of `inverse` */
         real_t free[2];                   /* m/s: ground speeds at the end of the step without tyre force */
         real_t sway_impulse;              /* N s: impulse on the sway, tyres included */
-        real_t sway_mass;                 /* kg: mass that it moves, tyres included */
+        real_t sway_mass;                 /* kg: mass that this impulse moves, tyres included */
         real_t sway_lever;                /* kg m: sway impulse that a change of the yaw rate takes */
         real_t travel_surge, travel_sway; /* m: travel since the body step began */
         real_t turn;                      /* rad: turn since the body step began */

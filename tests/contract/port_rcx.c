@@ -58,7 +58,7 @@ const char *port_why_not(hal_status_t status)
 #endif
 }
 
-/* The converter's reading of `value`: 512 and counts of per_count_q8. The chip has no such multiplication. */
+/* The converter's reading of `value`: 512 plus or minus counts of per_count_q8 each, without multiplication. */
 static uint16_t raw_of(int16_t value, uint16_t per_count_q8)
 {
     const bool below = value < 0;
@@ -113,7 +113,7 @@ port_world_t port_resolved(const port_world_t *world)
     return resolved;
 }
 
-/* A duty is up to 256 pulses. */
+/* A duty has 256 pulses at most. */
 int16_t port_resolved_duty(int16_t duty_q15)
 {
     const uint16_t size = (uint16_t)(duty_q15 < 0 ? -duty_q15 : duty_q15);

@@ -12,7 +12,7 @@
 
 static commands_t commands;
 static loop_state_t state;
-static uint8_t asked; /* sequence of requests */
+static uint8_t asked; /* sequence number of the next request */
 
 /* serve() calls it; the rest of the loop is not in this program. */
 void loop_heard(loop_state_t *heard)

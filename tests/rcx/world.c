@@ -160,7 +160,7 @@ void world_run(uint16_t ms)
 
 void world_converted(void)
 {
-    for (uint8_t i = 0; i < 12; i++) /* four channels in turn */
+    for (uint8_t i = 0; i < 12; i++) /* three readings of each of four channels */
         world_interrupt(ad_vector);
 }
 
