@@ -18,7 +18,7 @@ typedef struct {
     uint8_t telemetry_every; /* each part of the telemetry is sent once in this number of ticks; 0: never */
 } loop_config_t;
 
-/* All zero at the start. */
+/* All fields are 0 at the start. */
 typedef struct {
     step_state_t step;
     uint32_t tick;           /* ticks since the start; wraps */

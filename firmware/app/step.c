@@ -46,7 +46,7 @@ static inline int16_t feedforward_mv(const step_config_t *config, const step_sta
 void step_run(const step_config_t *config, const route_t *route, step_state_t *state, const signals_sensors_t *sensors,
               mode_command_t command, step_output_t *output)
 {
-    const signals_drive_t *const drive = &state->mixer.drive; /* of the step before */
+    const signals_drive_t *const drive = &state->mixer.drive; /* output of the step before */
     pid_input_t input;
 
     mixer_take_battery(&config->mixer, &state->mixer, sensors);

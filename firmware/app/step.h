@@ -31,7 +31,7 @@ typedef struct {
     mixer_config_t mixer;
 } step_config_t;
 
-/* All zero at the start: at rest at the origin, heading along x. */
+/* All fields are 0 at the start: at rest at the origin, heading along x. */
 typedef struct {
     body_state_t model;
     heading_state_t heading;

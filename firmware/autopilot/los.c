@@ -127,7 +127,7 @@ static void leave_leg(const los_config_t *config, const route_t *route, los_stat
     }
 }
 
-/* Counts an overshoot when the robot passes the plane through the waypoint. True at too many on this leg. */
+/* Counts an overshoot when the robot passes the plane through the waypoint. True if this leg has too many. */
 static bool overshoots(const los_config_t *config, los_state_t *los, const signals_estimate_t *estimate)
 {
     if (!los->passing || fix_project(&los->to_mm, &los->pass_q15) >= -(int16_t)config->overshoot_mm)

@@ -43,7 +43,7 @@ enum {
 };
 typedef uint8_t los_status_t;
 
-/* All zero: the next step begins the route at its first waypoint, wherever the robot is. */
+/* With all fields 0, the next step begins the route at its first waypoint, wherever the robot is. */
 typedef struct {
     fix_vector_t to_mm; /* from the robot to the waypoint */
     int32_t to_x_um;    /* the same in um */

@@ -4,9 +4,9 @@
  *                    '----any reason-----> FAULT
  *   ARRIVED, FAULT --reset--> IDLE
  *
- * Nothing but a reset leaves FAULT. Motors are off in every mode but RUN. A run whose gyro has no learnt bias yet begins with a rest
- * of up to 255 steps, in LOS_BEGIN and with motors off. If the bias is not learnt by then, the robot drives without it,
- * and signals_estimate_t.bias_unknown says so.
+ * Only a reset leaves FAULT. Motors are off in every mode but RUN. A run whose gyro has no learnt bias yet begins with
+ * a rest of up to 255 steps, in LOS_BEGIN and with motors off. If the bias is not learnt by then, the robot drives
+ * without it, and signals_estimate_t.bias_unknown says so.
  */
 #ifndef BRICKPILOT_AUTOPILOT_MODE_H
 #define BRICKPILOT_AUTOPILOT_MODE_H
@@ -44,7 +44,7 @@ enum {
 };
 typedef uint8_t mode_command_t;
 
-/* All zero is IDLE. */
+/* With all fields 0 the mode is IDLE. */
 typedef struct {
     signals_demand_t demand; /* demand of the newest step */
     mode_name_t mode;

@@ -16,7 +16,7 @@ typedef struct {
     int16_t y_mm;
 } route_waypoint_t;
 
-/* All zero is an empty route. */
+/* With all fields 0 the route is empty. */
 typedef struct {
     const route_waypoint_t *waypoints; /* the caller's; must outlive the route */
     uint8_t count;                     /* 0..ROUTE_WAYPOINTS_MAX */

@@ -26,7 +26,7 @@ typedef struct {
     int16_t limit_mv;  /* limit of the output and of the integral, 0..32000 */
 } pid_config_t;
 
-/* All zero is a controller at rest. */
+/* With all fields 0 the controller is at rest. */
 typedef struct {
     int32_t integral_mv_q16; /* within +-limit_mv */
 } pid_state_t;

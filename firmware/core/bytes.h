@@ -9,7 +9,7 @@
 /* Copies `size` bytes, 1 or more. `to` and `from` do not overlap. */
 void bytes_copy(void *to, const void *from, uint16_t size);
 
-/* The same from a table in flash. */
+/* Copies `size` bytes from a table in flash. */
 #ifdef __AVR__
 void bytes_copy_flash(void *to, const FLASH void *from, uint16_t size);
 #else

@@ -6,7 +6,7 @@
 
 #include <stdint.h>
 
-/* All zero at the start. */
+/* All fields are 0 at the start. */
 typedef struct {
     int32_t value;   /* in the samples' unit and format */
     uint16_t learnt; /* number of samples; saturates at 65535 */

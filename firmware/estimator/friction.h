@@ -35,7 +35,7 @@
 #define FRICTION_TRUSTED_MS 400 /* the time constant of the model: later the model knows the speed better */
 #define FRICTION_SLOW_MS 100
 #define FRICTION_SLOW_MM_S_Q4 640                   /* 40 mm/s: half of `creep`, the slowest speed demanded */
-#define FRICTION_STILL_MM_S_Q4 160                  /* 10 mm/s: below it, motion has no direction */
+#define FRICTION_STILL_MM_S_Q4 160                  /* 10 mm/s: below it, the motion has no direction */
 #define FRICTION_REST_STEPS (STEP_MS < 6 ? 32 : 16) /* 0.1 s */
 
 typedef struct {
@@ -45,7 +45,7 @@ typedef struct {
 
 enum { FRICTION_STILL = 0, FRICTION_ROLLS = 1, FRICTION_TURNS = 2 };
 
-/* All zero at the start. */
+/* All fields are 0 at the start. */
 typedef struct {
     uint16_t learnt_mv_q4;    /* learnt friction, 0..FRICTION_MOST_MV */
     int16_t rest_sum_mm_s2;   /* sum of the accelerations of the quiet steps: +-3680 */
@@ -57,9 +57,9 @@ typedef struct {
 
 /* The inputs of a step. */
 typedef struct {
-    int32_t innovation_mm_s_q17; /* any */
-    int16_t speed_mm_s_q4;       /* estimated in the step before, any */
-    int16_t accel_mm_s2;         /* without bias, any */
+    int32_t innovation_mm_s_q17; /* model minus accelerometer, any */
+    int16_t speed_mm_s_q4;       /* speed estimated in the step before, any */
+    int16_t accel_mm_s2;         /* forward acceleration without bias, any */
     int16_t yaw_rate_mrad_s;     /* without bias, any */
     uint8_t period_ms;           /* 1..20 */
     bool driven;                 /* the motors had a voltage */

@@ -30,7 +30,7 @@ typedef struct {
     int16_t gyro_scale_q15;      /* known scale error: true rate = rate * (1 + this), -32767..32767 = -1..1 */
 } heading_config_t;
 
-/* All zero at the start, or heading_bam32 set to the robot's heading. */
+/* All fields are 0 at the start, or heading_bam32 set to the robot's heading. */
 typedef struct {
     bias_t bias; /* learnt in addition to the known bias, mrad/s q8: +-127 mrad/s */
     uint32_t heading_bam32;
@@ -38,7 +38,7 @@ typedef struct {
     int16_t raw_rate_mrad_s; /* rate of the step before, with the learnt bias still in it */
     int16_t block_least_mrad_s;
     int16_t block_most_mrad_s;
-    uint16_t rotation_left; /* of the step before */
+    uint16_t rotation_left; /* counts of the step before */
     uint16_t rotation_right;
     uint16_t blind_ms;   /* time since the last gyro sample or reference; saturates at 65535 */
     uint16_t full_steps; /* steps without a reference, with the gyro at the end of its range; saturates at 65535 */

@@ -14,7 +14,7 @@ typedef struct {
     int16_t rest_um_q5; /* the part below 1 um, carried over to the next step */
 } pose_axis_t;
 
-/* All zero at the start, or x.um, y.um and heading_bam16 set to the robot's pose. */
+/* All fields are 0 at the start, or x.um, y.um and heading_bam16 set to the robot's pose. */
 typedef struct {
     pose_axis_t x;
     pose_axis_t y;

@@ -33,12 +33,12 @@ typedef struct {
     friction_config_t friction;
 } speed_config_t;
 
-/* All zero at the start, at rest. */
+/* All fields are 0 at the start, at rest. */
 typedef struct {
     int32_t speed_mm_s_q17; /* speed and acceleration: the estimate has both rounded */
     int32_t accel_mm_s2_q8;
     int32_t residual_um_q5; /* travel by the counts less travel estimated, +-100 mm; +-16.8 m until the next reading */
-    bias_t bias;            /* the accelerometer's, mm/s^2 q12, +-1 m/s^2 */
+    bias_t bias;            /* the accelerometer's bias, mm/s^2 q12, +-1 m/s^2 */
     uint16_t rotation_left; /* counts of the step before */
     uint16_t rotation_right;
     int16_t speed_mm_s_q4; /* speeds of the step before */

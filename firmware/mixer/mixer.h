@@ -18,9 +18,9 @@ typedef struct {
     bool battery_sags;           /* the next reading corrects the voltages that the model gets */
 } mixer_config_t;
 
-/* All zero at the start. */
+/* All fields are 0 at the start. */
 typedef struct {
-    signals_drive_t drive; /* of the newest step, as mixer_take_battery() has corrected it */
+    signals_drive_t drive; /* output of the newest step, as mixer_take_battery() has corrected it */
     uint16_t battery_mv;   /* the newest reading, or the nominal voltage: the duty is computed for it */
 } mixer_state_t;
 
@@ -32,7 +32,7 @@ void mixer_take_battery(const mixer_config_t *config, mixer_state_t *state, cons
  * speed and yaw rate of `estimate`.
  * Voltages are within battery * max_duty minus the drive's reserve; they are what the model's motors would get. Duty is
  * drive_voltage_mv() of these divided by the battery's voltage, at most max_duty, rounded to the nearest 1/32767: the
- * full battery voltage gives 32767. No effort gives duty 0, whatever the drive. */
+ * full battery voltage gives 32767. Efforts of 0 give duty 0 with any drive. */
 void mixer_step(const mixer_config_t *config, mixer_state_t *state, const signals_effort_t *effort,
                 const signals_estimate_t *estimate, signals_drive_t *drive);
 

@@ -57,7 +57,7 @@ typedef struct {
 #endif
 } body_coefficients_t;
 
-/* All zero is a vehicle at rest at the origin. */
+/* With all fields 0 the vehicle rests at the origin. */
 typedef struct {
     motor_state_t motor[2];  /* as coefficients.motor */
     signals_motion_t motion; /* saturates */

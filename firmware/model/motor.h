@@ -30,7 +30,7 @@ typedef struct {
     motor_row_t speed;   /* the change; from_speed is negative: minus the share of speed that a step loses */
 } motor_coefficients_t;
 
-/* All zero is a motor at rest. */
+/* With all fields 0 the motor is at rest. */
 typedef struct {
     int32_t current_ua_q7;    /* +-16.7 A */
     int32_t speed_mrad_s_q13; /* +-96 rad/s, saturates */

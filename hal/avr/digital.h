@@ -2,8 +2,8 @@
  *
  * Each period has one transfer, which begins 1 ms before the tick. The first transfers ask the chip for its name and
  * set it up, one register each. The later ones read it: 0.5 ms, 18 interrupts. The burst begins with the chip's own
- * "data ready", so that a sensor that sleeps, or has lost its supply and its ranges, is not mistaken for one at rest:
- * it is set up again. A reading is stale after two ticks without a new one.
+ * "data ready", so that a sensor that sleeps, or has lost its supply and its ranges, is not taken for a sensor at rest:
+ * it is set up again. A reading is stale after two ticks without a new reading.
  */
 #ifndef BRICKPILOT_AVR_DIGITAL_H
 #define BRICKPILOT_AVR_DIGITAL_H

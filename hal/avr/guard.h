@@ -17,8 +17,8 @@ enum { GUARD_MS = 30 };
 /* Bits of guard_cause(), as MCUSR has them. */
 enum { GUARD_POWER_ON = 1, GUARD_RESET_PIN = 2, GUARD_BROWN_OUT = 4, GUARD_WATCHDOG = 8 };
 
-/* Returns why the chip started. More than one bit may be set: a slow rise of the supply is a power-on and a brown-out. 0 if a boot loader
- * has cleared the register, as those of Arduinos do. */
+/* Returns why the chip started. More than one bit may be set: a slow rise of the supply is a power-on and a brown-out.
+ * Returns 0 if a boot loader has cleared MCUSR, as Arduino loaders do. */
 uint8_t guard_cause(void);
 
 /* True after power-on, and after a push of the reset button if MCUSR shows the reset pin alone: only then may a robot

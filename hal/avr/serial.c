@@ -8,7 +8,7 @@
 
 enum { DIVISOR = (BOARD_CPU_HZ + 4 * BOARD_BAUD) / (8 * BOARD_BAUD) - 1 }; /* with 8 samples a bit */
 
-/* Only interrupts write in_put and out_taken, only the program in_taken and out_put. A byte each: no lock is needed. */
+/* Only interrupts write in_put and out_taken, only the program in_taken and out_put. One byte each needs no lock. */
 static volatile uint8_t in[SERIAL_IN], out[SERIAL_OUT];
 static volatile uint8_t in_put, in_taken, out_put, out_taken;
 static volatile uint16_t overruns;

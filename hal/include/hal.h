@@ -1,4 +1,4 @@
-/* hal.h: all that the controller knows of the hardware it runs on.
+/* hal.h: all that the controller knows of its hardware.
  *
  * A port (hal/sil, hal/link, hal/rcx, ...) defines every function below. A program that lacks one of them does not link.
  * Only firmware/app/loop.c, serve.c and the main programs in firmware/targets call them, always from the same thread. No
@@ -42,7 +42,7 @@ typedef struct {
 /* Milliseconds since power-on; wraps at 2^32. */
 uint32_t hal_clock_ms(void);
 
-/* These functions give the newest reading, and the same reading again in the same step. They write `out` only if they
+/* These functions give the newest reading, and the same one in a second call in a step. They write `out` only if they
  * return HAL_OK; with HAL_PARTLY they write only its yaw rate. */
 hal_status_t hal_imu_read(hal_imu_t *out);
 hal_status_t hal_rotation_read(hal_rotation_t *out);

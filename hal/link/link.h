@@ -11,7 +11,7 @@
 
 enum { LINK_IN = 16, LINK_OUT = 32 };
 
-/* All zero to begin with. */
+/* All fields are 0 at the start. */
 typedef struct {
     set_t set;
     bool fresh; /* the set came after the last step */

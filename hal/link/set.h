@@ -14,7 +14,7 @@
 
 enum { SET_PARTS = 6, SET_STALE_MOST = 8 };
 
-/* All zero to begin with, and again for a new session. */
+/* All fields are 0 at the start, and again for a new session. */
 typedef struct {
     uint8_t parts[SET_PARTS][MESSAGE_DATA_MAX]; /* the newest part of each kind */
     uint8_t have;                               /* one bit per part */

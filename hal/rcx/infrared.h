@@ -4,8 +4,8 @@
  *
  * A packet takes 73 ms at 2400 baud. Sending waits for that long, so it has a task of its own. The kernel's receiving
  * interrupt only copies. A packet with the sequence number of the packet before it is a repetition: the reply was lost.
- * The port does not give it to the controller again; it sends the reply again. Replies go before telemetry, and a new
- * reply replaces the old one.
+ * The port does not give the packet to the controller again; it sends the reply again. Replies go before telemetry, and
+ * a new reply replaces the old one.
  */
 #ifndef BRICKPILOT_RCX_INFRARED_H
 #define BRICKPILOT_RCX_INFRARED_H

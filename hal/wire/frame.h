@@ -19,7 +19,7 @@ enum { FRAME_SIZE_MAX = 15 };
 /* Writes the frame of a message and returns its size, 7..FRAME_SIZE_MAX. */
 uint8_t frame_encode(const message_t *message, uint8_t bytes[FRAME_SIZE_MAX]);
 
-/* All zero to begin with. */
+/* All fields are 0 at the start. */
 typedef struct {
     uint8_t bytes[FRAME_SIZE_MAX - 1];
     uint8_t size;

@@ -19,12 +19,12 @@ enum { SLCAN_SIZE_MAX = 22, SLCAN_REPLY_MAX = 6 };
 /* Writes the line of a message and returns its size, 6..SLCAN_SIZE_MAX. */
 uint8_t slcan_encode(const message_t *message, uint8_t bytes[SLCAN_SIZE_MAX]);
 
-/* All zero to begin with: closed. */
+/* All fields are 0 at the start: the adapter is closed. */
 typedef struct {
     uint8_t line[SLCAN_SIZE_MAX - 1];
     uint8_t size;
     bool overlong;
-    bool open; /* true: frames may be sent */
+    bool open; /* true: the adapter takes frames */
     uint8_t reply[SLCAN_REPLY_MAX];
     uint8_t reply_size;
 } slcan_decoder_t;

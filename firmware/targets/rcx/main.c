@@ -24,7 +24,7 @@ static bool starting; /* the mission starts as soon as the robot has rested */
 /* Times of the clock. 16 bits are enough for the times measured here. */
 static uint16_t now_ms, due_ms, resting_ms, telemetry_ms, heartbeat_ms;
 
-/* True if `time_ms` has passed since `since_ms`; the time then begins again. */
+/* True if `time_ms` has passed since `since_ms`, which is then set to now. */
 static bool is_over(uint16_t *since_ms, uint16_t time_ms)
 {
     if ((uint16_t)(now_ms - *since_ms) < time_ms)
