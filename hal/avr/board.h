@@ -1,8 +1,7 @@
 /* board.h: the wiring of the robot, and the sign, zero and scale of each sensor. Edit it if your robot is wired differently.
  *
  * This file names no register, so that a simulator of the board can include it, too. A pin is a pair: the letter of its port, and
- * its bit. The compiler's target selects the chip. On a host it is the ATmega328P, or the ATmega2560 with
- * -DBOARD_ATMEGA2560.
+ * its bit. The chip is the compiler's target; a host says -DBOARD_ATMEGA2560, or gets the ATmega328P.
  */
 #ifndef BRICKPILOT_AVR_BOARD_H
 #define BRICKPILOT_AVR_BOARD_H

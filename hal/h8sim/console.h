@@ -7,8 +7,8 @@
  *   a input(1) raw(2)      sets what the converter measures at input 1, 2 or 3, or at the battery (input 0): 0..1023
  *   m address(2) size(2)   the reply is the content of the memory there
  *   b address(2)           from now on records the time whenever the instruction at this address begins
- *   e                      the reply is the number of recorded times (2) and these times, in states since the start (8 each);
- *                          the recorded times are then cleared
+ *   e                      the reply is the number of recorded times (2) and these times, in states since the start
+ *                          (8 each). The recorded times are then cleared
  *   t                      the reply is the time since the start (8), and for each kind of chip.h how often it came (4) and how
  *                          long it took (8), both since the start
  *   f size(1) path         a copy of this brick, a process of its own, takes the commands from the socket of this path
