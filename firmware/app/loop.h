@@ -1,4 +1,4 @@
-/* loop.h: the control loop, and with serve.h the only caller of the HAL. A tick reads the sensors, runs the step and writes the motors.
+/* loop.h: the control loop. A tick reads the sensors through the HAL, runs the step and writes the motors.
  *
  * Call loop_tick() every STEP_MS. It measures the period itself, so that a late tick is integrated over its true length.
  * A tick later than watchdog_ms is a failure of the clock or of the caller: the run is cut, with motors off. Whatever
@@ -23,7 +23,7 @@ typedef struct {
     step_state_t step;
     uint32_t tick;           /* ticks since the start; wraps */
     uint32_t clock_ms;       /* time of the newest tick */
-    uint16_t late_ticks;     /* ticks more than a step late; saturates at 65535 */
+    uint16_t late_ticks;     /* ticks a step late or more; saturates at 65535 */
     uint16_t aborted;        /* runs that a late tick or silence ended; saturates at 65535 */
     uint16_t silent_ms;      /* time since a sensor or a message was heard; saturates at 65535 */
     uint8_t until_telemetry; /* ticks until the first part of the telemetry is due again */

@@ -12,7 +12,7 @@ enum { SIL_LINK_SIZE = 16 };
 
 typedef struct {
     uint32_t clock_ms;
-    /* What the next read returns. A value counts only if its status is HAL_OK. */
+    /* What the next read returns. A value counts only if its status is HAL_OK; of HAL_PARTLY, the yaw rate. */
     hal_status_t imu_status, rotation_status, reference_status, battery_status;
     hal_imu_t imu;
     hal_rotation_t rotation;

@@ -187,7 +187,7 @@ def test_the_recipe_for_an_effect_makes_one(tmp_path: Path) -> None:
         "def _curve_scrub(",
         'def _linear_drag(s: Step, p: Parameters) -> None:\n    s.force -= p["coefficient"] * s.surge\n\n\n',
     )
-    copy.insert(engine, "_curve_scrub, ", "_linear_drag, ")
+    copy.insert(engine, "_odd_periodic_force, ", "_linear_drag, ")
     planar = "tests/hidden/planar_effects.py"
     copy.insert(planar, "def _curve_scrub(", PLANAR_LAW)
     copy.insert(planar, '    "curve_scrub": ', '    "linear_drag": _linear_drag,\n')

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import json
 import math
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -39,6 +40,18 @@ def speed_at(vehicle: Vehicle, volts: float, load: float = 0.0) -> float:
 def lag_of(vehicle: Vehicle, inertia: float) -> float:
     """Returns the time constant, s, of a wheel with `inertia`; L / R is much shorter and neglected."""
     return inertia / (vehicle.torque_constant * vehicle.emf_constant / vehicle.resistance + vehicle.wheel_damping())
+
+
+def test_the_readme_counts_the_sets_of_each_suite() -> None:
+    rows = re.findall(
+        r"^\| (`\w+`(?:, `\w+`)*) \| ([\d, ]+) \|", (TESTS / "hidden/README.md").read_text(), re.MULTILINE
+    )
+    told = {
+        name.strip(" `"): int(count)
+        for names, counts in rows
+        for name, count in zip(names.split(","), counts.split(","), strict=True)
+    }
+    assert told == {name: len(recipes()) for name, recipes in suites.SUITES.items()}
 
 
 @pytest.mark.parametrize("name", VEHICLES)

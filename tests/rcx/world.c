@@ -195,12 +195,14 @@ static uint8_t whole_packet(void)
     while (air_size > 0) {
         uint8_t sum = 0xFF;
 
-        if (air[0] == 0xF1 && (air_size < 2 || air_size < air[1] + 3))
-            return 0;
-        for (uint8_t i = 0; i < air[1] + 2; i++)
-            sum = (uint8_t)(sum + air[i]);
-        if (air[0] == 0xF1 && sum == air[air[1] + 2])
-            return (uint8_t)(air[1] + 3);
+        if (air[0] == 0xF1) {
+            if (air_size < 2 || air_size < air[1] + 3)
+                return 0;
+            for (int16_t i = 0; i < air[1] + 2; i++)
+                sum = (uint8_t)(sum + air[i]);
+            if (sum == air[air[1] + 2])
+                return (uint8_t)(air[1] + 3);
+        }
         drop(1);
     }
     return 0;

@@ -2,12 +2,13 @@
 
 #include "app/parameters.h"
 #include "app/params_gen.h"
+#include "app/settings_gen.h"
 #include "unity.h"
 #include "wire/codecs_gen.h"
 
 #define NUMBER(name) WIRE_PARAMETER_REQUEST_PARAMETER_##name##_CHOICE
 
-enum { FIRST_OF_ROBOT = NUMBER(LEFT_GAIN), COUNT = NUMBER(COUNT_MISMATCH) + 1 };
+enum { FIRST_OF_ROBOT = NUMBER(LEFT_GAIN), END_OF_ROBOT = NUMBER(COUNT_MISMATCH) + 1 };
 
 static parameters_t parameters;
 
@@ -34,7 +35,7 @@ static void test_parameters_begin_with_the_constants_of_the_profile(void)
 
 static void test_parameters_of_no_compensation_leave_every_constant(void)
 {
-    for (uint8_t number = FIRST_OF_ROBOT; number < COUNT; number++)
+    for (uint8_t number = FIRST_OF_ROBOT; number < END_OF_ROBOT; number++)
         write(number, 0);
     TEST_ASSERT_EQUAL_MEMORY(&PARAMS_COUPLED, &parameters.config, sizeof parameters.config);
 }
@@ -116,14 +117,14 @@ static void test_parameters_refuse_what_is_outside_their_range(void)
 
 static void test_parameters_refuse_what_there_is_not(void)
 {
-    refused(PARAMETERS_UNKNOWN, COUNT, 0, false);
+    refused(PARAMETERS_UNKNOWN, SETTINGS_COUNT, 0, false);
     refused(PARAMETERS_UNKNOWN, 255, 0, false);
-    TEST_ASSERT_EQUAL_INT32(0, parameters_read(&parameters, COUNT));
+    TEST_ASSERT_EQUAL_INT32(0, parameters_read(&parameters, SETTINGS_COUNT));
 }
 
 static void test_parameters_of_the_robot_stay_while_it_drives(void)
 {
-    for (uint8_t number = FIRST_OF_ROBOT; number < COUNT; number++)
+    for (uint8_t number = FIRST_OF_ROBOT; number < END_OF_ROBOT; number++)
         refused(PARAMETERS_BUSY, number, 1, true);
     for (uint8_t number = 0; number < FIRST_OF_ROBOT; number++) {
         const int32_t value = parameters_read(&parameters, number);

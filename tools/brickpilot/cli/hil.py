@@ -80,7 +80,8 @@ if TYPE_CHECKING:
     "--settings",
     "list_settings",
     is_flag=True,
-    help="List the settings of this brick; do not fly. `brickpilot settings` lists them without a brick.",
+    help="Begin a session and list its settings; do not fly. Route and settings that were sent before are forgotten. "
+    "`brickpilot settings` lists all without a brick.",
 )
 @click.option(
     "--record", "record_file", metavar="FILE", help="Write the link's traffic to FILE: .asc, .blf or .log (candump's)."

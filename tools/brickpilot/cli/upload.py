@@ -56,7 +56,8 @@ def upload(
     """Sends another mission and other settings to a brick that runs the autopilot; the image stays.
 
     SCENARIO is a packaged scenario or a file; the default is the paper's eight waypoints. The motors stop. The route
-    is read back from the brick and compared. The brick keeps route and settings until its program ends.
+    is read back from the brick and compared. The brick keeps route and settings until its program ends or another
+    session begins. Each upload begins one, with the constants of the profile: send all settings together.
     """
     from brickpilot.vehicle import compensation, flight, gains, model, scenario
 

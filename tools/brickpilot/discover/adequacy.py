@@ -63,9 +63,11 @@ class Adequacy:
 
     @property
     def unexplained(self) -> str | None:
-        """The signal with the largest `left` of those above the limit and less than half explained; None: no signal."""
-        some = [one for one, left in self.left.items() if left > numbers.UNEXPLAINED_NATS and self.explained[one] < 0.5]
-        return max(some, key=lambda one: self.left[one], default=None)
+        """The signal with the largest `left` of those above the limit with more error left than gone; None: none."""
+        more = {one: left for one, left in self.left.items() if self.explained[one] < 1 - self.explained[one]}
+        return max(
+            (one for one in more if more[one] > numbers.UNEXPLAINED_NATS), key=lambda one: more[one], default=None
+        )
 
     @property
     def is_adequate(self) -> bool:

@@ -138,7 +138,7 @@ class Step:
     """A stage that set or changed the verdict.
 
     Attributes:
-        stage: "weigh", "adequacy", "runs", "samples" or "seal": see `pipeline`.
+        stage: "weigh", "adequacy", "budget", "runs", "samples" or "seal": see `pipeline`.
         verdict: the verdict after this stage.
         why: a sentence.
     """

@@ -20,9 +20,18 @@ Each stage is a function in a module beside this one. It returns a frozen record
     measure          -> Yardstick     fit in percent before, after and attainable                    (yardstick.py)
     conclude         -> Finding       effects with intervals, gaps, places, ranking                  (conclude.py)
 
-Four functions may change the verdict of `weigh`: `adequate`, if too much error is left; `explain`, if time ran out;
-`confirmed`, if only runs differ or the measured samples do not show what was named; `_prove`, if held-out runs do not
-confirm the name (`ambiguous` with the nominal model) or contradict it (`unknown`). `Finding.steps` lists these changes.
+`weigh` gives the first verdict. These functions may change it; `Finding.steps` lists each change by its stage:
+
+    stage     function   verdict    if                                                     by (numbers.py)
+    adequacy  adequate   another    what is left refutes an explanation, others hold more  SHARED_REST, UNEXPLAINED_NATS
+                         unknown    what is left refutes 95 % of the weight                SURE
+    budget    explain    unknown    time ran out before all was searched                   SEARCHED, in deadline.py
+    runs      confirmed  none       only values of runs differ
+    samples   confirmed  unknown    the measured samples do not surely show the name       CHANCE_NATS
+                         none       and leave little above noise without it                UNEXPLAINED_NATS
+    seal      _prove     unknown    held-out runs contradict the name                      CHANCE_NATS
+                         ambiguous  they do not confirm it: the name or the nominal model  SURE
+
 Every number that decides a verdict stands in numbers.py, with its reason.
 """
 
@@ -143,7 +152,7 @@ def explain(prepared: Prepared, nominal: Explanation, tell: Stages, most: int = 
     verdict: Verdict = adequate(found, left_of)
     if prepared.deadline.left_out and verdict.kind != "unknown":
         best = best_so_far(found) if verdict.kind == "none" else verdict.best
-        verdict = verdict.turned(Step("adequacy", "unknown", _NO_TIME), best=best)
+        verdict = verdict.turned(Step("budget", "unknown", _NO_TIME), best=best)
     return Explained(prepared, found, verdict)
 
 
