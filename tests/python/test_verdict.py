@@ -67,6 +67,21 @@ def test_an_effect_that_hides_in_a_stated_value_is_searched_even_where_little_is
     assert frozenset({"encoder_scale"}) in search.run(judge).table
 
 
+@pytest.mark.parametrize(("drag", "is_searched"), [(0.06, False), (0.3, True)])
+def test_a_second_law_is_searched_only_beyond_what_the_first_one_s_shape_may_leave(
+    drag: float, is_searched: bool, tmp_path: Path
+) -> None:
+    """A drag of 0.06 N s/m leaves 31 times what counts as one nat, but less than 5 % of the squares."""
+    truth = dataclasses.replace(robot(), effects={**FRICTION, "surge_drag": {"drag": drag}})
+    folder = write(tmp_path / "set", truth, NOISE, STATED, manoeuvres=MOVES, roles=["fit"] * len(MOVES))
+    prepared, nominal = calibrate(prepare(reading.read(folder), None, seed=0, jobs=1)[0])
+    library, said = Library(prepared.excitation, 2), list[str]()
+    search = Search(prepared.coarse, nominal, library, prepared.excitation, 1, prepared.deadline, said.append)
+    named = verdict.weigh(search.run(Judge.of(prepared.coarse, 0))).best.names
+    assert ("searching for effect 2" in said) == is_searched
+    assert named == (("coulomb_friction", "surge_drag") if is_searched else ("coulomb_friction",))
+
+
 def test_where_no_part_alone_surely_predicts_better_no_two_are_tried(tmp_path: Path) -> None:
     """Otherwise parts that predict better only together give false names for a sensor law that the library lacks."""
     folder = write(tmp_path / "set", robot(), NOISE, STATED, manoeuvres=MOVES, roles=["fit"] * len(MOVES))

@@ -1,9 +1,10 @@
 """Searches for explanations. The search proposes and decides nothing: `verdict` weighs all explanations that it fitted.
 
 It fits single parts, pairs of the best, then one more part beside the best two and beside the best fit, as long as more
-parts surely predict better. Each part of the best fit is replaced once by other laws of its mechanism. Rivals are
-searched as hard as the winner: each part of the best explanation is forbidden once, and the search goes on without it.
-An explanation that fits worse than one that it contains is a failed fit, and is fitted again from the contained one.
+parts surely predict better, and the best fit leaves more than the wrong shapes of its own laws may. Each part of the
+best fit is replaced once by other laws of its mechanism. Rivals are searched as hard as the winner: each part of the
+best explanation is forbidden once, and the search goes on without it. An explanation that fits worse than one that it
+contains is a failed fit, and is fitted again from the contained one.
 """
 
 from __future__ import annotations
@@ -174,6 +175,14 @@ class Found:
         laws = {part.name for part in one.explanation.effects} - self.nothing.explanation.key
         return self.table.get(one.explanation.key - laws) or self.table[self.nothing.explanation.key]
 
+    def shape_error(self, one: Evidence) -> Array:
+        """Returns (signals,): the squared error, in squares of each floor, that wrong shapes of the laws may leave.
+
+        It is a share of what these laws remove beside the values of runs. No other law is named for it.
+        """
+        excess = self.judge.excess
+        return np.asarray(self.judge.shape * np.maximum(excess(self.without_laws(one)) - excess(one), 0.0))
+
     def ranked(self, parts: int | None = None, forbidden: Collection[str] = ()) -> list[Evidence]:
         """Returns the explanations, the best score first: those of `parts` parts, without the `forbidden` ones."""
         temperature = self.temperature
@@ -265,12 +274,17 @@ class Search:
         return most - fewer > found.temperature * numbers.CHANCE_NATS
 
     def _may_gain(self, found: Found) -> bool:
-        """Returns whether one more part could score better than the best so far, if only white noise were left."""
+        """Returns whether one more part could score better than the best so far, if only white noise were left.
+
+        Error that the wrong shapes of the best one's laws may leave does not count: no part is named for it.
+        """
         best = found.ranked()[0]
         temperature = found.judge.law_error(max(found.table.values(), key=lambda one: one.total), found.nothing)
         surprise = best.explanation.log_odds - best.log_prior(temperature)
-        possible = max(found.judge.top - best.total, 0.0) / temperature + surprise  # noise may give less than `top`
-        return bool(possible > -np.log(numbers.COMMON))
+        left, own = max(found.judge.top - best.total, 0.0), found.shape_error(best)  # noise may give less than `top`
+        if own.any():
+            left = min(left, float(np.maximum(found.judge.excess(best) - own, 0.0).sum()) / 2)
+        return bool(left / temperature + surprise > -np.log(numbers.COMMON))
 
     def beside(
         self, found: Found, parent: Evidence, forbidden: Collection[str] = (), *, every: bool = False

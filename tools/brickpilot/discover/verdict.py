@@ -3,8 +3,9 @@
 The explanations that hold 95 % of the weight are kept. If one of them contains another, it adds nothing beyond the
 tolerance, so the simpler one stands for both. An effect in 95 % of the weight is sure. One minimal explanation of sure
 effects is `named`, several are `ambiguous`, and the empty one is `none`. An explanation that leaves too much is refuted
-(see `adequacy`): it is no answer, and supports no other. If all are refuted, the verdict is `unknown`; held-out runs
-may also turn it to `unknown` (see `seal`). An effect is not named if only stated values support it: one may be wrong.
+(see `adequacy`): it is no answer, and supports no other. If all are refuted, the verdict is `unknown`; so it may be for
+measured samples (`confirmed`), held-out runs (`seal`) or a time that is up. An effect is not named if only stated
+values support it: one may be wrong.
 """
 
 from __future__ import annotations
@@ -197,18 +198,18 @@ def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozen
     """Returns the explanations that are weighed, each with the evidence that it is weighed by.
 
     An explanation is left out if a simpler one, not left out itself, says as much. If it contains a simpler one, it has
-    to remove at least as much of the simpler one's error as it leaves: squared error above noise, and distance of values
-    from the stated ones. A refuted nominal model speaks against none: then a law is missing. Refuted laws still speak,
-    as something is missing or their shape is wrong, and a law added to them may imitate the right shape. Error that the wrong shape of the simpler one's laws may leave in a
-    signal does not count: it is a share of what these laws removed beside the values of runs. If not surely more than
-    this error is removed, no part is missing, and the simpler one gets the likelier evidence of both. An explanation is
-    also left out if one with fewer parts is no worse in evidence and prior: there are many large sets of parts, and
-    together they outweigh a name.
+    to remove at least as much of the simpler one's error as it leaves: squared error above noise, and distance of
+    values from the stated ones. A refuted nominal model speaks against none: then a law is missing. Refuted laws still
+    speak, as something is missing or their shape is wrong, and a law added to them may imitate the right shape. Error
+    that the wrong shape of the simpler one's laws may leave in a signal does not count: it is a share of what these
+    laws removed beside the values of runs. If not surely more than this error is removed, no part is missing, and the
+    simpler one gets the likelier evidence of both. An explanation is also left out if one with fewer parts is no worse
+    in evidence and prior: there are many large sets of parts, and together they outweigh a name.
     """
     temperature = found.temperature
     prior = {one: one.log_prior(temperature) for one in ranked}
     excess = {one: found.judge.excess(one) for one in ranked}
-    shape = {one: found.judge.shape * np.maximum(excess[found.without_laws(one)] - excess[one], 0.0) for one in ranked}
+    shape = {one: found.shape_error(one) for one in ranked}
     moved = {one: temperature * evidence.surprise(one.away) for one in ranked}
     best, stands, left_out = {one: one for one in ranked}, list[Evidence](), set[Evidence]()
     contained = {one: sum(map(one.explanation.contains, (each.explanation for each in ranked))) for one in ranked}
