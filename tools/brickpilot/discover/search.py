@@ -276,11 +276,14 @@ class Search:
     def _may_gain(self, found: Found) -> bool:
         """Returns whether one more part could score better than the best so far, if only white noise were left.
 
-        Error that the wrong shapes of the best one's laws may leave does not count: no part is named for it.
+        It gains by the error, and where it leaves the values of the model nearer to their priors. Error that the wrong
+        shapes of the best one's laws may leave does not count, as no part is named for it. Values of runs do not count:
+        a law that makes them superfluous does so without them.
         """
         best = found.ranked()[0]
         temperature = found.judge.law_error(max(found.table.values(), key=lambda one: one.total), found.nothing)
-        surprise = best.explanation.log_odds - best.log_prior(temperature)
+        of_model = best.away[[k for k, one in enumerate(best.explanation.plan.free) if not one.run]]
+        surprise = min(best.explanation.log_odds - best.log_prior(temperature), evidence.surprise(of_model))
         left, own = max(found.judge.top - best.total, 0.0), found.shape_error(best)  # noise may give less than `top`
         if own.any():
             left = min(left, float(np.maximum(found.judge.excess(best) - own, 0.0).sum()) / 2)
