@@ -68,7 +68,7 @@ static void learn(const friction_config_t *config, friction_state_t *state, cons
     state->learnt_mv_q4 = (uint16_t)(learnt < 0 ? 0 : fix_clamp32(learnt, MOST_MV_Q4));
 }
 
-/* Counts how long the robot has been believed slow, and the time since its last rest as told (friction.h). */
+/* Counts how long the estimated speed has been slow, and the time since the last "rest as told" (friction.h). */
 static void watch_speed(friction_state_t *state, const friction_input_t *input)
 {
     if (!slow(input->speed_mm_s_q4)) {

@@ -63,7 +63,7 @@ typedef struct {
         *in_volts; /* of a torque at the wheel: the name of the voltage torque R / K_t, which calibrations report */
     int zero_if_unstated;  /* 1: a nominal parameter taken to be 0 where a data set does not give it */
     const char *variation; /* how the law differs if this is not 0, as words after "but": "by direction" */
-    const char *mechanism; /* mechanism of the law that this parameter makes alone, if not the effect's */
+    const char *mechanism; /* mechanism if this parameter alone is not 0; NULL: that of the effect */
     const char *same_as;   /* the nominal parameter that this one adds to: a model lacks this only if that is 0 */
     const char *says; /* what a value above 0 means: a clause with {} for its size; NULL: use words, size and unit */
     const char *says_below; /* the same below 0; NULL: never below 0, or left and right change places (`odd`) */

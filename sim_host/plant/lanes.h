@@ -24,7 +24,7 @@ typedef struct {
     int law_count;
     const effect_t *effect_of_law[LAWS_MOST];
     hooks_t batch[SITE_COUNT][LAWS_MOST + 1][LANES_MOST]; /* hooks that run robot by robot between two laws */
-    bool acts[LANES_MOST];                                /* this plant has such hooks before SITE_SENSOR */
+    bool acts[LANES_MOST];                                /* this plant has hooks in batch before SITE_SENSOR */
     const lanes_kernel_t *kernel;
     lanes_view_t *view;
     unsigned char *memory;

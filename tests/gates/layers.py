@@ -44,7 +44,7 @@ ALSO = {"firmware/targets/h8sim": {"hal/link"}, "firmware/targets/host": {"hal/h
 # The rooms of the firmware that may hold assembly, for arithmetic alone. Every stage runs from its C.
 ASSEMBLY = (Path("firmware/core/h8"), Path("firmware/model/h8"))
 
-# The compiler's own headers that a room without an SDK may include. sim_host and the ports may include any.
+# The compiler's own headers that a folder without an SDK may include. sim_host and the ports may include any header.
 STANDARD = {"stdbool.h", "stddef.h", "stdint.h"}
 
 

@@ -2,8 +2,8 @@
 
 A walk follows every path from an entry, and keeps the contents of the stack at each instruction. Two paths that meet
 must have the same depth. A call costs what its function costs. A jump continues the same walk, so that a call which the
-compiler turned into a jump is counted. Recursion, a jump through a register whose targets are not listed, and a stack
-pointer that gets a value no rule knows are errors: no bound is given for what is not understood.
+compiler turned into a jump is counted. These are errors, because they leave the depth unknown: recursion, a jump
+through a register whose targets are not listed, and a change of the stack pointer that no rule covers.
 
 `avr_stack.py` and `h8_stack.py` say what the instructions of the two processors do.
 """

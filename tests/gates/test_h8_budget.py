@@ -14,7 +14,7 @@ from command import brickpilot
 ROOT = Path(__file__).resolve().parents[2]
 
 # The worst step of a brick's program may take this share of the control period; the rest is for drivers, interrupts and
-# kernel. Its main task has a stack of 344 bytes, of which interrupts use up to 130: tests/rcx.
+# kernel. The main task has a stack of 344 bytes; tests/rcx measured up to 130 of them for interrupts.
 SHARE = 0.6
 STACK = 344 - 130
 

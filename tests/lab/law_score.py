@@ -129,7 +129,7 @@ def nominal_found(result: Result) -> bool:
 
 
 def overlap(result: Result) -> Overlap:
-    """Returns the overlap of the verdict's places with the known regions, in seconds summed over signals."""
+    """Returns for how many seconds, summed over signals, the places of the verdict overlap the known regions."""
     said, known = (_by_signal(result[key]) for key in ("where", "regions"))
     empty = np.zeros(0, dtype=bool)
     both = 0

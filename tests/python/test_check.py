@@ -49,7 +49,7 @@ def test_timing_and_noise_are_those_of_the_log(tmp_path: Path) -> None:
 
 
 def test_what_straight_runs_hide_the_advised_manoeuvre_shows(tmp_path: Path) -> None:
-    """Straight runs show only a huge scrub, and no yaw inertia. The advice is to turn; turns show both."""
+    """Straight runs show scrub only if it is huge, and never yaw inertia. The advice is to turn, which shows both."""
     straight = checked(tmp_path / "straight", STRAIGHT)
     assert "gyro_delay" in straight.invisible
     assert straight.parameters["yaw_inertia"].basis == "prior alone"

@@ -266,7 +266,8 @@ def test_flash_delivers_a_program_on_a_line_that_damages_one_byte_of_a_hundred(f
 
 @pytest.mark.parametrize("lost", [*([number] for number in range(1, 10)), [3, 4, 5], [8, 9, 10], [2, 4]], ids=str)
 def test_a_program_arrives_complete_although_acknowledgements_are_lost(lost: list[int]) -> None:
-    """brickOS acknowledges delete, create, six packets of data and run, but create and the last data only once."""
+    """brickOS acknowledges delete, create, six packets of data and run. Create and the last data, sent
+    again, get no second acknowledgement."""
     program = large_program()
     with RcxBrick(brickos=True, lose_replies=frozenset(lost)) as brick:
         flash_program(program, brick.path, execute=True)

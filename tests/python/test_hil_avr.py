@@ -43,8 +43,9 @@ def test_the_papers_mission_is_flown_by_the_image_as_in_simulation(tmp_path: Pat
 
     The tolerance is the spread of the simulation itself. Eight flights with different seeds of the noise differ by up
     to 0.06 m (rms over the flight), because the gyro's error adds up in the heading. The chip's noise differs in the
-    same way, by its converter and its order of samples. 3 mm are added: the distance at 0.5 m/s in the 6 ms from a
-    sample to its pulses. The converter has the resolution of the simulation (10 bits), and the PWM one of 9 mV.
+    same way, by its converter and its order of samples. The tolerance gets 3 mm more: at 0.5 m/s the robot drives so
+    far in the 6 ms from a sample to the motor pulses that follow from it. The converter has the resolution of the
+    simulation (10 bits), and the PWM one of 9 mV.
     """
     done = brickpilot("hil", "--target", "avr:328p-imu", "--sensors", "imu", "--out", str(tmp_path), "--json", cwd=ROOT)
     assert (done.returncode, done.stderr) == (0, "")

@@ -83,7 +83,7 @@ def test_a_log_of_set_points_is_calibrated_and_lacks_nothing(plain: bp.Finding) 
 
 @pytest.mark.parametrize(("times", "verdict"), [(0.6, "none"), (1.5, "named")])
 def test_none_says_how_much_dry_friction_would_have_shown(plain: bp.Finding, times: float, verdict: str) -> None:
-    """Behind a controller the error of every simulator, and not the noise, hides dry friction."""
+    """In a closed loop the model error that every simulator has, not the noise, hides a small dry friction."""
     size = plain.power["coulomb_friction"].size
     assert bp.discover(dataset(logs(SOFT, dry_friction=times * size))).verdict == verdict
 

@@ -252,7 +252,7 @@ STATES = 7
 
 @dataclass(frozen=True)
 class Manoeuvre:
-    """Inputs held for some steps of `STEP_S`: ``held`` steps each, ``voltages`` (pieces, 2)."""
+    """Inputs that change in steps: each row of ``voltages`` (pieces, 2) holds for ``held`` steps of `STEP_S`."""
 
     held: int
     voltages: Array

@@ -245,7 +245,7 @@ def fly(block: Block) -> pa.Table:
 
 
 def one(campaign: Campaign, index: int) -> Run:
-    """Returns one run. Its whole part is drawn, so that the run is the same to the last bit."""
+    """Returns one run. The whole part that holds it is drawn, so it equals the campaign's run to the last bit."""
     size = part_size(campaign)
     start = index - index % size
     stop = min(start + size, runs(campaign))

@@ -1,7 +1,7 @@
 """What changed between recordings of one machine.
 
-`brickpilot.changed` is this room of the package and also the public function. `make_callable` lets the room be called
-as the function, also after an import of a module in here.
+`brickpilot.changed` is this package and also the public function. `make_callable` makes the package callable like the
+function, also after one of its modules was imported.
 """
 
 from brickpilot import make_callable

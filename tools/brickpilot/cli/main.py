@@ -40,7 +40,7 @@ def cli() -> None:
 
 
 def whole_lines(command: click.Command) -> click.Command:
-    """Returns `command` with its whole first sentence as its line in lists, because click would cut it off."""
+    """Returns `command`; lists of commands then show the first sentence of its help whole. Click would cut it off."""
     text = inspect.cleandoc(command.help or "").partition("\n\n")[0].replace("\n", " ")
     command.short_help = command.short_help or text.split(". ")[0].rstrip(".") + "."
     if isinstance(command, click.Group):

@@ -19,7 +19,7 @@ Settings = tuple[tuple[str, float], ...]
 _NEIGHBOURS = (-1.0, -0.75, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0)  # offsets in resolutions of a spectrum
 _LEAST_STEPS = 20  # a coordinate has to change by at least this number of a spectrum's steps
 
-# Setting of a period -> names of its coordinate, the coordinate's step in a spectrum and its turn, rad or m.
+# Setting of a period -> names of its coordinate; this coordinate's step in a spectrum, and one turn or metre of it.
 _COORDINATES = {
     "order": (("wheel_angle_left", "wheel_angle_right", "angle"), 2 * math.pi / 100, 2 * math.pi),
     "wavelength": (("x", "position"), 0.005, 1.0),

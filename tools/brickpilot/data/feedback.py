@@ -72,8 +72,8 @@ def follows_outputs(dataset: Dataset, level: float) -> Loop | None:
     also uses the earlier readings, a third one the reading of the same row, too. A command held from its row on cannot
     move that reading, but a command that was logged late can. So the third prediction counts only if the command
     opposes the motion, as feedback with the right signs does. Each block of a run is predicted by a fit to the other
-    blocks. The log of the ratio of the squared errors is tested by its scatter over the blocks. Runs too short for
-    their own fit are pooled.
+    blocks. In each block, both predictions have a squared error. The mean log of their ratio is tested by its scatter
+    over the blocks. Runs too short for their own fit are pooled.
 
     Only outputs that measure or sum up motion count. Accelerations, forces and currents respond in the command's own
     row. If the battery is measured, a voltage has to follow both as volts and as duty, because either may have been

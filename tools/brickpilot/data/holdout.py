@@ -24,7 +24,7 @@ _STEP_SPREAD = 0.2
 _PURE = 0.25
 # Two runs whose inputs differ by a larger factor cannot replace each other.
 _AS_LARGE = 1.5
-# If a smaller share of a run's input is in one direction, the run belongs to the other direction.
+# If less than this share of a run's input is in one direction, the run belongs to the other direction.
 _ONE_WAY = 0.1
 # A shorter stretch (s) is not held out, because it says little about a free run.
 _SHORTEST_S = 0.3

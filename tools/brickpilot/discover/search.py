@@ -292,7 +292,7 @@ class Search:
     def beside(
         self, found: Found, parent: Evidence, forbidden: Collection[str] = (), *, every: bool = False
     ) -> list[Explanation]:
-        """Returns the best fits of `parent` and one more part, if this part may score better than the best so far.
+        """Returns the best fits of `parent` with one more part, for parts that may score better than the best so far.
 
         `every`: fits all such trials of the screen, not only the first: the linear screen misleads far from a good fit.
         """

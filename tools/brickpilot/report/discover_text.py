@@ -32,7 +32,7 @@ def say(name: str) -> str:
 
 
 def words(effect: str) -> str:
-    """Returns an effect, or a value of runs, in plain English; its name if the table has no words for it."""
+    """Returns words for an effect, or for a value that differs between runs; its name if the table has no words."""
     if effect == NOMINAL_VALUES:
         return "nominal values other than stated"
     if effect in RUN_KINDS:

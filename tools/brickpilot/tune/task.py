@@ -113,7 +113,7 @@ class Problem:
     seed: int
 
     def planned(self, robot: robots.Robot, gains: Raw) -> flight.Plan:
-        """Returns the plan of a drawn robot's flight with these gains."""
+        """Returns the plan of a flight with these gains, by a robot that was drawn at random."""
         scenario = self.plan.scenario  # the scenario's values of the plant hold for every robot
         model = dataclasses.replace(
             robot.model,

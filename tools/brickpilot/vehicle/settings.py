@@ -175,7 +175,7 @@ def plain(table: Mapping[str, Any]) -> dict[str, float]:
 
 
 def holding_voltage(values: Mapping[str, float]) -> float:
-    """Returns the voltage of both motors per steady speed on level ground, V s/m: coupled, without air drag."""
+    """Returns the voltage that each motor needs per steady speed on level ground, V s/m, without air drag."""
     per_wheel_speed = values["emf_constant"] + values["resistance"] * loss(values) / values["torque_constant"]
     return per_wheel_speed / values["wheel_radius"]
 

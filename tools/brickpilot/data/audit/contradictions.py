@@ -28,7 +28,7 @@ _LEVEL = 0.4  # share of the strongest drive of any run: below it, something els
 _WITH_DRIVE = 0.8  # least correlation of a motion with its drive, for the motion to have a gain
 _LARGE = 9.0  # only larger factors are found by comparison with the other runs
 _GAINS_FIT, _NOISE_FIT = 1.3, 2.0  # largest ratio, up or down, of a gain or noise ratio to a factor
-_GAINS_ALIKE = 2.0  # largest ratio between the gains of most other runs
+_GAINS_ALIKE = 2.0  # gains whose ratio is smaller agree; those of most other runs have to agree
 _WORST = 6.0  # the largest logarithm of a ratio that counts
 _TYPICAL = (("yaw_", 3.0), ("wheel_travel", 0.5), ("wheel_velocity", 0.5), ("position", 0.2), ("velocity", 0.2),
             ("wheel_", 10.0), ("angle", 10.0), ("speed", 10.0), ("accel_", 1.0))  # fmt: skip

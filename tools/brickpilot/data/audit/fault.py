@@ -58,7 +58,7 @@ class Fault:
 
 
 def rows_note(found: Sequence[Fault], samples: int, of: int, start_s: float) -> str:
-    """Describes faults of one kind in one signal of one run: `samples` of the run's `of` samples are damaged.
+    """Describes faults of one kind in one signal of one run. `samples` are damaged, `of` is the count of all samples.
 
     Times count from `start_s`, the run's start on its own clock, as they do on plots.
     """
