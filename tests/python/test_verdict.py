@@ -291,6 +291,18 @@ def test_what_leaves_too_much_is_no_answer(weak: list[str], left: float, kind: s
         assert said in found.steps[-1].why
 
 
+def test_what_is_missing_beside_a_refuted_law_may_be_one_of_several() -> None:
+    """Cogging leaves 40 % of what the friction leaves, a dead band 60 %: something is missing, and both may be it."""
+    flat = np.full(15, -40.0)
+    table = [made("", flat, cost=99.0), made("coulomb_friction", flat + 6.0, cost=98.0)]
+    for name, left in (("cogging", 0.4), ("actuator_deadband", 0.6)):
+        table.append(made(f"coulomb_friction {name}", flat + 6.3, cost=98.0 + math.log(left, 4)))
+    weak = {(), ("coulomb_friction",)}
+    found = verdict.adequate(found_in(table, 2.0), lambda one: MUCH if one.names in weak else LITTLE)
+    assert found.kind == "ambiguous"
+    assert {one.names[-1] for one in (found.best, *found.rivals)} == {"cogging", "actuator_deadband"}
+
+
 @pytest.mark.parametrize(
     ("left", "named"),
     [

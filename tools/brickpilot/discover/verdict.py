@@ -199,34 +199,48 @@ def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozen
 
     An explanation is left out if a simpler one, not left out itself, says as much. If it contains a simpler one, it has
     to remove at least as much of the simpler one's error as it leaves: squared error above noise, and distance of
-    values from the stated ones. A refuted nominal model speaks against none: then a law is missing. Refuted laws still
-    speak, as something is missing or their shape is wrong, and a law added to them may imitate the right shape. Error
-    that the wrong shape of the simpler one's laws may leave in a signal does not count: it is a share of what these
-    laws removed beside the values of runs. If not surely more than this error is removed, no part is missing, and the
-    simpler one gets the likelier evidence of both. An explanation is also left out if one with fewer parts is no worse
-    in evidence and prior: there are many large sets of parts, and together they outweigh a name.
+    values from the stated ones. A refuted nominal model speaks against none: then a law is missing. Refuted laws speak
+    as long as no law beside them removes enough: their shape may be wrong, and a law added to them may imitate the
+    right shape. Error that the wrong shape of the simpler one's laws may leave in a signal does not count: it is a
+    share of what these laws removed beside the values of runs. If not surely more than this error is removed, no part
+    is missing, and the simpler one gets the likelier evidence of both. An explanation is also left out if one with
+    fewer parts is no worse in evidence and prior: there are many large sets of parts, and together they outweigh a
+    name.
     """
     temperature = found.temperature
     prior = {one: one.log_prior(temperature) for one in ranked}
     excess = {one: found.judge.excess(one) for one in ranked}
     shape = {one: found.shape_error(one) for one in ranked}
     moved = {one: temperature * evidence.surprise(one.away) for one in ranked}
+    sure = {one: temperature * numbers.CHANCE_NATS * bool(shape[one].any()) for one in ranked}
     best, stands, left_out = {one: one for one in ranked}, list[Evidence](), set[Evidence]()
-    contained = {one: sum(map(one.explanation.contains, (each.explanation for each in ranked))) for one in ranked}
+    larger = {one: [each for each in ranked if each.explanation.contains(one.explanation)] for one in ranked}
+    contained = {one: sum(one in others for others in larger.values()) for one in ranked}
+
+    def gain(one: Evidence, other: Evidence) -> float:
+        """Returns what `other`, which contains `one`, removes beyond what the shape of the laws of `one` may leave."""
+        gone = excess[one] - excess[other]
+        return float((gone - np.clip(gone, 0.0, shape[one])).sum()) / 2 + moved[one] - moved[other]
+
+    def removes_enough(one: Evidence, other: Evidence) -> bool:
+        return gain(one, other) >= max(float(excess[other].sum()) / 2 + moved[other], sure[one])
+
+    def speaks(one: Evidence) -> bool:
+        """Returns whether one speaks against those that contain it; see above."""
+        is_refuted, laws = one.explanation.key in refuted, one.explanation.laws
+        return not is_refuted or (bool(laws) and not any(removes_enough(one, other) for other in larger[one]))
+
     for other in sorted(ranked, key=lambda one: (len(one.explanation.parts), contained[one])):  # contained ones first
         for one in stands:
-            if other.explanation.contains(one.explanation):
-                gone, own = excess[one] - excess[other], shape[one]
-                gain = (gone - np.clip(gone, 0.0, own)).sum() / 2 + moved[one] - moved[other]
-                sure = temperature * numbers.CHANCE_NATS * bool(own.any())
-                if own.any() and gain < sure:
+            if other in larger[one]:
+                if sure[one] and gain(one, other) < sure[one]:
                     best[one] = max(best[one], other, key=lambda each: prior[each] + each.total / temperature)
-                if gain < max(excess[other].sum() / 2 + moved[other], sure):
+                if not removes_enough(one, other):
                     left_out.add(other)
             fewer = len(one.explanation.parts) < len(other.explanation.parts)
             if fewer and prior[one] >= prior[other] and one.total >= other.total:
                 left_out.add(other)
-        if other not in left_out and (other.explanation.laws or other.explanation.key not in refuted):
+        if other not in left_out and speaks(other):
             stands.append(other)
     needed = [one for one in ranked if one not in left_out]
     first = {one.explanation.laws: one for one in reversed(needed)}  # explanations of the same laws count as one
