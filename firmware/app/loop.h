@@ -23,7 +23,7 @@ typedef struct {
     step_state_t step;
     uint32_t tick;           /* ticks since the start; wraps */
     uint32_t clock_ms;       /* time of the newest tick */
-    uint16_t late_ticks;     /* ticks a step late or more; saturates at 65535 */
+    uint16_t late_ticks;     /* ticks a step late or later; saturates at 65535 */
     uint16_t aborted;        /* runs that a late tick or silence ended; saturates at 65535 */
     uint16_t silent_ms;      /* time since a sensor or a message was heard; saturates at 65535 */
     uint8_t until_telemetry; /* ticks until the first part of the telemetry is due again */

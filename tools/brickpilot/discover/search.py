@@ -276,9 +276,9 @@ class Search:
     def _may_gain(self, found: Found) -> bool:
         """Returns whether one more part could score better than the best so far, if only white noise were left.
 
-        It gains by the error, and where it leaves the values of the model nearer to their priors. Error that the wrong
-        shapes of the best one's laws may leave does not count, as no part is named for it. Values of runs do not count:
-        a law that makes them superfluous does so without them.
+        A part gains by the error that it removes, and if it moves values of the model nearer to their priors. Error
+        that the wrong shapes of the best one's laws may leave does not count, as no part is named for it. The priors of
+        the runs' values do not count: a law that explains what these stand for is found without them.
         """
         best = found.ranked()[0]
         temperature = found.judge.law_error(max(found.table.values(), key=lambda one: one.total), found.nothing)

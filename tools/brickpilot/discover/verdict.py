@@ -199,13 +199,12 @@ def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozen
 
     An explanation is left out if a simpler one, not left out itself, says as much. If it contains a simpler one, it has
     to remove at least as much of the simpler one's error as it leaves: squared error above noise, and distance of
-    values from the stated ones. A refuted nominal model speaks against none: then a law is missing. Refuted laws speak
-    as long as no law beside them removes enough: their shape may be wrong, and a law added to them may imitate the
-    right shape. Error that the wrong shape of the simpler one's laws may leave in a signal does not count: it is a
-    share of what these laws removed beside the values of runs. If not surely more than this error is removed, no part
-    is missing, and the simpler one gets the likelier evidence of both. An explanation is also left out if one with
-    fewer parts is no worse in evidence and prior: there are many large sets of parts, and together they outweigh a
-    name.
+    values from the stated ones. A refuted nominal model counts against none: then a law is missing. Refuted laws count
+    until a law added to them removes enough: their shape may be wrong, and an added law may only imitate the right
+    shape. Error that the wrong shape of the simpler one's laws may leave in a signal does not count: it is a share of
+    what these laws removed beside the values of runs. If not surely more than this error is removed, no part is
+    missing, and the simpler one gets the likelier evidence of both. An explanation is also left out if one with fewer
+    parts is no worse in evidence and prior: there are many large sets of parts, and together they outweigh a name.
     """
     temperature = found.temperature
     prior = {one: one.log_prior(temperature) for one in ranked}
@@ -223,10 +222,11 @@ def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozen
         return float((gone - np.clip(gone, 0.0, shape[one])).sum()) / 2 + moved[one] - moved[other]
 
     def removes_enough(one: Evidence, other: Evidence) -> bool:
+        """Returns whether `other` removes as much of the error of `one` as it leaves, and surely some."""
         return gain(one, other) >= max(float(excess[other].sum()) / 2 + moved[other], sure[one])
 
-    def speaks(one: Evidence) -> bool:
-        """Returns whether one speaks against those that contain it; see above."""
+    def counts(one: Evidence) -> bool:
+        """Returns whether an explanation counts against those that contain it."""
         is_refuted, laws = one.explanation.key in refuted, one.explanation.laws
         return not is_refuted or (bool(laws) and not any(removes_enough(one, other) for other in larger[one]))
 
@@ -240,7 +240,7 @@ def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozen
             fewer = len(one.explanation.parts) < len(other.explanation.parts)
             if fewer and prior[one] >= prior[other] and one.total >= other.total:
                 left_out.add(other)
-        if other not in left_out and speaks(other):
+        if other not in left_out and counts(other):
             stands.append(other)
     needed = [one for one in ranked if one not in left_out]
     first = {one.explanation.laws: one for one in reversed(needed)}  # explanations of the same laws count as one
