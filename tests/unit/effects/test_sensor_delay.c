@@ -37,6 +37,29 @@ static void test_every_measured_signal_is_that_of_the_delay_before(void)
     assert_only(0, OUTPUT_BATTERY_VOLTAGE);
 }
 
+/* Body steps of 0.5 ms and 2.5 ms in turn: a delayed mean is made of parts of both. */
+static void test_an_acceleration_is_a_mean_over_uneven_steps(void)
+{
+    static double time[SAMPLES], speed[SAMPLES];
+    const double delay = 0.0404;
+    double shown = 0;
+    begin("sensor_delay", &delay, NULL);
+    for (int k = 1; k < SAMPLES; k++) {
+        const double dt = k % 2 ? 0.0005 : 0.0025;
+        advance(k % 40 < 20 ? 6 : 0, k % 40 < 20 ? 6 : 0, dt);
+        time[k] = time[k - 1] + dt;
+        speed[k] = speed[k - 1] + dt * truth[OUTPUT_ACCEL_SURGE];
+        shown += dt * seen[OUTPUT_ACCEL_SURGE];
+        int at = k;
+        while (at > 0 && time[at] > time[k] - delay)
+            at--;
+        const double share = (time[k] - delay - time[at]) / (time[at + 1] - time[at]);
+        const double before = time[k] < delay ? 0 : speed[at] + share * (speed[at + 1] - speed[at]);
+        TEST_ASSERT_DOUBLE_WITHIN(1e-9, before, shown);
+    }
+    TEST_ASSERT_TRUE(fabs(speed[SAMPLES - 1]) > 1e-3);
+}
+
 static void test_before_anything_arrives_the_first_values_hold(void)
 {
     const double delay = 0.05;
@@ -100,6 +123,7 @@ int main(void)
 {
     UNITY_BEGIN();
     RUN_TEST(test_every_measured_signal_is_that_of_the_delay_before);
+    RUN_TEST(test_an_acceleration_is_a_mean_over_uneven_steps);
     RUN_TEST(test_before_anything_arrives_the_first_values_hold);
     RUN_TEST(test_a_delay_of_zero_changes_nothing);
     RUN_TEST(test_a_long_delay_of_many_short_and_uneven_steps_is_kept);
