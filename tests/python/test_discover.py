@@ -171,6 +171,28 @@ def test_the_coarse_grid_simulates_what_the_measured_samples_do(tmp_path):
         assert apart < 0.45 + 0.05 * does, name
 
 
+def test_the_coarse_grid_has_a_row_where_a_command_jumps():
+    """A drive that coasts at zero would take the mean of 4 V and 0 V for a command, and brake for a row."""
+    truth = dataclasses.replace(robot(), effects={"zero_coast": {"share": 0.95}})
+    time = np.arange(0.0, 4.0, 0.003)
+    frames = {}
+    for name, ends in {"first": 1.501, "second": 2.222}.items():
+        inputs = np.where((time > 0.2)[:, np.newaxis] & (time < ends)[:, np.newaxis], [[4.0, 3.0]], 0.0)
+        (run,) = plant.simulate([(truth, plant.OpenLoopRun(time=time, inputs=inputs))])
+        signals = {signal: run.outputs[signal] for signal in SIGNALS}
+        frames[name] = pd.DataFrame(
+            {"time": time, "voltage_left": inputs[:, 0], "voltage_right": inputs[:, 1], **signals}
+        )
+    ready = with_default_sds(dataset.Dataset.from_frames(frames, vehicle="diff_drive", nominal={"mass": 0.5}))
+    full, coarse = (of_bins(ready, truth, list(frames), width_s=numbers.BIN_S, coarse=one) for one in (False, True))
+    assert full.signals == coarse.signals == list(SIGNALS)
+    exact, quick = full.predict([truth])[0], coarse.predict([truth])[0]
+    for signal in SIGNALS:
+        largest = max(np.abs(part).max() for part in full.parts(exact, signal))
+        apart = max(np.abs(part).max() for part in full.parts(quick - exact, signal))
+        assert apart < 0.03 * largest, signal
+
+
 def test_a_fit_moves_the_moments_of_a_load(tmp_path):
     plan = errors_of(hidden(tmp_path / "set", {}))[2]
     load = next(one for one in library_parts(plan.model) if one.effect == "payload_mass" and len(one.free) == 3)
