@@ -3,9 +3,8 @@
     python tests/lab/parts.py DATASET... [--parts 2] [--jobs 1] [--out parts.jsonl]
 
 Each run is cut into `--parts` stretches of equal length, and part k holds stretch k of every run. Each part keeps its
-likeliest explanations, which together hold 95 % of the weight. Two parts agree if one mechanism occurs among those of
-both, or if both say that nothing is missing. An `unknown` agrees with `unknown`. Each part is saved when it is done, so
-an interrupted call continues where it stopped.
+likeliest explanations, which together hold 95 % of the weight. `compared` says when two parts agree. Each part is
+saved when it is done, so an interrupted call continues where it stopped.
 """
 
 from __future__ import annotations
@@ -15,6 +14,7 @@ import dataclasses
 import json
 import sys
 import time
+from collections import Counter
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -52,14 +52,16 @@ def answer(dataset: Dataset, jobs: int) -> dict[str, Any]:
     }
 
 
-def agree(one: dict[str, Any], other: dict[str, Any]) -> bool:
-    """Returns whether two answers share a mechanism, or are both `none`, or are both `unknown`."""
-    if "unknown" in (one["verdict"], other["verdict"]):
-        return bool(one["verdict"] == other["verdict"])
-    if "none" in (one["verdict"], other["verdict"]):
-        return bool(one["verdict"] == other["verdict"])
+def compared(one: dict[str, Any], other: dict[str, Any]) -> str:
+    """Returns how two answers compare: "agree", "contradict", or "only one tells".
+
+    "agree": they share a mechanism, or are both `none`, or are both `unknown`. "contradict": both name mechanisms, and
+    share none. "only one tells": one of them is `unknown` or `none`, because its part shows less.
+    """
+    if not {one["verdict"], other["verdict"]} <= {"named", "ambiguous"}:
+        return "agree" if one["verdict"] == other["verdict"] else "only one tells"
     first, second = ({name for _, _, names in said["explanations"] for name in names} for said in (one, other))
-    return bool(first & second)
+    return "agree" if first & second else "contradict"
 
 
 def main() -> int:
@@ -71,7 +73,7 @@ def main() -> int:
     options = parser.parse_args()
     known = [json.loads(line) for line in options.out.read_text().splitlines()] if options.out.exists() else []
     done = {(one["log"], one["parts"], one["part"]): one for one in known}
-    pairs = right = 0
+    pairs = Counter[str]()
     for folder in options.datasets:
         dataset, said = bp.read(folder), []
         for index in range(options.parts):
@@ -85,9 +87,9 @@ def main() -> int:
             sys.stdout.write(
                 f"{folder.name} {index + 1}/{options.parts}: {said[-1]['verdict']} {said[-1]['effects']}\n"
             )
-        agreed = [agree(one, other) for one, other in combinations(said, 2)]
-        pairs, right = pairs + len(agreed), right + sum(agreed)
-    sys.stdout.write(f"{right} of {pairs} pairs of parts agree\n")
+        pairs.update(compared(one, other) for one, other in combinations(said, 2))
+    counted = ", ".join(f"{name} {count}" for name, count in sorted(pairs.items()))
+    sys.stdout.write(f"{pairs.total()} pairs of parts: {counted}\n")
     return 0
 
 
