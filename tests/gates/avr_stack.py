@@ -1,4 +1,4 @@
-"""What the instructions of an AVR image do to the stack, and the bound of a whole image."""
+"""The effect of the instructions of an AVR image on the stack, and the bound of a whole image."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from stack_walk import Depths, Outcome, State, UnboundedError
 END_OF_RAM = {"328p": 0x900, "2560": 0x2200}
 """Chip -> the first address behind its RAM."""
 CANARY = 2
-"""Bytes between variables and stack whose change resets the chip: hal/avr/guard.c."""
+"""Number of bytes between variables and stack whose change resets the chip: hal/avr/guard.c."""
 
 _LINE = re.compile(r"^ *([0-9a-f]+):\t((?:[0-9a-f]{2} )+) *\t(\S+)(?:\t([^;]*))?(?:; (0x[0-9a-f]+))?")
 _LABEL = re.compile(r"^([0-9a-f]+) <([^>]+)>:$")
@@ -37,7 +37,7 @@ def _tool(*command: str | Path) -> str:
 class Avr:
     """An AVR image.
 
-    The walk follows the frame pointer Y: it is the stack pointer at some depth, and the compiler moves the stack
+    The walk follows the frame pointer Y: Y holds the stack pointer at some depth, and the compiler moves the stack
     pointer by writing a changed Y back. `known["y"]` is the depth that belongs to Y.
     """
 
@@ -78,7 +78,7 @@ class Avr:
         return self._names.get(address, f"{address:#x}")
 
     def interrupts(self) -> list[int]:
-        """Returns the addresses of the interrupt handlers, without the reset's."""
+        """Returns the addresses of the interrupt handlers, without the reset handler."""
         first = self.at["__vectors"]
         handlers, address = set[int](), first
         while self._within.get(address) == "__vectors" and self._code[address].name in {"jmp", "rjmp"}:
@@ -90,7 +90,7 @@ class Avr:
         return sorted(handlers)
 
     def lets_others_in(self, depths: Depths, handler: int) -> bool:
-        """Returns whether an interrupt's handler allows others before it ends."""
+        """Returns whether an interrupt's handler allows other interrupts before it ends."""
         return any(self._code[address].name == "sei" for address in depths.reached(handler))
 
     def outcome(self, address: int, state: State) -> Outcome:
@@ -108,7 +108,7 @@ class Avr:
             return Outcome(() if for_ever else (code.target,), state)
         if name in {"call", "rcall"}:
             assert code.target is not None
-            if code.target == after:  # the compiler reserves a few bytes in this way
+            if code.target == after:  # the compiler reserves a few bytes by such a call
                 return Outcome((after,), state.pushed(self.return_address))
             return Outcome((after,), state, (code.target,))
         if name in {"icall", "eicall"}:
@@ -164,7 +164,7 @@ class Avr:
 
 @dataclass(frozen=True)
 class Bound:
-    """Bytes of stack: main with all that it calls, the deepest interrupts on top of it, and the room there is."""
+    """Bytes of stack: main with all functions that it calls, the deepest interrupts on top, and the available room."""
 
     main: int
     interrupts: int
@@ -178,7 +178,7 @@ class Bound:
 def bound(avr: Avr, end_of_ram: int) -> Bound:
     """Returns the bound of an image.
 
-    A handler blocks other interrupts until it ends. If a handler lets them in, each other one may come on top of it.
+    A handler blocks other interrupts until it ends. If a handler allows them, all other handlers may come on top of it.
 
     Args:
         avr: the image.

@@ -1,4 +1,4 @@
-"""Finds by simulation whether a law acts as another one if some of its parameters are 0 or equal to each other."""
+"""Finds by simulation whether a law acts as another law if some of its parameters are 0 or equal to each other."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from brickpilot.vehicle.model import Model, rcx
 from brickpilot.vehicle.plant import OpenLoopRun, Simulated
 
 DRIVE = [(7, 7), (7, 3), (-4, 6), (np.nan, 2), (0, 0), (-3, -6), (1, 0.3), (np.nan, np.nan)]
-"""V left and right: curves, stops, reversal, and motors that float."""
+"""Left and right voltages, V: curves, stops, reversal, and floating motors."""
 
 
 @cache
 def machines() -> tuple[Model, ...]:
-    """Returns a robot of either profile, and a motor whose input is a voltage, and one whose input commands a force."""
+    """Returns a robot of each profile, a motor with a voltage as input, and a motor with a force as input."""
     motor = {**catalogue.presets("motor"), "mass": 0.5, "wheel_radius": 0.03, "wheel_inertia": 1e-4}
     axis = {**catalogue.presets("motor"), "mass": 100.0, "force_per_volt": 50.0}
     return (
@@ -33,9 +33,10 @@ def machines() -> tuple[Model, ...]:
 
 
 def is_contained(other: EffectInfo, law: EffectInfo) -> bool:
-    """Says whether `law`, with some parameters at 0 or equal, is `other` on every machine on which `other` acts.
+    """Returns whether `law`, with some parameters 0 or equal, acts as `other` on every machine on which `other` acts.
 
-    A load is judged on a body that is lighter by its mass: it may replace part of the vehicle's mass and inertia.
+    A load is judged on a body that is lighter by the load's mass: the load may replace part of the vehicle's mass and
+    inertia.
     """
     given = {one.name: _visible(one) for one in other.parameters}
     if len(law.parameters) <= len(other.parameters) or _is_off(other.name, given):
@@ -46,7 +47,7 @@ def is_contained(other: EffectInfo, law: EffectInfo) -> bool:
 
 
 def is_made_of(law: EffectInfo, others: Sequence[EffectInfo]) -> bool:
-    """Says whether a law with only its first parameter is `others` together, each at its size or half of it."""
+    """Returns whether a law with only its first parameter is `others` together, each at its size or half of it."""
     size = _visible(law.parameters[0])
     alone = (law.name, ((law.parameters[0].name, size),))
     sizes = [[sign * share * size for share in (0.5, 1.0) for sign in (1, -1)] for _ in others]
@@ -64,7 +65,7 @@ def _in_range(effects: Sequence[EffectInfo], values: Sequence[float]) -> bool:
 
 
 def _is_load(machine: Model, other: str, given: Mapping[str, float], law: str) -> bool:
-    """Says whether half the body's mass, carried as the load `law` at twice the arm of `other`, is `other`."""
+    """Returns whether half the body's mass, carried as the load `law` at twice the arm of `other`, acts as `other`."""
     if machine.vehicle == "motor":
         return _alike(_flown(machine), _flown(machine, (other, tuple(given.items()))))
     arm = {name: 2 * given.get(name, 0.0) for name in ("forward", "right")}
@@ -84,7 +85,7 @@ def _visible(one: ParameterInfo) -> float:
 def _special_cases(law: EffectInfo, other: EffectInfo, given: Mapping[str, float]) -> Iterator[dict[str, float]]:
     """Yields values of `law`, each 0 or a value of `other` in the same unit; any other parameter is preset.
 
-    An order may be 1, a period for each turn. An angle may be the phase of a sine or of a cosine.
+    An order may also be 1, one period per turn. An angle may be the phase of a sine or of a cosine.
     """
     choices = []
     for one in law.parameters:
@@ -119,7 +120,7 @@ _KEPT: dict[tuple[object, ...], Simulated] = {}
 
 
 def _flown(machine: Model, *effects: tuple[str, tuple[tuple[str, float], ...]]) -> Simulated:
-    """Returns the drive of `machine` with these effects alone, from a start with some age and charge."""
+    """Returns the drive of `machine` with only these effects, from a start with some age and charge."""
     key = (machine.name, machine.profile, effects)
     if key not in _KEPT:
         model = dataclasses.replace(machine, effects={name: dict(values) for name, values in effects})

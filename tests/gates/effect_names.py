@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 TABLE = Path("sim_host/effects/effects.c")
-# The README's picture shows one example; the example logs hide effects, and the example campaigns draw some; the
-# exporter for rigid-body simulators says which laws these have themselves, and lists all others.
+# The README's picture shows one effect; example logs hide effects, and example campaigns draw effects; the exporter for
+# rigid-body simulators says which laws these simulators have themselves, and lists all other laws.
 MAY_NAME = frozenset(
     {
         Path("tools/brickpilot/export/machine.py"),

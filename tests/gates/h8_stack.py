@@ -1,7 +1,7 @@
-"""What the instructions of the RCX's programs and of brickOS's kernel do to the stack, and the bound of each task.
+"""The effect of the instructions of RCX programs and of brickOS's kernel on the stack, and the bound of each task.
 
-An interrupt comes on top of whatever the running task has on its stack. The kernel is walked from its image, with
-hal/h8sim/rom.s in place of LEGO's ROM.
+An interrupt uses the stack of the running task, on top of what the task has there. The walk reads the kernel from its
+image, with hal/h8sim/rom.s in place of LEGO's ROM.
 """
 
 from __future__ import annotations
@@ -19,25 +19,26 @@ LINKER_SCRIPT = Path("/usr/lib/brickos/brickOS.lds")
 SAVED, SAVED_FRAMED = "begin_saved", "begin_saved_framed"
 """Functions of firmware/core/h8/frames.S: both save r4 to r6; the second first reserves r3l bytes of locals."""
 BY_INTERRUPT = 4 + 2 + 2
-"""Bytes pushed before a handler begins: by the processor condition codes and address, by the ROM r6 and a call."""
+"""Bytes pushed before a handler begins: the processor pushes condition codes and address, the ROM r6 and a call."""
 CODES = 2
 """Bytes of condition codes that RTE pops before the address."""
 
 WAIT_EVENT, TASK_SWITCH = 0x892A, 0x8512
-"""The kernel's function that calls wake-ups; and its instruction that loads the next task's stack pointer: a task
-that resumes gets its own stack pointer again."""
+"""The kernel's function that calls wake-ups, and its instruction that loads the next task's stack pointer. A task that
+resumes gets its own stack pointer again."""
 VECTORS, NMI = range(0xFD92, 0xFDBF, 2), 0xFD92
-"""Where the ROM finds the handlers of interrupts. NMI also interrupts other handlers; the others never do."""
+"""Addresses of the interrupt handlers' pointers for the ROM. Only NMI interrupts other handlers."""
 TABLES = {0x8DD6: (0xA996, 6), 0x94D8: (0xA9AE, 20)}
 """The kernel's jumps by a table: jump -> table, entries."""
 CALLS = {0x842C: {0x8504}, 0x9458: set[int](), 0x95E0: {0x9760}, 0x97D2: {0x9FCA}, 0x97E8: {0x9FCA}}
 """The kernel's other calls through a register, call -> targets: the switch of tasks, no handler of raw packets, the
-handlers of the remote control and of its keys. Wake-ups and the link's handlers are found where they are set."""
+handlers of the remote control and of its keys. The code that sets wake-ups and the link's handlers gives their
+addresses."""
 WAKE_UP_CALL, PACKET_CALL = 0x868C, 0x949A
 PROGRAM_PACKETS = 0x9966
 """The kernel's own handler of packets, which its loader uses."""
 COPIED = {0xF000: 0xAB00}
-"""The handler of the motors, which the kernel copies at its start: address of the copy -> address in the image."""
+"""The handler of the motors, which the kernel copies at startup: address of the copy -> address in the image."""
 
 _LINE = re.compile(r"^ *([0-9a-f]+):\t((?:[0-9a-f]{2} )+) *\t(.*\S)\s*$", re.MULTILINE)
 _TARGET = re.compile(r"0x([0-9a-f]+)(?::24|\))")
@@ -51,7 +52,7 @@ def _tool(*command: str | Path) -> str:
 
 
 def kernel() -> Path:
-    """Returns the image of the kernel with the ROM that replaces LEGO's."""
+    """Returns the image of the kernel with the ROM that replaces LEGO's ROM."""
     return Path(_tool(Path(__file__).resolve().parents[2] / "hal/h8sim/kernel").strip())
 
 
@@ -64,7 +65,7 @@ def _listing(*command: str | Path) -> dict[int, tuple[int, str]]:
 
 
 class H8:
-    """A program of the RCX with the kernel below it. The keys of `known` are halves of registers, such as r3l."""
+    """A program of the RCX together with the kernel. The keys of `known` are halves of registers, such as r3l."""
 
     unit = 2
     return_address = 2
@@ -111,7 +112,7 @@ class H8:
         return found
 
     def interrupts(self) -> dict[int, int]:
-        """Returns vector -> handler, as the kernel writes them."""
+        """Returns vector -> handler, as the kernel writes the vectors."""
         found, before = dict[int, int](), ""
         for address in sorted(self._code):
             text = self._code[address][1]
@@ -125,7 +126,7 @@ class H8:
         return found
 
     def lets_others_in(self, depths: Depths, handler: int) -> bool:
-        """Returns whether an interrupt's handler allows others before it ends."""
+        """Returns whether an interrupt's handler allows other interrupts before it ends."""
         return any(self._code[address][1].startswith(("andc", "ldc\t#")) for address in depths.reached(handler))
 
     def _word(self, address: int) -> int:
@@ -191,7 +192,7 @@ class H8:
         return Outcome((stack[-1],), State(stack[:-1], state.known))
 
     def _begun(self, target: int, state: State) -> State | None:
-        """Returns the state after a call of frames.S, or None if the call is of another function."""
+        """Returns the state after a call of a function of frames.S, or None for another function."""
         if target == self.at.get(SAVED):
             return state.pushed(3)
         if target == self.at.get(SAVED_FRAMED):
@@ -259,7 +260,7 @@ class H8:
 
 @dataclass(frozen=True)
 class Bound:
-    """Bytes of a task's stack: those of its functions, and those of interrupts on top."""
+    """Bytes of a task's stack: bytes of its functions, and bytes of interrupts on top."""
 
     task: int
     interrupts: int
@@ -270,7 +271,7 @@ class Bound:
 
 
 def bounds(h8: H8, tasks: Sequence[str]) -> dict[str, Bound]:
-    """Returns the bound of each task, by the function that it begins with."""
+    """Returns the bound of each task, by the function with which the task begins."""
     depths = Depths(h8)
     vectors = h8.interrupts()
     if NMI not in vectors:

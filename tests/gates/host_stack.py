@@ -1,4 +1,4 @@
-"""The most bytes of stack of the firmware as this machine's gcc compiles it, by gcc's own frames and calls."""
+"""The largest stack of the firmware compiled by this machine's gcc, from gcc's own frames and calls."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from stack_walk import UnboundedError
 
 ROOT = Path(__file__).resolve().parents[2]
 LIBRARY = {"read", "write", "memset", "memcpy"}
-"""What gcc and firmware/targets/host/system.c call outside the firmware: their stack is not counted."""
+"""Functions outside the firmware that gcc and firmware/targets/host/system.c call; their stack is not counted."""
 
 _NODE = re.compile(r'^node: \{ title: "([^"]+)" label: "[^"]*\\n(\d+) bytes \(([^)]*)\)', re.MULTILINE)
 _EDGE = re.compile(r'^edge: \{ sourcename: "([^"]+)" targetname: "([^"]+)"', re.MULTILINE)
@@ -22,14 +22,14 @@ _INDIRECT = "__indirect_call"
 def compiled(folder: Path, sources: Sequence[Path], *flags: str) -> None:
     """Compiles C sources for this machine and leaves gcc's graphs of calls in a folder."""
     if platform.machine() == "x86_64":
-        flags = (*flags, "-mno-red-zone")  # else gcc does not count a leaf's 128 bytes below the stack pointer
+        flags = (*flags, "-mno-red-zone")  # otherwise gcc omits a leaf's 128 bytes below the stack pointer
     for number, source in enumerate(sources):
         command = ["gcc", "-std=c99", "-O2", *flags, "-fstack-usage", "-fcallgraph-info=su", "-c", str(source)]
         subprocess.run([*command, "-o", str(folder / f"{number}.o")], check=True, cwd=ROOT)
 
 
 def most(folder: Path, entry: str, indirect: Mapping[str, Sequence[str]]) -> int:
-    """Returns the most bytes that a function and all that it calls take.
+    """Returns the most bytes that a function takes together with the functions that it calls.
 
     Args:
         folder: the folder with the graphs of calls.
@@ -37,7 +37,7 @@ def most(folder: Path, entry: str, indirect: Mapping[str, Sequence[str]]) -> int
         indirect: function that calls through a pointer -> the functions that it may call.
 
     Raises:
-        UnboundedError: recursion, a frame of a size that is not known, or a call through a pointer that is not listed.
+        UnboundedError: recursion, a frame of unknown size, or an unlisted call through a pointer.
     """
     frames, calls = dict[str, int](), dict[str, set[str]]()
     for graph in folder.glob("*.ci"):
@@ -46,7 +46,7 @@ def most(folder: Path, entry: str, indirect: Mapping[str, Sequence[str]]) -> int
             name = title.rpartition(":")[2]
             if kind != "static":
                 raise UnboundedError(f"{name}: a frame whose size is {kind}")
-            # Static functions of two files may have one name: the larger frame and all calls count.
+            # Static functions of two files may have the same name: the larger frame and all calls count.
             frames[name] = max(frames.get(name, 0), int(size))
         for source, target in _EDGE.findall(text):
             calls.setdefault(source.rpartition(":")[2], set()).add(target.rpartition(":")[2])

@@ -1,4 +1,4 @@
-"""The rules of which file may include which, for C and assembly, and a line for each break of a rule."""
+"""The rules that say which file may include which, for C and assembly, with a line for each break of a rule."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ SUFFIXES = (".c", ".h", ".S", ".s", ".inc")
 TOPS = ("firmware", "hal", "sim_host")
 INCLUDE = re.compile(r'^\s*(?:#\s*include\s*[<"]([^">]+)[">]|\.include\s*"([^"]+)")')
 
-# Where the compilers look for an include.
+# Folders in which the compilers look for an include.
 SEARCHED = ("firmware", "hal", "hal/include", "sim_host", "sim_host/include", "")
 
 FIRMWARE = {f"firmware/{room}" for room in ("core", "model", "estimator", "autopilot", "control", "mixer", "app")}
@@ -41,7 +41,7 @@ MAY: dict[str, set[str]] = {
 # Targets that use another port in addition to the port of the same name.
 ALSO = {"firmware/targets/h8sim": {"hal/link"}, "firmware/targets/host": {"hal/h8sim"}}
 
-# The rooms of the firmware that may hold assembly, for arithmetic alone. Every stage runs from its C.
+# The rooms of the firmware that may hold assembly, only for arithmetic. Every stage also runs from its C code.
 ASSEMBLY = (Path("firmware/core/h8"), Path("firmware/model/h8"))
 
 # The compiler's own headers that a folder without an SDK may include. sim_host and the ports may include any header.
@@ -65,7 +65,7 @@ def room_of(path: Path) -> str:
 
 
 def may_include(room: str) -> set[str] | None:
-    """Returns the rooms that `room` may include besides itself, or None if it has no rule."""
+    """Returns the rooms that `room` may include besides itself, or None without a rule for `room`."""
     if room in MAY:
         return MAY[room]
     parts = room.split("/")
@@ -83,7 +83,7 @@ def sources(root: Path) -> Iterator[Path]:
 
 
 def found(root: Path, include: str) -> Path | None:
-    """Returns the file of the product that an include names, or None for one of the compiler or an SDK."""
+    """Returns the product's file that an include names, or None for a file of the compiler or an SDK."""
     return next((Path(top, include) for top in SEARCHED if (root / top / include).is_file()), None)
 
 
@@ -95,7 +95,7 @@ def includes(root: Path, path: Path) -> Iterator[tuple[int, str]]:
 
 
 def c_faults(root: Path) -> list[Fault]:
-    """Returns each include that its room may not use, each assembly file out of place, and each file without a rule."""
+    """Returns each include that a room may not use, each assembly file out of place, and each file without a rule."""
     faults = []
     for path in sources(root):
         room, name = room_of(path), path.as_posix()
@@ -129,7 +129,7 @@ def c_cycles(root: Path) -> list[str]:
 
 
 def cycles(graph: Mapping[str, set[str]]) -> list[str]:
-    """Returns one circle of each part of `graph` that has any, as "a -> b -> a"."""
+    """Returns one circle of each part of `graph` that has circles, as "a -> b -> a"."""
     done: set[str] = set()
     circles = []
 

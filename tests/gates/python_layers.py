@@ -1,4 +1,4 @@
-"""The rules of which room of the Python package may import which, and a line for each break of a rule."""
+"""The rules that say which room of the Python package may import which, with a line for each break of a rule."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ MAY: dict[str, set[str]] = {
     "gen": {"vehicle", "firmware"},
 }  # fmt: skip
 
-# The only files that may import more than their room: one fetches a recording from the robot itself, one loads a
+# The only files that may import more than their room: the first fetches a recording from the robot, the second loads a
 # program into a simulated brick.
 ALSO = {
     "importers/rcx.py": {"link"},
@@ -70,13 +70,13 @@ def nodes(tree: ast.AST, run: bool) -> Iterator[ast.AST]:
 
 
 def imports(name: str, path: Path, known: dict[str, Path], *, run: bool = False) -> Iterator[tuple[int, str]]:
-    """Yields line and name of each module of the package that a module imports, wherever in it and however written.
+    """Yields line and name of each module of the package that a module imports, in any place and any form.
 
     Args:
         name: the module's name.
         path: its file.
         known: `modules` of the package.
-        run: leave out what only the type checker imports.
+        run: whether to leave out imports that only the type checker reads.
     """
     for node in nodes(ast.parse(path.read_text(encoding="utf-8")), run):
         if isinstance(node, ast.Import):
@@ -92,7 +92,7 @@ def imports(name: str, path: Path, known: dict[str, Path], *, run: bool = False)
         else:
             continue
         for found in names:
-            while found and found not in known:  # a name in a module
+            while found and found not in known:  # a name inside a module
                 found = found.rpartition(".")[0]
             if found and found != name:
                 yield node.lineno, found
@@ -104,7 +104,7 @@ def room_of(name: str) -> str:
 
 
 def python_faults(package: Path) -> list[Fault]:
-    """Returns each import that its room may not use, and each module without a rule."""
+    """Returns each import that a room may not use, and each module without a rule."""
     known = modules(package)
     faults = []
     for name, path in known.items():
@@ -117,7 +117,7 @@ def python_faults(package: Path) -> list[Fault]:
             faults.append(Fault(file, 1, f"no rule says what {room} may import"))
             continue
         allowed = ", ".join(sorted(may - BASE)) or "no room"
-        # For the type checker, the public face imports from any room the names that it loads late.
+        # The public face imports, for the type checker, the names that it loads late, from any room.
         for line, other in imports(name, path, known, run=name == PACKAGE):
             if room_of(other) not in may:
                 faults.append(Fault(file, line, f"imports {other}; {room} may import {allowed}"))

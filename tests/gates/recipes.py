@@ -33,7 +33,7 @@ def recipes() -> dict[str, Recipe]:
 
 
 class Copy:
-    """A copy of the checkout in which a recipe is followed. `touched` are the files that were written by hand."""
+    """A copy of the checkout in which a recipe is followed. `touched` holds the files that were written by hand."""
 
     def __init__(self, folder: Path) -> None:
         self.root = Path(shutil.copytree(ROOT, folder / "checkout", ignore=SKIPPED))

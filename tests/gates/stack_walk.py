@@ -1,11 +1,11 @@
-"""The most bytes of stack that a program's functions take, by walking the instructions of its linked image.
+"""The largest stack of a program's functions, by walking the instructions of its linked image.
 
 A walk follows every path from an entry, and keeps the contents of the stack at each instruction. Two paths that meet
-must have the same depth. A call costs what its function costs. A jump continues the same walk, so that a call which the
-compiler turned into a jump is counted. These are errors, because they leave the depth unknown: recursion, a jump
+must have the same depth. A call costs as much as the called function. A jump continues the same walk, so a call that
+the compiler turned into a jump is counted. These are errors, because they leave the depth unknown: recursion, a jump
 through a register whose targets are not listed, and a change of the stack pointer that no rule covers.
 
-`avr_stack.py` and `h8_stack.py` say what the instructions of the two processors do.
+`avr_stack.py` and `h8_stack.py` describe the instructions of the two processors.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 REQUESTS = {"commands_take": ("open_session", "command_mode", "parameter", "waypoint", "route")}
-"""The firmware's only call through a pointer, and where it may lead: the table REQUESTS of firmware/app/commands.c."""
+"""The firmware's only call through a pointer, with its targets: the table REQUESTS of firmware/app/commands.c."""
 
 
 class UnboundedError(Exception):
-    """No bound can be given: the text says where and why."""
+    """No bound can be given. The message says where and why."""
 
 
 @dataclass(frozen=True)
 class State:
-    """What is known before an instruction.
+    """The known state before an instruction.
 
     Attributes:
         stack: the values that the walk has pushed, the newest last; None: the value is not known.
@@ -35,7 +35,7 @@ class State:
     known: Mapping[str, int] = field(default_factory=dict)
 
     def pushed(self, count: int, value: int | None = None) -> State:
-        """Returns the state with `count` more on the stack; a negative count takes some off."""
+        """Returns the state with `count` more values on the stack; a negative count removes values."""
         if count >= 0:
             return State(self.stack + (value,) * count, self.known)
         if -count > len(self.stack):
@@ -48,7 +48,7 @@ class State:
         return State(self.stack, known)
 
     def joined(self, other: State) -> State:
-        """Returns what holds on both paths."""
+        """Returns the state that holds on both paths."""
         if len(self.stack) != len(other.stack):
             raise UnboundedError(f"paths meet with {len(self.stack)} and {len(other.stack)} on the stack")
         stack = tuple(a if a == b else None for a, b in zip(self.stack, other.stack, strict=True))
@@ -57,12 +57,12 @@ class State:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What an instruction leads to.
+    """The result of an instruction.
 
     Attributes:
-        to: the addresses that may follow, with `state` there; none if the function ends.
-        calls: functions, one of which is called before `to`; `state` also holds before the call.
-        most: the most places on the stack during the instruction, if more than before and after.
+        to: the addresses that may follow, all with `state`; empty if the function ends.
+        calls: functions; the instruction calls one of them before `to`. `state` also holds before the call.
+        most: the most places on the stack during the instruction, if more than before and after it.
     """
 
     to: tuple[int, ...]
@@ -72,7 +72,7 @@ class Outcome:
 
 
 class Processor(Protocol):
-    """What a walk asks of a processor: `avr_stack.Avr` and `h8_stack.H8` give it."""
+    """The interface of a processor for a walk, as in `avr_stack.Avr` and `h8_stack.H8`."""
 
     unit: int
     """Bytes of one place on the stack."""
@@ -80,10 +80,10 @@ class Processor(Protocol):
     """Bytes that a call pushes."""
 
     def outcome(self, address: int, state: State) -> Outcome:
-        """Returns what the instruction at an address does. Raises UnboundedError if no rule knows it."""
+        """Returns the result of the instruction at an address. Raises UnboundedError if no rule covers it."""
 
     def name(self, address: int) -> str:
-        """Returns the name of what stands at an address, for errors and reports."""
+        """Returns the name of the function at an address, for errors and reports."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ class Walked:
 
 
 class Depths:
-    """The most bytes of stack that functions take, their return address not counted."""
+    """The most bytes of stack that functions take, without their return address."""
 
     def __init__(self, processor: Processor) -> None:
         self.processor = processor
@@ -134,7 +134,7 @@ class Depths:
         return self._walked[entry]
 
     def most(self, entry: int, within: tuple[int, ...] = ()) -> int:
-        """Returns the most bytes that a function and all that it calls take."""
+        """Returns the most bytes that a function takes together with the functions that it calls."""
         if entry in within:
             names = " -> ".join(self.processor.name(one) for one in (*within[within.index(entry) :], entry))
             raise UnboundedError(f"recursion: {names}")
@@ -148,12 +148,12 @@ class Depths:
         return walked.calls[called] + self.processor.return_address + self.most(called, within)
 
     def reached(self, entry: int) -> frozenset[int]:
-        """Returns the addresses of all instructions of a function and of those that it calls."""
+        """Returns the addresses of all instructions of a function and of the functions that it calls."""
         walked = self.walk(entry)
         return walked.reached.union(*(self.reached(one) for one in walked.calls))
 
     def deepest(self, entry: int) -> list[str]:
-        """Returns the chain of calls that takes the most, each as "NAME: bytes before the next call"."""
+        """Returns the chain of calls that takes most bytes, each call as "NAME: bytes before the next call"."""
         walked = self.walk(entry)
         for called, before in walked.calls.items():
             if self._through(walked, called, ()) == self.most(entry):

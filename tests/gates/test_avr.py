@@ -1,4 +1,4 @@
-"""The port to AVR chips, on simavr with the board round it; and the images for these chips."""
+"""The port to AVR chips, on simavr with a simulated board, and the images for these chips."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ ROOT = Path(__file__).resolve().parents[2]
 PORT = ROOT / "hal/avr"
 IMAGES = [("328p", "imu"), ("328p", "rotation"), ("2560", "all"), ("328p", "imu-mpu6050"), ("2560", "all-lsm6ds")]
 
-# Tests of what the simulator or the chip cannot show; hal/avr/README.md lists the same.
+# Tests of cases that the simulator or the chip cannot show; hal/avr/README.md lists the same tests.
 ABSENT = "test_a_device_that_is_not_there_is_absent"
 SILENT = "test_a_silent_device_is_stale_and_recovers"
 CANNOT = {"imu": {ABSENT}, "rotation": {ABSENT, SILENT}, "all": {ABSENT, SILENT}}
 
 SHARE = 0.9
-"""Largest busy share of a period, with interrupts and commands. The rest is for time that simavr does not count."""
+"""Largest busy share of a period, with interrupts and commands. The rest is for time not counted by simavr."""
 STACK = 200
-"""Most bytes of stack, by the graph of calls. The build leaves 400 at least."""
+"""Most bytes of stack, by the graph of calls. The build leaves at least 400 bytes."""
 
 
 def run(name: str, chip: str, sensors: str, *port: Path) -> subprocess.CompletedProcess[str]:

@@ -1,4 +1,4 @@
-"""Every module gives the same under avr-gcc, on simavr's ATmega2560, as on the host: tests/vectors.
+"""Every module gives the same results under avr-gcc, on simavr's ATmega2560, as on the host: tests/vectors.
 
 Each module gets 5,000 vectors; with --full 50,000.
 """
@@ -19,7 +19,7 @@ FEW = "-DVECTORS_OF_PART=313"
 
 @pytest.fixture(scope="module")
 def programs(tmp_path_factory: pytest.TempPathFactory, full: bool) -> Path:
-    """A folder with the programs of all modules, for the host and for the chip."""
+    """Returns a folder with the programs of all modules, for the host and for the chip."""
     folder = tmp_path_factory.mktemp("vectors")
     for kind in ("host", "avr"):
         subprocess.run([VECTORS / "build", kind, folder / kind, *([] if full else [FEW])], check=True)

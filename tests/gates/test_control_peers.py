@@ -1,4 +1,4 @@
-"""The control law in the firmware's arithmetic beside Q16.16 and soft-float, on the processors of both bricks."""
+"""The control law in the firmware's arithmetic, Q16.16 and soft-float, on the processors of both bricks."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from lab import control_peers
 ROOT = Path(__file__).resolve().parents[2]
 STEPS = 120
 
-# Cycles of the typical and the worst of all 500 steps, bytes of flash. A figure that changes by more than TOLERANCE is
-# corrected here and in tools/docs/benchmarks.md.
+# Cycles of the typical and of the worst of all 500 steps, and bytes of flash. If a figure changes by more than
+# TOLERANCE, correct it here and in tools/docs/benchmarks.md.
 TOLERANCE = 0.03
 MEASURED = {
     ("h8", "ours"): (29706, 35276, 3922),

@@ -1,7 +1,7 @@
-"""The numbers that decide a verdict stand in one file, each with its reason, and nowhere else.
+"""The numbers that decide a verdict stand only in one file, each with its reason.
 
-The syntax tree shows them: literals in comparisons, and literals of module constants that are used in comparisons.
-0, 1, -1, 2 and 0.5 are arithmetic.
+The syntax tree shows them: literals in comparisons, and literals of module constants used in comparisons. 0, 1, -1, 2
+and 0.5 count as arithmetic.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ WORK = {
     ("conclude.py", "_BEYOND"): "what the page calls white; no verdict asks",
     ("evidence.py", "_SETTLED"): "the iterated scale has come to rest: a smaller number gives the same scale",
 }
-"""Constants in comparisons that say how much work is done, or how something is shown."""
+"""Constants in comparisons that limit work or decide how something is shown."""
 
 SEALED = {"prepare", "pipeline"}
-"""The only modules up to the verdict that may name the seal: one closes it, one has it opened."""
+"""The only modules up to the verdict that may name the seal: the first closes it, the second has it opened."""
 
 BEHIND_THE_SEAL = {"conclude", "yardstick", "seal"}
 """Modules that work with the opened data, after the last choice."""
 
 
 def literals(path: Path) -> dict[str, list[ast.Constant]]:
-    """Returns name -> the numeric literals in the value that it is bound to at the top of a module."""
+    """Returns name -> the numeric literals in the value of this name at the top of a module."""
     found: dict[str, list[ast.Constant]] = {}
     for node in ast.parse(path.read_text(encoding="utf-8")).body:
         if isinstance(node, (ast.Assign, ast.AnnAssign)) and node.value is not None:
@@ -58,7 +58,7 @@ def is_number(node: ast.AST) -> bool:
 
 
 def bound_numbers(path: Path) -> dict[str, str]:
-    """Returns each name of numbers.py that is bound to a plain number -> the docstring below it."""
+    """Returns each name of numbers.py that is bound to a plain number -> the docstring below the name."""
     body = ast.parse(path.read_text(encoding="utf-8")).body
     found: dict[str, str] = {}
     for node, after in zip(body, [*body[1:], ast.Pass()], strict=True):
@@ -101,7 +101,7 @@ def deciding_literals(path: Path) -> list[str]:
 def test_few_numbers_decide_and_each_has_its_reason() -> None:
     found = bound_numbers(DISCOVER / "numbers.py")
     assert {"KNEE", "SURE", "RARE", "LAW_ERROR"} <= found.keys()
-    assert not {"USUAL", "CHANCE_NATS"} & found.keys()  # these follow from others
+    assert not {"USUAL", "CHANCE_NATS"} & found.keys()  # these follow from other numbers
     assert len(found) <= MOST_NUMBERS
     for name, reason in found.items():
         assert len(reason.split()) > 8, name
@@ -151,7 +151,7 @@ def test_no_stage_before_the_verdict_names_the_seal() -> None:
 
 
 def reached(name: str, known: dict[str, Path], seen: set[str], without: Collection[str] = SEALED) -> set[str]:
-    """Returns the modules that a module needs when it runs, with itself and without those in `without`."""
+    """Returns the modules that a module needs when it runs, including itself, without the modules in `without`."""
     if name not in seen:
         seen.add(name)
         for _, other in imports(name, known[name], known, run=True):
@@ -177,7 +177,7 @@ def test_the_rooms_that_decide_stay_small() -> None:
 def test_a_verdict_is_reached_through_few_modules() -> None:
     known = modules(PACKAGE)
     names = reached("brickpilot.discover.pipeline", known, set(), without=set())
-    assert "brickpilot.discover.seal" in names  # those behind the seal count too
+    assert "brickpilot.discover.seal" in names  # modules behind the seal count too
     assert (
         len([name for name in names if len(known[name].read_text(encoding="utf-8").splitlines()) > 1]) <= MOST_REACHED
     )

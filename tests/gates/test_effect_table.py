@@ -1,4 +1,4 @@
-"""The C table alone lists effects: a name in `tools`, a file without a row and a row without a file are reported."""
+"""Only the C table lists effects: a name in `tools`, a file without a row and a row without a file are reported."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A generated file that is older than its input stops every build, with one line that says what to run."""
+"""A generated file older than its input stops every build, with one line that says what to run."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def generated(root: Path) -> set[Path]:
 
 @pytest.fixture
 def copy(tmp_path: Path) -> Path:
-    """What a build of the firmware and the simulator needs."""
+    """Returns a copy of the files that a build of the firmware and the simulator needs."""
     for folder in ("firmware", "hal", "sim_host"):
         shutil.copytree(ROOT / folder, tmp_path / folder)
     for file in ("CMakeLists.txt", "tools/check_generated"):

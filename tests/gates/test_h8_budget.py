@@ -13,13 +13,13 @@ from command import brickpilot
 
 ROOT = Path(__file__).resolve().parents[2]
 
-# The worst step of a brick's program may take this share of the control period; the rest is for drivers, interrupts and
-# kernel. The main task has a stack of 344 bytes; tests/rcx measured up to 130 of them for interrupts.
+# Largest share of the control period for the worst step of a brick's program; the rest is for drivers, interrupts and
+# kernel. The main task has a stack of 344 bytes; tests/rcx measured up to 130 bytes for interrupts.
 SHARE = 0.6
 STACK = 344 - 130
 
-# Figures of the worst step: of the whole mission for the brick's programs, of its first 8 s for others. A figure that
-# changes by more than TOLERANCE is corrected here and in firmware/README.md. (target, profile, sensors) -> figures.
+# (target, profile, sensors) -> figures of the worst step: in the whole mission for the brick's programs, in its first 8
+# s for others. If a figure changes by more than TOLERANCE, correct it here and in firmware/README.md.
 TOLERANCE = 0.02
 MEASURED = {
     ("h8", "coupled", "imu+encoders"): {"instructions": 9291, "states_external": 94086, "states_on_chip": 36302},
@@ -46,8 +46,8 @@ STAGES = {
 }
 
 
-# Shares of the processor's time in the first 8 s of the mission under brickOS, as in the table of hal/rcx/README.md. A
-# figure that changes by more than SHARE_TOLERANCE is corrected here and there.
+# Shares of the processor's time in the first 8 s of the mission under brickOS, as in the table of hal/rcx/README.md. If
+# a figure changes by more than SHARE_TOLERANCE, correct it here and in the README.
 SHARE_TOLERANCE = 0.015
 KERNEL = {
     "h8:imu": {"program": 0.51, "kernel": 0.057, "subsystems": 0.074, "converter": 0.216, "idle": 0.098},

@@ -1,4 +1,4 @@
-"""core/h8/layout.h is right about each field of a struct that the RCX's assembly reads, or it stops the build."""
+"""core/h8/layout.h is right about each struct field that the RCX's assembly reads; otherwise it stops the build."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ ROW = re.compile(r"^    X\((\w+), (\w+)(?:\[1\])?, (\w+)\)", re.MULTILINE)
 
 
 def listed() -> dict[str, list[str]]:
-    """Struct -> its fields in the list, each once."""
+    """Returns struct -> its fields in the list, each once."""
     fields: dict[str, list[str]] = {}
     for struct, field, _ in ROW.findall(LIST.read_text()):
         if field not in fields.setdefault(struct, []):
@@ -28,7 +28,7 @@ def listed() -> dict[str, list[str]]:
 
 
 def definition(struct: str) -> tuple[Path, str]:
-    """The header that defines a struct, and the text between its braces."""
+    """Returns the header that defines a struct, and the text between the struct's braces."""
     for header in HEADERS:
         found = re.search(r"typedef struct \{\n([^{}]*)\} " + struct + ";", header.read_text())
         if found is not None:
@@ -37,13 +37,13 @@ def definition(struct: str) -> tuple[Path, str]:
 
 
 def declarations(body: str) -> list[tuple[str, str]]:
-    """(field, line) of each declaration between a struct's braces."""
+    """Returns (field, line) of each declaration between a struct's braces."""
     lines = [line for line in body.split("\n") if re.match(r"    \w", line)]
     return [(re.findall(r"(\w+)(?:\[\d+\])?;", line)[0], line) for line in lines]
 
 
 def swaps() -> list[tuple[str, str, str]]:
-    """(struct, field, the next field) of every listed struct."""
+    """Returns (struct, field, next field) for each two neighbouring fields of every listed struct."""
     return [
         (struct, first, second)
         for struct in listed()
@@ -83,7 +83,7 @@ def test_every_field_of_a_listed_struct_is_listed_in_its_order() -> None:
 
 
 def test_the_assembly_reads_no_struct_by_a_number_of_its_own() -> None:
-    """The exceptions are the stack, and the second word of a number at a moving pointer."""
+    """Exceptions are the stack, and the second word of a number at a moving pointer."""
     for source in (ROOT / "firmware").rglob("*.S"):
         found = re.findall(r"@\((\d+),r([0-6])\)", source.read_text())
         assert {offset for offset, _ in found} <= {"2"}, source.name

@@ -1,4 +1,4 @@
-"""hal/h8/shared_parts.awk does not change the program: its output, written out again, is the compiler's text."""
+"""hal/h8/shared_parts.awk does not change the program: with its jumps expanded, its output is the compiler's text."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SOURCES = sorted(
     + [*(ROOT / "hal/rcx").glob("*.c"), *(ROOT / "firmware/targets/rcx").glob("*.c")]
 )
 BRICKOS = ["-isystem", "/usr/include/brickos", "-isystem", "/usr/include/brickos/lnp"]
-WORTH_BYTES = 250  # bytes that the script saves at least; with less it is not worth keeping
+WORTH_BYTES = 250  # least number of bytes that make the script worth keeping
 SAVE = ["\tmov.w\tr4,@-r7", "\tmov.w\tr5,@-r7", "\tmov.w\tr6,@-r7"]
 RESTORE_TWO = ["\tmov.w\t@r7+,r5", "\tmov.w\t@r7+,r4"]
 RESTORE = ["\tmov.w\t@r7+,r6", *RESTORE_TWO]
@@ -26,14 +26,14 @@ TARGET = re.compile(r"\tj(?:sr|mp)\t@_(\w+)")
 
 
 def moved(frame: int) -> list[str]:
-    """How the compiler makes room for `frame` bytes of locals; negative: how it takes the room away again."""
+    """Returns the compiler's code that reserves `frame` bytes of locals, or, if `frame` is negative, frees them."""
     if abs(frame) <= 4:
         return [f"\t{'subs' if frame > 0 else 'adds'}\t#2,r7"] * (abs(frame) // 2)
     return [f"\tmov.w\t#{-frame},r3", "\tadd.w\tr3,r7"]
 
 
 def written_out(lines: list[str]) -> tuple[list[str], dict[str, int]]:
-    """The text with the code of firmware/core/h8/frames.S in place of each jump to it, and how often each occurs."""
+    """Returns the text with each jump replaced by its code from firmware/core/h8/frames.S, and a count of each."""
     out: list[str] = []
     counts: dict[str, int] = {}
     for line in lines:
@@ -64,7 +64,7 @@ def test_written_out_again_it_is_what_the_compiler_made_and_it_is_worth_its_plac
     kept, tools = tmp_path / "kept", tmp_path / "tools"
     kept.mkdir()
     tools.mkdir()
-    assembler = tools / "h8300-hms-as"  # keeps its input, and the text before shared_parts.awk
+    assembler = tools / "h8300-hms-as"  # this one keeps its input, and the text before shared_parts.awk
     real = shutil.which("h8300-hms-as")
     assert real, "no h8300-hms-as: tests/run installs it"
     assembler.write_text(f'#!/bin/sh\ncp "$3" "${{3%.s}}.gcc" "{kept}"\nexec {real} "$@"\n')

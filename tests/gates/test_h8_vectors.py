@@ -1,6 +1,6 @@
-"""Every module gives the same on the RCX's processor as on the host: tests/vectors.
+"""Every module gives the same results on the RCX's processor as on the host: tests/vectors.
 
-Each module gets 50,000 vectors, or 5,000 if 50,000 take more than a second; with --full all get 50,000.
+Each module gets 50,000 vectors, or 5,000 if 50,000 take more than a second; with --full every module gets 50,000.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 PARTS = 16
 FEW = "-DVECTORS_OF_PART=313"
-"""Flag for 5,000 vectors instead of 50,000. 5,000 are enough to find the faults that are planted below."""
+"""Flag for 5,000 vectors instead of 50,000. 5,000 vectors are enough to find the faults planted below."""
 QUICK = {"autopilot/route", "core/trig", "estimator/bias", "mixer/drive", "model/motor", "model/scale", "wire/message"}
 """Modules whose 50,000 vectors take a second or less."""
 
 PROFILES = ("-DBODY_WITHOUT_PAPER", "-DBODY_WITHOUT_COUPLED")
 OF_EACH_PROFILE = ("app/step", "model/body", "model/motor")
 
-# Sensor flags of the RCX's programs. The host's build is for all sensors, but gets vectors of these alone.
+# Sensor flags of the RCX's programs. The host's build is for all sensors, but gets vectors of these sensors only.
 PROGRAMS = re.findall(r"-D[^']+", (ROOT / "firmware/targets/rcx/flags").read_text())
 OF_EACH_PROGRAM = ("app/step", "estimator/heading", "estimator/pose", "estimator/speed", "model/body")
 
-# These call the HAL: tests/python/test_hil_h8sim.py tests them by missions on the simulator.
+# These modules call the HAL: tests/python/test_hil_h8sim.py tests them by missions on the simulator.
 WITHOUT_VECTORS = {"app/loop", "app/serve"}
 NOT_ON_THE_RCX = {"wire/slcan"}
-# Vectors of model/body, control/pid and of every state that is cleared or copied reach these; h8/layout makes no code.
+# Vectors of model/body, control/pid and of each cleared or copied state test these modules; h8/layout makes no code.
 OF_OTHERS = {"model/body_pose", "control/pid_start", "core/bytes", "h8/layout"}
 
 VECTORS = ROOT / "tests/vectors"
@@ -46,7 +46,7 @@ def count(module: str) -> str:
 
 
 Told = tuple[list[str], list[str], list[str]]
-"""Output of the host's program, of the same with the sanitizer, and of the RCX's program on its simulator."""
+"""Output of the host's program, of this program with the sanitizer, and of the RCX's program on its simulator."""
 
 
 def build(root: Path, kind: str, folder: Path, flags: str, modules: Iterable[str]) -> None:
@@ -73,7 +73,7 @@ def tell(folder: Path, module: str) -> Told:
 def told(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory, full: bool
 ) -> Iterator[Mapping[tuple[str, str], Future[Told]]]:
-    """Runs every case that is asked for, as many at a time as there are processors, the longest first."""
+    """Runs every requested case, one per processor at a time, the longest case first."""
     parameters = [item.callspec.params for item in request.session.items if hasattr(item, "callspec")]
     cases = [case for case in CASES if {"module": case[0], "flag": case[1]} in parameters]
     flags = {(module, flag): flag if full else f"{flag} {count(module)}" for module, flag in cases}
@@ -97,7 +97,7 @@ def on_host(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def first_difference(wanted: list[str], found: list[str]) -> str:
-    """The part in which two programs' hashes begin to differ, or nothing."""
+    """Returns the first part in which two programs' hashes differ, or ""."""
     assert len(wanted) == PARTS
     pairs = (f"part {a[:2]}: {b[3:]} for {a[3:]}" for a, b in zip(wanted, found, strict=True) if a != b)
     return next(pairs, "")

@@ -1,4 +1,4 @@
-"""The number of instructions in the inner loops of plant and firmware, counted here, must not grow: tests/speed.
+"""The counted instructions in the inner loops of plant and firmware must not grow: tests/speed.
 
 `run_gates` of tests/run builds the program that is counted.
 """

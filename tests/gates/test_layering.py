@@ -1,4 +1,4 @@
-"""The layers of C and assembly hold, and a fault of each kind is named: file, line, what that room may include."""
+"""The layers of C and assembly hold, and a fault of each kind is named: file, line, and what its room may include."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ TREE = {
 CORE_ALONE = "may include firmware/core, firmware/"
 PORT = "may include hal/include, hal/"
 
-# File, include that is planted, and the text of the gate after "FILE:LINE: includes INCLUDE; ".
+# File, planted include, and the gate's text after "FILE:LINE: includes INCLUDE; ".
 FAULTS = [
     ("firmware/core/fix.h", "model/motor.h", "firmware/core may include firmware/core"),
     ("firmware/core/h8/fix.S", "model/motor.h", "firmware/core may include firmware/core"),

@@ -1,4 +1,4 @@
-"""The gate of MISRA C reports one finding more, one finding less, and a rule that no deviation names."""
+"""The MISRA C gate reports one finding more, one finding less, and a rule without a deviation."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ALLOWED = {("5.9", "hal"): "why", ("10.1", "firmware"): "why"}
 
 @pytest.fixture(autouse=True)
 def counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Keeps the counts of FOUND, in a file of its own."""
+    """Writes the counts of FOUND to a separate file."""
     monkeypatch.setattr(check, "COUNTS", tmp_path / "counts.toml")
     monkeypatch.setattr(check, "_tool", lambda: "Cppcheck 1.0")
     monkeypatch.setattr(sys, "argv", ["check.py", "--write"])

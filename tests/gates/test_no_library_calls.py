@@ -1,4 +1,4 @@
-"""The RCX's own compiler (16-bit int) takes firmware and message parsers, and leaves only the HAL to be linked."""
+"""The RCX's own compiler (16-bit int) accepts firmware and message parsers, and leaves only HAL symbols undefined."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ HAL = set(re.findall(r"\bhal_\w+(?=\()", (ROOT / "hal/include/hal.h").read_text(
 
 
 def undefined_after_linking(sources: list[Path], folder: Path, *defines: str) -> set[str]:
-    """Symbols that stay undefined when all of `sources` are compiled for the H8/300 and put together."""
+    """Returns the symbols that stay undefined when all `sources` are compiled for the H8/300 and linked."""
     objects = []
     for number, source in enumerate(sources):
         objects.append(folder / f"{number}_{source.stem}.o")
@@ -44,7 +44,7 @@ def test_firmware_needs_nothing_but_the_hal(tmp_path: Path, defines: tuple[str, 
 
 
 def kernel_symbols() -> set[str]:
-    """The symbols that brickOS offers a program, without arithmetic: that is in LEGO's ROM and cannot be tested."""
+    """Returns the symbols that brickOS offers a program, without arithmetic, which is in LEGO's ROM and untestable."""
     names = set(re.findall(r"^\s*_(\w+) = 0x", BRICKOS.read_text(), re.MULTILINE))
     assert "lnp_addressing_write" in names, f"{BRICKOS}: no list of symbols"
     return {name for name in names if not name.startswith("__")}

@@ -1,4 +1,4 @@
-"""A run of no tests, or of skipped ones alone, does not pass."""
+"""A run without tests, or with only skipped tests, does not pass."""
 
 from __future__ import annotations
 

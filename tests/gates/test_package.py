@@ -1,4 +1,4 @@
-"""The package as others get it: an sdist, a wheel from it, and that wheel installed elsewhere, running."""
+"""The package as users get it: an sdist, a wheel from this sdist, and the installed wheel, which runs elsewhere."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def build(what: str, source: Path, out: Path) -> Path:
-    """Builds a wheel or an sdist with this environment's tools, and returns the only file that was made."""
+    """Builds a wheel or an sdist with this environment's tools, and returns the only file made."""
     command = [sys.executable, "-m", "build", f"--{what}", "--no-isolation", "--outdir", out, source]
     done = subprocess.run(command, capture_output=True, text=True, timeout=600, check=False)
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
@@ -53,7 +53,7 @@ def test_the_wheel_has_its_licence_and_asks_for_no_library_of_a_link(wheel: Path
     with ZipFile(wheel) as archive:
         info = wheel.name.partition("-")[0] + "-" + wheel.name.split("-")[1] + ".dist-info"
         assert archive.read(f"{info}/licenses/LICENSE") == (ROOT / "LICENSE").read_bytes()
-        library = "brickpilot/report/uplot/LICENSE"  # of the plot library, which each page contains
+        library = "brickpilot/report/uplot/LICENSE"  # licence of the plot library, which each page contains
         assert archive.read(f"{info}/licenses/{library}") == (ROOT / "tools" / library).read_bytes()
         assert "brickpilot/py.typed" in archive.namelist()  # without it a user's type checker ignores the types
         metadata = Parser().parsestr(archive.read(f"{info}/METADATA").decode())
@@ -72,7 +72,7 @@ def test_the_wheel_has_its_licence_and_asks_for_no_library_of_a_link(wheel: Path
 
 
 def test_the_wheel_runs_where_it_is_installed(wheel: Path, tmp_path: Path) -> None:
-    """The new environment holds the wheel alone; it takes the required libraries from this environment."""
+    """The new environment holds only the wheel, and takes the required libraries from this environment."""
     home = tmp_path / "environment"
     venv.create(home, with_pip=False, symlinks=True)
     python = home / "bin" / "python"

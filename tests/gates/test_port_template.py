@@ -15,7 +15,7 @@ FUNCTIONS = re.findall(r"^\w+ (hal_\w+)\(", (ROOT / "hal/include/hal.h").read_te
 
 
 def not_done(output: str) -> list[str]:
-    """Functions that the suite names, each on a line of its own."""
+    """Returns the functions that the suite names, each on its own line."""
     return re.findall(r"^(hal_\w+): not done yet: \S.*$", output, re.MULTILINE)
 
 
@@ -94,12 +94,12 @@ def test_the_recipe_makes_a_main_program_for_this_machine_and_for_another_chip(t
     assert said == {*FUNCTIONS, "wait_for_tick"}
 
     sizes = {line.split()[0]: [int(one) for one in line.split()[1:]] for line in run(there)[1:]}
-    assert sum(sizes["firmware_targets_mybrick_main.o"][1:]) < 720  # limit of RAM in the README
-    assert 12_000 < sizes["brickpilot"][0] < 20_480  # and of flash
+    assert sum(sizes["firmware_targets_mybrick_main.o"][1:]) < 720  # limit of RAM in the README, bytes
+    assert 12_000 < sizes["brickpilot"][0] < 20_480  # limit of flash in the README, bytes
 
 
 def test_the_recipe_leads_to_a_port_without_marks_whose_contract_holds(copy: Path) -> None:
-    """Steps 1 to 3, word for word; the drivers are those of hal/sil, and their world is that of port_sil.c."""
+    """Steps 1 to 3, word for word, with the drivers of hal/sil and the world of port_sil.c."""
     readme = (ROOT / "hal/template/README.md").read_text()
     first, main, last = (
         re.search(rf"^```{kind}\n(.*?)^```$", readme, re.MULTILINE | re.DOTALL)[1]  # type: ignore[index]

@@ -1,4 +1,4 @@
-"""The layers of the Python package hold, and a fault of each kind is named: file, line, what that room may import."""
+"""The layers of the Python package hold, and a fault of each kind is named: file, line, what its room may import."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from python_layers import BASE, MAY, modules, python_cycles, python_faults, room
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "tools/brickpilot"
 
-# Room -> rooms that it must not import, by the text of the architecture, not by the table.
+# Room -> rooms that it must not import, by the text of the architecture; the gate's table is not used.
 MUST_NOT = {
     "data": {"importers", "vehicle", "fit", "discover"},
     "importers": {"vehicle", "fit", "hil"},
@@ -66,7 +66,7 @@ def test_every_room_has_a_rule_and_every_rule_a_room() -> None:
 
 
 def named_twice(files: Iterable[Path]) -> list[str]:
-    """Returns the names of files that occur in two folders, except package files."""
+    """Returns the file names that occur in two folders, except __init__.py."""
     counts = Counter(one.name for one in files if one.name != "__init__.py")
     return sorted(name for name, count in counts.items() if count > 1)
 
@@ -153,7 +153,7 @@ def test_a_circle_of_modules_is_named(package: Path) -> None:
 
 
 def test_python_reads_no_c_header_but_the_plants_interface() -> None:
-    writers = {"gen", "firmware", "export"}  # these write C, for the firmware and for an FMU
+    writers = {"gen", "firmware", "export"}  # these rooms write C, for the firmware and for an FMU
     others = [path for path in PACKAGE.rglob("*.py") if not writers & set(path.relative_to(PACKAGE).parts)]
     named = {header for path in others for header in re.findall(r"\w+\.h\b", path.read_text())}
     assert named <= {

@@ -1,4 +1,4 @@
-"""The RCX's port and programs on the simulator of its processor, beside brickOS's own kernel; and their builds."""
+"""The builds of the RCX's port and programs, and both on the simulator of its processor with brickOS's own kernel."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ ROOT = Path(__file__).resolve().parents[2]
 PORT = ROOT / "hal/rcx"
 TARGET = ROOT / "firmware/targets/rcx"
 CONFIGURATIONS = ["imu", "rotation"]
-# Tests of what the simulator or the brick cannot show; hal/rcx/README.md lists the same.
+# Tests of cases that the simulator or the brick cannot show; hal/rcx/README.md lists the same tests.
 CANNOT = {
     "imu": {"test_a_device_that_is_not_there_is_absent"},
     "rotation": {"test_a_device_that_is_not_there_is_absent", "test_a_silent_device_is_stale_and_recovers"},
 }
 
 
-BYTE_S = 0.0005  # s for each byte: a pseudo-terminal has no baud rate
+BYTE_S = 0.0005  # time for each byte, s: a pseudo-terminal has no baud rate
 STACK, RECORDER_STACK = 344, 256
-SPARE = 300  # bytes that stay free in the memory for programs
+SPARE = 300  # least number of bytes that stay free in the memory for programs
 
 
 def run(name: str, sensors: str, *folders: Path) -> subprocess.CompletedProcess[str]:
@@ -44,7 +44,7 @@ def run(name: str, sensors: str, *folders: Path) -> subprocess.CompletedProcess[
 
 @pytest.fixture(scope="module", params=CONFIGURATIONS)
 def built(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
-    """Returns the sensors and the folder of both programs, built for them."""
+    """Returns the sensors, and the folder with both programs built for these sensors."""
     folder = tmp_path_factory.mktemp(request.param)
     done = subprocess.run([TARGET / "build", folder, request.param], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -56,7 +56,7 @@ def autopilot(folder: Path) -> h8_stack.H8:
 
 
 class Tower:
-    """A brick behind a tower on a pseudo-terminal: gives the simulated brick's answers, but loses some."""
+    """A brick behind a tower on a pseudo-terminal: gives the simulated brick's answers, but loses some answers."""
 
     def __init__(self, packets: dict[bytes, bytes]) -> None:
         self.master, slave = os.openpty()

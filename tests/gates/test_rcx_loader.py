@@ -30,7 +30,7 @@ NINE_VOLTS, LEVEL = 319, 512
 STEP_MS = 9
 
 BYTE_S = 0.002
-"""s for each byte, for the time-outs alone: the pseudo-terminal carries the simulator's bytes at once."""
+"""Time for each byte, s, used only for time-outs: the pseudo-terminal carries the simulator's bytes at once."""
 flash = functools.partial(rom.flash_program, progress=lambda *_: None, byte_s=BYTE_S)
 
 
@@ -83,7 +83,7 @@ def periods(kernel: Kernel, clock: int) -> list[int]:
 
 
 def is_in(kernel: Kernel, folder: Path, name: str) -> bool:
-    """Says whether the memory holds text and data as linked for there, and the copy of data for the next start."""
+    """Returns whether memory holds text and data, linked for their address, and the copy of data for the next start."""
     program = image_files.read_program(folder / f"{name}.lx")
     at = kernel.word(PROGRAMS)
     assert HEAP[0] <= at
@@ -196,7 +196,7 @@ def test_a_wrong_relocation_is_seen(kernel: Kernel, imu: Path, wrong: str) -> No
 
 
 def some_command(random: Random, brick: BrickOs) -> bytes:
-    """Returns a command for the brick's loader, in or out of turn, whole or cut short; none runs a program."""
+    """Returns a command for the brick's loader, in or out of turn, whole or cut short; no command runs a program."""
     number = random.randrange(3)
     slot = brick.slots[number]
     kind = random.choice([*2 * [DELETE], *3 * [CREATE], *8 * [DATA], RUN, SET_HOST, 0, 9])
@@ -215,7 +215,7 @@ def some_command(random: Random, brick: BrickOs) -> bytes:
 
 
 def without_addresses(reply: bytes) -> bytes:
-    """Returns a reply of CREATE, or an empty one, without addresses and their sum: distances of sections stay."""
+    """Returns a reply of CREATE, or an empty reply, without addresses and their sum; distances of sections stay."""
     if not reply:
         return reply
     text, data, bss = struct.unpack(">HHH", reply[6:12])

@@ -1,4 +1,4 @@
-"""The RCX's images in simulated time: brickOS's kernel with all its interrupts, and the plant at sensors and motors.
+"""The RCX's images in simulated time: brickOS's kernel with all interrupts, and the plant at sensors and motors.
 
 Every instruction takes its clock states, and the converter, the timers and the serial line interrupt as on the chip.
 """
@@ -26,17 +26,17 @@ HOLD = bytes.fromhex("7fe87260")
 NO_OPERATION = bytes(4)
 
 COUNT_MS, COUNTS = 8, 200
-"""125 counts per second, 0.67 m/s: two thirds above cruise."""
+"""Counts at 125 per second, 0.67 m/s: two thirds above cruise."""
 REST_MS = 2500
 LEFT_COUNT, RIGHT_COUNT = 0xADA8, 0xADA4
 """Addresses in Debian's kernel."""
 
 CLOCK_STATES = 188
-"""States of the interrupt of each ms, by hand from Hitachi's table: 24 to enter, 54 in the ROM, 110 in the kernel."""
+"""States of the interrupt of each ms, by Hitachi's table: 24 to enter, 54 in the ROM, 110 in the kernel."""
 
 
 def watchdog_ms() -> int:
-    """Returns the delay of a tick, ms, from which the firmware stops."""
+    """Returns the delay of a tick, ms, from which on the firmware stops."""
     text = (ROOT / "firmware/app/params_gen.h").read_text()
     found = re.search(r"\.watchdog_ms = (\d+)", text)
     assert found is not None

@@ -1,4 +1,4 @@
-"""The recipes of CONTRIBUTING.md lead to something that works, and name every file that has to be touched."""
+"""The recipes of CONTRIBUTING.md give a working result, and name every file that has to be changed."""
 
 from __future__ import annotations
 
@@ -155,7 +155,7 @@ def run(*command: str | Path, cwd: Path, **environment: str) -> subprocess.Compl
 
 
 def listed(title: str, name: str) -> set[str]:
-    """The files of a recipe for something called `name`."""
+    """The files of a recipe for a new thing called `name`."""
     return {path.replace("NAME", name) for path in recipes()[title].files}
 
 
@@ -236,7 +236,7 @@ def generate(copy: Copy) -> None:
 
 
 def unit_test(copy: Copy, test: str, *sources: str) -> subprocess.CompletedProcess[str]:
-    """Compiles one Unity test with what it needs of the firmware, and runs it."""
+    """Compiles one Unity test with the firmware sources that it needs, and runs it."""
     program = copy.root.parent / "unit_test"
     folders = [f"-I{copy.root / folder}" for folder in ("firmware", "hal/include", "hal", "sim_host")]
     found = [path for pattern in sources for path in sorted(copy.root.glob(pattern))]

@@ -1,4 +1,4 @@
-"""The same seed gives the same bytes at -O3 and at -O0. tests/run builds both before it calls this."""
+"""The same seed gives the same bytes at -O3 and at -O0. tests/run builds both programs before this test."""
 
 from __future__ import annotations
 

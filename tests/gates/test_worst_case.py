@@ -1,6 +1,7 @@
-"""Any start, a line full of requests and any settings: a control period stays within its bound, on each brick.
+"""On each brick a control period stays within its bound, for any start, any settings and a line full of requests.
 
-`tests/loop/worst_case.py` has the figures of hal/avr/README.md and hal/rcx/README.md; here are two short flights each.
+`tests/loop/worst_case.py` has the figures of hal/avr/README.md and hal/rcx/README.md; this test makes two short flights
+per brick.
 """
 
 from __future__ import annotations
@@ -10,12 +11,12 @@ import worst_case
 from lab.avr_budget import PERIOD
 
 AVR_SHARE = 1.2
-"""Longest step as a share of a period. A step above 1 delays the next one; from 2 on a tick would count as late."""
+"""Longest step as a share of a period. A step above 1 delays the next step; from 2 on a tick would count as late."""
 
 RCX_MS = 12.0
 """Longest time between steps, ms. The watchdog stops a run at 20 ms."""
 
-FLIGHTS = (0, 1)  # one by itself, one in a host's session
+FLIGHTS = (0, 1)  # seeds: a start by itself, and a start in a host's session
 
 
 @pytest.mark.parametrize("target", ["avr:328p-imu", "avr:2560"])

@@ -1,4 +1,4 @@
-"""Further commands that `tests/lab` calls: they list the sets of a suite, and add an experiment to a set.
+"""Further commands that `tests/lab` calls. They list the sets of a suite, and add an experiment to a set.
 
 ``python -m hidden.benchmark list SUITE`` prints name and seed of each set, in order. ``python -m hidden.benchmark
 add FOLDER OUT --manoeuvre TABLE.json`` writes OUT/NAME: the set with one more run, made by the same engine with the

@@ -1,4 +1,4 @@
-"""Values that vary from run to run and from frame to frame. They depend only on numbers, so both engines agree."""
+"""Values that vary from run to run and from frame to frame. Run and frame numbers determine them in both engines."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ import numpy as np
 from hidden.recipe import Floats
 
 FRAME_S = 0.05
-"""s: commands are sent in frames of this length; each frame has its own delay."""
+"""Length of a frame of commands, s; each frame has its own delay."""
 
 _GOLDEN = 0.618033988749895
 
 
 def place(number: int) -> float:
-    """Returns a number from -1 to 1 for run `number`; the numbers of all runs are spread evenly (golden ratio)."""
+    """Returns a number from -1 to 1 for run `number`; over all runs these numbers spread evenly (golden ratio)."""
     return 2 * ((number + 1) * _GOLDEN % 1.0) - 1
 
 

@@ -19,13 +19,13 @@ class Effect:
 
     Attributes:
         visible: parameters at size 1 on `recipe.BENCH`, which change some signal by at least 5 noise sd, rms.
-        scaled: the parameters that grow with the size; the others are constant.
+        scaled: the parameters that grow with the size; the other parameters are constant.
         offset: for a limit that the effect lowers, its value at size 0.
         signed: whether the scaled parameters may have either sign.
         ranges: parameters that are drawn uniformly for each data set.
-        kind: quantity by whose `strength` on the vehicle `scaled` is multiplied, so that the effect is visible on each
-            vehicle.
-        grid: if above 0, scaled parameters are whole multiples of it.
+        kind: a physical quantity. `scaled` is multiplied by its `strength` on the vehicle, so that the effect is
+            visible on each vehicle.
+        grid: if above 0, scaled parameters are whole multiples of this number.
         absent: nominal values that must be 0 in the vehicle, because they have the same law as the effect.
     """
 
@@ -185,7 +185,7 @@ def strength(kind: Kind, vehicle: Vehicle) -> float:
 
 
 def draw(name: str, size: float, vehicle: Vehicle, random: np.random.Generator) -> dict[str, float]:
-    """Returns parameters of effect `name`, about `size` times those in `visible`, with random sign and spread."""
+    """Returns parameters of effect `name`: about `size` times its `visible` parameters, with random sign and spread."""
     return drawn(TABLE[name], size, vehicle, random)
 
 

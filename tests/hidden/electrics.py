@@ -1,7 +1,8 @@
-"""Supply, drive and motors of a vehicle, which physics engines lack, in plain Python numbers.
+"""The supply, drive and motors of a vehicle, which physics engines lack, in plain Python numbers.
 
-Equations are those of a brushed motor (eq. 12 of Worrall & McGookin 2006, seen at the wheel) and of the effects named
-in `Hidden`. There is one call a step; the current is exact for a speed that changes linearly within the step.
+The equations are those of a brushed motor (eq. 12 of Worrall & McGookin 2006, seen at the wheel) and of the effects
+named in `Hidden`. `Electrics.step` is called once per step; the current is exact for a speed that changes linearly
+within the step.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from hidden.recipe import Hidden, Vehicle
 
 COPPER = 0.00393  # 1/K, IEC 60028
 FLOOR = 0.01  # least battery voltage over the nominal voltage
-ZERO = 0.01  # share of the battery's voltage: a coasting drive takes smaller commands as 0
+ZERO = 0.01  # share of the battery's voltage below which a coasting drive takes a command as 0
 
 EFFECTS = frozenset(
     {"start_delay", "input_delay", "battery_discharge", "battery_fade", "battery_sag", "odd_crosstalk",
@@ -26,11 +27,11 @@ EFFECTS = frozenset(
      "motor_asymmetry", "odd_voltage_gain", "supply_saturation", "pwm_coast", "zero_coast", "dead_time",
      "torque_constant_asymmetry", "motor_heating", *electrics_laws.LAWS}
 )  # fmt: skip
-"""The effects that act only here, in the order in which they change a command; also direction_asymmetry's gain."""
+"""The effects that act only here, in the order in which they act; the gain of direction_asymmetry acts here too."""
 
 
 def arriving(commands: NDArray[np.float64], hidden: Hidden, step_s: float, number: int = 0) -> NDArray[np.float64]:
-    """Returns the voltages (n,) at the drive, one per step: `commands` (n,) with the delays; 0 before they arrive.
+    """Returns the voltages (n,) at the drive, one per step: delayed `commands` (n,); 0 before the first arrives.
 
     Args:
         number: the run's number.
@@ -74,7 +75,7 @@ class Electrics:
         self._slope, self._sag = p("battery_discharge", "slope"), p("battery_sag", "resistance")
         self._crosstalk, self._quantum = p("odd_crosstalk", "share"), p("pwm_quantisation", "step")
         lag = p("actuator_lag", "time_constant")
-        # share of a difference that the lag closes by the end of a step, and on average in the step
+        # shares of a difference that the lag closes by the end of a step, and on average over the step
         self._closed = -math.expm1(-step_s / lag) if lag > 0 else 1.0
         self._midway = 1 - self._closed * lag / step_s if lag > 0 else 1.0
         slew = p("slew_limit", "time_per_volt")
@@ -111,7 +112,7 @@ class Electrics:
         self._circuit.start_run()
 
     def _decays(self, resistance: float) -> tuple[float, float]:
-        """Returns the share of a current's distance from its steady value after a step, and on average in the step."""
+        """Returns the shares of a current's distance to its steady value left after a step, and on average in it."""
         if self._vehicle.inductance <= 0:
             return 0.0, 0.0
         x = self._step * resistance / self._vehicle.inductance
@@ -130,7 +131,7 @@ class Electrics:
         torque, drawn = [0.0, 0.0], 0.0
         for side, speed in ((0, speed_left), (1, speed_right)):
             applied = volts[side]
-            if applied is None:  # floats
+            if applied is None:  # the motor floats
                 self.current[side] = 0.0
                 mean = 0.0
             else:

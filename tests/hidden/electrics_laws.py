@@ -16,14 +16,14 @@ class Circuit:
     """The variables of one vehicle that the laws read and change. Pairs are [left, right].
 
     Attributes:
-        age: s since power-on.
-        drawn: A, current from the supply.
-        commands: V, the arriving commands, before the effects of supply and drive.
-        current: A, the motors' currents at the start of a step.
-        slow: V, the voltage of Thevenin's capacitor.
-        held: V, the output of a drive that climbs at a limited rate.
-        emf: V, the motors' back EMF.
-        at_zero: s, how long the command has been zero.
+        age: time since power-on, s.
+        drawn: current from the supply, A.
+        commands: the arriving commands before the effects of supply and drive, V.
+        current: the motors' currents at the start of a step, A.
+        slow: the voltage of the capacitor in Thevenin's battery model, V.
+        held: the output of a drive whose voltage rises at a limited rate, V.
+        emf: the motors' back EMF, V.
+        at_zero: time for which the command has been zero, s.
     """
 
     vehicle: Vehicle
@@ -52,7 +52,7 @@ def _sag_with_memory(c: Circuit, p: Parameters) -> float:
 
 
 def _slew_when_driving(c: Circuit, p: Parameters, side: int, volts: float) -> float:
-    """The size of the voltage rises at a limited rate, and falls at once."""
+    """The magnitude of the voltage rises at a limited rate and falls at once."""
     held = abs(c.held[side]) if volts * c.held[side] > 0 else 0.0
     size = min(abs(volts), held + c.vehicle.battery_voltage / p["time"] * c.step)
     c.held[side] = math.copysign(size, volts)
@@ -91,7 +91,7 @@ def _one_side_drop(_: Circuit, p: Parameters, side: int, volts: float) -> float:
 
 
 def _brake_late(c: Circuit, p: Parameters, side: int, volts: float) -> float | None:
-    """At a command of zero the motor first floats; after a time the drive shorts it."""
+    """At a command of zero the motor first floats; after a time the drive short-circuits the motor."""
     c.at_zero[side] = c.at_zero[side] + c.step if c.commands[side] == 0 else 0.0
     return None if 0 < c.at_zero[side] <= p["after"] else volts
 
@@ -108,7 +108,7 @@ DRIVE: dict[str, Callable[[Circuit, Parameters, int, float], float | None]] = {
         _current_cut_softly, _brake_late,
     )
 }  # fmt: skip
-"""Effect -> function from voltage to voltage of one side (0: left); None: floating. In the order of their action."""
+"""Effect -> function from voltage to voltage of one side (0: left); None: floating. The effects act in this order."""
 
 TIMING = ("start_delay_by_run", "command_jitter")
 MOTOR = ("one_motor_saturates", "heating_in_two_stages")

@@ -1,4 +1,4 @@
-"""Writes the data set of a recipe into a folder, and its truth beside this folder."""
+"""Writes the data set of a recipe into a folder, and the truth into a file beside this folder."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def write(recipe: Recipe, parent: Path) -> Path:
     """Makes the data and writes PARENT/NAME and PARENT/NAME.truth.json, both or none; returns the folder.
 
     Raises:
-        FileExistsError: one of the two exists already.
+        FileExistsError: the folder or the file exists already.
     """
     folder, truth = parent / recipe.name, parent / f"{recipe.name}.truth.json"
     for path in (folder, truth):

@@ -18,7 +18,7 @@ class Manoeuvre:
 
     Attributes:
         name: name of the run and of its file.
-        time: (k,) s from the run's start, never decreasing; a step is two points at one time.
+        time: (k,) s from the run's start, never decreasing; a step consists of two points at the same time.
         left: (k,) V, constant before the first and after the last point.
         right: (k,) V.
         duration_s: length of the run, above 0.
@@ -41,7 +41,7 @@ class Manoeuvre:
     def held(self, sample_s: float) -> tuple[Floats, Floats, Floats]:
         """Returns the brick's outputs: time (n,) s, left (n,) and right (n,) V. Sample k is held until sample k + 1.
 
-        At the time of a step the later point counts.
+        At the time of a step, the second of its two points counts.
         """
         time: Floats = np.arange(round(self.duration_s / sample_s) + 1, dtype=float) * sample_s
         return time, _at(time, self.time, self.left), _at(time, self.time, self.right)
@@ -83,7 +83,7 @@ def _both_sides(side: Floats, time: float) -> tuple[float, float]:
 
 
 def steps(name: str, duration_s: float, *stages: tuple[float, float, float]) -> Manoeuvre:
-    """Returns a manoeuvre that holds (left, right) V from the start of each stage (s, V, V); 0 V before it."""
+    """Returns a manoeuvre that holds (left, right) V from the start of each stage (s, V, V); first 0 V."""
     time, left, right = [0.0], [0.0], [0.0]
     for start, volts_left, volts_right in stages:
         time += [start, start]
@@ -146,7 +146,7 @@ def short() -> tuple[Manoeuvre, ...]:
 
 
 def varied(runs: Sequence[Manoeuvre], random: np.random.Generator) -> tuple[Manoeuvre, ...]:
-    """Returns the runs with voltages scaled by a random 82 to 100 %, a different one for each run."""
+    """Returns the runs with each run's voltages scaled by its own random share of 82 to 100 %."""
     shares = random.uniform(0.82, 1.0, len(runs))
     return tuple(
         replace(run, left=tuple(share * v for v in run.left), right=tuple(share * v for v in run.right))

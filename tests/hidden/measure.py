@@ -1,4 +1,4 @@
-"""Makes the log from the truth, by sensor errors, noise and converters; computes how visible an effect is."""
+"""Makes the log from the true motion by sensor errors, noise and converters; computes how visible an effect is."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ RANGE = {
 BITS = 10
 
 SEEDED = frozenset({"planar"})
-"""Engines whose physics contains random vibration and roughness, so that it depends on the seed."""
+"""Engines whose physics contains random vibration and roughness, and so depends on the seed."""
 
 SENSOR_EFFECTS = frozenset(
     {"imu_lever_arm", "accel_misalignment", "imu_lag", "accel_bias", "gyro_scale", "gyro_asymmetry", "gyro_bias",
@@ -131,7 +131,7 @@ def _lagged(values: Floats, lag: float, step: float) -> Floats:
 
 
 def _mean_before(values: Floats, count: int) -> Floats:
-    """Returns the mean of each value and the `count` - 1 values before it; the first values are not changed."""
+    """Returns the mean over each value and the `count` - 1 values before; the first `count` are unchanged."""
     sums = np.cumsum(np.concatenate([[0.0], values]))
     out = values.copy()
     out[count:] = (sums[count + 1 :] - sums[1:-count]) / count
@@ -176,7 +176,7 @@ def _driven(
 
 @dataclass(frozen=True)
 class Shown:
-    """The change of the signals by the hidden effects, compared with the vehicle without them; nothing is refitted.
+    """The change of the signals by the hidden effects, compared with the vehicle without these; nothing is refitted.
 
     Attributes:
         visibility: signal -> rms change over all runs, in noise sd.

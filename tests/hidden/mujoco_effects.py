@@ -13,7 +13,7 @@ Parameters = Mapping[str, float]
 
 
 class Step:
-    """The state at the start of a step and the forces that act in it. Pairs are [left, right]; frame of the paper."""
+    """The state at the start of a step and the forces in this step. Pairs are [left, right]; frame of the paper."""
 
     __slots__ = (
         "age", "angles", "cosine", "dry", "force", "heading", "load", "mass", "moment", "motor_angles", "motor_speeds",
@@ -32,7 +32,7 @@ class Step:
     mass: float  # kg, with payload
     speeds: list[float]  # rad/s of the wheels
     angles: list[float]  # rad
-    motor_speeds: list[float]  # rad/s of the rotors, at the wheel; without backlash as `speeds`
+    motor_speeds: list[float]  # rad/s of the rotors, at the wheel; equal to `speeds` without backlash
     motor_angles: list[float]  # rad
     volts: list[float]  # commands as they arrive
     torque: list[float]  # N m, torques of the motors
@@ -64,7 +64,7 @@ def _viscous_loss(s: Step, p: Parameters) -> None:
 
 
 def _direction_asymmetry(s: Step, p: Parameters) -> None:
-    """The torque part of the effect; its gain acts in the drive."""
+    """The torque part of the effect; the gain part acts in the drive."""
     for i in (0, 1):
         if s.speeds[i] * p["torque"] > 0:
             s.dry[i] += abs(p["torque"])

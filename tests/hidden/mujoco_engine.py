@@ -76,7 +76,7 @@ class _Bench:
         return np.asarray(rest, dtype=float)
 
     def _slipping_step(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Does mj_step with contact tangents along the vehicle's axes; MuJoCo's own are along the world's axes."""
+        """Does mj_step with contact tangents along the vehicle's axes; MuJoCo uses the world's axes."""
         mujoco.mj_step1(model, data)
         heading = 2 * math.atan2(data.qpos[6], data.qpos[3]) + (0.5 * math.pi if self.across else 0.0)
         cosine, sine = math.cos(heading), math.sin(heading)
@@ -104,7 +104,7 @@ class _Bench:
             np.empty((steps + 1, model.nv)),
             np.empty((steps + 1, 3)),
         )
-        # This runs 1000 times a simulated second, so it uses views of MuJoCo's arrays and plain numbers.
+        # The loop below runs 1000 times a simulated second, so it uses views of MuJoCo's arrays and plain numbers.
         qpos, qvel, forces = data.qpos, data.qvel, data.qfrc_applied
         left, right = self.names.motor_dof
         motors, current = self.electrics.step, self.electrics.current

@@ -16,13 +16,13 @@ GRIP = 4.0  # friction of wheel on floor, for a vehicle that must not slip
 FIRM = 300.0  # friction in the firm direction over friction in the slipping direction
 SIDE_SLIP_RETURN = 1.5
 """Factor by which a step corrects the side slip of a wheel: 1 stops the slip, 2 reverses it. The vehicle turns in each
-step, so factor 1 dissipates energy (a drag of m u r^2 DT / 2 in curves). Factor 2 dissipates none, but the slip never
-settles. Factor 1.5 leaves a third of that drag."""
-# A dragged ball is light and has little friction under a large load: the friction cone of a contact lifts a sliding
-# body, by grip^2 times speed times mass.
+step, so factor 1 dissipates energy (a drag of m u r^2 DT / 2 in curves). Factor 2 dissipates no energy, but the slip
+never settles. Factor 1.5 leaves a third of the drag."""
+# A dragged ball is light and has little friction under a large load, because the friction cone of a contact lifts a
+# sliding body by grip^2 times speed times mass.
 CASTER_MASS = 5e-5
 CASTER_GRIP = 0.3
-WHEEL_SHARE = 0.04  # mass of each wheel as a share of the vehicle's
+WHEEL_SHARE = 0.04  # mass of each wheel as a share of the vehicle's mass
 
 EFFECTS = frozenset(
     {"coulomb_friction", "gear_backlash", "carpet_nap", "caster_drag", "yaw_scrub", "floor_slope", "com_forward_offset",
@@ -34,7 +34,7 @@ EFFECTS = frozenset(
 
 @dataclass(frozen=True)
 class Slip:
-    """The slip of the tyres along the vehicle or across it, while the other direction is firm; or equally in both."""
+    """The slip of the tyres along or across the vehicle, with the other direction firm; or equal slip in both."""
 
     across: bool
     creep: float  # m/(N s) for one tyre
@@ -73,7 +73,7 @@ def build(vehicle: Vehicle, hidden: Hidden) -> tuple[mujoco.MjModel, Names]:
     across = 0.6 * spin
     casters = _casters(hidden, radius)
     chassis = mass - 2 * wheel_mass - CASTER_MASS * len(casters)
-    # centre of the chassis alone, such that the whole vehicle has the stated centre and inertia
+    # centre of the chassis alone, chosen so that the whole vehicle has the stated centre and inertia
     centre_x, centre_y = mass * ahead / chassis, -mass * right / chassis
     others = 2 * (across + wheel_mass * (track**2 + ahead**2 + right**2))
     others += chassis * ((centre_x - ahead) ** 2 + (centre_y + right) ** 2)
@@ -138,7 +138,7 @@ def build(vehicle: Vehicle, hidden: Hidden) -> tuple[mujoco.MjModel, Names]:
         bodies.append(_sprung(sprung, low))
     slope_x, slope_y = p("floor_slope", "slope_x"), p("floor_slope", "slope_y")
     down = math.sqrt(1 - slope_x**2 - slope_y**2)
-    # the first number is not used, but 0 would select another format
+    # MuJoCo does not use the first number, but 0 would select another format
     grip = f'solreffriction="-0.0001 {-SIDE_SLIP_RETURN / DT:.12g}"'
     names.slip = _slip(hidden, names.mass)
     xml = f"""

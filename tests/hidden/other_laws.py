@@ -1,7 +1,7 @@
 """Laws that are not in the library: each acts at the same place as an effect of the library, by another equation.
 
-A law has its own name. Its entry states its mechanism, and the names of the library's effects that are right for it. An
-odd law has no such names. The parameters are those of size 1 on `recipe.BENCH`, as in `effects.py`.
+A law has its own name. Its entry states its mechanism, and the names of the library's effects that count as right
+answers. An odd law has no right name. The parameters are for size 1 on `recipe.BENCH`, as in `effects.py`.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ class Law:
     """A law that no effect of the library has.
 
     Attributes:
-        effect: how the law's parameters are drawn.
-        mechanisms: the mechanism in which the law acts, then mechanisms whose laws give the same signals.
+        effect: the rule by which the law's parameters are drawn.
+        mechanisms: first the mechanism in which the law acts, then mechanisms whose laws give the same signals.
         names: effects of the library that the law replaces; empty: the law is odd.
         engines: the engines that can simulate it.
     """
@@ -180,7 +180,7 @@ ODD_MECHANISMS: dict[str, tuple[str, ...]] = {
     "odd_crosstalk": ("drive", "supply"),
     "odd_gyro_cubic": ("sensor",),
 }
-"""Odd effect -> the mechanism in which it acts, then mechanisms that give the same signals."""
+"""Odd effect -> first the mechanism in which it acts, then mechanisms that give the same signals."""
 
 
 def relation(name: str) -> Relation:
@@ -201,7 +201,7 @@ def told(name: str) -> dict[str, object]:
 
 
 def draw(name: str, size: float, vehicle: Vehicle, random: np.random.Generator) -> dict[str, float]:
-    """Returns parameters of an effect or law, about `size` times those in `visible`: see `effects.draw`."""
+    """Returns parameters of an effect or law, about `size` times the parameters in `visible`: see `effects.draw`."""
     if name in OTHER:
         return effects.drawn(OTHER[name].effect, size, vehicle, random)
     return effects.draw(name, size, vehicle, random)

@@ -1,6 +1,6 @@
 """The effects that may be hidden in `planar_plant`, each with the parameters that ``brickpilot effects`` states.
 
-Effects of wheels and body are here, effects of supply, drive and motor in `planar_electrics`.
+This module has the effects of wheels and body; `planar_electrics` has the effects of supply, drive and motor.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def install(plant: Plant, hidden: Hidden) -> None:
     """Adds the hidden effects to `plant`, in the order in which they change a command.
 
     Raises:
-        ValueError: an effect that this plant does not know.
+        ValueError: this plant does not know an effect.
         KeyError: a parameter is missing; some effects raise it only at the first step.
     """
     for name in hidden:
@@ -96,14 +96,14 @@ def _wheel_radius_mismatch(plant: Plant, p: Parameters) -> None:
 class _Limit:
     """The difference between a tyre's limited force and the linear creep force in the plant's matrix.
 
-    It is extrapolated to the middle of the step, so that it can cancel nearly all of the linear force.
+    The difference is extrapolated to the middle of the step, so that it can cancel nearly all of the linear force.
     """
 
     def __init__(self, before: Floats) -> None:
         self.before = before
 
     def __call__(self, linear: Floats, most: float) -> Floats:
-        """Returns (n, runs) N from the forces of the linear law and the largest force of the tyre."""
+        """Returns this difference (n, runs), N, from the forces of the linear law and the largest force of the tyre."""
         now = linear * (1 / np.sqrt(1 + (linear / most) ** 2) - 1)
         middle = 1.5 * now - 0.5 * self.before
         self.before[:] = now

@@ -56,7 +56,7 @@ def actuator_lag(plant: Plant, p: Parameters) -> None:
     if p["time_constant"] <= 0:
         return
     closed = -math.expm1(-plant.step / p["time_constant"])  # share of a difference that one step closes
-    midway = 1 - closed * p["time_constant"] / plant.step  # the same share, averaged over the step
+    midway = 1 - closed * p["time_constant"] / plant.step  # mean of this share over the step
     lagged = plant.memory(2)
 
     def hook(plant: Plant) -> None:
@@ -227,7 +227,7 @@ def cogging(plant: Plant, p: Parameters) -> None:
 
 
 def gear_backlash(plant: Plant, p: Parameters) -> None:
-    """The teeth are soft enough for the step size, are damped so that they do not bounce, and never pull."""
+    """The gear teeth are soft enough for the step size, damped so that they do not bounce, and never pull."""
     half = 0.5 * p["gap"]
     plant.rotor_share = p["rotor_share"]
 
@@ -264,5 +264,5 @@ def gravity_load(plant: Plant, p: Parameters) -> None:
 
 
 def _hardened(twist: Floats, p: Parameters) -> Floats:
-    """Returns the twist of an equivalent linear spring: with `stretch` the spring stiffens like rubber."""
+    """Returns the twist of an equivalent linear spring. With `stretch` the spring stiffens like rubber."""
     return np.asarray(twist * (1 + (twist / p["stretch"]) ** 2)) if "stretch" in p else twist

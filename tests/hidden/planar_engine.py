@@ -1,6 +1,6 @@
 """Engine "planar": drives `planar_plant` through a sequence of runs and adds texture, as in a real log.
 
-Texture is vibration in the accelerations and roughness under the wheels: small, seeded, and in no model.
+Texture is vibration in the accelerations and roughness under the wheels. It is small and seeded, and no model has it.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ ROUGHNESS = 4e-4  # rms slope under each wheel
 ROUGH_WAVES_M = (0.04, 0.4)
 ROUGH_CELL_M = 0.001
 ROUGH_CELLS = 8192
-ROUGH_ROLLS = 0.3  # rad/s: below this speed, the roughness force fades, as for a wheel in a hollow
+ROUGH_ROLLS = 0.3  # wheel speed, rad/s, below which the roughness force fades, as for a wheel in a hollow
 
 STEPS_PER_SAMPLE = 2
 CARRY_ERROR = 1e-5  # largest error of the charge and heat carried over, as a share of the largest value
@@ -36,7 +36,7 @@ class Roughness:
     def __init__(self, plant: Plant, seeds: Sequence[np.random.SeedSequence], scale: float) -> None:
         length = ROUGH_CELLS * ROUGH_CELL_M
         place = 2 * np.pi * np.arange(ROUGH_CELLS) / ROUGH_CELLS
-        waves = np.unique(np.round(length / np.geomspace(*ROUGH_WAVES_M, 8)))  # whole waves, so that the table closes
+        waves = np.unique(np.round(length / np.geomspace(*ROUGH_WAVES_M, 8)))  # whole waves: the table closes
         phase = np.stack([np.random.default_rng(seed).uniform(0, 2 * np.pi, (2, len(waves))) for seed in seeds], axis=1)
         slopes = np.zeros((2, plant.runs, ROUGH_CELLS))
         for k, wave in enumerate(waves):
@@ -65,7 +65,7 @@ def simulate(
     """Drives the runs: see `recipe.Engine`. `texture` scales vibration and roughness. Sensor effects do not act here.
 
     Raises:
-        ValueError: an effect that this plant does not know.
+        ValueError: this plant does not know an effect.
         KeyError: a parameter of an effect is missing.
     """
     count = len(runs)
@@ -91,9 +91,9 @@ def simulate(
 def _in_sequence(
     drive: Callable[[Floats, Floats], tuple[Plant, Floats]], count: int, *, carries: bool
 ) -> tuple[Plant, Floats]:
-    """Drives all runs together, repeatedly, until each starts with the charge and heat at the end of the run before.
+    """Drives all runs together, repeatedly, until each run starts with the previous run's final charge and heat.
 
-    The end values depend nearly linearly on the start values, so a secant through two passes predicts the next start.
+    The end values depend nearly linearly on the start values. So a secant through two passes predicts the next start.
     """
     start = np.zeros((3, count))
     before: tuple[Floats, Floats] | None = None
@@ -130,7 +130,7 @@ def _record(plant: Plant, runs: Sequence[Manoeuvre], sample_s: float, samples: N
 
 
 def _commands(plant: Plant, runs: Sequence[Manoeuvre], sample_s: float, steps: int) -> Floats:
-    """Returns (steps, 2, runs): arriving voltages, means over each step, as a delay may be no multiple of the step."""
+    """Returns (steps, 2, runs): the mean arriving voltages over each step; a delay need not be whole steps."""
     out = np.zeros((steps, 2, plant.runs))
     clock = np.asarray(np.arange(steps + 1) * plant.step, dtype=np.float64)
     late = np.broadcast_to(plant.late_start, plant.runs)
@@ -192,7 +192,7 @@ def _track(
 
 
 def _rate(speed: Floats) -> Floats:
-    """Returns the mean derivative over the interval before each sample; 0 at the first one."""
+    """Returns the mean derivative over the interval before each sample; 0 at the first sample."""
     return np.diff(speed, prepend=speed[0]) / OVERSAMPLE_S
 
 

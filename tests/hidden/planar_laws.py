@@ -1,4 +1,4 @@
-"""Laws of `other_laws` in `planar_plant`: each acts at the same place as an effect of the library."""
+"""Laws of `other_laws` in `planar_plant`. Each law acts at the same place as an effect of the library."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def _sag_with_memory(plant: Plant, p: Parameters) -> None:
 
 
 def _slew_when_driving(plant: Plant, p: Parameters) -> None:
-    """The size of the voltage rises at a limited rate, and falls at once."""
+    """The magnitude of the voltage rises at a limited rate and falls at once."""
     most = plant.vehicle.battery_voltage / p["time"] * plant.step
     held = plant.memory(2)
 
@@ -103,7 +103,7 @@ def _switching_loss(plant: Plant, p: Parameters) -> None:
 
 
 def _brake_late(plant: Plant, p: Parameters) -> None:
-    """At a command of zero the motor first floats; after a time the drive shorts it."""
+    """At a command of zero the motor first floats; after a time the drive short-circuits the motor."""
     at_zero = plant.memory(2)
 
     def hook(plant: Plant) -> None:
@@ -265,7 +265,7 @@ def _offset_by_run(plant: Plant, p: Parameters) -> None:
 
 
 class _Midway:
-    """Extrapolates a force to the middle of the step, so that it can cancel nearly all of a linear force."""
+    """Extrapolates a force to the middle of the step, so that the force can cancel nearly all of a linear force."""
 
     def __init__(self, before: Floats) -> None:
         self.before = before
@@ -378,7 +378,7 @@ def _nap_viscous(plant: Plant, p: Parameters) -> None:
 
 
 def _floor_wavy(plant: Plant, p: Parameters) -> None:
-    """The floor rises and falls along x. Accelerometers measure its slope, too."""
+    """The floor rises and falls along x. Accelerometers also measure its slope."""
     plant.needs_position = True
     plant.waves = (p["slope"], p["wave"])
 

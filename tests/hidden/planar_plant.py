@@ -1,10 +1,10 @@
-"""The planar plant: a robot on brush tyres. It is written from mechanics and shares no code with brickpilot's plant.
+"""The planar plant: a robot on brush tyres. It is derived from mechanics and shares no code with brickpilot's plant.
 
 State: currents, wheel speeds, velocity of the axle's middle, wheel angles, heading, and the stretch of the tyres'
-brushes (with backlash also the rotors). The linear part (windings, tyres, losses, masses) is advanced exactly by one
-matrix exponential per step, for all runs at once; the nonlinear part acts as torques and forces held over the step
-(exponential Euler method, Hochbruck & Ostermann 2010, Acta Numerica 19). A tyre is a spring whose stretch the rolling
-wheel carries away (brush model, Pacejka 2012, ch. 3): under load it creeps by less than a thousandth of its speed. Dry
+brushes (with backlash also the rotors). One matrix exponential per step advances the linear part (windings, tyres,
+losses, masses) exactly, for all runs at once; the nonlinear part acts as torques and forces held over the step
+(exponential Euler method, Hochbruck & Ostermann 2010, Acta Numerica 19). A tyre is a spring whose stretch decays as the
+wheel rolls (brush model, Pacejka 2012, ch. 3): under load it creeps by less than a thousandth of its speed. Dry
 friction is a stiff spring that yields (Prandtl 1928), so it holds at rest.
 """
 
@@ -27,7 +27,7 @@ BRUSH_DAMPING = 0.6  # damping ratio of the wheel relative to the body, at rest
 
 # Contacts: stiffness and damping, as shares of the values that would stop the motion within one step.
 SPRING_SHARE, DAMPER_SHARE = 0.2, 0.6  # dry friction
-TEETH_SPRING, TEETH_DAMPER = 0.1, 0.9  # gears: overdamped, so that they do not bounce
+TEETH_SPRING, TEETH_DAMPER = 0.1, 0.9  # gear teeth: overdamped, so that they do not bounce
 
 COPPER = 0.00393  # 1/K
 SUPPLY_FILTER_S = 0.001  # the drive's buffer capacitor
@@ -49,7 +49,7 @@ class Slider:
     Args:
         speeds: rows of the state with the speeds of the motion.
         forces: inputs on which the friction acts, one for each speed.
-        shares: (motions, speeds): what a unit of friction of each motion adds to each input.
+        shares: (motions, speeds): the contribution of a unit of each motion's friction to each input.
         shape: shape of the speeds that `force` or `planar` take.
     """
 
@@ -58,7 +58,7 @@ class Slider:
         self.stretch = np.zeros(shape)  # the spring's force
 
     def tune(self, response: Floats) -> None:
-        """Sets stiffness and damping. `response`: change of `speeds` in a step by a unit of each of `forces`."""
+        """Sets stiffness and damping. `response`: change of `speeds` in one step per unit of each of `forces`."""
         largest = (self.shares @ response @ self.shares.T).diagonal().max()
         self.spring, self.damping = SPRING_SHARE / largest, DAMPER_SHARE / largest
 
@@ -84,8 +84,8 @@ class Plant:
     """One vehicle in several runs, all advanced together.
 
     Effects change the build values and add hooks; then `assemble` is called once, and `advance_by` in each step. Hooks
-    in ``drive`` change ``voltage``; those in ``loads`` add to ``torque`` (on the wheels), ``gear`` (on the motors' side
-    of the play) and ``force`` (X, Y, N at the axle's middle); those in ``bounds`` add to ``bound``, the wheels' dry
+    in ``drive`` change ``voltage``; hooks in ``loads`` add to ``torque`` (on the wheels), ``gear`` (on the motors' side
+    of the play) and ``force`` (X, Y, N at the axle's middle); hooks in ``bounds`` add to ``bound``, the wheels' dry
     friction. Arrays are (2, runs), left and right, or (runs,); frame and units are `recipe.Hidden`'s.
     """
 
@@ -94,13 +94,13 @@ class Plant:
         self.mass, self.yaw_inertia, self.com = vehicle.mass, vehicle.yaw_inertia, np.zeros(2)
         self.radius = vehicle.wheel_radius * np.ones((2, 1))
         self.flux = np.ones((2, 1))
-        self.creep: dict[str, float] = {}  # m/(N s) along ("wheel") and across ("side"); replaces a brush
+        self.creep: dict[str, float] = {}  # creep, m/(N s), along ("wheel") or across ("side"); it replaces a brush
         self.rotor_share = 0.0  # share of the wheel's inertia on the motor's side of the play; 0: no play
         self.supply_slope = self.supply_resistance = self.supply_fade = 0.0
         self.heating: tuple[float, float] | None = None  # thermal resistance, time constant
         self.falls: list[Callable[[Plant], Floats]] = []  # further voltage losses of the supply
         self.command_delay = 0.0
-        self.late_start: Floats | float = 0.0  # s: one value for all runs, or (runs,)
+        self.late_start: Floats | float = 0.0  # delay of the start, s: one value for all runs, or (runs,)
         self.frames: tuple[float, float] | None = None  # delay and jitter of the frames that carry commands
         self.against = np.zeros((2, 2, runs))  # wheels' dry friction: (against forward or backward, side, run)
         self.drive: list[Hook] = []
@@ -121,7 +121,7 @@ class Plant:
         return np.zeros((rows, self.runs))
 
     def slider(self, motion: str, forward: float = 0.0) -> Slider:
-        """Returns dry friction of both "wheels", of the body's "yaw", or of the body's "point" at (forward, 0)."""
+        """Returns the dry friction of both "wheels", of the body's "yaw", or of the body's "point" at (forward, 0)."""
         made = {
             "wheels": Slider(WHEEL, TORQUE, [[1, 0], [0, 1]], (2, self.runs)),
             "yaw": Slider(BODY, FORCE, [[0, 0, 1]], (self.runs,)),
@@ -135,7 +135,7 @@ class Plant:
 
         Args:
             charge: (runs,) C drawn before each run.
-            heat: (2, runs) K of both windings above the surroundings.
+            heat: (2, runs) temperature of both windings above the surroundings, K.
         """
         slope, gain = self._linear()
         size = len(slope)
@@ -181,7 +181,7 @@ class Plant:
         a, b = np.zeros((size, size)), np.zeros((size, INPUTS))
         wheel_inertia = (1 - self.rotor_share) * v.wheel_inertia
         driven_inertia = self.rotor_share * v.wheel_inertia or wheel_inertia
-        inductance = max(v.inductance, 1e-5 * v.resistance)  # with 0 H, the current settles within 10 us
+        inductance = max(v.inductance, 1e-5 * v.resistance)  # a stated 0 H becomes a winding that settles within 10 us
         for k, side in enumerate((1.0, -1.0)):
             current, wheel, rotor = CURRENT.start + k, WHEEL.start + k, self.rotor_rows.start + k
             a[current, current] = -v.resistance / inductance
@@ -210,11 +210,11 @@ class Plant:
         return a, b
 
     def losses(self) -> Floats:
-        """Returns the losses of each wheel, N m s/rad, by the nominal values' definition: the whole weight on each."""
+        """Returns the losses of each wheel, N m s/rad, as the nominal values define them: whole weight on each."""
         return self.vehicle.viscous_friction + self.mass * GRAVITY * self.vehicle.rolling_friction * self.radius**2
 
     def _tyre(self, a: Floats, k: int, side: float, inertia: float) -> None:
-        """Adds the tyre force for the slip s = r_w w - (u +- b r). The rows of the body are still forces here."""
+        """Adds the tyre force for the slip s = r_w w - (u +- b r). Here the rows of the body still hold forces."""
         radius, track = self.radius[k, 0], self.vehicle.half_track
         slip = np.zeros(len(a))
         wheel, brush = WHEEL.start + k, BRUSH.start + k

@@ -15,7 +15,7 @@ from hidden.recipe import VEHICLES, Hidden, Recipe, Vehicle, specimen
 Engine = Literal["mujoco", "planar"]
 
 SIZE = 2.0
-"""Size of every hidden effect: clearly visible, so that a miss is not due to a lack of data."""
+"""Size of every hidden effect: clearly visible, so that lack of data does not explain a miss."""
 
 PAYLOAD = 0.25
 """Payload as a share of the vehicle's mass; no nominal value includes it."""
@@ -68,7 +68,7 @@ def outside(seed_offset: int = 0, engine: Engine = "mujoco") -> list[Recipe]:
 
 
 def nulls(seed_offset: int = 0, engine: Engine = "mujoco", count: int = 200) -> list[Recipe]:
-    """Returns sets with nothing hidden: six kinds of robots, three noise levels, half, all or no sds stated."""
+    """Returns sets with nothing hidden: six kinds of robots, three noise levels; half, all or no sds are stated."""
     kinds = _KINDS + scales.KINDS
     return [
         _set(
@@ -81,7 +81,7 @@ def nulls(seed_offset: int = 0, engine: Engine = "mujoco", count: int = 200) -> 
 
 
 def nominal(seed_offset: int = 0, engine: Engine = "mujoco") -> list[Recipe]:
-    """Returns sets with no hidden effect but a wrong nominal value; an sd of 2 % is stated for every value."""
+    """Returns sets without a hidden effect but with wrong nominal values; an sd of 2 % is stated for every value."""
     without = 1 / (1 + PAYLOAD) - 1
     wrong: dict[str, dict[str, float]] = {
         "payload": {"mass": without, "yaw_inertia": 0.5 * without},

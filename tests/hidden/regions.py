@@ -14,17 +14,17 @@ from numpy.typing import NDArray
 from hidden.recipe import Floats, Track
 
 WINDOW_S = 0.1
-"""s: length of the windows over which the rms of the difference is taken."""
+"""Length of the windows over which the rms of the difference is taken, s."""
 ABOVE = 1.0
-"""Noise sd: a window with a larger difference belongs to the region."""
+"""Least rms difference, noise sd, of a window that belongs to a region."""
 BRIDGED_S = 0.3
-"""s: a shorter break in a region is part of the region."""
+"""A break in a region that is shorter than this time, s, is part of the region."""
 
 SLOW_M_S, SLOW_RAD_S = 0.02, 0.05
 """Least speed and yaw rate, m/s and rad/s, for the conditions of speed and turn."""
 
 COVERS, LIFT = 0.6, 1.3
-"""A condition must cover the share `COVERS` of a region's squared difference, and `LIFT` times its share of time."""
+"""A condition must cover this share of a region's squared difference, and `LIFT` times its own share of time."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ def of(
 
     Args:
         names: names of the runs.
-        changed, plain: signal -> (n,) of each run with and without the effect, free of noise.
+        changed, plain: for each run, signal -> (n,), noise-free, with and without the effect.
         tracks: the tracks with the effect.
         noise_sd: signal -> noise sd.
     """

@@ -1,4 +1,4 @@
-"""Robots of other scales: 0.3 to 8 kg, 6 to 24 V. Relative to the sensors' ranges, all drive and turn equally fast."""
+"""Robots of other scales: 0.3 to 8 kg, 6 to 24 V. Relative to sensor ranges, all robots are equally fast."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sensor errors whose laws are not in the library. They act on the track of an engine, so both engines have them."""
+"""Sensor errors whose laws are not in the library. They act on an engine's track, so both engines have them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Parameters = Mapping[str, float]
 
 @dataclass
 class Readings:
-    """The readings of ideal sensors in one run, (n,) each, every `step` s; the laws change them one after the other."""
+    """The readings of ideal sensors in one run, (n,) each, every `step` s; one law after the other changes them."""
 
     surge: Floats
     sway: Floats
@@ -120,7 +120,7 @@ def _speed_signed_by_command(r: Readings, p: Parameters, track: Track) -> None:
 
 
 def _wheel_speed_counted(r: Readings, p: Parameters, _: Track) -> None:
-    """Speeds are means over the past window, because pulses are counted over it."""
+    """Speeds are means over the past window, because the encoder counts pulses over this window."""
     count = max(1, round(p["window"] / r.step))
     r.left, r.right = (
         np.asarray(lfilter(np.ones(count) / count, [1.0], one), dtype=float) for one in (r.left, r.right)

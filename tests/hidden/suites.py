@@ -1,4 +1,4 @@
-"""Lists of recipes. Thresholds are set with other seeds than those of reported results: see `CALIBRATION`."""
+"""Lists of recipes. The seeds that set thresholds are not those of reported results: see `CALIBRATION`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hidden.manoeuvre import short, twelve, varied
 from hidden.recipe import BENCH, VEHICLES, Recipe, specimen
 
 CALIBRATION, REPORT = 0, 1_000_000
-"""Seed offsets: for setting thresholds, and for reported results. All others are free."""
+"""Seed offsets: one for setting thresholds, one for reported results. All other offsets are free to use."""
 
 SIZES = (0.25, 0.5, 1.0, 2.0)
 Engine = Literal["mujoco", "planar"]
@@ -35,7 +35,7 @@ PAIR_GROUPS: tuple[tuple[str, ...], ...] = (
     ("gyro_bias", "gyro_saturation", "accel_bias"),
     ("cogging", "torque_ripple"),
 )
-"""Effects that mask each other form a group. Effects that are hidden together come from different groups."""
+"""Each group holds effects that mask each other. Effects that are hidden together come from different groups."""
 
 _NEVER = {frozenset(pair) for pair in (("side_slip", "caster_drag"), ("side_slip", "carpet_nap"))}
 
@@ -58,7 +58,7 @@ def _recipe(
 def _graded(
     table: tuple[str, ...], sizes: tuple[float, ...], suite: str, seed_offset: int, engine: Engine
 ) -> list[Recipe]:
-    """Returns sets of each effect, size and sensor set. An effect has one vehicle and sign, so that sizes compare."""
+    """Returns sets of each effect, size and sensor set. An effect keeps its vehicle and sign over all sizes."""
     out = []
     for index, effect in enumerate(table):
         for size in sizes:
@@ -92,7 +92,7 @@ def odd(seed_offset: int = CALIBRATION, engine: Engine = "mujoco") -> list[Recip
 
 
 def none(seed_offset: int = CALIBRATION, engine: Engine = "mujoco", count: int = 200) -> list[Recipe]:
-    """Returns sets with nothing hidden: `count` with nominal errors of 2 %, a tenth as many with 0 %, and with 5 %."""
+    """Returns sets with nothing hidden: `count` with nominal errors of 2 %, a tenth each with 0 % and with 5 %."""
     plan = [(2, i) for i in range(count)] + [(percent, i) for percent in (0, 5) for i in range(count // 10)]
     out = []
     for percent, i in plan:

@@ -8,7 +8,7 @@
     score.py           the score of one result
     law_score.py       the score of one result of a quick suite: by mechanism, law and place
     claims.py          the required performance of discovery, as shares and figures over many results
-    law_claims.py      the same for each of the quick suites
+    law_claims.py      the required performance for each quick suite
     table.py           the whole table, as an object and as text
 
 `sh tests/lab/run real`, on measured data sets:
@@ -26,10 +26,10 @@
     rcx_budget.py      instructions, states, stack and bytes of a control step on the H8 simulator; the kernel's share
     avr_budget.py      cycles, stack and bytes of a control period on simavr, drivers and interrupts included
     control_peers.py   the control law on a brick's processor, compared with other arithmetics
-    scaling.py         how time grows with runs, samples, candidates and workers
+    scaling.py         the growth of time with runs, samples, candidates and workers
     scaling_page.py    the program that `--scaling` runs, and its page
 
 `discover` and `real` write a page (page.py). `parts.py`, `surer.py` and `flights.py` are separate programs. They test
 whether parts of a log give the same answer, whether more runs give a surer answer, and whether a flight reveals effects
-that its firmware lacks.
+that the firmware does not know.
 """

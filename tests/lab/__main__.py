@@ -246,10 +246,10 @@ def lab_changed(
 
 
 def _real_data_sets(folders: tuple[str, ...], fetched: str | None, out: Path, only: tuple[str, ...]) -> list[Path]:
-    """Returns the folders of the chosen data sets; those of public logs are made first.
+    """Returns the folders of the chosen data sets; data sets of public logs are made first.
 
     Raises:
-        InputError: no folder is named, or it holds no data set.
+        InputError: no folder is named, or a named folder holds no data set.
     """
     places = [Path(folder) for folder in folders]
     if fetched:

@@ -1,7 +1,7 @@
-"""What a control step costs on an AVR chip, with drivers and interrupts, and how much memory the image needs.
+"""The cost of a control step on an AVR chip, with drivers and interrupts, and the memory that the image needs.
 
 The image flies the mission on simavr, in simulated time: it reads its own sensors and drives its own motors. Cycles are
-those of simavr, which counts each instruction as the data sheet states.
+counted by simavr, for each instruction as the data sheet states.
 """
 
 from __future__ import annotations
@@ -101,11 +101,11 @@ def _functions(image: Image) -> tuple[list[str], list[tuple[int, int]]]:
 
 
 def mission(target: str, duration: float | None, progress: Progress) -> AvrBudget:
-    """Flies the packaged mission with the image of `target` and counts what its control periods cost.
+    """Flies the packaged mission with the image of `target` and counts the cost of its control periods.
 
     Args:
         target: one of `AVR_TARGETS`.
-        duration: s of the mission; None: all of it.
+        duration: flown time of the mission, s; None: the whole mission.
         progress: called with the steps done, all steps, and a text.
 
     Raises:

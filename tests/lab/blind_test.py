@@ -27,7 +27,7 @@ from lab import measured
 from lab.result import RESULTS, append, held_out_gap, load, put_in_order, truth_fields, verdict_fields
 from lab.sets import Maker, Task, truth_of
 
-_FIRST = 8  # if none of this number of first sets can be made, the test ends with an error
+_FIRST = 8  # number of first sets: if none of them can be made, the test ends with an error
 
 
 @dataclass(frozen=True)
@@ -60,9 +60,9 @@ class _Ran:
 
 
 def run(tasks: Sequence[Task], out: Path, *, work: Work, workers: Workers, progress: Progress) -> list[dict[str, Any]]:
-    """Runs the sets without a result in OUT/results.jsonl, or with an error there, and returns all results.
+    """Runs the sets that have no result or an error in OUT/results.jsonl, and returns all results.
 
-    A result is appended as soon as it is there. At the end the results of `tasks` are last, in the order of `tasks`.
+    Each result is appended at once. At the end the results of `tasks` stand last, in the order of `tasks`.
 
     Args:
         workers: the workers that run the sets.
@@ -94,7 +94,7 @@ def _key(result: Mapping[str, Any]) -> tuple[str, str, int]:
 
 
 def _run_asked(asked: _Asked) -> _Ran:
-    """Makes a set if it does not exist yet, and runs discovery on it. It is called on the worker."""
+    """Makes a set if it does not exist yet, and runs discovery on it. Runs on the worker."""
     task, work, unmade = asked.task, asked.work, None
     if work.maker is not None:
         shared(work.maker.tests)
@@ -116,7 +116,7 @@ def _run_asked(asked: _Asked) -> _Ran:
 def run_one(task: Task, folder: Path, further: Path, maker: Maker | None, jobs: int) -> dict[str, Any]:
     """Returns the result of one set: truth, verdict, and the verdict after the next experiment.
 
-    An exception becomes the `error` of the result, so that it does not end the benchmark.
+    An exception becomes the `error` of the result, and does not end the benchmark.
     """
     result: dict[str, Any] = {
         "name": task.name,

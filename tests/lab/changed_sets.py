@@ -1,8 +1,8 @@
 """How often `changed` is right: on pairs of an engine's recordings, labelled real pairs, and halves of logs.
 
-A pair of an engine is one vehicle driven twice, with different voltages and noise. One recording has an effect, or
-neither has one. Right answers are of three kinds, by their mechanisms: only the right one, the right one with an extra
-name, and the right one among rivals.
+A pair of an engine is one vehicle driven twice, with different voltages and noise. One of the two recordings has an
+effect, or neither has. A right answer names only the right mechanism, the right mechanism with an extra name, or the
+right mechanism among rivals.
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ class Pair:
 
     Attributes:
         effect: the effect in which the recordings differ; None: they do not differ.
-        size: the effect's size over its clearly visible size.
-        gone: True: only the first recording has the effect; False: only the second.
+        size: ratio of the effect's size to its clearly visible size.
+        gone: True: only the first recording has the effect; False: only the second recording has it.
         index: number of the pair in its suite.
     """
 
@@ -93,7 +93,7 @@ class Pair:
 
 
 def pairs(engine: Engine, size: float, nulls: int, seed_offset: int) -> Iterator[Pair]:
-    """Yields two pairs for each effect of the library, with the effect new and gone, and pairs without a difference."""
+    """Yields two pairs for each effect of the library, one new and one gone, and pairs without a difference."""
     for index, effect in enumerate(effects.LIBRARY):
         for gone in (False, True):
             yield Pair(engine, effect, size, gone, index, seed_offset)
@@ -194,7 +194,7 @@ def _change(one: Mapping[str, Any]) -> str:
 
 
 def chosen(asked: Sequence[Pair], limit: int | None) -> Sequence[Pair]:
-    """Returns the first `limit` pairs with an effect and without one; None: all pairs."""
+    """Returns the first `limit` pairs with an effect, and as many without an effect; None: all pairs."""
     if limit is None:
         return asked
     with_effect = [one for one in asked if one.effect]

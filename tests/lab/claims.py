@@ -42,11 +42,11 @@ class Claim:
 
     Attributes:
         what: the claim in words.
-        value: a share if `unit` is "%", else a figure in `unit`; None if there are no sets.
+        value: a share if `unit` is "%", otherwise a figure in `unit`; None without sets.
         of: the number of sets or parameters that count.
         interval: the 95 % interval of a share.
         wanted: the required range, (lowest, highest); None: nothing is required.
-        least: least number of sets; with fewer, `holds` is None.
+        least: least number of sets; with fewer sets, `holds` is None.
     """
 
     what: str

@@ -1,8 +1,9 @@
 """The control law on a brick's processor: the firmware's arithmetic compared with Q16.16 and software floating point.
 
 The law of `tests/peers` is line of sight, two PIDs and the mixer. Every program gets the same steps of a recorded
-mission, and must give the firmware's voltages within `BOUNDS_V`, so that all do the same work. The Q16.16 arithmetic is
-our own, similar to libfixmath. Floating point is that of avr-libc on the AVR, and that of brickOS on the RCX.
+mission, and must give the firmware's voltages within `BOUNDS_V`, so that all programs do the same work. The Q16.16
+arithmetic is our own, similar to libfixmath. Floating point comes from avr-libc on the AVR, and from brickOS on the
+RCX.
 """
 
 from __future__ import annotations
@@ -31,10 +32,10 @@ from lab import rcx_budget
 Array = NDArray[np.float64]
 
 STEPS = 500
-"""Number of compared mission steps: their tables and the largest program fit into an ATmega328P's flash."""
+"""Number of compared mission steps: the steps' tables and the largest program fit into an ATmega328P's flash."""
 
 BOUNDS_V = {"typical": 0.005, "most": 0.05}
-"""V: largest median and largest maximum of the difference from the firmware's motor voltages. The firmware computes
+"""Largest allowed median and maximum, V, of the difference from the firmware's motor voltages. The firmware computes
 braking from a distance in whole mm; near a waypoint 1 mm is 0.03 V."""
 
 ARITHMETICS = {
@@ -131,7 +132,7 @@ def figures_here() -> tuple[dict[str, LawFigure], list[str]]:
 
 
 def figures(brick: str, costs: Mapping[str, LawCost]) -> dict[str, LawFigure]:
-    """Returns the comparison of the firmware's arithmetic with each other one, as figures of `brickpilot bench`."""
+    """Returns the comparisons of the firmware's arithmetic with the others, as figures of `brickpilot bench`."""
     ours = costs["ours"]
     value = float(np.median(ours.cycles))
     return {

@@ -37,7 +37,7 @@ def drawn(count: int, seed: int) -> list[str]:
 
 
 def data_of(effect: str, folder: Path, sensors: str, seed: int) -> Path:
-    """Returns the data set of a flight with an effect; if it does not exist yet, flies the flight."""
+    """Returns the data set of a flight with an effect; flies the flight if its data set does not exist yet."""
     made = folder / "data"
     if not made.is_dir():
         folder.mkdir(parents=True, exist_ok=True)
@@ -69,7 +69,7 @@ def answer(effect: str, folder: Path, jobs: int) -> dict[str, Any]:
 
 
 def change(effect: str, folder: Path, before: Path, jobs: int) -> dict[str, Any]:
-    """Returns the answer of `changed` from the flight `before` to this one, scored by mechanism as in `answer`."""
+    """Returns the answer of `changed` from the flight `before` to this flight, scored by mechanism as in `answer`."""
     began = time.perf_counter()
     found = bp.changed(before, folder / "data", jobs=jobs)
     (verdict,) = found.verdicts.values()

@@ -105,7 +105,7 @@ def _times(results: Sequence[Result]) -> Iterator[Claim]:
 def median(what: str, values: Sequence[float], unit: str, wanted: Wanted | None = None) -> Claim:
     """Returns a claim on the median. Its 95 % interval comes from order statistics, so it assumes no distribution.
 
-    Fewer than six values have no such interval.
+    Fewer than six values give no such interval.
     """
     ordered, count = sorted(values), len(values)
     rank = int(binom.ppf(0.025, count, 0.5))

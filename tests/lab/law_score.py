@@ -1,7 +1,8 @@
 """The score of one result of a quick suite: by mechanism, law, name, nominal value and place (see result.py).
 
-For every hidden effect, a quick suite states its law: of the library ("same"), another law of a mechanism that the
-library knows ("other"), or outside the library ("odd"). It also states the regions in which the effect is visible.
+For every hidden effect, a quick suite states its law: a law of the library ("same"), another law of a mechanism that
+the library knows ("other"), or a law outside the library ("odd"). The suite also states the regions in which the effect
+is visible.
 """
 
 from __future__ import annotations
@@ -19,14 +20,14 @@ from lab.score import Result, explanations, named
 GROUPS = ("same", "other", "outside", "nulls", "nominal", "scales")
 
 ADEQUATE = 1.1
-"""Held-out residual over the noise floor: up to this value, the data cannot separate a law from the true law."""
+"""Ratio of held-out residual to noise floor up to which the data cannot separate a law from the true law."""
 
-_GRID_S = 0.01  # places are compared on a grid of this step
+_GRID_S = 0.01  # step of the grid on which places are compared
 
 
 @dataclass(frozen=True)
 class Overlap:
-    """Seconds of signals in which the verdict places the effect (said), the truth places it (known), or both do."""
+    """Seconds of signals in which the verdict (said), the truth (known), or both place the effect."""
 
     said: float
     known: float
@@ -43,7 +44,7 @@ def _laws(result: Result) -> Sequence[Mapping[str, Any]]:
 
 
 def true_mechanisms(result: Result) -> frozenset[str]:
-    """Returns the right mechanisms; for laws of the library they are those of the catalogue."""
+    """Returns the right mechanisms; for laws of the library, the mechanisms of the catalogue."""
     right: set[str] = set()
     for law in _laws(result):
         right |= set(law["mechanisms"] or (catalogue.effect(name).mechanism for name in law["names"]))
@@ -51,7 +52,7 @@ def true_mechanisms(result: Result) -> frozenset[str]:
 
 
 def true_names(result: Result) -> frozenset[str]:
-    """Returns the right names; an odd law has none."""
+    """Returns the right names; an odd law has no right name."""
     return frozenset(name for law in _laws(result) for name in law["names"])
 
 
@@ -75,12 +76,12 @@ def said_mechanism(result: Result) -> str | None:
 
 
 def mechanism_right(result: Result) -> bool:
-    """Returns whether the verdict states that something is missing, with a right mechanism."""
+    """Returns whether the verdict says that something is missing and gives a right mechanism."""
     return said_mechanism(result) in true_mechanisms(result)
 
 
 def name_right(result: Result) -> bool:
-    """Returns whether the first name, claimed or suspected, is right or of a right name's family."""
+    """Returns whether the first name, claimed or suspected, is a right name or belongs to the family of one."""
     names = [] if result.get("error") else first_names(result)[:1]
     right = true_names(result)
     return bool(right) and bool(names) and _is_called(names[0], right)
@@ -89,9 +90,9 @@ def name_right(result: Result) -> bool:
 def law_right(result: Result) -> bool:
     """Returns whether the verdict is right about the law.
 
-    A law of the library is right if its name, or one of its family, is claimed alone or among rivals, and the verdict
-    does not state that the law differs. For another law, the verdict has to be `unknown` with the right mechanism, or
-    to claim a right name and state that its law differs. Without that statement, the residual on held-out runs has to
+    For a law of the library, its name or a name of its family has to be claimed, alone or among rivals, and the verdict
+    must not state that the law differs. For another law, the verdict has to be `unknown` with the right mechanism, or
+    to claim a right name and state that its law differs. Without this statement, the residual on held-out runs has to
     be noise, so that the data cannot separate both laws.
     """
     if result.get("error"):
@@ -113,7 +114,7 @@ def law_right(result: Result) -> bool:
 
 
 def false_names(result: Result) -> list[str]:
-    """Returns the names that are claimed as certain but are neither right nor of a right name's family."""
+    """Returns the names claimed as certain that are neither right nor of the same family as a right name."""
     if result.get("error") or result["verdict"] != "named":
         return []
     right = true_names(result) | set(result.get("called", ()))
@@ -121,15 +122,15 @@ def false_names(result: Result) -> list[str]:
 
 
 def nominal_found(result: Result) -> bool:
-    """Returns whether a wrong nominal value is reported: one such value leaves its prior, or its effect is claimed or
-    suspected."""
+    """Returns whether a wrong nominal value is reported: such a value leaves its prior, or an effect that stands for it
+    is claimed or suspected."""
     wrong = set(result["wrong"])
     told = {name for one in explanations(result) for name in one} | set(first_names(result))
     return not result.get("error") and bool(wrong & set(result["left_prior"]) or told & set(result["called"]))
 
 
 def overlap(result: Result) -> Overlap:
-    """Returns for how many seconds, summed over signals, the places of the verdict overlap the known regions."""
+    """Returns the seconds, summed over signals, in which the places of the verdict overlap the known regions."""
     said, known = (_by_signal(result[key]) for key in ("where", "regions"))
     empty = np.zeros(0, dtype=bool)
     both = 0
@@ -141,7 +142,7 @@ def overlap(result: Result) -> Overlap:
 
 
 def _by_signal(spans: Sequence[Mapping[str, Any]]) -> dict[tuple[str, str], NDArray[np.bool_]]:
-    """Returns (run, signal) -> for each step of the grid, whether it is in a span."""
+    """Returns (run, signal) -> whether each step of the grid is in a span."""
     found: dict[tuple[str, str], NDArray[np.bool_]] = {}
     for span in spans:
         key = (str(span["run"]), str(span["signal"]))
@@ -155,7 +156,7 @@ def _by_signal(spans: Sequence[Mapping[str, Any]]) -> dict[tuple[str, str], NDAr
 
 
 def condition_share(result: Result) -> tuple[float, int]:
-    """Returns how many of the places that overlap a known region state its condition, and how many overlap one."""
+    """Returns the number of places that overlap a region and state its condition, and of all that overlap one."""
     right = counted = 0
     for place in result["where"]:
         near = [one for one in result["regions"] if (one["run"], one["signal"]) == (place["run"], place["signal"])]

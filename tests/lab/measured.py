@@ -1,4 +1,4 @@
-"""The state of the checkout at which a result was measured. Each result keeps it, and each table states it."""
+"""The state of the checkout at which a result was measured. Each result and each table gives this state."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def state() -> str:
 
 
 def told(states: Iterable[str | None], what: str) -> str:
-    """Returns the states at which results were measured, the most frequent first; `what`: the plural of a result."""
+    """Returns the states at which results were measured, the most frequent first. `what`: word for several results."""
     counted = Counter(one or UNKNOWN for one in states)
     found = [one if len(counted) == 1 else f"{one} ({number} {what})" for one, number in counted.most_common()]
     return f"measured at {', '.join(found)}" if found else f"no {what}"

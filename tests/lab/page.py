@@ -26,7 +26,7 @@ _HOLDS: dict[bool | None, tuple[str, Colour]] = {
     False: ("not met", "orange"),
     None: ("nothing asked, or too few sets", "grey"),
 }
-_LEAST = 0.0  # percent: the lower end of a chart; smaller values are drawn there
+_LEAST = 0.0  # lower end of a chart, percent; smaller values are drawn at this end
 
 
 def hidden_page(content: Mapping[str, Any]) -> str:
@@ -44,7 +44,7 @@ def hidden_page(content: Mapping[str, Any]) -> str:
 
 
 def _claims_chart(title: str, claims: Sequence[Mapping[str, Any]]) -> Markup | None:
-    """Draws the claims whose value is a percentage, with their row numbers in the table; None: there is none."""
+    """Draws the claims whose value is a percentage, with their row numbers in the table; None: no such claim."""
     shares = [(number, one) for number, one in enumerate(claims, 1) if one["unit"] == "%" and one["value"] is not None]
     if not shares:
         return None
@@ -104,7 +104,7 @@ def _overview(logs: Sequence[Mapping[str, Any]], peer: str) -> Markup:
     """Draws a row for each log: the fits of the nominal model, one peer and discovery, and the attainable fit."""
     columns: dict[str, Colour] = {"nominal": "grey", peer: "orange", "discover": "blue"}
     limit: dict[str, tuple[Colour, list[float | None]]] = {
-        "attainable": ("green", [_place(one["attainable"]) for one in logs])  # drawn first: another mark may cover it
+        "attainable": ("green", [_place(one["attainable"]) for one in logs])  # drawn first, so other marks may cover it
     }
     curves = limit | {
         name: (colour, [_place(one["models"][name][one["role"]]) for one in logs]) for name, colour in columns.items()
@@ -120,7 +120,7 @@ def _overview(logs: Sequence[Mapping[str, Any]], peer: str) -> Markup:
 
 
 def _models_chart(log: Mapping[str, Any]) -> Markup:
-    """Draws a row for each model of one log: its fit on the fit runs and, if there are any, on held-out runs."""
+    """Draws a row for each model of one log: its fit on the fit runs and, if some runs are held out, on these."""
     models, role = log["models"], log["role"]
     curves: dict[str, tuple[Colour, list[float | None]]] = {
         "fit runs": ("grey", [_place(one["fit"]) for one in models.values()])

@@ -1,13 +1,13 @@
-"""What a control step of the firmware costs on the RCX's processor, and the kernel's share of its time.
+"""The cost of a control step of the firmware on the RCX's processor, and the kernel's share of processor time.
 
 A mission is flown in lockstep on the simulator of the instruction set, and the instructions are counted. A step is one
 call of `loop_tick`: it reads sensors, drives motors and sends telemetry. The HAL is counted separately: on the
-simulator it is the link to the host, on a brick it consists of drivers.
+simulator it is the link to the host, on a brick it is drivers.
 
 To measure the share of kernel and interrupts, and the timing of control steps, the image flies the mission in a
 simulated brick, in which every instruction and every interrupt takes its real time.
 
-States are clock cycles. On-chip memory needs 2 states for a byte or a word. On the 8-bit external bus a byte needs 3
+A state is a clock cycle. On-chip memory needs 2 states for a byte or a word. On the 8-bit external bus a byte needs 3
 states and a word 6, without wait states. On the RCX, brickOS and programs are in external RAM; `EXTERNAL` assumes
 external RAM for code, data and stack.
 """
@@ -63,7 +63,7 @@ class Memory:
         return (cost.code + cost.words) * self.word + cost.data_bytes * self.byte + cost.own
 
     def by_first_byte(self) -> NDArray[np.int64]:
-        """Returns (256,): states of an instruction by its first byte; -1: no instruction, or no fixed sum."""
+        """Returns (256,): states of an instruction by its first byte; -1: no instruction, or not fixed."""
         return np.array([self.states(COSTS[first]) if first in COSTS else -1 for first in range(256)], dtype=np.int64)
 
 
@@ -72,12 +72,12 @@ ON_CHIP = Memory(word=2, byte=2)
 MEMORIES = {"external": EXTERNAL, "on_chip": ON_CHIP}
 
 _CHUNK = 1 << 22
-"""Number of instructions of a trace that are read at a time."""
+"""Number of instructions of a trace that are read at once."""
 
 
 @dataclass(frozen=True)
 class Counts:
-    """Counts of each step, shape (steps,): instructions, and states with everything in one memory (`MEMORIES`)."""
+    """Counts of each step, shape (steps,): instructions, and states if one memory of `MEMORIES` holds everything."""
 
     instructions: NDArray[np.int64]
     states: dict[str, NDArray[np.int64]]
@@ -142,7 +142,7 @@ class Program:
 
 
 class Counter:
-    """Counts the steps in a trace that comes in pieces of any size. ``stack``: as in `Budget`."""
+    """Counts the steps in a trace that arrives in pieces of any size. ``stack``: as in `Budget`."""
 
     def __init__(self, program: Program) -> None:
         self._program = program
@@ -217,7 +217,7 @@ class Counter:
 def end_of_call(stack_pointer: NDArray[np.uint16], entry: int) -> int | None:
     """Returns the index of the first instruction after the function entered at `entry`.
 
-    There, the function's return address is no longer on the stack.
+    At this instruction, the function's return address is no longer on the stack.
     """
     for first in range(entry, len(stack_pointer), 1 << 14):
         popped = np.flatnonzero(stack_pointer[first : first + (1 << 14)] > stack_pointer[entry])
@@ -229,13 +229,13 @@ def end_of_call(stack_pointer: NDArray[np.uint16], entry: int) -> int | None:
 def mission(
     target: str, profile: str, sensors: str, duration: float | None, progress: Callable[[int, int, str], None]
 ) -> Budget:
-    """Flies the packaged mission on the simulator and counts what its steps cost.
+    """Flies the packaged mission on the simulator and counts the cost of its steps.
 
     Args:
         target: one of `ends.H8SIM_TARGETS`.
         profile: ``coupled`` or ``paper``.
         sensors: as in `brickpilot run`.
-        duration: s of the mission; None: all of it.
+        duration: flown time of the mission, s; None: the whole mission.
         progress: called with the steps done, all steps, and a text.
 
     Raises:
@@ -313,7 +313,7 @@ SERIAL = ("ERI", "RXI", "TXI", "TEI")
 
 @dataclass(frozen=True)
 class Share:
-    """The time of one kind: its share of all time, 0..1, its interrupts per s, and the mean states of an interrupt."""
+    """The time of one kind: its share of all time, 0..1, its interrupts per s, and the mean states of each."""
 
     share: float
     per_s: float

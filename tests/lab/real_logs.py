@@ -33,11 +33,11 @@ _KINDS = ("table", "matlab", "wpilib")
 
 @dataclass(frozen=True)
 class HiddenTest:
-    """A benchmark's own protocol: `run` is used in no fit; the error of `signal` counts after `skip` samples.
+    """A benchmark's own protocol: no fit uses `run`; the error of `signal` counts after `skip` samples.
 
     Attributes:
         unit: the unit of the benchmark's error; one SI unit of the signal is `scale` such units.
-        published: published errors of others, in words.
+        published: published errors of other authors, in words.
     """
 
     run: str
@@ -54,7 +54,7 @@ class RealLog:
     """One public log: its source, the import options, and the known facts of its machine.
 
     Attributes:
-        repository: "owner/name"; empty: the user has the log as a data set.
+        repository: "owner/name"; empty: no public clone, the user has the log as a data set.
         files: groups of paths or patterns; the columns of a group's files are joined.
         mapping: ``SIGNAL=SOURCE[:UNIT]``, as for the importers.
         nominal: `[nominal]` of the data set.
@@ -129,7 +129,7 @@ def clone_of(log: RealLog, fetched: Path) -> Path | None:
 
 
 def build(log: RealLog, fetched: Path, out: Path) -> Path | None:
-    """Makes the data set of a log in the new folder `out` and returns `out`; None: there is no clone of its repository.
+    """Makes the data set of a log in the new folder `out` and returns `out`; None: its repository has no clone.
 
     Raises:
         InputError: a file of the log is missing or damaged.
@@ -179,7 +179,7 @@ def _imported(log: RealLog, groups: Sequence[tuple[Path, ...]], raw: Path) -> No
 
 
 def _plain(log: RealLog, group: Sequence[Path], out: Path) -> Path:
-    """Writes a table without comments: the joined columns of a group's files, and a time column if `step_s` is set."""
+    """Writes a table without comments: the joined columns of a group's files, with a time column if `step_s` is set."""
     columns = [_lines(path, log.comment) for path in group]
     rows = [log.delimiter.join(cells) for cells in zip_longest(*columns, fillvalue="")]
     if log.step_s:

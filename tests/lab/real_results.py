@@ -14,10 +14,10 @@ KEPT = Path(__file__).with_name("real_results.json")
 
 
 def load(path: Path) -> dict[str, dict[str, Any]]:
-    """Returns the results by data set. If the file does not exist, there are none.
+    """Returns the results by data set; empty if the file does not exist.
 
     Raises:
-        InputError: the file is not what `save` writes.
+        InputError: `save` did not write the file.
     """
     if not path.exists():
         return {}

@@ -91,13 +91,13 @@ def run(
     workers: Workers,
     progress: Progress,
 ) -> None:
-    """Runs data sets, and puts each result into `kept` and into the file `path` as soon as it is there.
+    """Runs data sets, and puts each result into `kept` and into the file `path` as soon as the result is there.
 
     Args:
         known: what is known of the logs, by name.
         kept: the last results by name.
-        workers: the workers that run the data sets. In this process each set shows its own progress; otherwise the
-            number of finished sets is shown.
+        workers: the workers that run the data sets. If they run in this process, each set shows its own progress;
+            otherwise `progress` shows the number of finished sets.
         progress: called with (done, all, text).
 
     Raises:
@@ -133,7 +133,7 @@ def run_log(
 
     Args:
         known: what is known of the logs, by name.
-        kept: the last results by name; the parts that `work` leaves out are taken from this data set's last result.
+        kept: the last results by name; parts that `work` leaves out come from this data set's last result.
     """
     data = reading.read(folder)
     before = kept.get(data.name, {})
@@ -164,7 +164,7 @@ def run_log(
 
 
 def _discovered(data: Dataset, roles: Roles, work: Work, progress: Progress) -> tuple[dict[str, Any], Roles | None]:
-    """Returns the answer of discovery to a data set with the fits of its models, and the roles that it used."""
+    """Returns discovery's answer to a data set with the fits of its models, and the roles that discovery used."""
     began = time.perf_counter()
     try:
         found = _found(data, work, _named(data.name, progress))
@@ -211,7 +211,7 @@ def _written(model: Model) -> Model:
 
 
 def _free_runs(data: Dataset, model: Model, only: Collection[str] | None = None) -> Predictions:
-    """Returns free runs from the same initial states as in `compare`, so that both give the same figures."""
+    """Returns free runs from the same initial states as in `compare`, so that `compare` gives the same figures."""
     found: Predictions = Replay(comparable(data).started).simulate([model], only=only)[0]
     return found
 

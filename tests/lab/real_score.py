@@ -1,4 +1,4 @@
-"""The free-run fit of a model to measured runs, in percent; discovery and all peers have the same definition."""
+"""The free-run fit of a model to measured runs, in percent, with one definition for discovery and all peers."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ Predictions = Mapping[str, Mapping[str, Array]]
 """Run -> signal -> (n,) values at the run's own times."""
 
 WORST = -999.0
-"""Percent: this value stands for a lower fit, and for the fit of a model that diverged."""
+"""Least stated fit, percent; it also stands for the fit of a model that diverged."""
 
 ROLES = ("fit", "held_out")
 
 FIGURE = "share of the signal"
-"""The kind of a result's figures; results without this entry were scored about the signal's mean."""
+"""The kind of a result's figures. Results without this entry have fits about the signal's mean."""
 
-_DIVERGED = 1e200  # SI: squares of larger values overflow
+_DIVERGED = 1e200  # largest value, SI: squares of larger values overflow
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ def _agreement(signal: str, measured: Array, predicted: Array | None, noise: flo
 
 
 def _known(signal: str, measured: Array, predicted: Array | None) -> tuple[Array, Array]:
-    """Returns the known samples of a run and their predictions, NaN where there is none."""
+    """Returns the known samples of a run and their predictions; NaN without a prediction."""
     known = np.isfinite(measured)
     values = measured[known]
     simulated = np.full_like(values, np.nan) if predicted is None else predicted[known]

@@ -37,7 +37,7 @@ def lines(results: Mapping[str, Result], known: Mapping[str, RealLog]) -> Iterat
 
 
 def ordered(results: Mapping[str, Result], known: Mapping[str, RealLog]) -> list[Result]:
-    """Returns the results of the known logs in their order, then the others by name."""
+    """Returns the results of the known logs in their order, then the results of other logs by name."""
     names = [*(name for name in known if name in results), *(name for name in sorted(results) if name not in known)]
     return [results[name] for name in names]
 
@@ -100,7 +100,7 @@ def fit_cells(one: Result) -> list[str]:
 
 
 def _both(entry: Mapping[str, Any] | None) -> str:
-    """Returns the fit percent of held-out runs, and in brackets that of fit runs."""
+    """Returns the fit percent of held-out runs, and in brackets the fit percent of fit runs."""
     if entry is None or "missing" in entry:
         return "-"
     if "error" in entry:
@@ -185,7 +185,7 @@ def _roles(results: Sequence[Result]) -> str:
 
 
 def _wins(results: Sequence[Result], peers: Sequence[str], model: str) -> str:
-    """Returns on how many logs a model of discovery is better than these peers, of the logs with both."""
+    """Returns the number of logs on which a model of discovery is better than these peers, of all logs with both."""
     both = []
     for one in results:
         role = judged_on(one)

@@ -25,7 +25,7 @@ _SIZE = re.compile(r"-x([0-9.]+)-")
 
 
 def load(path: Path) -> list[dict[str, Any]]:
-    """Returns the results of a file, the last one of each set. An incomplete last line is left out.
+    """Returns the last result of each set in a file. An incomplete last line is left out.
 
     Raises:
         InputError: the file does not exist, or a line is not a result.
@@ -45,7 +45,7 @@ def load(path: Path) -> list[dict[str, Any]]:
 
 
 def append(path: Path, result: Mapping[str, Any]) -> None:
-    """Appends one line in a single write, so that it is never incomplete. An incomplete last line is removed first."""
+    """Appends a line in a single write, so it is never incomplete. An older incomplete line is removed first."""
     path.parent.mkdir(parents=True, exist_ok=True)
     line = _line(result).encode()
     handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
@@ -60,7 +60,7 @@ def append(path: Path, result: Mapping[str, Any]) -> None:
 
 
 def put_in_order(path: Path, keys: Sequence[tuple[str, str, int]]) -> list[dict[str, Any]]:
-    """Returns the results of a file, with those of `keys` last and in this order; writes the file if the order changes.
+    """Returns the results of a file, the results of `keys` last, in this order; writes the file if the order changes.
 
     Args:
         keys: engine, name and seed of results, in the wanted order.
@@ -174,9 +174,9 @@ def _interval(ci95: Sequence[float] | None) -> list[float] | None:
 def held_out_gap(found: Finding) -> dict[str, Any]:
     """Returns the gap on the held-out runs: the rms over all samples of (measured - simulated) / noise floor.
 
-    The floor is the stated noise of the data set, with the converter's step, so that it does not depend on discovery's
-    estimate. If the data set states no noise, the floor is this estimate. `removed` is the share of the mean square
-    above the floor that the augmented model removes.
+    The floor is the stated noise of the data set with the converter's step, so it does not depend on discovery's
+    estimate of the noise. If the data set states no noise, the floor is discovery's estimate. `removed` is the share of
+    the mean square above the floor that the augmented model removes.
     """
     stated = {
         name: float(np.hypot(one.noise_sd, (one.resolution or 0.0) / 12**0.5))

@@ -1,9 +1,10 @@
-"""How time grows with the amount of work (runs, samples, candidates), and the gain by more workers.
+"""The growth of time with the amount of work (runs, samples, candidates), and the gain by more workers.
 
-Times of one process are processor times, because other programs on the machine hardly change them. The fixed cost of a
-call, such as loading and checking, is measured at a very small size. This cost is subtracted from each time and this
-size from each size, so the exponent describes only the rest. The time of a campaign's flights is the processor time of
-its worker and of this process. The gain by more workers is measured in wall time, from the first result to the last.
+Times of one process are processor times, because other programs on the machine hardly change these. The fixed cost of a
+call, such as loading and checking, is measured at a very small size. This cost is subtracted from each time, and the
+small size from each size, so the exponent describes only the growing part. The time of a campaign's flights is the
+processor time of its worker and of this process. The gain by more workers is measured in wall time, from the first
+result to the last.
 """
 
 from __future__ import annotations
@@ -69,7 +70,7 @@ class Sweep:
 
 @dataclass(frozen=True)
 class Measured:
-    """The processor times of a sweep, s: ``seconds`` are (sizes, repeats), less ``fixed_s``, the time of ``least``."""
+    """The processor times of a sweep, s: ``seconds`` (sizes, repeats) minus ``fixed_s``, the time of ``least``."""
 
     name: str
     what: str
@@ -86,12 +87,12 @@ class Measured:
 
     @property
     def times_work(self) -> float:
-        """The largest amount of work over the smallest, both beyond `least`."""
+        """Ratio of the largest to the smallest amount of work, each minus `least`."""
         return (self.sizes[-1] - self.least) / (self.sizes[0] - self.least)
 
     @property
     def times_as_long(self) -> float:
-        """The time of the largest amount of work over the time of the smallest."""
+        """Ratio of the time of the largest amount of work to the time of the smallest."""
         return min(self.seconds[-1]) / min(self.seconds[0])
 
 
@@ -106,7 +107,7 @@ class Crowd:
 
     @property
     def gains(self) -> list[float]:
-        """Flights per second over those with one worker, for each number of workers."""
+        """Ratio of the flights per second to those with one worker, for each number of workers."""
         best = [max(rates) for rates in self.flights_per_s]
         return [rate / best[0] for rate in best]
 
@@ -258,7 +259,7 @@ def _on_recording(function: Callable[[Dataset], object]) -> Work:
 
 
 def _screening(samples: int, times: int | None = None) -> Callable[[], object]:
-    """Screens all effects as additions to the calibrated model; `times`: number of candidates (the list repeats)."""
+    """Screens all effects as additions to the calibrated model; `times`: number of candidates, repeated ones too."""
     prepared, _ = prepare.prepare(recording(samples), None, seed=0, jobs=1)
     prepared, nominal = prepare.calibrate(prepared)
     here = Problem(prepared.coarse, nominal.plan).keeping(nominal.point, len(nominal.point))
@@ -293,7 +294,7 @@ class _Flown:
 
 
 def _fly(count: int, jobs: int) -> _Flown:
-    """Flies `count` flights after the first one. The processor time is right with one worker."""
+    """Flies `count` flights after the first one. The processor time is correct only with one worker."""
     moments: list[tuple[float, float]] = []
 
     def keep(_: engine.Part, worker_s: float) -> None:
@@ -351,10 +352,10 @@ def as_dict(found: Scaling) -> dict[str, Any]:
 
 
 LINEAR = 0.1
-"""Growth is called linear if the exponent's 95 % interval lies within 1 +- `LINEAR`, ..."""
+"""Growth is called linear if the exponent's 95 % interval lies within 1 +- `LINEAR`, or as `NARROW` states."""
 
 NARROW = 0.3
-"""... or contains 1 and is at most 2 `NARROW` wide: so it excludes the exponents 0.5 and 2."""
+"""Growth is also linear if the interval contains 1 and is at most 2 `NARROW` wide, so that it excludes 0.5 and 2."""
 
 
 @dataclass(frozen=True)
@@ -381,10 +382,10 @@ def fit(sizes: Sequence[float], seconds: Sequence[Sequence[float]]) -> PowerLaw:
     """Fits a power law to the smallest time of each size.
 
     The smallest time is the least disturbed by other programs. The interval comes from the scatter of the points about
-    the line (Student's t), so that it includes errors that repeats of one size do not show.
+    the line (Student's t). So it includes errors that repeats of one size do not show.
 
     Args:
-        sizes: three or more, above 0.
+        sizes: three or more sizes above 0.
         seconds: the times of each size, above 0.
     """
     x, y = np.log(sizes), np.log([min(times) for times in seconds])

@@ -14,10 +14,10 @@ from typing import Any
 Result = Mapping[str, Any]
 
 VISIBLE = 5.0
-"""Noise sd: an effect is clearly visible if it changes some signal by at least this rms."""
+"""Least rms change of some signal, noise sd, by a clearly visible effect."""
 
 AMONG = {"imu+encoders": 3, "imu": 4}
-"""Sensors -> the largest number of names in an `ambiguous` verdict, for each hidden effect."""
+"""Sensors -> the largest number of names per hidden effect in an `ambiguous` verdict."""
 AMBIGUOUS_CREDIT = {"imu+encoders": 0.5, "imu": 1.0}
 """Sensors -> the credit of an `ambiguous` verdict."""
 REMOVED = 0.8
@@ -29,7 +29,7 @@ _FULL_TURN = 2 * math.pi
 
 @dataclass(frozen=True)
 class Share:
-    """`hits` (halves are possible) out of `of`, with the 95 % interval of Wilson 1927. Without sets both are None."""
+    """`hits` (halves are possible) out of `of`; value and Wilson's 95 % interval (1927) are None without sets."""
 
     hits: float
     of: int
@@ -49,7 +49,7 @@ class Share:
 
 
 def kind(result: Result) -> str:
-    """Returns "none", "single", "pairs", "triples" or "odd" by what is hidden; "unmade" if there is no set."""
+    """Returns "none", "single", "pairs", "triples" or "odd" by the hidden effects; "unmade" if no set was made."""
     hidden = result["hidden"]
     if hidden is None:
         return "unmade"
@@ -79,12 +79,12 @@ def any_named(result: Result) -> bool:
 
 
 def named(result: Result) -> list[str]:
-    """Returns the effects of the best explanation; none if the verdict names none."""
+    """Returns the effects of the best explanation; empty if the verdict names no effect."""
     return [effect["name"] for effect in result.get("effects", ())]
 
 
 def explanations(result: Result) -> list[frozenset[str]]:
-    """Returns all explanations that the verdict leaves open, the best first: the names of their effects."""
+    """Returns the effect names of each explanation that the verdict leaves open, the best explanation first."""
     best = frozenset(named(result))
     others = [other["name"] for effect in result.get("effects", ()) for other in effect["equivalents"]]
     return [best, *(frozenset(other.split(" + ")) for other in others)] if best else []
@@ -99,9 +99,9 @@ def found(result: Result) -> frozenset[str]:
 def credit(result: Result) -> float:
     """Returns the credit of a set with hidden effects, 0 to 1.
 
-    `named` counts 1 if the true name comes first or, with several effects, if all are among the names. `ambiguous`
-    counts `AMBIGUOUS_CREDIT` if one explanation contains all hidden effects, and all explanations together have at most
-    `AMONG` names for each hidden effect.
+    `named` counts 1 if the true name comes first or, with several effects, if all true names are among the names.
+    `ambiguous` counts `AMBIGUOUS_CREDIT` if one explanation contains all hidden effects, and all explanations together
+    have at most `AMONG` names for each hidden effect.
     """
     truth = set(result["hidden"])
     if result.get("error") or not truth:
@@ -142,7 +142,7 @@ def parameter_errors(results: Iterable[Result], *, main: bool) -> list[float]:
     A true value of zero has no relative error and is left out. The error of an angle is divided by pi.
 
     Args:
-        main: only the first parameter that an effect lists, which is its size.
+        main: whether to use only the first parameter that an effect lists, which is its size.
     """
     errors = []
     for effect, truth in _rightly_named(results):

@@ -45,7 +45,7 @@ class Task:
 
 
 class Maker:
-    """Runs `tests/hidden` in separate processes, because it must share nothing with the program under test."""
+    """Runs `tests/hidden` in separate processes, because `tests/hidden` must share nothing with the tested program."""
 
     tests = Path(__file__).parents[1]
 
@@ -80,7 +80,7 @@ class Maker:
         """Returns the stdout of ``python -m MODULE ARGUMENTS``.
 
         Raises:
-            SimulationError: it failed; the message contains the last line of its stderr.
+            SimulationError: the module failed; the message contains the last line of its stderr.
         """
         path = os.pathsep.join(filter(None, [str(self.tests), os.environ.get("PYTHONPATH")]))
         environment = {**os.environ, "PYTHONPATH": path, "OPENBLAS_NUM_THREADS": "1"}

@@ -27,7 +27,7 @@ FAULTS = (
 )  # fmt: skip
 FIRST = (steps("straight", 6.0, (0.5, 5.5, 5.5), (5.0, 0, 0)),)
 SECOND = (steps("curve", 6.0, (0.5, 4.2, 2.4), (5.0, 0, 0)),)
-SIZE = 2.0  # size of a fault over its clearly visible size
+SIZE = 2.0  # ratio of a fault's size to its clearly visible size
 
 
 def faulty(number: int) -> tuple[str, str, dict[str, dict[str, float]]]:
@@ -45,7 +45,7 @@ def faulty(number: int) -> tuple[str, str, dict[str, dict[str, float]]]:
 
 
 def asked(logs: list[Path], robot: str, jobs: int) -> dict[str, Any]:
-    """Returns the answer of `why` for logs: verdict, names, and the 95 % interval of each parameter over its value."""
+    """Returns the answer of `why` for logs: verdict, names, and relative width of each parameter's 95 % interval."""
     known = ROBOTS[robot]
     nominal = {name: getattr(known, name) for name in ("wheel_radius", "half_track", "mass", "resistance")}
     found = bp.why(logs, nominal={**nominal, "battery_voltage": 9.0}, jobs=jobs)
@@ -76,7 +76,7 @@ def row(number: int, jobs: int) -> dict[str, Any]:
 
 
 def table(rows: list[dict[str, Any]]) -> list[str]:
-    """Returns the table as text: for each step from fewer to more runs, how many answers changed, and how."""
+    """Returns the table as text: for each step from fewer to more runs, the changed answers by kind."""
     found = ["| from | logs | named or ambiguous before | another mechanism | another name | narrower |"]
     found.append("|---|---|---|---|---|---|")
     for step, text in enumerate(("one run to two", "two runs to all")):

@@ -1,4 +1,4 @@
-"""The table of the blind test, made only from its results: claims and power curves, as one object and as text."""
+"""The table of the blind test, made only from the stored results: claims and power curves, as an object and as text."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _BINS = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, math.inf)  # edges of the bins of the p
 
 
 def power(results: Sequence[Result]) -> list[dict[str, Any]]:
-    """Returns, for each effect, size and set of sensors, the shares of detected and of rightly named sets."""
+    """Returns, for each effect, size and set of sensors, the share of detected and of rightly named data sets."""
     cells: dict[tuple[str, str, float], list[Result]] = {}
     for one in results:
         if kind(one) in ("single", "odd") and one["size"] is not None:
@@ -51,7 +51,7 @@ def power(results: Sequence[Result]) -> list[dict[str, Any]]:
 
 
 def said(result: Result) -> str:
-    """Returns the verdict and the effects of its best explanation."""
+    """Returns the verdict and the effects of the best explanation."""
     if result["verdict"] in ("none", "error"):
         return str(result["verdict"])
     names = " + ".join(effect["name"] for effect in result["effects"])
@@ -87,7 +87,7 @@ def curve(results: Sequence[Result]) -> list[dict[str, Any]]:
 
 
 def table(results: Sequence[Result]) -> dict[str, Any]:
-    """Returns everything that is printed, as one object."""
+    """Returns all printed results, as one object."""
     engines = sorted({str(one["engine"]) for one in results})
     long = [one for one in results if not one.get("group")]
     groups = {"all": long}
@@ -109,7 +109,7 @@ def table(results: Sequence[Result]) -> dict[str, Any]:
 
 
 def lines(table: Mapping[str, Any]) -> Iterator[str]:
-    """Yields the lines of the text for a result of `table`."""
+    """Yields the text lines of a result of `table`."""
     yield headline(table)
     yield "In brackets: 95 % intervals (Wilson). [+]: what is asked for holds; [-]: it does not."
     for title, counted in sections(table).items():
@@ -133,7 +133,7 @@ def lines(table: Mapping[str, Any]) -> Iterator[str]:
 
 
 def headline(table: Mapping[str, Any]) -> str:
-    """Returns what was run, in a line."""
+    """Returns one line on the sets that were run."""
     offsets = ", ".join(map(str, table["seed_offsets"])) or "not known"
     return f"{table['sets']} sets of {' and '.join(table['engines'])}, seed offsets: {offsets}"
 

@@ -52,7 +52,7 @@ OF_THE_KERNEL: Mapping[str, Callable[[Mapping[str, Any]], str]] = {
 
 
 def bench(target: str, seconds: float | None) -> dict[str, Any]:
-    """Returns what `brickpilot bench --target TARGET --json` prints; for an RCX with the sizes of its program."""
+    """Returns the output of `brickpilot bench --target TARGET --json`, with the sizes of the program for an RCX."""
     command = [str(Path(sys.executable).with_name("brickpilot")), "bench", "--target", target, "--json"]
     command += [] if seconds is None else ["--seconds", str(seconds)]
     done = subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
@@ -60,7 +60,7 @@ def bench(target: str, seconds: float | None) -> dict[str, Any]:
 
 
 def sizes(target: str) -> dict[str, Any]:
-    """Returns bytes of the program that an RCX gets; for other targets `bench` gives the sizes."""
+    """Returns the bytes of an RCX's program; empty for other targets, whose sizes `bench` gives."""
     if target not in SENSORS:
         return {}
     with tempfile.TemporaryDirectory() as folder:

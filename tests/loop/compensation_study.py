@@ -32,12 +32,12 @@ def compensation_of(model: Model) -> compensation.Compensation:
 
 @dataclasses.dataclass(frozen=True)
 class Mission:
-    """Flights of some plants, and the errors whose mean has to shrink."""
+    """Flights of some plants, and the errors whose mean the compensation has to reduce."""
 
     title: str
     plants: tuple[Model, ...]
     sensors: str
-    rest: float = 1.0  # s before the start
+    rest: float = 1.0  # rest before the start, s
     shrinks: tuple[str, ...] = (CROSS, POSITION)
 
     def fly(self, known: bool, seeds: int) -> list[dict[str, Any]]:
@@ -61,7 +61,7 @@ class Mission:
 
 
 def _of(name: str, parameter: str, size: float, beside: dict[str, dict[str, float]] | None = None) -> tuple[Model, ...]:
-    """Returns plants with an effect; with both signs if it has two, as the mission itself favours one of them."""
+    """Returns plants with an effect; with both signs if the effect may have both, as the mission favours one sign."""
     info = next(i for e in catalogue.effects() if e.name == name for i in e.parameters if i.name == parameter)
     signs = (1, -1) if info.minimum < 0 else (1,)
     return tuple(robot({name: {parameter: sign * size}, **(beside or {})}) for sign in signs)
@@ -84,9 +84,9 @@ _MOTORS = _of("motor_asymmetry", "difference", 0.2)
 _FLUXES = _of("torque_constant_asymmetry", "difference", 0.1)
 _LARGER = tuple(robot({}, wheel_radius=0.0408 * share) for share in (1.02, 0.98))
 
-# After 6 s at rest the bias of the gyro is known so well that the small errors of the asymmetries are visible.
+# After 6 s at rest the gyro's bias is known so well that the small errors by the asymmetries are visible.
 MISSIONS = (
-    Mission("`coulomb_friction` 5 mN m", _COULOMB, "imu", shrinks=(POSITION,)),  # the firmware learns it on its way
+    Mission("`coulomb_friction` 5 mN m", _COULOMB, "imu", shrinks=(POSITION,)),  # the firmware learns it
     Mission("the same", _COULOMB, "imu+encoders", shrinks=(CROSS,)),
     Mission("`stiction_stribeck`, preset", (robot({"stiction_stribeck": PRESETS["stiction_stribeck"]}),), "imu"),
     Mission("`rolling_sqrt` 2 mN m", _of("rolling_sqrt", "torque", 0.002), "imu"),
@@ -107,7 +107,7 @@ MISSIONS = (
     Mission("another robot, with friction", (ANOTHER,), "imu+encoders"),
 )
 
-# Here sensors and feedback compensate already: the remaining gain is hardly above the scatter of the seeds.
+# In these missions sensors and feedback already compensate: the gain is hardly above the scatter of the seeds.
 COMPENSATED_ANYWAY = (
     Mission("`motor_asymmetry` +-20 %", _MOTORS, "imu+encoders", 6.0),
     Mission("`torque_constant_asymmetry` +-10 %", _FLUXES, "imu+encoders", 6.0),

@@ -2,9 +2,9 @@
 
     python tests/loop/fault_matrix.py [RUNS]      default 1000
 
-A flight is the first 1.5 s of the mission in lockstep. Its fault acts from 0.6 s to 0.9 s; the seed draws the share of
-messages that it hits. The flight has to end by itself. Its motor stream has to equal that of a flight without faults,
-step for step, until a safe stop, where it is 0.
+A flight is the first 1.5 s of the mission in lockstep. Its fault acts from 0.6 s to 0.9 s on a share of messages that
+the seed draws. The flight has to end by itself. Step for step, its motor stream has to equal the motor stream of a
+flight without faults, until a safe stop, where it is 0.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ TRANSPORTS = ("serial:pty", "tcp", "can:slcan", "can:virtual")
 BEGIN_S, END_S, DURATION_S = 0.6, 0.9, 1.5
 REPLY_S = 0.03
 STOPS_WITHIN = 100
-"""Most steps until a fault that must stop the motors has stopped them: 0.25 s, and time to notice."""
+"""Most steps until a fault that must stop the motors has stopped them: 0.25 s plus the time to notice the fault."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """The result of one flight. `trouble` names the condition that failed; it is "" if all held."""
+    """The result of one flight. `trouble` names the condition that failed; "" if all conditions held."""
 
     trouble: str
     stopped: bool  # whether a safe stop occurred

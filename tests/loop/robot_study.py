@@ -30,17 +30,17 @@ from hidden.recipe import Hidden, Recipe, Vehicle
 
 FIGURES = Path(__file__).with_name("robots.json")
 ROBOTS, SEEDS, STREAM = 20, 5, 14
-NOMINAL_ERROR = 0.05  # sd, relative
+NOMINAL_ERROR = 0.05  # relative sd
 SENSORS = ("imu+encoders", "imu")
 UNDONE = tuple(name for name in effects.LIBRARY if compensation.undone(name))
 SIZES = (0.5, 2.0)  # range of an effect's size; 1 shows clearly in a log
 HELD = 4 / 3  # ratio of friction to a constant load
-FASTEST_WHEEL, FASTEST_SPIN = 45.0, 22.0  # rad/s at full voltage; sensors read 51, and spins of 10.5 at 3.3 of 9 V
+FASTEST_WHEEL, FASTEST_SPIN = 45.0, 22.0  # rad/s at full voltage; sensors read to 51, spins to 10.5 at 3.3 of 9 V
 
 
 @dataclasses.dataclass(frozen=True)
 class Robot:
-    """A robot as it truly is."""
+    """A robot with its true values."""
 
     name: str
     vehicle: Vehicle
@@ -56,7 +56,7 @@ class Robot:
 
 
 def _vehicle(random: np.random.Generator) -> Vehicle:
-    """Draws a vehicle. Mass, size, battery, speed and acceleration are drawn, the motors follow from them."""
+    """Draws a vehicle: mass, size, battery, speed and acceleration are random, and the motors follow from these."""
 
     def between(low: float, high: float) -> float:
         return float(np.exp(random.uniform(np.log(low), np.log(high))))
@@ -85,7 +85,7 @@ def _vehicle(random: np.random.Generator) -> Vehicle:
 
 
 def draw(number: int) -> Robot:
-    """Draws robot `number`. Those too fast for the sensors that log them are drawn again."""
+    """Draws robot `number`. A robot too fast for the logging sensors is drawn again."""
     random = np.random.default_rng([STREAM, number])
     while True:
         vehicle = _vehicle(random)
@@ -95,7 +95,7 @@ def draw(number: int) -> Robot:
     effect = UNDONE[number % len(UNDONE)]
     size = float(np.exp(random.uniform(*np.log(SIZES))))
     hidden = {effect: effects.draw(effect, size, vehicle, random)}
-    if effect == "constant_offset":  # without friction it moves the robot at rest, where the gyro's bias is learnt
+    if effect == "constant_offset":  # without friction it moves the robot, which must rest to learn the gyro's bias
         hidden["coulomb_friction"] = {"torque": HELD * sum(abs(torque) for torque in hidden[effect].values())}
     return Robot(f"robot-{number}", vehicle, hidden)
 
@@ -106,7 +106,7 @@ def _scaled(run: Manoeuvre, factor: float) -> Manoeuvre:
 
 
 def measure(robot: Robot, number: int, parent: Path) -> Path:
-    """Writes the data set of a robot into `parent`, with voltages for its battery. Keeps an existing one."""
+    """Writes the data set of a robot into `parent`, with voltages for its battery. Keeps an existing data set."""
     runs = tuple(_scaled(run, robot.vehicle.battery_voltage / 9.0) for run in short())
     recipe = Recipe(
         robot.name, robot.hidden, robot.vehicle, "planar", nominal_error=NOMINAL_ERROR, runs=runs, seed=STREAM + number
@@ -135,7 +135,7 @@ def fly(robot: Robot, known: Compensation | None, sensors: str, seeds: int) -> l
 
 
 def study(number: int, parent: Path, seeds: int = SEEDS) -> dict[str, Any]:
-    """Returns what was hidden, what was found and how many waypoints each mission reached, for one robot."""
+    """Returns one robot's hidden and found effects, and the number of waypoints that each mission reached."""
     robot = draw(number)
     verdict, known = discover(measure(robot, number, parent), parent / f"{robot.name}-found")
     flown = {
@@ -157,7 +157,7 @@ def study(number: int, parent: Path, seeds: int = SEEDS) -> dict[str, Any]:
 
 
 def missions(figures: dict[str, Any], how: str) -> int:
-    """Returns how many of the missions flown `how` reached all 8 waypoints."""
+    """Returns the number of missions flown `how` that reached all 8 waypoints."""
     return sum(reached == 8 for reached in figures["waypoints"][how])
 
 

@@ -1,8 +1,8 @@
 """Compares lengths of the control step: the mission with some seeds, by the firmware as it is built for an RCX.
 
 Prints the table of firmware/README.md: `.venv/bin/python tests/loop/step_study.py`. The firmware is built for this
-machine with the link of the simulator of the RCX's processor. `tests/python/test_hil_h8sim.py` shows that both give the
-same motor commands.
+machine with the link of the simulator of the RCX's processor. `tests/python/test_hil_h8sim.py` shows that both programs
+give the same motor commands.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ from brickpilot.vehicle.settings import settings
 ROOT = Path(__file__).resolve().parents[2]
 SEEDS = 12
 STEPS_MS = (3, 6, 9, 12, 15)
-RESTS_S = (1.0, 2.0)  # rest before the start, in `brickpilot run` and in firmware/targets/rcx/main.c
+RESTS_S = (1.0, 2.0)  # rest before the start: in `brickpilot run`, and in firmware/targets/rcx/main.c
 SENSORS = {"imu": "imu", "rotation": "imu+encoders"}  # name of the brick's build -> name in a scenario
 
 
 def build(sensors: str, folder: Path, *, step_ms: int | None = None) -> Path:
     """Builds the brick's program with the flags of `firmware/targets/rcx/flags` for this machine, in `folder`.
 
-    With `step_ms` it gets the constants of that step.
+    With `step_ms` the program gets the constants of this step.
     """
     command = [ROOT / "firmware/targets/rcx/flags", sensors]
     flags = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout

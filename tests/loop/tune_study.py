@@ -39,7 +39,7 @@ from lab import real_table
 FIGURES = Path(__file__).with_name("tuned.json")
 ROOT = Path(__file__).parents[2]
 STREAM, NOMINAL_ERROR = 17, 0.05
-FASTEST_WHEEL = 40.0  # rad/s in the logged runs: the logging sensors read to 51
+FASTEST_WHEEL = 40.0  # largest wheel speed, rad/s, in the logged runs: the sensors read up to 51
 TRUE_SEEDS = 50
 
 
@@ -87,11 +87,11 @@ ROBOTS = {
         "[robot]\nlength = 0.32\n",
     ),
 }  # fmt: skip
-"""Robots of 0.3 to 8 kg, those of tests/python/test_firmware.py except for the effect of the first one."""
+"""Robots of 0.3 to 8 kg, as in tests/python/test_firmware.py except for the effect of the first robot."""
 
 
 def measure(name: str, one: Study, parent: Path) -> Path:
-    """Writes the data set of a robot into `parent`, at speeds that its sensors can log. Keeps an existing one."""
+    """Writes the data set of a robot into `parent`, at speeds that its sensors can log. Keeps an existing data set."""
     battery = one.vehicle.battery_voltage
     factor = battery / 9.0 * min(1.0, FASTEST_WHEEL / (battery / one.vehicle.emf_constant))
     runs = tuple(
@@ -124,7 +124,7 @@ def truth(one: Study, name: str) -> Model:
 
 
 def route(one: Study, model: Path, file: Path) -> str:
-    """Writes the first waypoints of the mission that `firmware` gives the robot, with their share of its time."""
+    """Writes the first waypoints of the mission that `firmware` gives the robot, with their share of the time."""
     whole = simulate.mission(load(model), None)
     share = one.waypoints / len(whole.waypoints)
     length = round((simulate.REST_S + share * (whole.duration - simulate.REST_S)) / STEP_S) * STEP_S
@@ -135,7 +135,7 @@ def route(one: Study, model: Path, file: Path) -> str:
 
 
 def true_flights(name: str, one: Study, model: Path, tuned: Path, mission: str | None) -> dict[str, Any]:
-    """Flies the true robot before and after tuning, each time with other noise and biases of its sensors."""
+    """Flies the true robot before and after tuning; each flight has its own sensor noise and biases."""
     ready = robot_task.problem(model, one.board, one.sensors, mission, SD_SHARE, STREAM)
     devices = ready.problem.allowed.devices
     found: dict[str, Any] = {}
@@ -161,13 +161,13 @@ def fly_true(given: problems.Problem, devices: Any, model: Model, raw: problems.
 
 
 def study(name: str, parent: Path, jobs: int, budget: str, robots: int) -> dict[str, Any]:
-    """Returns what was hidden, what was found, and the successes of the mission before and after tuning."""
+    """Returns the hidden and the found effects, and the mission's successes before and after tuning."""
     one = ROBOTS[name]
     data, found, tuned = measure(name, one, parent), parent / f"{name}-found", parent / f"{name}-tuned"
     model = found / "model.toml"
     if not model.exists():  # an existing result is kept, like the log
         command("discover", str(data), "--jobs", str(jobs), "--out", str(found))
-        model.write_text(model.read_text() + one.tables)  # the spread stays in verdict.json beside it
+        model.write_text(model.read_text() + one.tables)  # the joint uncertainty stays in verdict.json
     verdict = json.loads((found / "verdict.json").read_text())
     mission = route(one, model, parent / f"{name}-mission.toml") if one.waypoints < 8 else None
     words = [
@@ -266,7 +266,7 @@ def kept() -> dict[str, dict[str, Any]]:
 
 
 def keep(row: dict[str, Any]) -> None:
-    """Puts a row into the file of figures, in the place of an older one of that robot."""
+    """Puts a row into the file of figures, in place of an older row of the same robot."""
     rows = kept() | {row["robot"]: row}
     lines = ",\n".join(json.dumps(rows[name]) for name in ROBOTS if name in rows)
     FIGURES.write_text(f"[\n{lines}\n]\n", encoding="utf-8")

@@ -48,14 +48,14 @@ RCX_TARGETS = {f"h8:{sensors}": sensors for sensors in rcx_flight.SENSORS}
 
 
 def value_of(setting: Setting, drawn: random.Random) -> int:
-    """Draws a value: each end of its range, or any value in it, with a chance of a third."""
+    """Draws a value: the lower end, the upper end, or any value of its range, with a chance of a third each."""
     if setting.name == "telemetry_every":
         return 1
     return drawn.choice((setting.low, setting.high, drawn.randint(setting.low, setting.high)))
 
 
 def requests(drawn: random.Random) -> Iterator[Message]:
-    """Yields requests for ever."""
+    """Yields requests without end."""
     named, sequence = list(settings().values()), 0
     by_name, commands = book().by_name, book().choices("MODE_COMMAND", "command")
     while True:
@@ -105,7 +105,7 @@ class _InSteps:
 
 
 def avr_cycles(target: str, seconds: float, seed: int) -> NDArray[np.int64]:
-    """Returns the cycles of each control period of a flight, all but sleep."""
+    """Returns the cycles of each control period of a flight, without sleep."""
     drawn = random.Random(f"{target} {seed}")
     plan, log, motors = planned(AVR_TARGETS[target].sensors[0], seconds, seed)
     elf = avr_image(target)
@@ -130,7 +130,7 @@ def avr_cycles(target: str, seconds: float, seed: int) -> NDArray[np.int64]:
 
 
 def rcx_ticks_ms(target: str, seconds: float, seed: int) -> NDArray[np.float64]:
-    """Returns the time from each control step to the next one in a flight, ms."""
+    """Returns the time from each control step of a flight to the next step, ms."""
     drawn = random.Random(f"{target} {seed}")
     sensors = RCX_TARGETS[target]
     plan, log, motors = planned(rcx_flight.SENSORS[sensors], seconds, seed)

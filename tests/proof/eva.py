@@ -1,8 +1,8 @@
 """Asks Frama-C's Eva for a second opinion on the whole loop, with an int of 16 bits.
 
-Eva follows intervals through all of `firmware/` at once, where CBMC proves module by module. What it cannot exclude is
-an alarm. Each alarm has to stand in eva.toml with the proof that excludes it, and each of eva.toml has to be raised.
-Then a fault is planted in a copy, which has to raise one more alarm.
+Eva follows intervals through all of `firmware/` at once, where CBMC proves module by module. A fault that Eva cannot
+exclude is an alarm. Each alarm has to stand in eva.toml with the proof that excludes it, and Eva has to raise each
+alarm of eva.toml. Then a fault is planted in a copy, which has to raise one more alarm.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ PLANT = (
     "fix_add32(state->integral_mv_q16, change_mv_q16)",
     "state->integral_mv_q16 + change_mv_q16",
 )
-"""A fault: the sum of a PID's integral may overflow."""
+"""File, old text and new text of a fault: the sum of a PID's integral may overflow."""
 
 _ALARM = re.compile(r"\[eva:alarm\] (\S+):(\d+): Warning")
 
@@ -59,7 +59,7 @@ def alarms(root: Path) -> set[Alarm]:
 
 
 def excluded() -> dict[Alarm, str]:
-    """Returns alarm -> proof, of eva.toml. Each proof has to include the source file of its alarm."""
+    """Returns alarm -> proof from eva.toml. Each proof has to include the source file of its alarm."""
     rows, proofs = tomllib.loads((HERE / "eva.toml").read_text(encoding="utf-8")), table("proofs.toml")
     found = {}
     for source, row in rows.items():

@@ -77,7 +77,7 @@ def failures(text: str) -> str:
 
 
 def prove(programs: Path, name: str, row: dict[str, Any], bits: int) -> dict[str, Any]:
-    """Proves one row with one width of int, and that the end of the proof can be reached."""
+    """Proves one row with one width of int, and checks that the end of the proof can be reached."""
     status, seconds, text = run(command(programs, name, row, bits, ROOT))
     result = {"name": name, "bits": bits, "seconds": seconds, "held": status == HELD, "why": failures(text)}
     if status == HELD:
@@ -89,7 +89,7 @@ def prove(programs: Path, name: str, row: dict[str, Any], bits: int) -> dict[str
 
 
 def shown(rows: Table, full: bool) -> list[str]:
-    """Returns the names of the rows that a run takes."""
+    """Returns the names of the rows that a run proves."""
     return [name for name, row in rows.items() if full or not row.get("full")]
 
 
@@ -114,7 +114,7 @@ def prove_all(names: list[str], jobs: int, full: bool) -> bool:
 
 
 def plant(programs: Path, name: str, row: dict[str, Any], proof: dict[str, Any]) -> str:
-    """Plants a fault in a copy of the sources and returns what is wrong: "" if the proof fails, as it should."""
+    """Plants a fault in a copy of the sources and returns the trouble: "" if the proof fails, as it should."""
     with tempfile.TemporaryDirectory(dir=BUILD) as folder:
         root = Path(folder)
         for one in ("firmware", "hal"):
@@ -133,7 +133,7 @@ def plant(programs: Path, name: str, row: dict[str, Any], proof: dict[str, Any])
 
 
 def plant_all(names: list[str], jobs: int, _full: bool) -> bool:
-    """Plants the faults of these names, or all."""
+    """Plants the faults with these names, or all faults."""
     programs, rows, proofs = checker(), table("plants.toml"), table("proofs.toml")
     BUILD.mkdir(parents=True, exist_ok=True)
     (BUILD / "ranges_gen.h").write_text(ranges.header(), encoding="utf-8")

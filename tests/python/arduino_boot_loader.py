@@ -1,4 +1,4 @@
-"""An Arduino's boot loader on a pseudo-terminal, as far as avrdude's programmer `arduino` (STK500 v1) uses it."""
+"""An Arduino's boot loader on a pseudo-terminal, with all that avrdude's programmer `arduino` (STK500 v1) uses."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class BootLoader:
     Args:
         chip: a key of SIGNATURES.
         silent: whether the loader answers nothing.
-        worn: whether the flash keeps another byte than it was sent.
+        worn: whether the flash stores a wrong byte.
     """
 
     def __init__(self, chip: str = "atmega328p", *, silent: bool = False, worn: bool = False) -> None:

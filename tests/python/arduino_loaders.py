@@ -1,7 +1,7 @@
 """The boot loaders of Arduino's core, behind an image of this project, as in a board's flash.
 
-The loaders are those of Debian's package arduino-core-avr. Optiboot is built from its source there: the package's own
-file has more than the 512 bytes of its section, so it does not start. The others are the package's files.
+The loaders are those of Debian's package arduino-core-avr. Optiboot is built from the package's source: the package's
+own file is larger than its section of 512 bytes, so it does not start. The other loaders are the package's files.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class Loader:
 
     Attributes:
         target: key of `AVR_TARGETS`: the image that the loader starts.
-        fuses: low, high, extended, of the board; the high one says that a reset begins in the loader.
+        fuses: low, high and extended fuse of the board; the high fuse makes a reset begin in the loader.
         file: the loader in `FOLDER`; a C file is compiled to begin at `at`.
     """
 

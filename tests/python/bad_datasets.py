@@ -1,7 +1,7 @@
 """A good data set, and a table of ways to spoil it, each with the place that the message must name.
 
-Each entry spoils one thing. `marker` is a piece of the faulty line (the last line that has it), whose number is counted
-in the spoilt file.
+Each entry makes one fault. `marker` is a piece of the faulty line, the last line that contains it; the line number is
+that in the spoilt file.
 """
 
 # ruff: noqa: E501 - one row of the table a line
@@ -52,7 +52,7 @@ t_s,v_left_V,v_right_V,a_surge_mps2,yaw_rate_radps
 
 
 def write_good(folder: Path) -> Path:
-    """Writes the good data set into `folder` and returns it."""
+    """Writes the good data set into `folder` and returns `folder`."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "dataset.toml").write_text(GOOD_TOML, encoding="utf-8")
     (folder / "straight.csv").write_text(GOOD_CSV, encoding="utf-8")
@@ -62,7 +62,7 @@ def write_good(folder: Path) -> Path:
 
 @dataclass(frozen=True)
 class Bad:
-    """One spoilt data set: what the message must name (file, a piece of the line or None, field or None) and say."""
+    """One spoilt data set, with what its message must name (file, piece of the line or None, field or None) and say."""
 
     name: str
     spoil: Callable[[Path], None]
@@ -77,7 +77,7 @@ class Bad:
         return folder
 
     def place(self, folder: Path) -> str:
-        """Returns how the message must begin."""
+        """Returns the required beginning of the message."""
         path = folder / self.file
         line = self.marker
         if isinstance(line, str):
@@ -148,7 +148,7 @@ def _duty(left: str, right: str, text: str) -> Callable[[Path], None]:
 
 
 def make_motor(folder: Path) -> None:
-    """Turns the good data set into one of a motor whose drive closes a current loop."""
+    """Turns the good data set into a data set of a motor whose drive closes a current loop."""
     (folder / "dataset.toml").write_text(
         'name = "m"\nvehicle = "motor"\n[signals]\ntime = { column = "t_s", unit = "s" }\n'
         'voltage = { column = "v_left_V", unit = "V" }\nposition = { column = "a_surge_mps2", unit = "mm" }\n'

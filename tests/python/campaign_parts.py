@@ -1,4 +1,4 @@
-"""Functions that tests of campaigns give to workers; a function in a test file would be in a module with fixtures."""
+"""Functions that campaign tests give to workers, in a module of their own because test modules have fixtures."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def squared(number: int) -> int:
 
 
 def table(seed: int) -> pa.Table:
-    """Returns 20 rows that depend on the seed alone, after a moment that depends on the process."""
+    """Returns 20 rows that depend only on the seed, after a delay that depends on the process."""
     time.sleep(0.002 * (os.getpid() % 3))
     drawn = np.random.default_rng(seed)
     return pa.table(

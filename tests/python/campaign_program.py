@@ -18,9 +18,9 @@ TABLE = "results.parquet"
 
 
 def main(folder: Path, where: str, *, slow: bool = False) -> None:
-    """Runs the parts that are not there yet, and merges all of them.
+    """Runs the missing parts, and merges all parts.
 
-    `slow` makes each part last longer, so that a signal can arrive; the bytes are the same.
+    `slow` makes each part last longer, so that a signal can arrive; the written bytes are the same.
     """
     crew = workers.local(int(where)) if where.isdecimal() else workers.cluster(where)
     with Parts(folder, {"seeds": len(KEYS)}) as kept:

@@ -1,4 +1,4 @@
-"""The robot of the blind tests in closed form: what an engine has to give if no other law acts."""
+"""The robot of the blind tests in closed form: the results that an engine has to give if no other law acts."""
 
 from __future__ import annotations
 

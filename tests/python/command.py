@@ -1,8 +1,8 @@
-"""Runs the installed command as a user does: in a process of its own, with its exit status and what it prints.
+"""Runs the installed command as a user does: in a separate process, with its exit status and its output.
 
-Loading the package takes longer than most commands do. So the process is a copy (a fork) of one that has loaded it and
-has done nothing else; the copy then runs the installed script to its end. `fresh=True` starts a new interpreter
-instead, with a hash seed of its own.
+Loading the package takes longer than most commands. So the process is a copy (a fork) of a process that has only loaded
+the package; the copy then runs the installed script to its end. `fresh=True` starts a new interpreter instead, with its
+own hash seed.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class Copy:
 
     Args:
         room: the largest file that the command may write, in bytes; None: no limit.
-        in_group: whether the command leads a process group of its own.
+        in_group: whether the command leads its own process group.
     """
 
     def __init__(
@@ -138,7 +138,7 @@ def _serve(address: str, told: int) -> list[str]:
     import gc
 
     _load()
-    gc.freeze()  # so that a copy shares these objects' memory for longer
+    gc.freeze()  # copies share these objects' memory for longer
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as listening:
         listening.bind(address)
         listening.listen(64)
@@ -157,12 +157,12 @@ def _serve(address: str, told: int) -> list[str]:
 
 
 def _watched(talk: socket.socket) -> list[str] | None:
-    """Reads one request and forks a process for it. Returns the command in that process, and None here at its end."""
+    """Reads one request and forks a process for it. Returns the command in the new process; None here at its end."""
     size, files, _, _ = socket.recv_fds(talk, 4, 2)
     request = json.loads(talk.makefile("rb").read(int.from_bytes(size, "big")))
     process = os.fork()
     if request["in_group"]:
-        os.setpgid(process, process)  # in both, as either may be first
+        os.setpgid(process, process)  # in both processes, as either may be first
     if process == 0:
         talk.close()
         os.dup2(os.open(os.devnull, os.O_RDONLY), 0)

@@ -1,4 +1,4 @@
-"""Campaigns in this process: starting others would take longer than the flights of a test."""
+"""Campaigns in this process: starting other processes would take longer than the flights of a test."""
 
 from __future__ import annotations
 

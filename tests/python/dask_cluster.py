@@ -1,4 +1,4 @@
-"""A real Dask scheduler and its workers, each a program of its own, on free ports of this machine."""
+"""A real Dask scheduler and its workers, each a separate program, on free ports of this machine."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Worker = subprocess.Popen[bytes]
 
 
 class Cluster:
-    """A scheduler for a `with` block, which ends all programs. A part may end two workers, not four as by default."""
+    """A scheduler for a `with` block, which ends all programs. A part may kill two workers, not four as by default."""
 
     def __init__(self, scratch: Path) -> None:
         self._scratch = scratch
@@ -32,12 +32,12 @@ class Cluster:
 
     def __exit__(self, *_: object) -> None:
         for program in self._programs:
-            program.kill()  # or a worker would look for its lost scheduler for a while
+            program.kill()  # otherwise a worker would search for its lost scheduler for a while
         for program in self._programs:
             program.wait(20)
 
     def add_worker(self, name: str, *, path: Path | None = None) -> Worker:
-        """Starts a worker, which looks for modules in `path` first."""
+        """Starts a worker that looks for modules first in `path`."""
         places = [str(one) for one in (path, *Path(__file__).parents[:2]) if one is not None]
         options = ["--nthreads", "1", "--no-nanny", "--local-directory", str(self._scratch)]
         environment = {"PYTHONPATH": os.pathsep.join(places), "OPENBLAS_NUM_THREADS": "1"}

@@ -93,7 +93,7 @@ RANKING = (
 
 
 def measured(folder: Path) -> Dataset:
-    """Returns four runs of the robot with dry friction and noise, the third one held out."""
+    """Returns four runs of the robot with dry friction and noise; the third run is held out."""
     written = write(folder, TRUTH, NOISE, "", roles=list(ROLES.values()))
     return dataclasses.replace(reading.read(written), name="bench-7")
 
@@ -105,7 +105,7 @@ def all_verdicts(folder: Path) -> dict[str, Finding]:
 
 
 def finding(data: Dataset, kind: str) -> Finding:
-    """Returns a finding for `data`. Its simulations and gaps are real, the rest is invented."""
+    """Returns a finding for `data`. Its simulations and gaps are computed, the rest is invented."""
     nominal = robot()
     augmented = nominal if kind == "none" else TRUTH
     simulated = dict(zip(("nominal", "augmented"), Replay(data).simulate([nominal, augmented]), strict=True))

@@ -68,7 +68,7 @@ class Unit:
     def run(
         self, time: NDArray[np.float64], inputs: Mapping[str, NDArray[np.float64]]
     ) -> dict[str, NDArray[np.float64]]:
-        """Returns every output at every time, from the current state on; input k acts from time[k]."""
+        """Returns every output at every time, from the current state on; input k acts from time[k] on."""
         rows = [self.get(*self.outputs)]
         for k in range(len(time) - 1):
             self.set({name: float(values[k]) for name, values in inputs.items()})

@@ -8,9 +8,9 @@ from pathlib import Path
 
 
 def files_without_a_row(room: Path) -> list[str]:
-    """Returns one line for each file that is an importer without a row, or that nothing in the room uses.
+    """Returns one line for each importer without a row, and for each file that no file of the room uses.
 
-    An importer is a file with a public function `import_...`. Other files have to be imported by one in the room.
+    An importer is a file with a public function `import_...`. A file of the room has to import each other file.
     """
     trees = {path.stem: ast.parse(path.read_text(encoding="utf-8")) for path in sorted(room.glob("*.py"))}
     listed = set(re.findall(r"brickpilot\.importers\.(\w+):", (room / "__init__.py").read_text(encoding="utf-8")))

@@ -1,4 +1,4 @@
-"""Results of the blind test made by hand: what was hidden, and what the verdict said."""
+"""Results of the blind test made by hand: the hidden effects, and the verdict."""
 
 from __future__ import annotations
 

@@ -33,13 +33,13 @@ from brickpilot.vehicle.model import rcx
 STEP_S = 0.003
 CAUSES = ("watchdog", "stuck interrupt", "brown-out", "reset pin")
 OFF_S = 0.036
-"""Seconds that motors may go on after a program hangs: the watchdog's time, and a step."""
+"""Longest time, s, for which motors may stay driven after a program hangs: the watchdog's time, and a step."""
 
 WATCH_S = 4.5
-"""Seconds that motors are watched: the slowest loader takes 1.3 s, and an image rests for 2 s."""
+"""Time, s, for which motors are watched: the slowest loader takes 1.3 s, and an image rests for 2 s."""
 
 MOST_START_S = 6.0
-"""Seconds after power-on until which a mission begins: a loader's time and the rest."""
+"""Latest start of a mission, s after power-on: a loader's time and the rest."""
 
 SUPPLY_V = 2.0
 """Battery voltage in a brown-out: below the threshold of every detector of an Arduino."""
@@ -47,14 +47,14 @@ SUPPLY_V = 2.0
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a reset led to.
+    """The result of a reset.
 
     Attributes:
-        resets: number of resets of the chip, with the loader's own.
+        resets: number of resets of the chip, including resets by the loader.
         off_s: seconds from the cause until no motor was driven; None: a motor was driven until the end.
-        driven_s: seconds for which a motor was driven after that and after `OFF_S`.
+        driven_s: seconds for which a motor was driven after `off_s` and after `OFF_S`.
         obeys: whether the robot drives when a host tells it to afterwards.
-        said: why the chip started, bits of the message BOARD; -1: no message.
+        said: cause of the chip's start, bits of the message BOARD; -1: no message.
     """
 
     loader: str
@@ -105,7 +105,7 @@ def _cause(flight_: Flight, cause: str) -> list[bool]:
 
 
 class InSteps:
-    """A host's end of the line to a flying robot: its time passes in control steps."""
+    """A host's end of the line to a flying robot, whose time passes in control steps."""
 
     def __init__(self, flight_: Flight) -> None:
         self.flight, self.now_s = flight_, 0.0
@@ -130,7 +130,7 @@ class InSteps:
 
 
 def _obeys(flight_: Flight) -> tuple[bool, int]:
-    """Returns whether a host can drive the robot, and what BOARD said."""
+    """Returns whether a host can drive the robot, and the content of BOARD."""
     said: list[int] = []
 
     def other(identifier: int, data: bytes) -> None:
@@ -162,7 +162,7 @@ def _outcome(flight_: Flight, loader: str, cause: str, at_s: float) -> Outcome:
 
 
 def in_child(work: Callable[[], Any]) -> Any:
-    """Runs `work` in a copy of this process and returns its result, as JSON holds it; this process does not change."""
+    """Runs `work` in a copy of this process and returns its result through JSON; this process does not change."""
     reading, writing = os.pipe()
     child = os.fork()
     if child == 0:
@@ -180,14 +180,14 @@ def in_child(work: Callable[[], Any]) -> Any:
 
 
 def planned(target: str, last_s: float) -> flight.Plan:
-    """Returns the plan of the packaged mission for a target, long enough for all that follows a reset."""
+    """Returns the plan of the packaged mission for a target, long enough for everything that follows a reset."""
     sensors = AVR_TARGETS[target].sensors[0]
     plan = flight.plan(scenario.load(scenario.packaged()["mission"]), rcx(), profile="coupled", sensors=sensors)
     return dataclasses.replace(plan, steps=round((last_s + WATCH_S + 10) / STEP_S))
 
 
 def resets(loader: str, count: int, seed: int, last_s: float) -> Iterator[Outcome]:
-    """Yields what `count` resets led to, at random moments from the mission's beginning to `last_s` after power-on."""
+    """Yields the results of `count` resets, at random times from the mission's start to `last_s` after power-on."""
     drawn = random.Random(seed)
     target = "avr:328p-imu" if loader == "none" else LOADERS[loader].target
     image = avr_image(target)

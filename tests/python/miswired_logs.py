@@ -1,4 +1,4 @@
-"""Logs of two robots with planted wiring faults, simulated by engines that are not the plant. Also a program.
+"""Logs of two robots with planted wiring faults, simulated by engines other than the plant. Also a program.
 
 PYTHONPATH=tests:tests/python python -m miswired_logs [LOGS]     # prints the table: fault, robots, named, false
 """
@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 
 Vector = NDArray[np.float64]
 Log = dict[str, Vector]
-"""Signal -> values of one run, in SI and the paper's frame; time is one of them."""
+"""Signal -> values of one run, in SI and the paper's frame; the time is one of the signals."""
 
-COUNTS = 960  # per turn
+COUNTS = 960  # encoder counts per turn
 FULL_V = 9.0  # V at full duty
 ROBOTS = {
     "mujoco": Vehicle(),
@@ -35,7 +35,7 @@ DRIVES = ("forward_half", "spin_right", "curve_left", "left_alone", "ramp_throug
 
 
 def nominal(robot: str) -> dict[str, float]:
-    """Returns what the experimenter measured of the robot, SI."""
+    """Returns the robot's values that the experimenter measured, SI."""
     return {
         "wheel_radius": ROBOTS[robot].wheel_radius,
         "half_track": ROBOTS[robot].half_track,
@@ -112,7 +112,7 @@ FAULTS: dict[str, Callable[[Log], Log]] = {
     "PWM taken as volts": _as_voltage,
     "left PWM of another scale": _scaled("duty_left", by=0.25),
 }
-"""Fault -> function that puts it into each run."""
+"""Fault -> function that puts the fault into one run."""
 
 WORDS = {
     "encoders swapped": "encoder are swapped", "left encoder dead": "left encoder stands still",
@@ -124,7 +124,7 @@ WORDS = {
     "time in ms": "1000 times too long", "time in us": "1e+06 times too long", "PWM taken as volts": "PWM of 255",
     "left PWM of another scale": "full drive",
 }  # fmt: skip
-"""Fault -> words of its sentence, for faults that are named instead of, or as well as, corrected."""
+"""Fault -> words of its sentence, for faults that are named, whether they are also corrected or not."""
 
 
 def channels(log: Log) -> Channels:
@@ -133,13 +133,13 @@ def channels(log: Log) -> Channels:
 
 
 def dataset(runs: Sequence[Log], robot: str) -> Dataset:
-    """Returns the logs of a robot as a data set, with what the experimenter measured of it."""
+    """Returns the logs of a robot as a data set, with the values that the experimenter measured."""
     frames = {f"run_{number}": pandas.DataFrame(log) for number, log in enumerate(runs)}
     return Dataset.from_frames(frames, vehicle="diff_drive", frame="FRD", nominal=nominal(robot))
 
 
 def _mirrored(log: Log) -> Iterator[Log]:
-    """Yields the log, and logs that no check can tell from it: the robot driven backwards, mirrored, and both."""
+    """Yields the log, and logs that no check can tell from this log: driven backwards, mirrored, and both."""
     sides = [name for name in log if name.endswith(("_left", "_right"))]
     turned = _swapped("duty")(_swapped("wheel_angle")(_scaled("yaw_rate")(log)))
     for one in (log, turned):
@@ -148,7 +148,7 @@ def _mirrored(log: Log) -> Iterator[Log]:
 
 
 def is_right(truth: Sequence[Log], found: Sequence[Miswired], faults: Sequence[str], spoilt: Sequence[Log]) -> bool:
-    """Whether each fault is named, or the log is corrected, with enough certainty."""
+    """Returns whether each fault is named, or the log is corrected, with enough certainty."""
     said = " ".join(one.text for one in found)
     worded = [fault for fault in faults if fault in WORDS and fault != "encoders swapped"]
     if not all(WORDS[fault] in said for fault in worded):
@@ -166,7 +166,7 @@ def is_right(truth: Sequence[Log], found: Sequence[Miswired], faults: Sequence[s
 
 
 def _same(wanted: Log, found: Mapping[str, Vector]) -> bool:
-    """Whether all channels are equal up to a positive factor. Channels that stand still are not compared."""
+    """Returns whether all channels are equal up to a positive factor. Constant channels are not compared."""
     for name, values in found.items():
         other = wanted.get(name, wanted.get(name.replace("voltage", "duty")))
         if other is None or not np.any(other) or np.ptp(values) == 0.0:
@@ -183,7 +183,7 @@ def spoil(runs: Sequence[Log], faults: Sequence[str]) -> list[Log]:
 
 
 def pairs() -> list[tuple[str, str]]:
-    """Pairs of faults that a log shows both: not two scales of one channel, nor another fault of a dead encoder.
+    """Returns pairs of faults that one log can show: not two scales of one channel, no other fault of a dead encoder.
 
     With a dead encoder nothing determines the unit of the gyro.
     """

@@ -1,4 +1,4 @@
-"""An exported robot in MuJoCo: driven by voltages, or in place of the plant on a link. Frame of Brickpilot."""
+"""An exported robot in MuJoCo, driven by voltages, or in place of the plant on a link. Frame of Brickpilot."""
 
 from __future__ import annotations
 

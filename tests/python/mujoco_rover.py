@@ -1,7 +1,7 @@
-"""A rover with four wheels in MuJoCo, and its logs: skid steering with contacts that are not the plant's.
+"""A rover with four wheels in MuJoCo, and its logs: skid steering with contacts other than the plant's.
 
-Lengths, masses and the floor's friction are those of the Clearpath Jackal (jackal_description/urdf/jackal.urdf.xacro of
-github.com/jackal/jackal); its motors are not published. The motors here are invented: two equal ones a side.
+Lengths, masses and the floor's friction are values of the Clearpath Jackal (jackal_description/urdf/jackal.urdf.xacro
+of github.com/jackal/jackal); its motors are not published. The motors here are invented: two equal motors a side.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ WHEELBASE, TRACK, RADIUS, WIDTH = 0.262, 0.37559, 0.098, 0.04
 CHASSIS, WHEEL = 16.523, 0.477
 MASS = CHASSIS + 4 * WHEEL
 YAW_INERTIA = 0.4485 + 4 * (0.0013 + WHEEL * (WHEELBASE**2 + TRACK**2) / 4)
-EMF, RESISTANCE, ROTOR, VISCOUS = 1.0, 3.0, 0.1, 0.05  # of each of the four motors, at its wheel
+EMF, RESISTANCE, ROTOR, VISCOUS = 1.0, 3.0, 0.1, 0.05  # values of each of the four motors, at its wheel
 BATTERY = 24.0
 ROW_S = 0.02
 _STEP_S = 5e-4
@@ -34,13 +34,13 @@ NOMINAL: dict[str, Any] = {
     "resistance": RESISTANCE / 2, "emf_constant": EMF, "torque_constant": EMF, "battery_voltage": BATTERY,
     "viscous_friction": {"value": 0.15, "sd": 0.1}, "rolling_friction": 0.0,
 }  # fmt: skip
-"""The builder's values: the motors of a side in parallel; of the contacts only their places."""
+"""The builder's values: the motors of a side count as parallel; of the contacts only the places are known."""
 
 
 @dataclass(frozen=True)
 class Hidden:
-    """What the nominal values lack: dry friction of the left and the right wheels, N m a side; added viscous friction,
-    N m s/rad a side."""
+    """The effects that the nominal values lack: dry friction of the left and the right wheels, N m a side; added
+    viscous friction, N m s/rad a side."""
 
     dry: tuple[float, float] = (0.0, 0.0)
     viscous: float = 0.0

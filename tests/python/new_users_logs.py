@@ -1,4 +1,4 @@
-"""Logs of robots as new users write them, with columns of an Arduino; simulated by engines that are not the plant."""
+"""Logs of robots as new users write them, with columns of an Arduino; simulated by engines other than the plant."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ WEAK_RIGHT = {"motor_asymmetry": {"difference": 2 * 0.12 / (2 - 0.12)}}
 
 
 def stated(robot: str) -> list[str]:
-    """Returns the options with which a user states the measured values of the robot."""
+    """Returns the command options by which a user states the measured values of the robot."""
     known = ROBOTS[robot]
     values = {name: getattr(known, name) for name in ("wheel_radius", "half_track", "mass", "resistance")}
     return [word for name, value in values.items() for word in ("--nominal", f"{name}={value}")]
@@ -61,7 +61,7 @@ def write_log(
 
 
 def rewire(file: Path, change: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> None:
-    """Changes the two columns of counts in a log, given as (rows, 2), to those of another wiring or encoder."""
+    """Applies `change`, for another wiring or encoder, to the two columns of counts in a log, (rows, 2)."""
     head, *rows = file.read_text().splitlines()
     cells = [row.split(",") for row in rows]
     counts = change(np.array([[float(one[3]), float(one[4])] for one in cells]))

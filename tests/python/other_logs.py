@@ -1,8 +1,8 @@
-"""Logs of other programs, each written by its own library; ULog and dataflash logs by parts of their libraries.
+"""Logs of other programs, each written by its own library; for ULog and dataflash logs, by parts of their libraries.
 
 A ULog file is written by `ULog.write_ulog`, a dataflash log by the buffers of `DFReader_binary`.
 
-A log is topic -> field -> values, with one time in s for each value of a topic.
+A log is topic -> field -> values; each value of a topic has a time, s.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 Vector = NDArray[np.float64]
 
 STAMP = 1_700_000_000_000_000_000
-"""ns since 1970: the time of a log of ROS."""
+"""Time of a ROS log, ns since 1970."""
 
 HEADER = """std_msgs/Header header
 """
@@ -217,7 +217,7 @@ def write_wpilog(path: Path, entries: Mapping[str, tuple[str, Vector, Any]], met
 
 
 def write_ulog(path: Path, topics: Mapping[tuple[str, int], Mapping[str, Any]]) -> Path:
-    """Writes a ULog file by pyulog. `topics`: (name, instance) -> field -> values; `timestamp` in µs is one of them."""
+    """Writes a ULog file by pyulog. `topics`: (name, instance) -> field -> values; one field is `timestamp`, µs."""
     from pyulog import ULog
 
     log = ULog(None)
@@ -284,13 +284,13 @@ TURN = 0.5  # unitsPerRotation of the logs below
 
 
 def old_row(time: float, autospeed: float, left: float, right: float, gyro: float) -> list[float]:
-    """A row of frc-characterization: battery at 12 V, absolute voltages, `left` and `right` in rotations."""
+    """Returns a row of frc-characterization: battery at 12 V, absolute voltages, `left` and `right` in rotations."""
     volts = abs(12.0 * autospeed)
     return [time, 12.0, autospeed, volts, volts, left, right, math.copysign(1.0, left), math.copysign(1.0, right), gyro]
 
 
 def old_log(**changes: Any) -> dict[str, Any]:
-    """A log: straight on, then a left turn on the spot (left wheel backward, right wheel forward, gyro counts up)."""
+    """Returns a log: straight ahead, then a left turn on the spot (left wheel back, right forward, gyro rises)."""
     straight = [old_row(10 + 0.005 * k, 0.5, 0.01 * k + 1, 0.01 * k + 1, 0.0) for k in range(20)]
     spot = [old_row(20 + 0.005 * k, 0.25, -0.01 * k - 1, 0.01 * k + 1, 0.02 * k) for k in range(20)]
     log = {
@@ -304,7 +304,7 @@ def old_log(**changes: Any) -> dict[str, Any]:
 
 
 def new_log(**changes: Any) -> dict[str, Any]:
-    """A SysId drivetrain, turning left: rows of time, V left, right, position, velocity, angle, rate."""
+    """Returns a SysId log of a left turn: rows of time, V left and right, positions, velocities, angle, rate."""
     rows = [[k * 0.02, -3.0, 3.0, -0.1 * k, 0.1 * k, -5.0, 5.0, 0.3 * k, 15.0] for k in range(10)]
     log = {
         "sysid": True,

@@ -1,4 +1,4 @@
-"""Reads the pages that the commands write: their figures, and what they load."""
+"""Reads the pages that the commands write: their figures, and the files that they load."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import re
 from typing import Any
 
 HOSTILE = "<script>alert(1)<!--"
-"""A hostile name: its slash makes it no file name, and the rest is markup."""
+"""A hostile name: it is no file name because of its slash, and the rest is markup."""
 
 FAULTY = """
 kind = "mission"

@@ -34,7 +34,7 @@ def plant(
 
 
 def rewritten(source: Path, folder: Path, change: Callable[[list[str]], list[str]], *runs: str) -> Dataset:
-    """Returns a copy of a data set with `change` applied to the rows below the header, in these runs or in all."""
+    """Returns a copy of a data set with `change` applied to the rows below the header, in these runs or in all runs."""
     shutil.copytree(source, folder)
     for file in sorted(folder.glob("*.csv")):
         if not runs or file.stem in runs:

@@ -10,7 +10,7 @@ from brickpilot.link.lnp import BRICK, HOST
 from rcx_lnp import LnpDevice, Packet
 
 HEARTBEAT = 0x180
-"""The first message id that is no reply."""
+"""The first message id that does not belong to a reply."""
 
 
 class Autopilot(LnpDevice):

@@ -22,7 +22,7 @@ import rcx_lnp
 import rcx_rom
 
 BYTE_S = 0.0002
-"""The byte time of tests. The time-outs of the sender and of the brick are multiples of it."""
+"""Byte time of tests, s. The time-outs of the sender and of the brick are multiples of this time."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -75,7 +75,7 @@ class RcxBrick:
         brickos: True: brickOS runs already; False: the ROM runs until it starts an image.
         tower: whether there is a tower, which echoes.
         on: whether the brick is switched on.
-        vanish_after: number of bytes after which the brick receives nothing, for ever or until `back_after` bytes.
+        vanish_after: number of bytes after which the brick receives nothing more, or nothing until `back_after` bytes.
         broken_sums: number of blocks whose checksum the ROM finds wrong.
         lego: the started image replies in the ROM's protocol, as LEGO's firmware does; otherwise it is brickOS.
         lose_replies: numbers of the brick's replies that are lost, counted from 1.

@@ -1,6 +1,6 @@
 """The program loader of brickOS 0.9 behind its LNP receiver, modelled on its headers and its disassembled kernel.
 
-The loader acknowledges only commands that it obeyed; tools/brickpilot/flash/program.py lists those without a reply.
+The loader acknowledges only obeyed commands; tools/brickpilot/flash/program.py lists commands without a reply.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from rcx_lnp import LnpDevice, Packet
 
 ACKNOWLEDGE, DELETE, CREATE, DATA, RUN, SET_HOST = 0, 1, 2, 4, 5, 7
 SHORTEST = {0: 1, 1: 2, 2: 13, 3: 8, 4: 4, 5: 2, 6: 2, 7: 2}
-"""Command -> the fewest bytes that it needs; a shorter one is ignored."""
+"""Command -> its least number of bytes; a shorter command is ignored."""
 SLOTS = 8
 HEAP = 0xAE00, 0xEE00
 

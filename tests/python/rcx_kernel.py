@@ -10,7 +10,7 @@ RECEIVED, TASKS, SYSTEM_TASKS, PROGRAMS = 0xAD72, 0xAD34, 0xAD38, 0xAC30
 """Addresses in Debian's kernel. RECEIVED is 0 between two packets; PROGRAMS begins with the first program's address."""
 
 _REPLY_MS = 300
-"""ms; a kernel whose tasks all wait replies sooner."""
+"""Longest wait for a reply, ms; a kernel whose tasks all wait replies sooner."""
 _STEP_MS = 10
 
 
@@ -21,7 +21,7 @@ class Kernel(SimulatedRcx):
         return self
 
     def silence(self, quiet_s: float) -> None:
-        """Lets `quiet_s` pass in the brick, too: a brick that sends telemetry receives nothing until it has sent it."""
+        """Lets `quiet_s` also pass in the brick: while a brick sends telemetry, it receives nothing."""
         self.run(max(2 * _STEP_MS, round(1000 * quiet_s)))
 
     def damaged(self) -> None:

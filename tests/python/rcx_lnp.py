@@ -1,4 +1,4 @@
-"""Receives LNP byte by byte as brickOS's kernel does, by its disassembly.
+"""Receives LNP byte by byte as the disassembled kernel of brickOS does.
 
 It shares no code with `brickpilot.link.lnp`, which it tests.
 """
@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 IDLE_BYTES = 1.5
-"""Silence after which the receiver starts anew, in byte times: 7 ms at 2400 baud."""
+"""Silence, in byte times, after which the receiver starts anew: 7 ms at 2400 baud."""
 
 
 class Packet(NamedTuple):
@@ -35,7 +35,7 @@ class Receiver:
         self._packet.clear()
 
     def byte(self, value: int) -> Packet | None:
-        """Takes one byte. Returns the packet that it completes if its checksum is right."""
+        """Takes one byte. Returns the packet that this byte completes, if the packet's checksum is right."""
         packet = self._packet
         packet.append(value)
         if packet[0] == 0x55:

@@ -1,9 +1,9 @@
-"""The RCX's ROM as a receiver of firmware, byte by byte, modelled on brickEmu's replacement ROM and RCX Internals.
+"""The RCX's ROM as a receiver of firmware, byte by byte, modelled after brickEmu's replacement ROM and RCX Internals.
 
 A sender has to know these rules. Data are written to memory as they arrive, before their complement. A repeated index
-goes back to the start of that block. A repeated opcode repeats the last reply and does nothing else. The index
-increases even if a block's checksum was wrong. A wrong complement, a wrong parity or 30 ms of silence discard an
-incomplete packet, and the next bytes are read as another packet.
+goes back to the start of its block. A repeated opcode repeats the last reply and does nothing else. The index increases
+even if a block's checksum was wrong. A wrong complement, a wrong parity or 30 ms of silence discard an incomplete
+packet, and the next bytes are read as another packet.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 KNOCK = b"Do you byte, when I knock?\0"
 WELCOME = b"Just a bit off the block!"
 IDLE_BYTES = 6.5
-"""Silence after which the receiver starts anew, in byte times: 30 ms at 2400 baud."""
+"""Silence, in byte times, after which the receiver starts anew: 30 ms at 2400 baud."""
 
 _OPCODE, _OPERANDS, _SUM, _BLOCK_SUM, _BLOCK, _END = 2, 3, 4, 5, 6, 99
 
@@ -40,7 +40,7 @@ class Rom:
         self._state, self._previous, self._complement = _OPCODE, 0xFF, False
 
     def damaged(self) -> None:
-        """Drops a byte with wrong parity, and its packet too unless the byte belongs to a block."""
+        """Drops a byte with wrong parity, and also its packet, unless the byte belongs to a block."""
         if self._state not in (_BLOCK, _BLOCK_SUM):
             self._state = _OPCODE
 
@@ -109,7 +109,7 @@ class Rom:
             self._state = _BLOCK_SUM
 
     def _handle(self) -> bytes | None:
-        """Handles a complete packet. Returns the reply, or None if there is none."""
+        """Handles a complete packet. Returns the reply, or None without a reply."""
         packet = bytes(self._packet)
         self.requests.append(packet)
         opcode = packet[0]

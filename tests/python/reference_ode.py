@@ -1,4 +1,4 @@
-"""The plant's equations as text-book ODEs, written from the paper and not from the plant, for a stiff solver."""
+"""The plant's equations as text-book ODEs for a stiff solver, written from the paper, not from the plant."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def _air(p: Mapping[str, float], speed: float) -> float:
 
 
 def coupled(p: Mapping[str, float]) -> Slope:
-    """Wheel torques act through the tyre forces F_l, F_r, whose values keep the wheels from slipping."""
+    """Wheel torques act through the tyre forces F_l and F_r, which take the values that prevent slip."""
     radius, track = p["wheel_radius"], p["half_track"]
     # Unknowns w_l', w_r', F_l, F_r: two wheel equations, the body's surge and its yaw.
     matrix = np.array(

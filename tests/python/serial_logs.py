@@ -1,4 +1,4 @@
-"""Logs as a robot prints them: millis, PWM of -255..255, encoder counts, three gyro axes. Written line by line."""
+"""Logs as a robot prints them, line by line: millis, PWM of -255..255, encoder counts, three gyro axes."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Logs of robots under a digital speed controller: set points and wheel speeds, and no voltage.
 
-It does not use the plant: it integrates by Euler steps of 0.1 ms, with a controller that acts every 10 ms.
+The module does not use the plant: it integrates by Euler steps of 0.1 ms, with a controller that acts every 10 ms.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Controller:
 
 
 def demands(seed: int) -> Mapping[str, tuple[Vector, Vector]]:
-    """Returns run -> forward velocity (m/s) and yaw rate (rad/s, counter-clockwise), a row each 20 ms."""
+    """Returns run -> forward velocity (m/s) and yaw rate (rad/s, counter-clockwise), one row per 20 ms."""
     time = np.arange(0.0, _LASTS_S, ROW_S)
     drives, draw = ((time > 0.5) & (time < 4.5)).astype(float), np.random.default_rng(seed)
     fast = draw.uniform(0.25, 0.5, 4)
@@ -54,7 +54,7 @@ def logs(controller: Controller, dry_friction: float = 0.0, seed: int = 1) -> di
     """Returns run -> its log: set points of the body, wheel speeds (rad/s) and yaw rate with noise; y to the left.
 
     Args:
-        dry_friction: N m at each wheel.
+        dry_friction: dry friction of each wheel, N m.
     """
     asked = demands(seed)
     velocity, yaw_rate = (np.array(one) for one in zip(*asked.values(), strict=True))

@@ -23,18 +23,18 @@ MANOEUVRES = {
 
 
 def robot(**changes: float) -> Model:
-    """The packaged robot with some values changed; no air drag, no inductance."""
+    """Returns the packaged robot with some values changed, without air drag and inductance."""
     rcx = model_file.rcx()
     return Model("truth", "diff_drive", "coupled", {**rcx.parameters, "drag_area": 0.0, "inductance": 0.0, **changes})
 
 
 def motor(**values: float) -> Model:
-    """A bare motor, with some values set; no inductance."""
+    """Returns a bare motor with some values set, without inductance."""
     return Model("truth", "motor", "coupled", {**catalogue.presets("motor"), "inductance": 0.0, **values})
 
 
 def steps(left: float, right: float, *, seconds: float = 2.0, period: float = 0.01, jitter_seed: int | None = None):
-    """Time (n,) and voltages (n, 2): rest, the step, then both motors shorted. `jitter_seed`: samples are irregular."""
+    """Time (n,) and voltages (n, 2): rest, the step, then both motors shorted. `jitter_seed`: irregular samples."""
     time = np.arange(0.0, seconds, period)
     if jitter_seed is not None:
         time = time + np.random.default_rng(jitter_seed).uniform(-0.4, 0.4, len(time)) * period
@@ -65,8 +65,8 @@ def write(
         signals: output -> sd of its noise, SI; an output that the vehicle lacks is noise about 0.
         nominal: the lines below [nominal].
         units: signal -> (unit, number of these units in one SI unit).
-        start: the state every run truly starts from.
-        initial: the start that the file states, as the inside of a TOML table.
+        start: the true start state of every run.
+        initial: the start state that the file states, as the inside of a TOML table.
         spoil: damages a run: called with (run name, table of columns) before it is written; NaN is written as a blank.
     """
     random = np.random.default_rng(seed)

@@ -26,7 +26,7 @@ ROBOTS, JUDGES, BUDGET = 6, 60, Budget(44, None)
 
 
 class Inline:
-    """A crew that does each part when it is waited for."""
+    """A crew that does each part only when `wait` is called."""
 
     def __init__(self, function: Function) -> None:
         self.function, self.parts = function, list[Part]()
@@ -39,7 +39,7 @@ class Inline:
         self.parts.append(part)
 
     def wait(self) -> Sequence[Finished]:
-        part = self.parts.pop()  # not in the order in which they were given
+        part = self.parts.pop()  # not in the order in which the parts were given
         return [Finished(part, self.function(part.argument))]
 
 
@@ -52,7 +52,7 @@ class Here:
 
 
 def ready(folder: Path, name: str = "bench", seed: int = 0) -> robot_task.Ready:
-    """Returns the packaged robot, and its mission, with what is usual for each kind of value."""
+    """Returns the problem of the packaged robot and its mission, with the usual sd of each kind of value."""
     (folder / "short.toml").write_text(SHORT)
     model.save(dataclasses.replace(rcx(), name=name), folder / "model.toml")
     route = str(folder / "short.toml")
@@ -61,7 +61,7 @@ def ready(folder: Path, name: str = "bench", seed: int = 0) -> robot_task.Ready:
 
 @cache
 def poor(folder: Path) -> Tuned:
-    """Returns a tuning whose start turns too late to reach the second waypoint with many robots."""
+    """Returns a tuning with start gains by which many robots turn too late to reach the second waypoint."""
     given = ready(folder, HOSTILE)
     start = {**given.problem.start, "heading_kp": 90, "heading_ki": 0, "pivot": 15000}
     problem = dataclasses.replace(given.problem, start=start)

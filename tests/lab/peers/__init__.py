@@ -30,7 +30,7 @@ class Peer:
     Attributes:
         function: ``module:name`` of a function of a data set and its roles; it fits to the fit runs only and returns
             the free run of every run.
-        package: the needed import, or ``import:name``; None: only this package is needed.
+        package: the needed import, or ``import:name``; None: the peer needs nothing but this package.
     """
 
     name: str
@@ -38,7 +38,7 @@ class Peer:
     package: str | None
 
     def missing(self) -> str | None:
-        """Returns a line for the user if the peer's package is not installed, else None."""
+        """Returns a line for the user if the peer's package is not installed, otherwise None."""
         if self.package is None or _installed(self.package):
             return None
         package = self.package.partition(":")[0]

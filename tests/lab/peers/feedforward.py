@@ -23,7 +23,7 @@ from lab.real_score import Predictions
 Array = NDArray[np.float64]
 
 _MOST_SAMPLES = 10_000  # largest number of samples of all runs in the fit with delays
-_MOVING = 0.02  # share of the largest speed: slower samples are left out, as in WPILib
+_MOVING = 0.02  # share of the largest speed below which samples are left out, as in WPILib
 
 
 def with_delays(dataset: Dataset, roles: Roles) -> Predictions:
@@ -52,7 +52,7 @@ def _thinned(run: Run, every: int) -> Run:
 def by_regression(dataset: Dataset, roles: Roles) -> Predictions:
     """Returns the free runs of WPILib's own fit: one least-squares regression of the acceleration, without delays.
 
-    The regression is that of SysId: (next v - v) / dt on v, volts and sgn(v), over the samples in motion.
+    As in SysId, (next v - v) / dt is regressed on v, volts and sgn(v), over the samples in motion.
     """
     return simulated_by_side(on_grid(dataset, steps_for(dataset)[0]), roles.fit(), _regressed)
 
@@ -89,10 +89,10 @@ def _free_run(drive: Drive, decay: float, drive_gain: float, friction: float) ->
 
 _RATES = ("wheel_velocity", "wheel_speed", "velocity", "speed")
 _TRAVELS = ("wheel_travel", "wheel_angle", "position", "angle")
-_FIRST_DELAYS = (0.0, 0.03, 0.1)  # s: start values of all delays, one fit from each
+_FIRST_DELAYS = (0.0, 0.03, 0.1)  # start values of all delays, s; one fit starts from each value
 _LONGEST_DELAY = 0.5  # s
-_MOVING_SAMPLES = 12  # number of samples of the line for the first speed of a run
-_SMOOTH_S = 0.1  # s: span of the line for an acceleration of the first guess
+_MOVING_SAMPLES = 12  # number of samples of the line that gives the first speed of a run
+_SMOOTH_S = 0.1  # span, s, of the line that gives an acceleration of the first guess
 _EVALUATIONS = 40  # largest number of evaluations of the residual from one start
 _STEP = 1e-4  # relative step of finite differences
 
@@ -114,7 +114,7 @@ class FeedforwardFit:
 def fit_percent(measured: Array, predicted: Array) -> float:
     """Returns 100 (1 - rms(error) / rms(measured - mean)) over the known samples; NaN if the signal is constant.
 
-    100 is a perfect prediction, and 0 is as good as the mean of the run. Worse predictions are below 0.
+    100 is a perfect prediction, 0 is as good as the mean of the run, and worse predictions are below 0.
     """
     known = np.isfinite(measured)
     if known.sum() < 2 or np.ptp(measured[known]) == 0:
@@ -185,7 +185,7 @@ class _Law:
     def descend(self, fitted: Sequence[_Record], delay: float) -> tuple[float, Array]:
         """Returns the cost and the parameters after a descent from a first guess with this delay.
 
-        Travels are first compared by their slopes: a travel sums up errors, so that its cost has many local minima.
+        Travels are first compared by their slopes: a travel sums up errors, so its cost has many local minima.
         """
         numbers = self._guess(fitted, delay)
         for by_slope in (True, False):
@@ -244,7 +244,7 @@ class _Law:
         return np.concatenate(parts)
 
     def _simulate(self, value: Mapping[str, float], one: _Record) -> Array:
-        """Returns (n, wheels): the speeds. They are cached, because a descent often changes only a channel's delay."""
+        """Returns (n, wheels): the speeds, cached, because a descent often changes only a channel's delay."""
         law = [v for name, v in value.items() if not name.startswith("delay of") and name != "yaw"]
         key = (np.array(law).tobytes(), one.run.name)
         if key not in self._speeds:
@@ -416,7 +416,7 @@ def _origin(run: Run, name: str) -> float:
 
 
 def _spread(fitted: Sequence[_Record], name: str, *, summed: bool) -> tuple[float, float]:
-    """Returns the rms over the fit runs of a signal about each run's mean, and of its slope if it is `summed`."""
+    """Returns the rms of a signal about each run's mean, and of its slope if `summed`, over the fit runs."""
     values, slopes = [np.zeros(1)], [np.zeros(1)]
     for one in fitted:
         measured = one.run.outputs.get(name, np.empty(0))
@@ -432,7 +432,7 @@ def _rms(parts: Sequence[Array]) -> float:
 
 
 def _metres_per_unit(dataset: Dataset, wheels: Sequence[_Wheel]) -> float:
-    """Returns metres per unit of the wheels' speed: 1 if it is measured in m/s or m, else the wheel's radius."""
+    """Returns metres per unit of the wheels' speed: 1 if measured in m/s or m, otherwise the wheel's radius."""
     name = wheels[0].rate or wheels[0].travel or ""
     if "velocity" in name or "travel" in name or name == "position":
         return 1.0

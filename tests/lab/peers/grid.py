@@ -29,8 +29,8 @@ class Stretch:
 
     Attributes:
         time: (n,) s, on the run's own clock.
-        inputs: (n, m) volts at the motors, the mean over the next step; a floating motor counts as 0 V.
-        outputs: (n, k) channels: each is a signal, or its rate if the signal sums up motion.
+        inputs: (n, m) mean motor voltages over the next step, V; a floating motor counts as 0 V.
+        outputs: (n, k) channels: each is a signal, or the signal's rate if it sums up motion.
     """
 
     time: Array
@@ -49,7 +49,7 @@ class Grid:
 
     def back(self, simulated: Mapping[str, Array]) -> Predictions:
         """Returns the signals at the measured samples from simulated channels on the grid: run -> (n, k)."""
-        with np.errstate(over="ignore", invalid="ignore"):  # values of a model that diverges
+        with np.errstate(over="ignore", invalid="ignore"):  # a model may diverge
             return {
                 run.name: self._signals(run, simulated[run.name]) for run in self.dataset.runs if run.name in simulated
             }
@@ -67,12 +67,12 @@ class Grid:
 
 
 def signals_of(dataset: Dataset) -> tuple[str, ...]:
-    """Returns the measured signals that a peer has to predict: all outputs but the battery voltage."""
+    """Returns the measured signals that a peer has to predict: all outputs except the battery voltage."""
     return tuple(dict.fromkeys(name for run in dataset.runs for name in run.outputs if name != "battery_voltage"))
 
 
 def steps_for(dataset: Dataset) -> list[float]:
-    """Returns the steps in s from which a peer may choose: not finer than the log, nor too coarse for short runs."""
+    """Returns the steps, s, from which a peer may choose: not finer than the log, not too coarse for short runs."""
     own = float(np.median([np.median(np.diff(run.time)) for run in dataset.runs]))
     spans = [float(run.time[-1] - run.time[0]) for run in dataset.runs]
     coarsest = max(own, min(spans) / _FEWEST)
@@ -134,8 +134,8 @@ def choose(
 ) -> Predictions:
     """Returns the free runs of the best setting on the best grid.
 
-    With three fit runs or more, every third one is used to choose the setting, and the others to fit. With fewer, all
-    fit runs are used for both. Held-out runs are never used.
+    With three fit runs or more, every third run is used to choose the setting, and the others to fit. With fewer runs,
+    all are used for both purposes. Held-out runs are never used.
     """
     fitted = roles.fit()
     watched = fitted[1::3] if len(fitted) > 2 else fitted
@@ -163,7 +163,7 @@ def _score(grid: Grid, simulated: Mapping[str, Array], names: Sequence[str]) -> 
 def _safely(
     simulated: Simulated[Setting], grid: Grid, used: Sequence[str], wanted: Sequence[str], setting: Setting
 ) -> Mapping[str, Array]:
-    """Returns `simulated` of a setting; empty if the library fails: a singular matrix, or a model that diverges."""
+    """Returns `simulated` of a setting; empty if the library fails by a singular matrix or a diverging model."""
     try:
         with np.errstate(all="ignore"):
             return simulated(grid, used, wanted, setting)

@@ -33,7 +33,7 @@ _BOUNDS = {"gain": (1e-3, 1e3), "damping": (1e-3, 1e3), "friction": (1e-6, 1e2)}
 
 
 def fit(dataset: Dataset, roles: Roles) -> Predictions:
-    """Returns the free runs. Volts and speeds are scaled by their spread; the joint's inertia is 1 kg m^2."""
+    """Returns the free runs. Voltages and speeds are scaled by their sd; the joint's inertia is 1 kg m^2."""
     steps = steps_for(dataset)
     return simulated_by_side(on_grid(dataset, steps[min(1, len(steps) - 1)]), roles.fit(), _fitted)
 

@@ -18,7 +18,7 @@ from lab.real_score import Predictions
 
 Array = NDArray[np.float64]
 
-_DIVERGED = 1e3  # sd of a channel: a larger value has diverged
+_DIVERGED = 1e3  # limit, in sd of a channel: a model beyond it has diverged
 
 
 @dataclass(frozen=True)
@@ -59,9 +59,9 @@ def _simulated(grid: Grid, used: Sequence[str], wanted: Sequence[str], setting: 
 
 
 def _free_runs(library: Any, weights: Array, starts: Array, inputs: Sequence[Array]) -> list[Array]:
-    """Returns the channels (n, k) of each run, each sample from the previous one; a diverging model is clipped.
+    """Returns the channels (n, k) of each run, each sample from the previous sample, clipped where it diverges.
 
-    All runs advance together, because the library takes as long for one row as for many.
+    All runs advance together, because the library takes the same time for one row and for many rows.
     """
     lengths = [len(one) for one in inputs]
     padded = np.stack([np.pad(one, ((0, max(lengths) - len(one)), (0, 0))) for one in inputs])

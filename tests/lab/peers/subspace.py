@@ -16,7 +16,7 @@ from lab.real_score import Predictions
 Array = NDArray[np.float64]
 
 _ORDERS = (1, 2, 3, 4, 6, 8)
-_START_SAMPLES = 10  # least number of samples from which the state at a run's start is found
+_START_SAMPLES = 10  # least number of samples that give the state at a run's start
 
 
 @dataclass(frozen=True)
@@ -31,8 +31,7 @@ class _Space:
 
 def fit(dataset: Dataset, roles: Roles) -> Predictions:
     """Returns the free runs of the best order. The state at the start of a run is found from its first samples."""
-    orders = [order for order in _ORDERS if order >= 1]
-    return choose((on_grid(dataset, step) for step in steps_for(dataset)), orders, _simulated, roles)
+    return choose((on_grid(dataset, step) for step in steps_for(dataset)), _ORDERS, _simulated, roles)
 
 
 def _simulated(grid: Grid, used: Sequence[str], wanted: Sequence[str], order: int) -> Mapping[str, Array]:

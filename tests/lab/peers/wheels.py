@@ -32,7 +32,7 @@ FitSide = Callable[[Sequence[Drive]], Callable[[Drive], Array]]
 
 
 def simulated_by_side(grid: Grid, fitted: Sequence[str], fit_side: FitSide) -> Predictions:
-    """Returns the free runs of all signals: the speed of each side by `fit_side`, the others from these speeds.
+    """Returns the free runs of all signals: the speed of each side by `fit_side`, other signals from these speeds.
 
     Any other signal, such as a gyro's, is a linear combination of the sides' speeds and accelerations, fitted to the
     fit runs.
@@ -52,7 +52,7 @@ def simulated_by_side(grid: Grid, fitted: Sequence[str], fit_side: FitSide) -> P
 
 
 def _sides(grid: Grid) -> list[int]:
-    """Returns the channel of each driven side's speed: a measured speed if possible, else a derivative."""
+    """Returns the channel of each driven side's speed: a measured speed if possible, otherwise a derivative."""
     if grid.dataset.vehicle == "motor":
         return [next(grid.signals.index(name) for name in _MOTOR if name in grid.signals)]
     names = next(name for name in _WHEEL if f"{name}_left" in grid.signals)
@@ -90,7 +90,7 @@ def _same_motion(grid: Grid, sides: Sequence[int]) -> dict[int, int]:
 
 
 def _ratio(grid: Grid, channel: int, speed: int, simulated: Array, target: Array) -> float:
-    """Returns 1 for the speed itself and its own path, else the fitted ratio of length and angle."""
+    """Returns 1 for the speed itself and its own path, otherwise the fitted ratio of length to angle."""
     same = {grid.signals[speed], *(summed for summed, rate in RATE_OF.items() if rate == grid.signals[speed])}
     if grid.signals[channel] in same or RATE_OF.get(grid.signals[speed]) == grid.signals[channel]:
         return 1.0

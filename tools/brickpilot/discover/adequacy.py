@@ -2,7 +2,7 @@
 
 No model explains a machine down to its sensors' noise. So a black box without laws is fitted to the residual: a ridge
 regression on random features of the inputs and of the simulated states (Rahimi & Recht 2007, NIPS). It predicts runs
-that it was not trained on. Error that it predicts may come from a missing law; other error shows no missing law.
+that it was not trained on. Predicted error may come from a missing law; other error shows no missing law.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ _FOLDS = 4
 _FEATURES = 200
 _WIDTH = 0.3  # kernel of the random features: exp(-_WIDTH d^2 / columns), on standardised columns
 _ALPHAS = (1.0, 10.0, 100.0)  # ridge penalties that are tried; a larger penalty gives a smoother prediction
-_TAUGHT_ROWS = 3000  # most rows that train the black box: more rows of a long log add nothing new
-_BEYOND = 0.1  # a column is clipped to its range in training, widened at each end by this share of the range
-_FAR = 5.0  # in robust sizes of the residual: a larger residual is clipped to this
+_TAUGHT_ROWS = 3000  # most rows that train the black box: further rows of a long log add nothing new
+_BEYOND = 0.1  # a column is clipped to its training range, widened at each end by this share of the range
+_FAR = 5.0  # robust sizes of the residual: a larger residual is clipped to this
 _NEXT_TO_NOTHING = 1e-300  # least divisor: if the nominal error is 0, a new error gives a share of 0, no error gives 1
-_FILTERS_S = (0.1, 0.5, 2.0)  # time constants of filters: for a motor, a body, and slow changes
-_STANDSTILL_SHARE = 0.03  # share of the largest speed or voltage: below it, the smoothed sign goes to 0
+_FILTERS_S = (0.1, 0.5, 2.0)  # filter time constants for a motor, for a body, and for slow changes
+_STANDSTILL_SHARE = 0.03  # share of the largest speed or voltage below which the smoothed sign goes to 0
 _SETTLING_S = 0.3
 
 
@@ -43,7 +43,7 @@ class Adequacy:
     """The error that an explanation leaves.
 
     Attributes:
-        predictable: signal -> the share of its squared residual that a black box predicts on runs outside its training.
+        predictable: signal -> the share of its squared residual that a black box predicts on runs not trained on.
         left: signal -> log of the residual's scale over its noise floor, nats per value.
         explained: signal -> the share of the nominal model's squared error above noise that is removed, 0..1.
     """
@@ -58,12 +58,12 @@ class Adequacy:
 
     @property
     def leaves_more_than_noise(self) -> bool:
-        """Whether some signal has more error left than noise makes."""
+        """Whether some signal has more error left than noise alone gives."""
         return max(self.left.values(), default=0.0) > numbers.UNEXPLAINED_NATS
 
     @property
     def unexplained(self) -> str | None:
-        """The signal with the largest `left` of those above the limit with more error left than gone; None: none."""
+        """Of signals above the limit with more error left than removed, that with the largest `left`; or None."""
         more = {one: left for one, left in self.left.items() if self.explained[one] < 1 - self.explained[one]}
         return max(
             (one for one in more if more[one] > numbers.UNEXPLAINED_NATS), key=lambda one: more[one], default=None
@@ -71,7 +71,7 @@ class Adequacy:
 
     @property
     def is_adequate(self) -> bool:
-        """Whether the residual shows no further law that is missing."""
+        """Whether the residual shows no missing law."""
         return self.most_predictable <= numbers.SHARED_REST and self.unexplained is None
 
     @property
@@ -106,7 +106,7 @@ def adequacy(judge: Judge, best: Evidence, nothing: Evidence, seed: int) -> Adeq
 def predictable(judge: Judge, model: Model, nominal: Model, seed: int) -> dict[str, float]:
     """Returns signal -> the share of its squared residual that is predicted on runs left out, 0..1.
 
-    Only error above the floor of noise and of every simulator's error counts: predictable error below it comes from a
+    Only error above the floor of noise and simulator error counts: predictable error below this floor comes from a
     sensor's rounding, not from a missing law. The error of the laws in `model` does not count either: it is a share of
     what these laws explain beyond the `nominal` model.
     """
@@ -149,7 +149,7 @@ class Unseen:
     Attributes:
         value: (rows,), the prediction, scaled by `boldness`.
         best: the index of the penalty that predicts best.
-        boldness: the factor, 0..1, with which the prediction fits these rows best; 1: the prediction is not too large.
+        boldness: the factor, 0..1, that makes the prediction fit these rows best; 1: the prediction is not too large.
     """
 
     value: Array
@@ -184,7 +184,7 @@ def taught_by(columns: Array, target: Array, seed: int) -> Callable[[Array], Arr
     random, count = np.random.default_rng(seed), columns.shape[1]
     directions = random.normal(size=(count, _FEATURES)) * (2 * _WIDTH / count) ** 0.5
     phases = random.uniform(0, 2 * np.pi, _FEATURES)
-    weight = (2 * count / _FEATURES) ** 0.5  # the random features count as much as the plain columns
+    weight = (2 * count / _FEATURES) ** 0.5  # gives the random features as much weight as the plain columns
 
     def features(asked: Array) -> Array:
         plain = (np.clip(asked, low, high) - middle) / size
@@ -214,7 +214,7 @@ def folds_of(runs: Sequence[str], times: Array) -> Indices:
 def columns_of(replay: Replay, outputs: Mapping[str, Outputs], run: str, at: Array) -> Array:
     """Returns (rows, columns): the simulator's inputs and outputs, raw and low-pass filtered, at some times of a run.
 
-    No measured value is among them.
+    The columns contain no measured value.
     """
     time = next(one.time for one in replay.dataset.runs if one.name == run)
     step = float(np.median(np.diff(time)))

@@ -1,9 +1,9 @@
 """Composes a law without a name, where no effect of the library explains what is left.
 
-A law is a sum of few terms of a fixed basis. Terms are searched like effects (a sparse regression by forward selection
-with refits, FROLS: Chen, Billings & Luo 1989), on signatures from simulation and not on derivatives. The same evidence
-weighs them. An atom is a term with the settings that shape it. Periods come from the spectra of the residual along
-time, a wheel's angle and the position, so that no term is tried at a period that the residual lacks.
+A law is a sum of few terms of a fixed basis. Terms are searched and weighed like effects (a sparse regression by
+forward selection with refits, FROLS: Chen, Billings & Luo 1989), but on signatures from simulation instead of
+derivatives. An atom is a term with the settings that shape it. Periods come from the spectra of the residual along
+time, a wheel's angle and the position. So no term is tried at a period that the residual lacks.
 """
 
 from __future__ import annotations
@@ -46,16 +46,16 @@ from brickpilot.vehicle.model import Model
 Array = NDArray[np.float64]
 
 _OUTPUTS = ("wheel_angle_left", "wheel_angle_right", "angle", "x", "position")
-_TINY = 1e-8  # step as a share of a coefficient's range: large enough for the arithmetic, small enough to be linear
+_TINY = 1e-8  # step as a share of a coefficient's range: large against rounding errors, small enough to be linear
 _SIMULATED = 24  # number of atoms, the best of the linear screen, that are also simulated
-_SIZES = (1.0, 0.3)  # shares of the linear estimate at which these atoms are simulated, as few terms are linear
-_NEARBY = 8  # most atoms that are fitted at and beside a fitted period
+_SIZES = (1.0, 0.3)  # shares of the linear estimate at which these atoms are simulated: few terms are linear
+_NEARBY = 8  # most atoms that are fitted at a fitted period and beside it
 _ALIKE = 2  # most trials of the same terms with different settings
 _STRIP_TERMS = ("surge_loss_patch", "yaw_loss_patch", "floor_add_patch")
 _CELLS, _LEAST_CELL = 24, 4e-3  # number of cells of the travel in the search for strips, and least width of a cell, m
 _STRIPS = 2  # most strips that are tried
 _MOST_TERMS = 3  # most terms of a law: the basis is large, and a reader can check only a short law
-_SLOWEST_SWING_HZ = 0.5  # frequency of a pendulum of a metre: no robot here carries a longer one
+_SLOWEST_SWING_HZ = 0.5  # frequency of a pendulum of one metre: no robot here carries a longer pendulum
 _SPRUNG_HZ = (1.0, 2.0, 4.0)  # frequencies tried for a sprung mass, beside the peaks of the spectrum
 _SENSOR_SIGNALS = {
     "encoder": {
@@ -72,8 +72,8 @@ class Atom(Part):
     """One term, or the sine and the cosine of one period, with the settings that shape them.
 
     Attributes:
-        slowest: Hz, the least frequency. A term that repeats less than once in a run, or more slowly than any load
-            swings, could stand in for any drift or loss.
+        slowest: the least frequency, Hz. A term below it repeats less than once in a run or more slowly than any load
+            swings, and could stand in for any drift or loss.
     """
 
     terms: tuple[Basis, ...]
@@ -103,18 +103,18 @@ class Atom(Part):
 
     @property
     def tuned(self) -> tuple[str, ...]:
-        """The settings that are fitted: all but the clock, which is chosen and not fitted."""
+        """The settings that are fitted: all except the clock, which is chosen."""
         return tuple(name for name, _ in self.settings if name != "clock")
 
     def joins(self, table: Mapping[str, float]) -> bool:
-        """Returns whether the terms in `table` lack this atom, and have no settings that differ from its own."""
+        """Returns whether `table` lacks the terms of this atom, and has no setting that differs from the atom's own."""
         there = [one.basis for one in terms_of(table)]
         shaping = settings_of(there, table)
         lacks = not {one.name for one in there} & {*self.names}
         return lacks and all(shaping.get(name, value) == value for name, value in self.settings)
 
     def starting(self, base: Plan, values: Mapping[str, float]) -> Plan:
-        """Returns `base` with this atom at `values`. Its parameters that are not free in `base` come last."""
+        """Returns `base` with this atom at `values`. Parameters of the atom that are not free in `base` come last."""
         present, table = {one.name for one in base.free}, {**dict(self.settings), **values}
         rows = [self._row(info, table) for info in parameters() if info.name in self.free]
         added = tuple(one for one in rows if one.name not in present)
@@ -135,7 +135,7 @@ class Atom(Part):
         return {name: model.effects[EFFECT][name] for name in (*self.names, *(one for one, _ in self.settings))}
 
     def _row(self, info: ParameterInfo, values: Mapping[str, float]) -> Free:
-        """Returns a free parameter. Sine and cosine move in units of their amplitude, a strip in half widths."""
+        """Returns a free parameter. Its unit is the amplitude for a sine or cosine, the half width for a strip."""
         name = f"{EFFECT}.{info.name}"
         if info.name in self.names:
             if len(self.names) == 1:
@@ -152,13 +152,13 @@ def atom(terms: tuple[Basis, ...], settings: Settings = (), slowest: float = 0.0
 
 
 def with_terms(model: Model, values: Mapping[str, float]) -> Model:
-    """Returns `model` with coefficients and settings of composed terms added to those that it has."""
+    """Returns `model` with coefficients and settings of composed terms added to its own."""
     table = {**model.effects.get(EFFECT, {}), **values}
     return dataclasses.replace(model, effects={**model.effects, EFFECT: table})
 
 
 def find_atoms(vehicle: str, segments: Sequence[Segment], residual: Array) -> list[Atom]:
-    """Returns every term, the periodic ones at the periods in `residual` (N,), which is projected.
+    """Returns every term, periodic terms at the periods found in the projected `residual` (N,).
 
     Terms on a strip of the floor are left out: see `compose.TermSource`.
     """
@@ -196,7 +196,7 @@ def strip_atom(name: str, middle: float, half_width: float) -> Atom:
 
 
 def _visible_groups(vehicle: str, segments: Sequence[Segment]) -> list[tuple[Basis, ...]]:
-    """Returns the groups of terms that act on a part of this vehicle; on a sensor only if its signal was logged."""
+    """Returns the groups of terms that act on a part of this vehicle, sensors only if their signal was logged."""
     if vehicle == "motor":
         return [terms for terms in _groups() if terms[0].place in OF_A_MOTOR and not terms[0].sided]
     signals = {segment.signal for segment in segments}
@@ -204,10 +204,10 @@ def _visible_groups(vehicle: str, segments: Sequence[Segment]) -> list[tuple[Bas
 
 
 def _groups() -> list[tuple[Basis, ...]]:
-    """Returns every term alone, but the sine and the cosine of one period together.
+    """Returns every term alone, except the sine and the cosine of one period, which form one group.
 
     Sine and cosine of the heading stand alone: their phase is known. Rotation sensors also get a group of two terms,
-    common and difference: a fault of one sensor is the sum of both, and neither term alone explains it.
+    common and difference: a fault of one sensor is the sum of both terms, and neither term alone explains the fault.
     """
     by_name = {term.name: term for term in basis()}
     found: list[tuple[Basis, ...]] = []
@@ -252,7 +252,7 @@ class Composed:
 def compose(prepared: Prepared, judge: Judge, verdict: Verdict, tell: Tell) -> Composed | None:
     """Returns the law of few terms that explains the fit runs best, alone or beside the best named effects.
 
-    None if no term is sure. A sure term holds 95 % of the weight beside its base.
+    None if no term is sure: the terms must hold 95 % of the weight beside their base.
     """
     deadline = prepared.deadline.until(COMPOSED)
     if not deadline.allows("a composed term"):
@@ -290,7 +290,7 @@ class TermSource:
         self._add_strips(projection, rest)
 
     def screened(self, problem: Problem, point: Array, deadline: Deadline) -> list[Trial]:
-        """Returns the atoms that reduce the residual most, with a diverse choice of settings."""
+        """Returns the atoms that reduce the residual most, few of them with the same terms."""
         return self._best(problem, point, list(self._changes))
 
     def nearby(self, problem: Problem, current: Explanation, fits: Sequence[Explanation]) -> list[Trial]:
@@ -324,7 +324,7 @@ class TermSource:
             for share in _SIZES
         ]
         simulated = problem.data.scaled_by([with_terms(model, values) for _, values in sized])
-        with np.errstate(over="ignore", invalid="ignore"):  # a size at which the plant diverges is left out below
+        with np.errstate(over="ignore", invalid="ignore"):  # the line below drops sizes at which the plant diverges
             trials = [
                 Trial.of(one, values, rest, projection.remainder(residual), len(residual))
                 for (one, values), residual in zip(sized, simulated, strict=True)
@@ -380,7 +380,7 @@ def _lowest(term: Basis, table: Mapping[str, float]) -> float:
 
 
 def _diverse(trials: Sequence[Trial]) -> list[Trial]:
-    """Returns each atom at its better size, and no more than `_ALIKE` of the same terms with different settings."""
+    """Returns each atom at its better size, and at most `_ALIKE` atoms that differ only in settings."""
     found: dict[Part, Trial] = {}
     for trial in trials:
         if sum(one.free == trial.part.free for one in found) < _ALIKE:
@@ -389,7 +389,7 @@ def _diverse(trials: Sequence[Trial]) -> list[Trial]:
 
 
 def _cells(segments: Sequence[Segment]) -> list[tuple[float, float]]:
-    """Returns middle and half width, m, of cells that divide the travel; none if the vehicle hardly moves."""
+    """Returns middle and half width, m, of cells that divide the travel; no cells if the vehicle hardly moves."""
     travels = [one.at[name] for one in segments for name in ("x", "position") if name in one.at]
     if not travels:
         return []
@@ -399,7 +399,7 @@ def _cells(segments: Sequence[Segment]) -> list[tuple[float, float]]:
 
 
 def _best_windows(slopes: Array, residual: Array) -> list[tuple[int, int]]:
-    """Returns the first and last cell of the strips that explain most; none overlaps a better one.
+    """Returns the first and last cell of the strips that explain most; no strip overlaps a better one.
 
     Args:
         slopes: (N, cells): the signature of each cell in `residual` (N,).
@@ -419,7 +419,7 @@ def _best_windows(slopes: Array, residual: Array) -> list[tuple[int, int]]:
 
 
 def segments(data: Residual, model: Model) -> list[Segment]:
-    """Returns the blocks of a residual, each with the outputs of `model` at its times, on which terms depend."""
+    """Returns the blocks of a residual, each with those outputs of `model` at its times on which terms depend."""
     outputs = data.replay.simulate([model], threads=data.threads)[0]
     runs = {run.name: (run.time, age) for run, age in data.replay.aged}
     found = []

@@ -1,4 +1,4 @@
-"""The last stage: puts the finding together, from the models as read back from their files and their simulations."""
+"""The last stage: makes the finding from the models as read back from their files, and from their simulations."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ from brickpilot.vehicle.composed_terms import PLACES, equation
 from brickpilot.vehicle.model import Model, unit_on
 from brickpilot.vehicle.replay import RUN_KINDS, Replay
 
-_EFFECT_SHOWN = 1.0  # in noise sd, rms over a tenth of a second: a larger effect shows in a signal
-_LAGS = 20  # longest lag of an autocorrelation, in bins
-_BEYOND = 4  # most lags outside the bound at which the residual still counts as white
+_EFFECT_SHOWN = 1.0  # noise sd, rms over a tenth of a second: an effect larger than this shows in a signal
+_LAGS = 20  # longest lag of an autocorrelation, bins
+_BEYOND = 4  # most lags outside the bound with which a residual still counts as white
 _LARGEST_LOG = 700.0  # largest logarithm of a double
-_ERROR_SHOWN = 1.5  # as `_EFFECT_SHOWN`, for an unexplained error; it includes the noise, which alone gives 1
+_ERROR_SHOWN = 1.5  # as `_EFFECT_SHOWN`, for an unexplained error; the error includes the noise, which alone gives 1
 
 
 @dataclasses.dataclass(frozen=True)
@@ -74,7 +74,7 @@ class Conclusion:
 
     @property
     def claims(self) -> bool:
-        """Whether the verdict says that the effects of the best explanation are there."""
+        """Whether the verdict claims the effects of the best explanation."""
         return self.kind in ("named", "ambiguous")
 
     @cached_property
@@ -83,7 +83,7 @@ class Conclusion:
         return {one.explanation.key: one.total for one in self.verdict.ranked}
 
     def removed(self, one: Explanation) -> float:
-        """Returns where an explanation's evidence lies between the nominal model's, 0, and that of noise alone, 1."""
+        """Returns an explanation's evidence on a scale from 0, the nominal model, to 1, a residual of noise alone."""
         nothing = self.totals[self.verdict.nominal.key]
         way, gone = self.judge.top - nothing, self.totals.get(one.key, nothing) - nothing
         return float(np.clip(gone / way, 0.0, 1.0)) if way > 0 else 0.0
@@ -157,7 +157,7 @@ def _whiteness(data: Residual, model: Model) -> dict[str, finding.Whiteness]:
 
 
 def _mechanisms(one: Explanation) -> tuple[str, ...]:
-    """Returns the mechanisms of the parts, each once; the mechanism of an effect depends on its fitted values."""
+    """Returns the mechanisms of the parts, each once. An effect's mechanism depends on its fitted values."""
     tables = one.model.effects
     found = (
         catalogue.mechanism(part.effect, tables[part.effect]) if type(part) is Part else part.mechanism
@@ -169,7 +169,7 @@ def _mechanisms(one: Explanation) -> tuple[str, ...]:
 def _effects(found: Conclusion) -> tuple[finding.Effect, ...]:
     """Returns the effects of the best explanation, the effect with most weight first.
 
-    They are claimed if the written model has them: for `named` and `ambiguous`, and beside a composed term.
+    The effects are claimed if the written model has them: for `named` and `ambiguous`, and beside a composed term.
     """
     beside = found.composed is not None and bool(found.written.explanation.effects)
     best = found.written if beside else found.best
@@ -195,7 +195,7 @@ def _effects(found: Conclusion) -> tuple[finding.Effect, ...]:
 
 
 def _shares(found: Conclusion) -> dict[str, float]:
-    """Returns part -> the weight of the held explanations that say this part, over that of all held ones, 0..1."""
+    """Returns part -> the share, 0..1, of the held explanations' weight that is on those that say this part."""
     held = {one.explanation.key: one.weight for one in found.verdict.held}
     table = [one for one in found.verdict.ranked if one.explanation.key in held]
     weights = np.array([held[one.explanation.key] for one in table])
@@ -219,7 +219,7 @@ def _equivalents(found: Conclusion) -> tuple[finding.Equivalent, ...]:
 
 
 def _parameter(model: Model, effect: str, name: str, estimates: Mapping[str, Estimate]) -> Parameter:
-    """Returns a parameter of an effect, with its interval if there is an estimate; `identified` gets its sign."""
+    """Returns a parameter of an effect, with its interval if estimated; `identified` gets the value's sign."""
     known = estimates.get(f"{effect}.{name}")
     unit = unit_on(model, next(one for one in catalogue.effect(effect).parameters if one.name == name))
     if known is None:
@@ -263,7 +263,7 @@ def _rank(one: Evidence, found: Conclusion) -> finding.Rank:
 
 
 def _places(prepared: Prepared, found: Conclusion) -> tuple[gap.Place, ...]:
-    """Returns where the added effects show; if none was added, where the nominal model leaves an error."""
+    """Returns where the added effects show; if no effect was added, where the nominal model leaves an error."""
     dataset, noise_sd, proof = found.proof.opened.whole, prepared.fine.sample_noise, found.proof
     if found.kind == "none":
         return ()
@@ -312,11 +312,11 @@ def _nominal_changes(plan: Plan, model: Model) -> dict[str, finding.NominalChang
 
 
 def _nominal_findings(prepared: Prepared, found: Conclusion) -> tuple[finding.NominalFinding, ...]:
-    """Returns the identifiable nominal values that the fit had to move beyond what is stated of them.
+    """Returns the identifiable nominal values that the fit had to move beyond the error stated for them.
 
-    If claimed effects leave the values as stated, no value is a finding: without the effects, the nominal model moves
-    its values to stand in for them. A value is no finding either if the data determine only a combination that contains
-    it: the combination moved, but it is unknown which of its values moved.
+    If claimed effects leave the values as stated, no value is a finding: the nominal model moved its values only to
+    stand in for these effects. A value is also no finding if the data determine only a combination with other values:
+    the combination moved, but nobody knows which of its values moved.
     """
     verdict = found.verdict
     is_rival = verdict.nominal in verdict.rivals  # then either an effect is missing or a value is stated wrongly

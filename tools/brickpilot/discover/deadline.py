@@ -1,4 +1,4 @@
-"""The time of a discovery: the limit, the work that is left out to keep it, and an estimate beforehand."""
+"""The time of a discovery: the limit, the work left out to keep the limit, and an estimate beforehand."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ if TYPE_CHECKING:
     from brickpilot.discover.prepare import Prepared
 
 SEARCHED, COMPOSED = 0.7, 0.9
-"""Shares of the budget after which the search and a composed term have to be done. The rest goes into what cannot be
-left out: proving the written model, intervals and the report."""
+"""Shares of the budget after which the search and a composed term have to be done. The rest is for work that cannot be
+left out: the proof of the written model, intervals and the report."""
 
 
 @dataclass(frozen=True)
 class Deadline:
-    """The time limit of a discovery. A stage asks it before each piece of work that can be left out.
+    """The time limit of a discovery. Stages ask it before work that can be left out.
 
     Attributes:
         budget_s: the time limit, s; None: no limit.
         share: the share of the budget after which the stage has to be done.
         began: the start by `time.perf_counter`, s.
-        left_out: the work that there was no time for, in order; all stages share this record.
+        left_out: the work for which there was no time, in order; all stages share this record.
     """
 
     budget_s: float | None = None
@@ -55,17 +55,17 @@ class Deadline:
 NO_LIMIT = Deadline()
 
 _COARSE, _FINE = 90, 300
-"""Simulations of all fit runs in a unit of work: on the coarse grid for each candidate, and at measured samples."""
+"""Number of simulations of all fit runs in a unit of work: for each candidate on the coarse grid, and at samples."""
 
 _UNITS = ((1.3, 0.2, 0.5), (4.0, 0.4, 1.5), (math.inf, 1.5, 8.0))
-"""Rows: the largest ratio of the nominal model's cost to the cost of noise; the least and most units of work at such a
-ratio. If noise explains the residual, the search ends; else it starts again in windows and with terms. The rows were
-set on fifteen data sets, seven of them measured; one data set took 16 units."""
+"""Rows: a largest ratio of the nominal model's cost to the cost of noise; the least and most units of work up to it. If
+noise explains the residual, the search ends; otherwise it starts again in windows and with terms. The rows were set on
+fifteen data sets, seven of them measured; one data set took 16 units."""
 
 _YARDSTICK_S = (3.0, 12.0)
-"""Least and most processor time, s, of the black box that measures what is attainable; one data set took 22 s."""
+"""Least and most processor time, s, of the black box that measures the attainable fit; one data set took 22 s."""
 
-_MOST_PASSED = 0.95  # largest share of the time that is reported before the end
+_MOST_PASSED = 0.95  # largest share of the time that a progress report shows before the end
 
 
 @dataclass(frozen=True)
@@ -84,11 +84,11 @@ class Span:
 
 
 def estimate(prepared: Prepared, nominal: Explanation, *, times: float = 1.0) -> Span:
-    """Returns how long a discovery takes, from simulations timed here and from the nominal model's error.
+    """Returns the time of a discovery, from simulations timed here and from the nominal model's error.
 
     Args:
         nominal: the calibrated nominal model.
-        times: the number of samples of the discovery over that of the samples prepared here.
+        times: ratio of the discovery's number of samples to the number prepared here.
     """
     models = [nominal.model] * 4
 
@@ -118,7 +118,7 @@ class Stages:
             self._progress(round(100 * share), 100, text)
 
     def expect(self, estimated: Span) -> None:
-        """Reports the estimated time, as 0 of 0 because it is not a stage."""
+        """Reports the estimated time. The report says 0 of 0, because the estimate is not a stage."""
         self._expected_s = time.perf_counter() - self._began + estimated.middle
         if self._progress is not None:
             self._progress(0, 0, f"estimate: {estimated}")

@@ -1,11 +1,11 @@
-"""Evidence: how well an explanation predicts stretches of time that it was not fitted to. It alone ranks explanations.
+"""Evidence: how well an explanation predicts stretches of time that it was not fitted to. It ranks explanations.
 
 1. Each stretch is predicted by a fit without it: one Gauss-Newton step from the fit to all runs, with the stretch's
-   rows deleted (the infinitesimal jackknife; Giordano and others 2019, AISTATS). If a step is long, or changes the
-   stretch by more than its residual, its end is simulated, and the step is shortened until the others fit no worse.
-2. The residual has a hyperbolic density. For each signal, the other stretches set the scale, which is never below noise
-   and the error of every simulator. So a signal that no model explains down to the noise has a larger scale.
-3. Values of a residual are not independent, and no law is exact: so `temperature` nats count as one.
+   rows deleted (the infinitesimal jackknife; Giordano and others 2019, AISTATS). A step that is long, or changes the
+   stretch by more than its residual, is shortened until its simulated end fits the other stretches no worse.
+2. The residual has a hyperbolic density. For each signal, the other stretches set the scale. It is at least the floor
+   of noise and simulator error. A signal that no model explains down to noise has a larger scale.
+3. Values of a residual are not independent, and no law is exact. So `temperature` nats count as one nat.
 4. Weights are those of a Bayesian bootstrap over the stretches, times prior odds (BB-pseudo-BMA of Yao, Vehtari,
    Simpson & Gelman 2018, Bayesian Analysis 13). A difference that comes from one stretch alone is not sure.
 """
@@ -29,16 +29,16 @@ from brickpilot.fit.robust import correlation_time, pseudo_huber_loss
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-_Moved = tuple[Indices, Array]  # indices of a stretch's values; the step to the fit without it, or the residual there
+_Moved = tuple[Indices, Array]  # indices of a stretch's values; the step to the fit without it, or its residual
 
 _LOG_NORM = float(np.log(2 * numbers.KNEE * k1e(numbers.KNEE**2)))
-_DRAWS = 1000  # draws of the bootstrap
-_ROUNDS, _SETTLED = 20, 1e-3  # search for the most likely scale: most rounds, and the relative change that ends it
+_DRAWS = 1000  # number of draws of the bootstrap
+_ROUNDS, _SETTLED = 20, 1e-3  # most rounds of the search for the likeliest scale, and the relative change that ends it
 _LEAST_STRETCHES = 10
 _LEAST_RUNS = 4  # least number of parts that are left out in turn for a predictor; fewer runs are cut into parts
 _DAMPED = 4.0  # factor by which the damping grows until a step is short enough
 _HALVINGS = 5  # number of lengths at which a long step is tried, each half of the previous length
-_FAR = 3.0  # multiple of its robust scale to which a residual is clipped before its correlation time is computed
+_FAR = 3.0  # multiple of the robust scale: a residual is clipped to it before the correlation time is computed
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +47,8 @@ class Evidence:
 
     Attributes:
         by_stretch: (stretches,) log density of each stretch, predicted by a fit without this stretch.
-        left_out: (values,) the residual of that prediction, SI.
-        away: (priors,) distance of its fitted values from their priors, in sd.
+        left_out: (values,) the residual of these predictions, SI.
+        away: (priors,) distance of the fitted values from their priors, in sd.
         away_slopes: (priors, parameters) the derivative of `away`.
         information: (parameters, parameters) second derivative of the cost of the data.
     """
@@ -75,19 +75,19 @@ class Evidence:
     def log_weight(self, temperature: float) -> float:
         """Returns the log of the weight up to a constant: evidence, prior odds, and the cost of values far from priors.
 
-        A prior contains no error of a law, so it is not divided by the temperature. But the error of a law also moves
-        the fitted values. So the prior is that of a fit in which the data's cost is divided by the temperature.
+        A prior contains no law error, so its cost is not divided by the temperature. But a law error also moves the
+        fitted values. So the prior is taken at a fit in which the data's cost is divided by the temperature.
         """
         return self.total / temperature + self.log_prior(temperature)
 
     def nat(self, temperature: float) -> float:
-        """Returns the cost that counts as one nat: costs use the scales of the fit, densities those of the residual."""
+        """Returns the cost that counts as one nat. Costs use the fit's scales, densities the residual's scales."""
         return temperature * max(2 * self.explanation.cost / max(len(self.left_out), 1), 1.0)
 
     def log_prior(self, temperature: float) -> float:
-        """Returns the part of `log_weight` that is not evidence."""
+        """Returns the part of `log_weight` beside the evidence: prior odds and the cost of values far from priors."""
         nat = self.nat(temperature)
-        pulled = self.away_slopes.T @ self.away  # gradient of the priors: minus the gradient of the data at the fit
+        pulled = self.away_slopes.T @ self.away  # the priors' gradient, which is -(the data's gradient) at the fit
         step = _solved(self.information / nat + self.away_slopes.T @ self.away_slopes, -pulled * (1 - 1 / nat))
         lost = float(step @ (self.information @ step / 2 - pulled)) / nat
         moved = surprise(self.away + self.away_slopes @ step) + max(lost, 0.0)
@@ -100,8 +100,8 @@ class Judge:
 
     Attributes:
         stretch: (values,) the stretch of each compared value.
-        top: the evidence if the residual were noise alone.
-        shape: error that a law's wrong shape may leave, as a share of what the law removes; 0: the floors include it.
+        top: the evidence of a residual that is noise alone.
+        shape: error that a law's wrong shape may leave, as a share of what the law removes; 0: included in the floors.
     """
 
     data: Residual
@@ -120,15 +120,15 @@ class Judge:
         return cls(data, stretch, count, top, shape)
 
     def leaving_out_runs(self) -> Judge:
-        """Returns the judge that leaves out whole runs in turn; with fewer than four runs, a quarter of all data."""
+        """Returns the judge that leaves out whole runs in turn; quarters of the data with fewer than four runs."""
         stretch, count = self.data.stretches(np.inf, _LEAST_RUNS)
         return dataclasses.replace(self, stretch=stretch, count=count)
 
     def changes(self, before: Array, after: Array) -> Array:
         """Returns (1 + draws,): the log of the rms of the residual `after` over that of `before`, (values,) each.
 
-        It is the mean over the signals. The first entry weighs all stretches alike, the others by a Bayesian bootstrap.
-        An rms below a signal's floor counts as the floor.
+        The result is the mean over the signals. Its first entry weighs all stretches alike; the others use weights of a
+        Bayesian bootstrap. An rms below a signal's floor counts as the floor.
         """
         weights = np.vstack([np.ones(self.count), _bootstrap(self.count)])
         total = np.zeros(len(weights))
@@ -149,14 +149,14 @@ class Judge:
         return total
 
     def _rows(self, signal: str) -> Indices:
-        """Returns which of the compared values are of a signal."""
+        """Returns the indices of a signal's values among the compared values."""
         return np.concatenate([np.arange(b.place.start, b.place.stop) for b in self.data.blocks if b.signal == signal])
 
     def rises(self, before: Array, after: Array) -> Array:
         """Returns (stretches,): by how much the log density rises from one residual (values,) to another.
 
-        Both are judged by the scale of `before`. A scale of `after` would be smaller where a model predicts most
-        stretches better, and so make the other stretches look worse.
+        Both densities use the scale of `before`. If a model predicts most stretches better, the scale of `after` is
+        smaller, and with it the other stretches would look worse.
         """
         total = np.zeros(self.count)
         for signal in self.data.signals:
@@ -175,7 +175,7 @@ class Judge:
         count, moved = len(self.data.measured), problem.sensitivity(found.point)
         left_out = self.data.measured - problem.simulated(found.point)
         reach = np.array([one.reach for one in found.plan.free])
-        normal = slopes.T @ slopes + np.diag(1 / np.maximum(reach, 1e-12) ** 2)  # keeps a parameter without data
+        normal = slopes.T @ slopes + np.diag(1 / np.maximum(reach, 1e-12) ** 2)  # holds unseen parameters
         bounds = np.array([one.bounds() for one in found.plan.free]).reshape(-1, 2)
         ends = np.cumsum(np.bincount(self.stretch, minlength=self.count))
         far: list[_Moved] = []
@@ -195,11 +195,11 @@ class Judge:
         return Evidence(found, self.density(left_out), left_out, away, away_slopes, information)
 
     def _beyond(self, problem: Problem, point: Array, far: Sequence[_Moved]) -> Iterator[_Moved]:
-        """Yields each stretch of `far` with its residual, simulated at the values to which its step leads.
+        """Yields each stretch of `far` with its residual, simulated at the end of its step.
 
-        A step is halved as long as its end fits the other stretches worse: it has left a curved valley of the cost that
-        a fit without this stretch would follow. If the shortest step also fits worse, nothing is yielded. The caller
-        then keeps the linear prediction; or the fit's residual, if the step changes the stretch by more than that.
+        A step is halved while its end fits the other stretches worse: such a step has left a curved valley of the cost
+        that a fit without this stretch would follow. If the shortest step also fits worse, the stretch is not yielded.
+        The caller then keeps the linear prediction, or the fit's residual if the step's change is larger.
 
         Args:
             far: stretches, each with the step (parameters,) to the fit without it.
@@ -225,7 +225,7 @@ class Judge:
                 break
 
     def correlation(self, evidence: Evidence) -> float:
-        """Returns the residual's correlation time, in values: the mean over signals, weighted by value counts."""
+        """Returns the residual's correlation time, in compared values: the mean over signals, weighted by counts."""
         total = 0.0
         for signal in self.data.signals:
             parts = self.data.parts(evidence.left_out, signal)
@@ -235,14 +235,14 @@ class Judge:
         return total / len(self.data.measured)
 
     def temperature(self, best: Evidence, nothing: Evidence) -> float:
-        """Returns the nats that count as one: the residual's correlation time, or `law_error` if that is larger."""
+        """Returns the nats that count as one: the larger of the residual's correlation time and `law_error`."""
         return max(self.correlation(best), self.law_error(best, nothing))
 
     def law_error(self, best: Evidence, nothing: Evidence) -> float:
-        """Returns the nats that count as one because no law is exact; at least 1.
+        """Returns the number of nats that count as one because no law is exact; at least 1.
 
-        A share of the best explanation's gain is the error of its own laws. Another law might remove a share of the
-        remaining squared error above noise, and gain nats by this. A difference below either amount decides nothing.
+        A share of the best explanation's gain counts as the error of its own laws. Another law might remove a share of
+        the remaining squared error above noise, and so gain nats. A difference below either amount decides nothing.
         """
         own_error, shared = numbers.LAW_ERROR * (best.total - nothing.total), 0.0
         for signal in self.data.signals:
@@ -251,9 +251,9 @@ class Judge:
         return max(1.0, own_error / numbers.CHANCE_NATS, shared / numbers.CHANCE_NATS)
 
     def excess(self, evidence: Evidence, least: float = 1.0) -> Array:
-        """Returns (signals,): the squared error above noise that is left, in squares of each signal's floor.
+        """Returns (signals,): the remaining squared error above noise, in squares of each signal's floor.
 
-        `least`: the least scale, as a share of the floor. Below 1, a signal below its floor gives a negative result.
+        `least`: the least scale, as a share of the floor. Below 1, values may be negative: a signal below its floor.
         """
         squares = {one: self.squares(evidence, one, least) / self.data.floor(one) ** 2 for one in self.data.signals}
         return np.array([self.counts[signal] * (square - 1) for signal, square in squares.items()])
@@ -265,7 +265,7 @@ class Judge:
 
     @property
     def counts(self) -> dict[str, int]:
-        """Signal -> how many of its values are compared."""
+        """Signal -> number of its compared values."""
         return {signal: sum(map(len, self.data.parts(self.data.measured, signal))) for signal in self.data.signals}
 
 
@@ -274,15 +274,15 @@ def _step(matrix: Array, pull: Array, reach: Array, room: Array) -> tuple[Array,
 
     Args:
         matrix: (parameters, parameters) the normal matrix without the stretch.
-        pull: (parameters,) the gradient of the stretch, which balances that of the other stretches at the fit.
-        reach: (parameters,) how far the linear model holds: a longer step is damped to it (Levenberg 1944).
+        pull: (parameters,) the gradient of the stretch; at the fit it balances the gradient of the other stretches.
+        reach: (parameters,) how far the linear model holds: a longer step is damped to this length (Levenberg 1944).
         room: (2, parameters) the distance to the ends of each parameter's range, down and up.
     """
     damping, is_long = 0.0, False
     while np.any(np.abs(step := _solved(matrix + damping * np.diag(reach**-2.0), pull)) > reach):
         damping, is_long = max(_DAMPED * damping, 1.0), True
     stopped = (step < room[0]) | (step > room[1])
-    if stopped.any():  # the others are solved again: a parameter at its bound moves less than its step
+    if stopped.any():  # solve for the others again: a parameter stopped at its bound moves less than its step
         step = np.where(stopped, np.clip(step, *room), 0.0)
         others = ~stopped
         rest = pull[others] - matrix[others][:, stopped] @ step[stopped]
@@ -298,7 +298,7 @@ def _solved(matrix: Array, right: Array) -> Array:
 def surprise(away: Array) -> float:
     """Returns the cost, in nats, of values that are `away` (parameters,) sd from their priors.
 
-    A stated value may be simply wrong, with the prior odds of a common effect. Then the log of its distance has a flat
+    A stated value may simply be wrong, with the prior odds of a common effect. The log of its distance then has a flat
     prior: a value n times further away is n times less likely (Jeffreys 1961, sec. 3.1).
     """
     wrong = -np.log(numbers.COMMON)
@@ -320,14 +320,14 @@ def _bootstrap(count: int) -> Array:
 
 
 def held_by(table: Sequence[Evidence], weights: Array) -> dict[str, float]:
-    """Returns part -> the weight of the explanations that say this part."""
+    """Returns part -> the weight of the explanations for which `says` holds for this part."""
     parts = {part.name: part for one in table for part in one.explanation.parts}
     weighed = list(zip(table, weights.tolist(), strict=True))
     return {name: sum(weight for one, weight in weighed if one.explanation.says(part)) for name, part in parts.items()}
 
 
 def _weighted(residual: Array, size: float | Array) -> Array:
-    """Returns the squares of a residual with the weights of the hyperbolic density."""
+    """Returns the squares of a residual, each with its weight under the hyperbolic density."""
     return np.asarray(residual**2 / np.sqrt(1 + (residual / (numbers.KNEE * size)) ** 2))
 
 

@@ -30,15 +30,15 @@ from brickpilot.vehicle.plant import OpenLoopRun
 Array = NDArray[np.float64]
 
 _STEP_S = 0.01  # time between the samples of a simulated manoeuvre
-_SEPARATES_NOISE_SD = 0.5  # rms difference of rivals, in noise sd: ten seconds of samples show it clearly
-_SEPARATES_SIGNAL_SHARE = 0.02  # rms difference of rivals as a share of a signal's rms: an ordinary sensor shows it
-_NO_FLOOR = 1e-3  # least scale as a share of the floor: so small that the floor has no effect
-_BLACK_BOX_FINDS = 0.5  # rough share of a law's squared signature that a black box predicts, measured near named sizes
+_SEPARATES_NOISE_SD = 0.5  # rms difference of rivals, noise sd, that ten seconds of samples show clearly
+_SEPARATES_SIGNAL_SHARE = 0.02  # rms difference of rivals, as a share of a signal's rms, that an ordinary sensor shows
+_NO_FLOOR = 1e-3  # least scale as a share of the floor, small enough that the floor has no effect
+_BLACK_BOX_FINDS = 0.5  # rough share of a law's squared signature that a black box predicts, at about named sizes
 _CAN_MEASURE = frozenset(catalogue.outputs()) - {"x", "y", "surge", "sway", "force"}
 
 
 def plan_experiment(prepared: Prepared, verdict: Verdict) -> Experiment | None:
-    """Returns the experiment that separates the best explanation from its rivals; None if it has none."""
+    """Returns the experiment that separates the best explanation from its rivals; None without rivals."""
     if not verdict.rivals:
         return None
     rivals = {
@@ -96,7 +96,7 @@ def as_run(manoeuvre: Manoeuvre, vehicle: str) -> OpenLoopRun:
 
 
 def _separation(outputs: Sequence[Mapping[str, Array]], sizes: Mapping[str, float]) -> tuple[float, str]:
-    """Returns the rms difference of the nearest two rivals over `sizes`, and the signal in which it is largest."""
+    """Returns the largest rms difference of the two nearest rivals, relative to `sizes`, and its signal."""
     return max(
         (
             (min(rms_of([one[name] - other[name]]) for one, other in combinations(outputs, 2)) / size, name)
@@ -108,10 +108,10 @@ def _separation(outputs: Sequence[Mapping[str, Array]], sizes: Mapping[str, floa
 
 
 def smallest_sizes(prepared: Prepared, judge: Judge, nominal: Explanation, best: Explanation) -> dict[str, Visible]:
-    """Returns effect -> the least size that would be named beside `best`: what a verdict of `none` rules out.
+    """Returns effect -> the least size that would be named beside `best`. A verdict of `none` rules out such sizes.
 
-    An effect is named if, despite its prior odds, it surely improves the prediction; and if it removes as much error as
-    it leaves, or a black box predicts its share of a signal: see `verdict`. The size is extrapolated from the nearest
+    An effect is named if it surely improves the prediction, despite its prior odds, and if it removes as much error as
+    it leaves or a black box predicts its share of a signal: see `verdict`. The size is extrapolated from the nearest
     simulated size. Effects that the runs do not excite are left out.
 
     Args:
@@ -138,13 +138,13 @@ def smallest_sizes(prepared: Prepared, judge: Judge, nominal: Explanation, best:
 
 
 def _times(strength: Array, hidden: Array, needed: float) -> float:
-    """Returns the least x for which max(x `strength` - `hidden`, 0), both (signals,), sums to `needed` nats."""
+    """Returns the least x for which the sum over signals of max(x `strength` - `hidden`, 0) is `needed` nats."""
     order = np.argsort(hidden / strength)
     return float(np.min((needed + np.cumsum(hidden[order])) / np.cumsum(strength[order])))
 
 
 def size_named(part: Part, size: float, strength: float, temperature: float) -> float:
-    """Returns the size at which a part surely predicts better, from `size`, at which it gains `strength` nats."""
+    """Returns the size at which a part surely predicts better; at `size` the part gains `strength` nats."""
     return size * math.sqrt(temperature * (numbers.CHANCE_NATS - part.log_odds) / max(strength, 1e-12))
 
 
@@ -154,7 +154,7 @@ def size_of(part: Part) -> ParameterInfo:
 
 
 def nearest_sizes(tried: Iterable[tuple[Part, float, float]]) -> list[tuple[Part, float]]:
-    """Returns each effect's part and needed size, from its (part, size tried, size needed) with the closest sizes."""
+    """Returns each effect's part and needed size, from the (part, tried size, needed size) with the closest sizes."""
     found: dict[str, tuple[float, Part, float]] = {}
     for part, size, needed in tried:
         away = abs(math.log(needed / size)) if size > 0 and needed > 0 else math.inf

@@ -27,13 +27,13 @@ _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
 
 ROUGH, FINE = 1e-3, 1e-4
-"""Relative change of cost at which a descent ends: for a proposal, and for an explanation that is judged."""
+"""Relative change of cost at which a descent ends, for a proposal and for a judged explanation."""
 
-_DESCENTS, _LEAST_GAIN_SHARE = 6, 3e-4  # most descents of a fine fit; a descent with less gain is the last
-_AT_BOUND = 1e-3  # share of a parameter: closer to an end of its range (except `_WHOLE`), it counts as at the end
-_WHOLE = (0, 1)  # ends of ranges that a real machine can have: nothing and the whole
-_LIMIT_OVER_READING = 0.9  # least ratio of a limit to the largest reading: only noise exceeds a limit
-_LEAST_BASE_SHARE = 0.1  # least ratio of a parameter to its addition: dry friction remains after a breakaway
+_DESCENTS, _LEAST_GAIN_SHARE = 6, 3e-4  # most descents of a fine fit; relative gain below which a descent is the last
+_AT_BOUND = 1e-3  # share of a parameter: if closer to an end of its range (except `_WHOLE`), it is at the end
+_WHOLE = (0, 1)  # ends of a range that are possible values of a real machine: nothing and the whole
+_LIMIT_OVER_READING = 0.9  # least ratio of a limit to the largest reading: a reading above its limit is noise
+_LEAST_BASE_SHARE = 0.1  # least ratio of a parameter to its addition, such as dry friction to a breakaway torque
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class Explanation:
         parts: its parts beside those of the nominal model.
         plan: its free parameters, the nominal ones first.
         point: the fitted coordinates of these parameters.
-        cost: half the sum of the squared residuals and priors, in scales.
+        cost: half the sum of the squared residuals, in scales, and squared priors.
     """
 
     parts: tuple[Part, ...]
@@ -99,12 +99,12 @@ class Explanation:
 
     @cached_property
     def _said(self) -> frozenset[str]:
-        """The names of its laws, and of those that they contain."""
+        """The names of its laws, and of the laws that they contain."""
         return self.key.union(*(one.contains for one in self.parts))
 
     @cached_property
     def laws(self) -> frozenset[str]:
-        """The names of its laws. A law made of others is replaced by these if one of them is also a part.
+        """The names of its laws. A law made of other laws is replaced by these if one of these is also a part.
 
         For example, friction in one direction beside a constant offset is dry friction and another offset.
         """
@@ -128,10 +128,10 @@ def refine(data: Residual, fits: Sequence[Explanation], jobs: int, deadline: Dea
     """Fits each explanation to the end, with its own sensitivities, and returns the fits, the least cost first.
 
     Sensitivities of nominal parameters take most time. So each descent computes them only once, and descents are
-    repeated until one gains almost nothing.
+    repeated until a descent gains almost nothing.
     """
 
-    threads = jobs if len(fits) == 1 else 1  # a single fit runs its models in parallel; several fits run side by side
+    threads = jobs if len(fits) == 1 else 1  # a single fit simulates in parallel; several fits run side by side
 
     def one(found: Explanation) -> Explanation | None:
         for _ in range(_DESCENTS):
@@ -156,7 +156,7 @@ def joined(base: Explanation, part: Part, values: Mapping[str, float]) -> Explan
 
 
 def without(found: Explanation, part: Part) -> Explanation:
-    """Returns `found` without one of its parts, at the same values of the others; it has to be fitted again."""
+    """Returns `found` without one of its parts, at the same values of the other parts; it is not fitted again here."""
     model = part.removed_from(found.plan.model)
     kept = [k for k, one in enumerate(found.plan.free) if _is_in(one, model)]
     plan = dataclasses.replace(found.plan, model=model, free=tuple(found.plan.free[index] for index in kept))
@@ -176,7 +176,7 @@ def before(
 ) -> list[_Result | None]:
     """Returns the results of `work` in the order of `items`, `jobs` at a time.
 
-    The first item is always worked on. Later items are worked on only before the deadline; after it they are None.
+    The first item is always done. Later items are done only before the deadline; after it their results are None.
     """
     numbered = list(enumerate(items))
     return side_by_side(lambda one: None if one[0] and deadline.passed else work(one[1]), numbered, jobs)
@@ -185,9 +185,9 @@ def before(
 def is_possible(found: Explanation, excitation: Excitation) -> bool:
     """Returns whether the fitted values are possible for the effects of the explanation.
 
-    No fitted parameter stands at an end of its range: there the data ask for another law. A periodic effect has at
-    least about one period. A sensor never reads beyond its limit. A parameter that adds to another does not replace it,
-    as a breakaway torque adds to dry friction. No fitted size is below `least_of`.
+    No fitted parameter is at an end of its range: there the data ask for another law. A periodic effect has at least
+    about one period. No sensor reads beyond its limit. A parameter that adds to another, as a breakaway torque to dry
+    friction, does not replace it. No fitted size is below `least_of`.
     """
     tables = found.model.effects
     for one in found.effects:

@@ -39,8 +39,8 @@ class Parameter:
 
     Attributes:
         ci95: (low, high); None if the data do not determine it.
-        identified: if `ci95` is None, a combination that the data do determine, with the sign of the value, such as the
-            voltage that makes up for a friction torque; None: there is none.
+        identified: if `ci95` is None, a combination of values that the data do determine, with the sign of the value,
+            such as the voltage that overcomes a friction torque; or None.
     """
 
     value: float
@@ -59,9 +59,9 @@ class Equivalent:
     """An equivalent model: an explanation that the data cannot tell from the best one.
 
     Attributes:
-        name: an effect, several joined by " + ", or `NOMINAL_VALUES`.
+        name: one effect, several effects joined by " + ", or `NOMINAL_VALUES`.
         parameters: parameter -> value; the key is "effect.parameter" if there are several effects.
-        worse_by: nats by which it predicts worse than the best one; 3 nats count as sure.
+        worse_by: nats by which it predicts worse than the best explanation; 3 nats count as sure.
         nominal, effects: every value of its model, SI, including those that the data set states.
     """
 
@@ -79,9 +79,9 @@ class Effect:
     Attributes:
         mechanism: the kind of cause; see `EffectInfo.mechanism`.
         law: the name of its law, as in "FAMILY, but DIFFERENCE"; see `catalogue.law`.
-        confidence: the weight of the held explanations with this effect, over that of all held ones, 0..1.
-        removed: where the explanation's evidence lies between the nominal model's, 0, and that of noise alone, 1.
-        claimed: whether the verdict says that it is there. False: it explains the fit runs best, without proof.
+        confidence: the share, 0..1, of the held explanations' weight that is on those with this effect.
+        removed: the explanation's evidence on a scale from 0, the nominal model, to 1, a residual of noise alone.
+        claimed: whether the verdict claims the effect. False: it explains the fit runs best, without proof.
         equivalents: the explanations that the data cannot tell from it.
     """
 
@@ -98,15 +98,15 @@ class Effect:
 
 @dataclass(frozen=True)
 class Evidence:
-    """What proves the augmented model. It is measured last, on the model as read back from its file.
+    """What proves the augmented model, measured last, on the model as read back from its file.
 
     Attributes:
         kind: "held_out": the held-out runs confirm the model. "fitted_only": only fit runs show what it adds.
-        removed_fit, removed_held_out: the share of the cost above that of noise that the model removes, at most 1;
-            negative: it is worse. None: no such runs, or no cost above noise.
+        removed_fit, removed_held_out: the share of the cost above noise that the model removes, at most 1; negative:
+            the model is worse. None: no such runs, or no cost above noise.
         draws: the share of bootstrap draws of stretches in which the held-out runs are predicted better, 0..1; None: no
             such runs.
-        contradicted: whether the held-out runs excite what the model adds, and speak against it.
+        contradicted: whether the held-out runs excite what the model adds, and contradict it.
         sentence: what this means, for a reader.
     """
 
@@ -150,10 +150,10 @@ class Step:
 
 @dataclass(frozen=True)
 class Predictor:
-    """The best predictor, if the user asked for it. It is no explanation.
+    """The best predictor, if the user asked for it. A predictor is no explanation.
 
     Attributes:
-        model: what `--predictor` writes.
+        model: the model that `--predictor` writes.
         parts: the names of its parts.
         fit_percent: signal -> "fit", "held_out" -> fit in percent of free runs; None: no such runs.
     """
@@ -169,9 +169,9 @@ class RunValues:
 
     Attributes:
         kind: its key in verdict.json.
-        words: what differs, as the subject of a sentence.
+        words: the subject of a sentence: what differs.
         unit: the SI unit; "1": the values are shares.
-        runs: fit run -> value and its 95 % interval. A held-out run has 0, as its own value is not known.
+        runs: fit run -> value and its 95 % interval. The value of a held-out run is unknown: 0 is used.
     """
 
     kind: str
@@ -201,7 +201,7 @@ class Budget:
     """The time limit that the user gave.
 
     Attributes:
-        estimated_s: what a discovery without a limit takes on this machine, as estimated before the search.
+        estimated_s: time of a discovery without a limit on this machine, estimated before the search.
         exhausted: whether work was left out to keep the limit.
         skipped: the work that was left out, in order.
     """
@@ -219,9 +219,8 @@ class Rank:
     Attributes:
         names: its effects.
         parameters: "effect.parameter" -> value, SI.
-        prediction_error: ratio of its error to noise on left-out stretches, from their density. This is no gap, which
-            is an rms over whole runs.
-        removed: where its evidence lies between the nominal model's, 0, and that of noise alone, 1.
+        prediction_error: ratio of its error to noise on left-out stretches, from their density, not an rms.
+        removed: its evidence on a scale from 0, the nominal model, to 1, a residual of noise alone.
         why: a sentence on why it was chosen or not.
     """
 
@@ -238,7 +237,7 @@ class Whiteness:
 
     Attributes:
         correlation: autocorrelation at lags 1, 2, ... of `lag_s` seconds each.
-        bound: at each lag, white noise stays within plus and minus this bound with 95 % probability.
+        bound: with 95 % probability, the correlation of white noise at one lag is within plus and minus this bound.
     """
 
     lag_s: float
@@ -277,7 +276,7 @@ class Visible:
 
 @dataclass(frozen=True)
 class NominalChange:
-    """A nominal value as stated and as fitted. `leaves_prior`: it moved further than chance explains."""
+    """A nominal value as stated and as fitted. `leaves_prior`: the value moved further than chance explains."""
 
     before: float
     after: float
@@ -288,12 +287,12 @@ class NominalChange:
 
 @dataclass(frozen=True)
 class NominalFinding:
-    """A nominal value that is further from its stated value than chance explains, whatever the verdict is.
+    """A nominal value whose fit is further from the stated value than chance explains, whatever the verdict is.
 
     Attributes:
         stated, fitted: SI.
-        sd_away: the distance between both, in sd of the stated value.
-        rivals: effects that explain the data as well, with the value as it was stated; several joined by " + ".
+        sd_away: the distance between the two values, in sd of the stated value.
+        rivals: effects that explain the data as well with the stated value; several joined by " + ".
     """
 
     parameter: str
@@ -310,7 +309,7 @@ class Term:
 
     Attributes:
         acts_on: where it acts.
-        equation: as plain text, with the meaning of its symbols.
+        equation: plain text, with the meaning of its symbols.
         source: the name of its C file.
         law, settings: its basis terms with coefficients, and the parameters that shape these terms, SI.
         removed_held_out: the share of the gap on held-out runs that it removes; None if no run is held out.
@@ -329,24 +328,24 @@ class Finding(Result):
     """All that discovery says about a data set.
 
     Attributes:
-        effects: the named effects; for `ambiguous` the best explanation, with its rivals in `equivalents`; for
-            `unknown` the best candidates, which are not claimed, or the effects beside a term, which are claimed.
-        mechanism: the kind of cause that explains most; None if nothing is missing or the data point at no mechanism.
+        effects: the named effects; for `ambiguous` those of the best explanation, with rivals in `equivalents`; for
+            `unknown` the best candidates, not claimed, or the effects beside a composed term, claimed.
+        mechanism: the kind of cause that explains most; None if nothing is missing or no mechanism was found.
         law_differs: whether the claimed effects leave more than noise in some signal: their laws are not quite right,
-            or something smaller is missing too. None: no effect is claimed, or a term stands beside the claimed ones.
+            or something smaller is missing too. None: no effect is claimed, or a term stands beside them.
         evidence: what proves the augmented model; None: no effect and no term was added.
         gap: "fit", "held_out" -> gap. `by_signal` is over all runs.
         nominal_model: the calibrated nominal model.
         augmented: the model that is written to model.toml.
         simulated: "nominal", "augmented" -> run -> outputs.
         ranking: every explanation that was weighed, the best first.
-        power: effect -> the smallest size that would have been named. Effects that the runs do not excite are absent.
+        power: effect -> the smallest size that discovery would have named, if the runs excite the effect.
         notes: sentences on what was assumed, left out or not identifiable.
-        held_out_stretches: fit run -> first and last time of the samples that were held out of it, s on its clock.
+        held_out_stretches: fit run -> first and last time of the samples held out of this run, s on the run's clock.
         yardstick: fit in percent before, after and attainable.
-        explanations: the explanations that hold 95 % of the weight together, the heaviest first.
+        explanations: the explanations that together hold 95 % of the weight, the heaviest first.
         steps: the stages that set or changed the verdict; the last step gives `verdict`.
-        predictable_left: signal -> the share of the best explanation's residual that a black box predicts.
+        predictable_left: signal -> the share of the best explanation's squared residual that a black box predicts.
         predictor: the best predictor; None: it was not asked for.
         closed_loop: a feedback loop around the data; None: the commands follow no output.
         disturbances: signal -> a disturbance with its own period in time; searched for only in a feedback loop.
@@ -397,7 +396,7 @@ class Finding(Result):
         Args:
             table: "effects": a row for each parameter of each effect, in SI, with the ends of its 95 % interval, NaN
                 where the data do not determine it. "ranking": a row for each explanation that was tried, the best
-                first, with the share of the error above noise that it removes on the fit runs.
+                first; `removed` is its evidence on a scale from 0, the nominal model, to 1, a residual of noise alone.
         """
         import pandas
 
@@ -447,5 +446,5 @@ def verdict_json(found: Finding) -> dict[str, Any]:
 
 
 def _without(record: object, *names: str) -> dict[str, Any]:
-    """Returns the fields of a record without those of `names`."""
+    """Returns the fields of a record except `names`."""
     return {key: value for key, value in vars(record).items() if key not in names}

@@ -1,4 +1,4 @@
-"""The parts that an explanation is made of: effects of the library, and values that each run has of its own.
+"""The parts that an explanation is made of: effects of the library, and values of which each run has its own.
 
 Composed terms are parts, too: see `compose`.
 """
@@ -24,14 +24,14 @@ from brickpilot.vehicle.model import Model, rcx
 from brickpilot.vehicle.plant import OpenLoopRun, State
 from brickpilot.vehicle.replay import RUN_KINDS
 
-_COMMAND = "voltage"  # the limited signal that is a command, not a reading
-_UNSCALED = frozenset({"order", "phase", "phase_difference", "frequency", "wavelength"})  # they have no usual size
+_COMMAND = "voltage"  # the only limited signal that is a command; the others are readings
+_UNSCALED = frozenset({"order", "phase", "phase_difference", "frequency", "wavelength"})  # without a usual size
 _ODDS = {"common": numbers.COMMON, "usual": numbers.USUAL, "rare": numbers.RARE}
 
 
 @dataclass(frozen=True)
 class Part:
-    """An effect with some of its parameters free. The others stay at `fixed`."""
+    """An effect with some of its parameters free. The other parameters stay at `fixed`."""
 
     effect: str
     free: tuple[str, ...]
@@ -39,12 +39,12 @@ class Part:
 
     @property
     def name(self) -> str:
-        """The name that tells it from other parts."""
+        """The name, unique among parts."""
         return self.effect
 
     @property
     def is_periodic(self) -> bool:
-        """Whether it repeats with the angle of a wheel, at an order that is fitted."""
+        """Whether the effect repeats with the angle of a wheel, at an order that is fitted."""
         return "order" in self.free
 
     @property
@@ -58,7 +58,7 @@ class Part:
 
     @property
     def log_odds(self) -> float:
-        """The log of the prior odds that a machine has this effect and its simulator lacks it."""
+        """The log of the prior odds that a machine has this effect and its simulator lacks the effect."""
         return math.log(_ODDS[catalogue.effect(self.effect).prior])
 
     @property
@@ -72,7 +72,7 @@ class Part:
 
     @property
     def made_of(self) -> tuple[str, ...]:
-        """The names of the parts that together are its law, if only its first parameter is free."""
+        """The names of the parts that together equal this law, if only the law's first parameter is free."""
         info = catalogue.effect(self.effect)
         return info.made_of if self.free == (info.parameters[0].name,) else ()
 
@@ -93,17 +93,17 @@ class Part:
         return dataclasses.replace(model, effects=effects)
 
     def owns(self, free: Free) -> bool:
-        """Returns whether a free parameter is one of this part's."""
+        """Returns whether a free parameter belongs to this part."""
         return free.effect is not None and free.effect[0] == self.effect
 
     def values_in(self, model: Model) -> Mapping[str, float]:
-        """Returns its values in `model`, for `starting`."""
+        """Returns the part's values in `model`, for `starting`."""
         return model.effects[self.effect]
 
 
 @dataclass(frozen=True)
 class RunPart(Part):
-    """Values of one kind, a value for each fit run; `effect` is the kind and `free` lists the runs."""
+    """Values of one kind, one value for each fit run. `effect` is the kind; `free` lists the runs."""
 
     @property
     def infos(self) -> dict[str, ParameterInfo]:
@@ -153,8 +153,8 @@ def library_parts(base: Model, measured: Collection[str] | None = None) -> list[
     """Returns every effect that `base` lacks, once for each set of parameters worth freeing.
 
     Args:
-        measured: the signals that are compared. An effect on sensors that gave none of these signals is left out. Of
-            effects that change these alike, only the one that changes most signals is a part. None: all are parts.
+        measured: the compared signals. A sensor effect that changes none of these signals is left out. Of effects that
+            change these signals alike, only the one that changes most signals is a part. None: all effects are parts.
     """
     found, read = [], set[frozenset[tuple[str, bytes]]]()
     has_current_loop = any(base.parameters.get(name, 0.0) != 0.0 for name in ("force_per_volt", "torque_per_volt"))
@@ -166,7 +166,7 @@ def library_parts(base: Model, measured: Collection[str] | None = None) -> list[
                 continue
             read.add(readings)
         if info.name in base.effects or not info.is_searched or (info.acts_on == "supply" and has_current_loop):
-            continue  # a current loop makes up for the supply
+            continue  # a current loop compensates the supply
         usable = [one for one in info.parameters if _adds_something(one, base)]
         for free in _sets_of_parameters(usable):
             off = {one.name: one.preset if one.role == "shape" else 0.0 for one in usable if one.name not in free}
@@ -175,12 +175,12 @@ def library_parts(base: Model, measured: Collection[str] | None = None) -> list[
 
 
 def run_parts(runs: Sequence[str]) -> list[RunPart]:
-    """Returns a part for each kind of run value if there are three fit runs or more; else none."""
+    """Returns a part for each kind of run value if there are three fit runs or more, otherwise no part."""
     return [RunPart(kind, tuple(runs), {}) for kind in RUN_KINDS] if len(runs) > 2 else []
 
 
 def _adds_something(one: ParameterInfo, base: Model) -> bool:
-    """Returns whether `base` has the two sides that a parameter may need, and no parameter that does the same."""
+    """Returns whether `base` has the two sides that a parameter may need, and no parameter with the same action."""
     sided = base.vehicle != "motor" or not one.odd
     return sided and not (one.same_as and base.parameters.get(one.same_as, 0.0) != 0)
 
@@ -204,8 +204,8 @@ def readings_of(effect: str, vehicle: str) -> Mapping[str, bytes]:
 def _sets_of_parameters(usable: list[ParameterInfo]) -> list[tuple[str, ...]]:
     """Returns the sets of an effect's parameters that are freed together.
 
-    An optional parameter is freed together with the others, and alone if it needs none of them. If one effect holds
-    three laws, each law is tried alone.
+    An optional parameter is freed together with the main parameters, and alone if it needs none of them. If an effect
+    holds three laws, each law is tried alone.
     """
     main = tuple(one.name for one in usable if not one.optional and one.role != "switch")
     optional = [one.name for one in usable if one.optional]
@@ -222,15 +222,15 @@ def is_signed(one: ParameterInfo) -> bool:
 
 
 def least_of(info: ParameterInfo) -> float:
-    """Returns the least size that is named, SI: one step of the simulation for a delay or a lag; 0 for all others.
+    """Returns the least size that is named, SI: one simulation step for a delay or a lag, 0 for all other sizes.
 
-    No model here has faster dynamics, such as a tyre's compliance: a very short delay would stand in for these.
+    The models lack fast dynamics such as a tyre's compliance: a very short delay would stand in for them.
     """
     return MOTOR_STEP_S if info.unit == "s" and info.role == "size" and info.minimum == 0 else 0.0
 
 
 def read_limits(part: Part) -> list[tuple[str, str]]:
-    """Returns the parameters of a part that limit what a sensor reads, each with the signal."""
+    """Returns the parameters of a part that limit a sensor's reading, each with the sensor's signal."""
     return [(name, one.limits) for name, one in part.infos.items() if one.limits not in ("", _COMMAND)]
 
 
@@ -240,26 +240,26 @@ def limit_of(part: Part) -> ParameterInfo | None:
 
 
 def scanned_parameter(part: Part) -> ParameterInfo | None:
-    """Returns the parameter whose sizes are tried one by one, as the effect appears only at some sizes; or None."""
+    """Returns the parameter whose sizes are tried one by one, for an effect that only some sizes show; or None."""
     return next((one for one in part.infos.values() if one.scan), None)
 
 
 def switch_settings(part: Part) -> list[dict[str, float]]:
-    """Returns the settings of a part's switches that are tried: all off, and each one on alone."""
+    """Returns the settings of a part's switches that are tried: all off, and each switch alone on."""
     return [{}, *({name: one.maximum} for name, one in part.infos.items() if one.role == "switch")]
 
 
 def _natural_size(info: ParameterInfo, model: Model) -> float:
     """Returns a usual size of an effect's parameter on this vehicle, SI; 0 if it has none."""
     if info.role == "place" and info.unit == "m" and not info.arm_of:
-        return 2 * _sizes(model)["m"] / DECADE  # a place lies within about a track width, not within a decade of that
+        return 2 * _sizes(model)["m"] / DECADE  # a place lies within about a track width, not a decade of widths
     if info.name in _UNSCALED or info.role in ("place", "limit", "switch") or info.arm_of:
         return 0.0
     return (info.preset or info.trial) * scale_of(info.unit, model)
 
 
 def scale_of(unit: str, model: Model) -> float:
-    """Returns how many times larger a quantity of a unit is on this vehicle than on the packaged robot.
+    """Returns the ratio of a usual quantity in `unit` on this vehicle to that on the packaged robot.
 
     The presets of the catalogue are sizes for the packaged robot.
     """
@@ -268,7 +268,7 @@ def scale_of(unit: str, model: Model) -> float:
 
 
 def _sizes(model: Model) -> dict[str, float]:
-    """Returns unit -> a large value in this unit for a vehicle: at stall, or at no-load speed."""
+    """Returns unit -> a large value in this unit for a vehicle: its value at stall or at no-load speed."""
     known, robot = {**catalogue.presets(model.vehicle), **model.parameters}, rcx().parameters
     volts = known["battery_voltage"] or robot["battery_voltage"]
     direct = known["force_per_volt"] or known["torque_per_volt"]
@@ -299,7 +299,7 @@ class Excitation:
     Attributes:
         largest: the largest command, under "voltage", and the largest reading of each signal.
         orders: orders (periods per turn) at which the wheels' acceleration repeats.
-        least_order: an effect of a lower order is not periodic: it shows less than about one period.
+        least_order: the lowest order of a periodic effect: a lower order shows less than about one period.
         windowed: whether each short window is simulated from its measured state, so that wheels keep their phase.
     """
 

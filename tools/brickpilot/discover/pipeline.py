@@ -2,10 +2,10 @@
 
 Each stage is a function in a module beside this one. It returns a frozen record that the next stages take.
 
-    with_known_timing -> Dataset      what the inputs do between two rows, where the data set does not say
+    with_known_timing -> Dataset      what the inputs do between two rows, if the data set does not say it
     prepare          -> Prepared, Sealed   the fit runs and their residual; what is held out, sealed
     calibrate        -> Explanation   the calibrated nominal model: the explanation without parts
-    in_closed_loop   -> Prepared      innovations in place of the residual, where a feedback loop biases free runs;
+    in_closed_loop   -> Prepared      innovations in place of the residual, if a feedback loop biases free runs;
                                       the noise may be known only after a first search
     Search.run       -> Found         every explanation that was fitted, with its evidence           (search.py)
     weigh            -> Verdict       none, named or ambiguous, by the evidence alone                (verdict.py)
@@ -90,15 +90,15 @@ def discover(
 
     Args:
         model: the search starts from this model and its effects. None: from the data set's nominal values.
-        seed: seed of the random starts. They are used where nominal values are not given.
+        seed: seed of the random starts, which are used if nominal values are not given.
         jobs: number of fits at the same time.
-        budget_s: after this time the answer is the best one so far. Work that cannot be left out may take longer. None:
-            no limit.
-        predictor: also find the best predictor, `Finding.predictor`. It is no explanation: its parts are not claimed.
+        budget_s: time after which the best answer so far is returned. Work that cannot be left out may take longer.
+            None: no limit.
+        predictor: whether to find the best predictor too, `Finding.predictor`. Its parts are not claimed.
         progress: called with (done, total, text).
 
     Raises:
-        InputError: no measured signal is one that the model gives, or every run is held out.
+        InputError: the model gives none of the measured signals, or every run is held out.
         SimulationError: the plant diverges with the nominal values.
 
     `brickpilot.discover` has an example.
@@ -109,7 +109,7 @@ def discover(
         known: Dataset = with_known_timing(dataset, model, seed=seed, jobs=jobs)
         prepared, sealed = prepare(known, model, seed=seed, jobs=jobs, deadline=deadline)
         tell = Stages(progress)
-        tell("preparing the data")  # after `prepare`, so that bad input gives its error line and no other
+        tell("preparing the data")  # after `prepare`, so that bad input prints only its error line
         tell("calibrating the nominal model")
         prepared, nominal = calibrate(prepared)
         sampled = with_known_sampling(known, prepared, nominal)
@@ -139,7 +139,7 @@ def _find(prepared: Prepared, nominal: Explanation, sealed: Sealed, tell: Stages
 
 
 def explain(prepared: Prepared, nominal: Explanation, tell: Stages, most: int = MOST_PARTS) -> Explained:
-    """Searches on the coarse grid for explanations beside the nominal model, weighs them, and looks at what is left."""
+    """Searches on the coarse grid for explanations beside the nominal model, weighs them, checks their residuals."""
     judge = Judge.of(prepared.coarse, prepared.seed)
     library, until = Library(prepared.excitation, most), prepared.deadline.until(SEARCHED)
     search = Search(prepared.coarse, nominal, library, prepared.excitation, prepared.jobs, until, tell)
@@ -157,10 +157,10 @@ def explain(prepared: Prepared, nominal: Explanation, tell: Stages, most: int = 
 
 
 def explain_in_loop(prepared: Prepared, nominal: Explanation, tell: Stages, most: int = MOST_PARTS) -> Explained:
-    """Explains free runs; if a feedback loop biases them, explains the data again by innovations.
+    """Explains free runs; if a feedback loop biases free runs, explains the data again by innovations.
 
-    The noise is taken from the residual of the likeliest explanation: other residuals contain a missing law, too. The
-    likeliest has the best score, not the lowest cost, which depends on where each descent ends.
+    The noise is taken from the residual of the likeliest explanation: other residuals also contain a missing law. The
+    likeliest explanation has the best score, not the lowest cost, which depends on where each descent ends.
     """
     free_runs = explain(prepared, nominal, tell, most)
     if prepared.loop is None or prepared.innovations:
@@ -175,8 +175,8 @@ def explain_in_loop(prepared: Prepared, nominal: Explanation, tell: Stages, most
 def _explain_in_windows(whole: Explained, tell: Stages) -> Explained:
     """Explains the runs again, cut into short windows; returns `whole` unless a periodic effect is named in them.
 
-    With an effect that depends on a wheel's angle, two simulations drift apart over a whole run, so no phase fits. A
-    phase does fit over a window of one or two turns, which starts from the measured state.
+    If an effect depends on a wheel's angle, the simulated angle drifts from the measured angle over a whole run, so no
+    phase fits. In a window of one or two turns that starts from the measured state, a phase does fit.
     """
     windows = prepare_windows(whole.prepared)
     if windows is None or not windows.deadline.until(SEARCHED).allows("the search in short windows"):

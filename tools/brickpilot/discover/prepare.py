@@ -1,7 +1,7 @@
 """The first stage: makes a data set ready for fits, and seals what is held out.
 
-Later stages get no measured value of a held-out run or stretch. They get only its inputs, because heat and charge carry
-over from run to run. The `Sealed` that is also returned keeps the measured values.
+Of a held-out run or stretch, later stages get only the inputs, because heat and charge carry over from run to run. The
+`Sealed` that is also returned keeps the measured values.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ from brickpilot.vehicle.replay import Replay
 Array = NDArray[np.float64]
 
 _MOTOR_WINDOW_S = 1.0
-_WINDOW_S = 0.6  # a wheel turns once or twice in a window
+_WINDOW_S = 0.6  # length of a window, in which a wheel turns once or twice
 _NOISE_ROUNDS = 2  # rounds in which noise model and nominal model are fitted in turn
-_HIGHEST_ORDER = 8  # highest order of a noise model, in bins: a quarter of a second
-_SEARCHED_WINDOWS = 80  # most windows in the search; all windows are fitted after it
-_PERIODS_PER_TURN, _PERIODS_OVER_TRAVEL = 0.9, 1.5  # least periods of a periodic effect: in a turn, over the travel
+_HIGHEST_ORDER = 8  # highest order of a noise model, bins: a quarter of a second
+_SEARCHED_WINDOWS = 80  # most windows in the search; the fits after the search use all windows
+_PERIODS_PER_TURN, _PERIODS_OVER_TRAVEL = 0.9, 1.5  # least periods of a periodic effect: per turn, over the travel
 
 SD_SHARE = {
     "mass": numbers.RULER,
@@ -59,7 +59,7 @@ SD_SHARE = {
     "rolling_friction": numbers.GUESS,
     "drag_area": numbers.GUESS,
 }
-"""Nominal parameter -> default sd as a share. A parameter not listed is a constant, or a drive's force per volt."""
+"""Nominal parameter -> default relative sd. Constants and a drive's force per volt are not listed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,11 +67,11 @@ class Prepared:
     """A data set ready for fits. All stages up to the verdict work on it.
 
     Attributes:
-        dataset: the fit runs with an sd on every nominal value and with averaged start states; held-out data keep only
+        dataset: the fit runs, with averaged start states and an sd on every nominal value; held-out data keep only
             inputs.
-        measured: the fit runs as they were measured; `dataset` has a motor's velocity in place of its position.
-        compared: the runs that are simulated and compared: those of `dataset`, or windows of them.
-        windows: the fit runs of a vehicle cut into short windows; None where no wheel was measured.
+        measured: the fit runs as measured; for a motor, `dataset` has the velocity in place of the position.
+        compared: the runs that are simulated and compared: the runs of `dataset`, or windows of these runs.
+        windows: the fit runs cut into short windows; None if no wheel was measured.
         roles: which runs are fitted and which are held out.
         plan: the nominal parameters that are fitted.
         coarse: the residual of the fit runs on a coarse time grid, for the search.
@@ -80,7 +80,7 @@ class Prepared:
         seed: seed of random starts.
         jobs: number of fits at the same time.
         deadline: the deadline of the whole discovery.
-        loop: a feedback loop around the data; None: the commands follow no output, or the loop was not looked for.
+        loop: a feedback loop around the data; None: the commands follow no output, or no loop was looked for.
         innovations: whether the residuals are innovations of a noise model, because the loop biases free runs.
     """
 
@@ -111,7 +111,7 @@ def prepare(
     """Leaves out contradictory channels, assigns roles, seals what is held out, and sets up the residuals.
 
     Raises:
-        InputError: no measured signal is one that the model gives, every run is held out, or `model` is of another
+        InputError: the model gives none of the measured signals, every run is held out, or `model` is of another
             vehicle.
     """
     stated = dataset if model is None else _starting_from(dataset, model)
@@ -129,7 +129,7 @@ def prepare(
     windows = _windows(whole, roles, inputs, _MOTOR_WINDOW_S if is_motor else _WINDOW_S)
     windowed = is_motor and windows is not None
     excitation = _excitation(_blind(stated, roles), ready, inputs, windowed=windowed)
-    plain = whole  # the data as `compare` and `calibrate` use them
+    plain = whole  # the data in the form that `compare` and `calibrate` use
     if model is not None:
         plain = started(measured, {run.name: motor_inputs(run, measured) for run in measured.runs})
     sealed = Sealed(measured, whole, Comparable(measured, plain, roles))
@@ -153,7 +153,7 @@ def prepare(
 
 
 def prepare_windows(prepared: Prepared) -> Prepared | None:
-    """Returns the same data cut into short windows, each started from the measured state, so that wheels keep phase.
+    """Returns the same data in short windows. Each starts from the measured state, so the wheels' phase is right.
 
     None if the data are in windows already, no wheel was measured, or the samples are too far apart for a window.
     """
@@ -181,7 +181,7 @@ def _residuals(ready: Dataset, compared: Dataset, plan: Plan, jobs: int) -> tupl
 
 
 def _with_whole_inputs(data: Residual, ready: Dataset) -> Residual:
-    """Returns the residual of windows, with the inputs of their whole runs, which values of runs need."""
+    """Returns the residual of windows, with the inputs of their whole runs, which run values need."""
     whole = {run.name: (run.time, motor_inputs(run, ready)) for run in ready.runs}
     of = {run.name: whole[run_of(run.name)] for run in data.replay.dataset.runs}
     return data.with_inputs(dataclasses.replace(data.replay, whole=of))
@@ -190,8 +190,8 @@ def _with_whole_inputs(data: Residual, ready: Dataset) -> Residual:
 def calibrate(prepared: Prepared) -> tuple[Prepared, Explanation]:
     """Returns the prepared data with settled weights, and the calibrated nominal model.
 
-    It is fitted from several starts if some nominal value is not stated. The noise floors of both residuals rise to the
-    changes from bin to bin that the rough fit leaves.
+    The model is fitted from several starts if some nominal value is not stated. The noise floors of both residuals rise
+    to the bin-to-bin changes that the rough fit leaves.
 
     Raises:
         InputError: the plant diverges with the nominal values.
@@ -213,16 +213,16 @@ def calibrate(prepared: Prepared) -> tuple[Prepared, Explanation]:
 
 
 def in_closed_loop(prepared: Prepared, nominal: Explanation, best: Explanation | None) -> tuple[Prepared, Explanation]:
-    """Returns the data and the nominal model, corrected for a feedback loop if it biases free runs.
+    """Returns the data and the nominal model, corrected for a feedback loop if the loop biases free runs.
 
     In a loop, a simulation from the commands alone is biased if the noise is correlated in time: the commands follow
-    past noise, and so predict later noise. White noise causes no bias, whatever the loop does (Ljung 1999, sec. 13.4),
-    nor does a loop with little influence on the commands. Otherwise a noise model turns the residual into innovations,
-    and all later stages work on these: the direct method. Noise model and nominal model are fitted in turn.
+    past noise, and so predict later noise. There is no bias if the noise is white (Ljung 1999, sec. 13.4), or if the
+    loop has little influence on the commands. Otherwise a noise model turns the residual into innovations, which all
+    later stages use: the direct method. Noise model and nominal model are fitted in turn.
 
     Args:
-        best: its residual of the output that the commands follow is taken as the noise. None: no explanation is known,
-            and only a disturbance with its own period, a fifth of the residual or more, is surely noise.
+        best: its residual of the output that the commands follow is taken as the noise. None: none is known; then only
+            a disturbance with its own period, a fifth of the residual or more, is taken as noise.
     """
     fitted, plain = tuple(run for run in prepared.dataset.runs if run.outputs), prepared.coarse
     loop = prepared.loop or follows_outputs(dataclasses.replace(prepared.dataset, runs=fitted), numbers.STRICT)
@@ -248,7 +248,7 @@ def in_closed_loop(prepared: Prepared, nominal: Explanation, best: Explanation |
 def disturbances(prepared: Prepared, model: Model) -> dict[str, periods.Period]:
     """Returns signal -> a disturbance with its own period in the residual of free runs, if there is a feedback loop.
 
-    Without a loop, periods of the commands would be taken for a disturbance.
+    Without a loop, the search would take periods of the commands for a disturbance.
     """
     if prepared.loop is None:
         return {}
@@ -284,7 +284,7 @@ def _innovations(data: Residual, models: Mapping[str, Array]) -> Residual:
 def with_default_sds(dataset: Dataset) -> Dataset:
     """Returns the data set with an sd on every nominal value that was stated without an sd: no value is known exactly.
 
-    A wrong nominal value is not an effect. All nominal values are fitted, each within what is usual for its kind.
+    A wrong nominal value is not an effect. So all nominal values are fitted, each with an sd usual for its kind.
     """
     nominal = {
         name: Nominal(known.value, abs(known.value) * SD_SHARE[name])
@@ -313,7 +313,7 @@ def _inputs_of(run: Run) -> Run:
 
 
 def _windows(whole: Dataset, roles: holdout.Roles, inputs: Mapping[str, Array], length_s: float) -> Dataset | None:
-    """Returns the fit runs cut into windows; a window that reaches into a held-out stretch keeps only its inputs."""
+    """Returns the fit runs cut into windows. A window that reaches into a held-out stretch keeps only its inputs."""
     runs = tuple(run if roles.by_run.get(run.name) == "fit" else _inputs_of(run) for run in whole.runs)
     cut = cut_into_windows(dataclasses.replace(whole, runs=runs), inputs, length_s)
     if cut is None:
@@ -327,7 +327,7 @@ def _windows(whole: Dataset, roles: holdout.Roles, inputs: Mapping[str, Array], 
 
 
 def _starting_from(dataset: Dataset, model: Model) -> Dataset:
-    """Returns `dataset` with the values and effects of `model` as its nominal ones. Stated sds stay.
+    """Returns `dataset` with the values and effects of `model` as its nominal values and effects. Stated sds stay.
 
     Raises:
         InputError: the model is of another vehicle.
@@ -358,7 +358,7 @@ def _excitation(stated: Dataset, ready: Dataset, inputs: Mapping[str, Array], *,
 
 
 def _least_order(dataset: Dataset) -> float:
-    """Returns the lowest order that counts as periodic: per turn, or in rad/m where the drive commands a force."""
+    """Returns the lowest order that counts as periodic: per turn, or in rad/m if the drive commands a force."""
     travels = [
         np.ptp(run.outputs["position"][np.isfinite(run.outputs["position"])])
         for run in dataset.runs

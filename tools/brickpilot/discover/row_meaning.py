@@ -1,13 +1,13 @@
 """Finds what a row of a log means, if the data set does not say: what inputs do between two rows, and whether an
 accelerometer gives the value at an instant or the mean over a sample. A sure answer is used, with a note.
 
-Between two rows, inputs are held or linear. The nominal model is fitted with both, and also with a delay or a
-first-order lag of the inputs: held inputs resemble linear ones that are late by half a row, and a lag turns each step
-into a slope. The test of Vuong (1989, Econometrica 57) says which of two models is nearer to the truth, and how sure
-that is: it compares the mean difference of their losses over stretches of time with its scatter.
+Between two rows, inputs are held or linear. The nominal model is fitted with both kinds, also with a delay or
+first-order lag of the inputs: held inputs resemble linear inputs that are half a row late, and a lag turns each step
+into a slope. The test of Vuong (1989, Econometrica 57) says which of two models is nearer to the truth, with which
+probability: it compares the mean difference of their losses over stretches of time with the scatter of this difference.
 
-An instantaneous acceleration and a mean are half a sample apart. A fit would make up for this delay by a slower or
-faster motor. The same test decides between them.
+An instantaneous acceleration and a mean are half a sample apart. A fit would compensate this delay by a slower or
+faster motor. The same test decides between instant and mean.
 """
 
 from __future__ import annotations
@@ -39,16 +39,16 @@ from brickpilot.vehicle.replay import Replay
 Array = NDArray[np.float64]
 TIMINGS: tuple[Timing, ...] = ("held", "linear")
 
-_FOLLOWABLE_ROW_S = 0.008  # s: if rows are shorter, bins hide what inputs do between them
+_FOLLOWABLE_ROW_S = 0.008  # shortest row, s, for this search: bins hide what inputs do between shorter rows
 _TOLERANCE = 1e-5  # relative change of cost at which a fit ends
-_ROWS: dict[Kind, tuple[float, ...]] = {"lag": (0.5, 1.0, 2.0, 4.0), "delay": (0.5, 1.0, 2.0)}  # rows, tried first
-_LEAST, _MOST = 0.5, {"lag": 2.0, "delay": 1.5}  # bounds of the next search, as multiples of the best of `_ROWS`
-_TRIALS = 6  # most trials of that search
+_ROWS: dict[Kind, tuple[float, ...]] = {"lag": (0.5, 1.0, 2.0, 4.0), "delay": (0.5, 1.0, 2.0)}  # rows: the first search
+_LEAST, _MOST = 0.5, {"lag": 2.0, "delay": 1.5}  # bounds of the second search, as multiples of the best of `_ROWS`
+_TRIALS = 6  # most trials of the second search
 _SURELY = 0.999  # the largest certainty that a note states
 
 
 def with_known_timing(dataset: Dataset, model: Model | None, *, seed: int, jobs: int) -> Dataset:
-    """Returns `dataset` with a known input timing: the stated one, or else one found from its fit runs, with a note.
+    """Returns `dataset` with a known input timing: as stated, otherwise as found from its fit runs, with a note.
 
     Raises:
         InputError: as `prepare` does.
@@ -67,7 +67,7 @@ def with_known_timing(dataset: Dataset, model: Model | None, *, seed: int, jobs:
 
 
 def _found(prepared: Prepared, logged: Dataset, row_s: float) -> tuple[Timing, str]:
-    """Returns what the inputs do between two rows, "held" where the runs do not tell, and the sentence for the user.
+    """Returns what the inputs do between two rows, "held" if the runs do not tell it, and the sentence for the user.
 
     Args:
         prepared: the fit runs of `logged`, with more rows.
@@ -101,7 +101,7 @@ class _Tried:
 
     Attributes:
         plain: (stretches,) the losses without delay or lag.
-        behind: the delay or lag with which they explain most.
+        behind: the delay or lag with the least loss.
         least: (stretches,) the losses with that delay or lag.
     """
 
@@ -128,7 +128,7 @@ def _tried(losses: Callable[[Behind], Array], row_s: float) -> _Tried:
 
 
 def _certainty(first: Array, second: Array) -> float:
-    """Returns the probability that the model of the first losses, (stretches,), is nearer to the truth, 0..1."""
+    """Returns the probability that the model with the losses `first`, (stretches,), is nearer to the truth, 0..1."""
     apart = second - first
     if not np.isfinite(apart).all() or np.ptp(apart) == 0:
         return 0.5
@@ -153,13 +153,13 @@ def _with_inputs(prepared: Prepared, logged: Dataset, timing: Timing, behind: Be
 
 
 def with_known_sampling(dataset: Dataset, prepared: Prepared, nominal: Explanation) -> Dataset | None:
-    """Returns a data set that states instantaneous accelerometer readings; None: this is wrong or not sure.
+    """Returns the data set with accelerometer readings stated as instantaneous; None: they are not, or it is not sure.
 
     Args:
         prepared: made of `dataset`.
         nominal: the calibrated nominal model.
 
-    A data set may state what a sample is. Else it counts as a mean, unless the fit runs surely show an instant.
+    If the data set does not state what a sample is, it counts as a mean, unless the fit runs surely show an instant.
     """
     measured = {name for run in dataset.runs for name in run.outputs if name.startswith("accel_")}
     names = sorted(name for name in measured if name not in dataset.signals or dataset.signals[name].sampling is None)
@@ -185,7 +185,7 @@ def _sampled(dataset: Dataset, names: Sequence[str], kind: input_timing.Sampling
 def _sampled_losses(prepared: Prepared, nominal: Explanation, compared: Dataset) -> Array:
     """Returns (stretches,): half the squared residuals at the samples, after one step of least squares.
 
-    The step adapts the parameters to the kind of sample. Means over bins would hide half a sample.
+    The step adapts the parameters to the kind of sample. Means over bins would hide a shift of half a sample.
     """
     runs = list(dict.fromkeys(block.run for block in prepared.fine.blocks))
     data = of_samples(Replay(compared), nominal.plan.model, runs, threads=prepared.jobs)

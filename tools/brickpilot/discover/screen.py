@@ -1,7 +1,7 @@
-"""Screens parts: how well each could explain the residual, from few simulations and without a fit.
+"""Screens parts: estimates how well each part could explain the residual, from few simulations and without a fit.
 
-A simulation shows the signature of a part: how it changes the residual. All that the parameters of the model could
-still take up is projected out of residual and signature (a score test, Rao 1948).
+A simulation shows the signature of a part: how it changes the residual. A projection removes from residual and
+signature all that the parameters of the model could still take up (a score test, Rao 1948).
 """
 
 from __future__ import annotations
@@ -38,19 +38,19 @@ Array = NDArray[np.float64]
 
 Values = Mapping[str, float]
 
-_INVISIBLE = 1e-3  # in scales: a signature that is smaller at all values counts as invisible
+_INVISIBLE = 1e-3  # scales: a signature that is smaller than this at all values counts as invisible
 
 # The sizes below are shares of the preset, scaled to the vehicle.
-_SMALL = 0.1  # for effects that are smooth in their size
-_SIZES = (0.03, 0.2, 1.0, 3.0)  # for effects that are not smooth
-_LIMIT_SHARES = (0.95, 0.85, 0.7, 0.5)  # shares of the largest command or reading at which a limit may be
+_SMALL = 0.1  # size at which effects that are smooth in their size are tried
+_SIZES = (0.03, 0.2, 1.0, 3.0)  # sizes at which effects that are not smooth are tried
+_LIMIT_SHARES = (0.95, 0.85, 0.7, 0.5)  # shares of the largest command or reading at which a limit is tried
 _LONGEST_STEP = 20.0  # largest amplitude, in sizes of the probe, to which a signature is extrapolated
 _LEAST_STEP, _LARGEST_STEP = 0.1, 2.0  # range of the amplitude if its sign is fixed
 
-_USUAL_ORDERS = (1.0, 2.0, 4.0, 6.0, 8.0, 12.0)  # periods per turn, tried beside those that the wheels show
+_USUAL_ORDERS = (1.0, 2.0, 4.0, 6.0, 8.0, 12.0)  # periods per turn, tried beside the orders that the wheels show
 _PHASES = ((0.0, 0.0), (np.pi / 2, 0.0), (0.0, np.pi), (np.pi / 2, np.pi))  # (phase, phase_difference): span all phases
 _WHEELS = np.array([[1, 1j, 1j, -1], [1, 1j, -1j, 1]])  # phasors of the left and the right wheel at these phases
-_LARGE = (1.0, 3.0)  # sizes at which a periodic effect is not linear: it stops the wheels or throws them over its peak
+_LARGE = (1.0, 3.0)  # sizes at which a periodic effect is not linear: it stops the wheels or throws them over a peak
 _PHASES_A_WHEEL = 6
 _GRID_OF_PHASES = tuple(
     (math.remainder((left + right) * np.pi / _PHASES_A_WHEEL, math.tau), (left - right) * math.tau / _PHASES_A_WHEEL)
@@ -64,7 +64,7 @@ class Trial:
     """One part, started from one size.
 
     Attributes:
-        values: where a fit of it starts.
+        values: the start of a fit of the part.
         left: half the least squared residual of the model with the part, priors included.
         gain: the decrease of half the squared residual of the data.
         prior_gain: the decrease of half the squares of the priors.
@@ -78,7 +78,7 @@ class Trial:
 
     @classmethod
     def of(cls, part: Part, values: Mapping[str, float], before: Array, after: Array, count: int) -> Trial:
-        """Returns a trial from the residuals without and with the part, (values + parameters,); `count` values."""
+        """Returns a trial from the residuals without and with the part, (count values + parameters,)."""
         gains = (before**2 - after**2) / 2
         return cls(part, values, float(np.sum(after**2)) / 2, float(gains[:count].sum()), float(gains[count:].sum()))
 
@@ -94,7 +94,7 @@ def screen(
     """Returns trials of every part from each of its sizes, the best first, without those that change nothing.
 
     Args:
-        problem: has the plan of the model, and its sensitivities kept at `point`.
+        problem: holds the plan of the model, and the model's sensitivities at `point`.
         point: where the fit of that plan ended.
         excitation: how far the vehicle was driven.
         deadline: parts whose turn comes after it are left out.
@@ -112,9 +112,9 @@ def screen(
 
 
 def _of_runs(part: RunPart, tried: Sequence[tuple[Probe, Array]], residual: Array) -> tuple[Probe, Array]:
-    """Combines the probes of one kind of run values into one probe: each run at the tried value that explains it best.
+    """Combines the probes of one kind of run values into one probe, with each run at its best tried value.
 
-    A small late start has no visible effect, and a fit from a small value would lead nowhere.
+    A small value, such as a short late start, may have no visible effect: a fit from it would lead nowhere.
     """
     signatures = np.array([one for _, one in tried])
     along = np.maximum(residual @ signatures, 0.0)
@@ -126,7 +126,7 @@ def _of_runs(part: RunPart, tried: Sequence[tuple[Probe, Array]], residual: Arra
 def signature_strengths(
     problem: Problem, point: Array, chosen: Sequence[Part], *, excitation: Excitation
 ) -> list[tuple[Part, Mapping[str, float], Array]]:
-    """Returns each part with one free size, its values, and (signals,) half its squared signature, in floors.
+    """Returns each part with one free size, the part's values, and (signals,) half its squared signature, in floors.
 
     The arguments are those of `screen`. Parts with a scanned parameter are left out: the signature of one size says
     nothing about another size.
@@ -148,7 +148,7 @@ class _Here:
 
     Attributes:
         scaled: (values,) the residual of the model, in scales.
-        residual: (rows,) the same, projected.
+        residual: (rows,) the projected residual.
     """
 
     data: Residual
@@ -173,7 +173,7 @@ class _Here:
             changes = np.array([self.scaled - next(simulated) for _ in probe.values])
             if not np.isfinite(changes).all() or np.abs(changes).max() < _INVISIBLE:
                 continue
-            if isinstance(part, RunPart):  # one simulation changes all runs: each run shows its own value
+            if isinstance(part, RunPart):  # one simulation changes all runs: a run shows its own value
                 changes = np.array([np.where(self.data.rows_of(run), changes[0], 0.0) for run in part.free])
                 if np.abs(changes).max(axis=1).min() < _INVISIBLE:
                     continue
@@ -193,7 +193,7 @@ class Probe:
     """Simulations of one part, whose signatures are combined linearly.
 
     Attributes:
-        values: parameter values of simulation k, whose signature is multiplied by an amplitude a_k.
+        values: the parameter values of each simulation k. Its signature is multiplied by an amplitude a_k.
         free_sign: whether a_k may be negative.
         moved: the parameters that a_k multiplies, one for each of `values`; empty: a_k does not set a parameter.
     """
@@ -244,11 +244,11 @@ def _at_several_sizes(part: Part, natural: Values, infos: Mapping[str, Parameter
 
 
 def _periodic(part: Part, natural: Values, excitation: Excitation) -> list[Probe]:
-    """Returns probes at every order, linear in the phases; in windows also at large sizes, phase by phase."""
+    """Returns probes at every order, combined linearly over phases; in windows also at large sizes, one per phase."""
     size, names = part.free[0], ("phase", "phase_difference")
 
     def at(order: float, share: float, phases: Sequence[tuple[float, float]]) -> tuple[Values, ...]:
-        """Returns the values at each phase and, where it is free, each phase difference."""
+        """Returns the values at each phase and, if the phase difference is free, at each phase difference."""
         begin = {**natural, size: share * natural[size], "order": order}
         if names[1] not in part.free:
             return tuple(_within_range(part, {**begin, "phase": phase}) for phase, apart in phases if apart == 0)

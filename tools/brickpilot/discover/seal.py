@@ -1,6 +1,6 @@
-"""The seal: held-out runs are opened once, after the last choice, on the model as read back from its file.
+"""The seal: held-out runs are used once, after the last choice, to test the model as read back from its file.
 
-They may withdraw a name, or make it ambiguous with the nominal model. They choose no value, effect or rival.
+They may withdraw a name, or make a name ambiguous with the nominal model. They choose no value, effect or rival.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_DRAWS = 1000  # draws of the bootstrap
+_DRAWS = 1000  # number of draws of the bootstrap
 _CONFIRMED = "Held-out runs confirm it."
 _NO_RUNS = "No run was held out, so only the fit runs show it."
 _NOT_EXCITED = "The held-out runs do not excite it, so only the fit runs show it."
@@ -48,7 +48,7 @@ class Opened:
     """The whole data set.
 
     Attributes:
-        measured: as read, without channels that contradict the model.
+        measured: the data set as read, without channels that contradict the model.
         whole: `measured` with an sd on every nominal value and with averaged start states.
         plain: the same runs, prepared as in `compare` and `calibrate`, for the headline numbers.
     """
@@ -70,7 +70,7 @@ class Sealed:
         """Returns the whole data set.
 
         Raises:
-            SealError: it was opened before.
+            SealError: the seal was opened before.
         """
         if self.__contents is None:
             raise SealError("the held-out runs were opened before")
@@ -112,8 +112,8 @@ def prove(
     Args:
         nominal: the calibrated nominal model.
         written: the model of the last choice, as read back from its file.
-        by_run: the fitted values of single runs, as `Model.by_run`. No file holds them. They also apply to a held-out
-            stretch of the same run; the value of a run that is held out as a whole is not known.
+        by_run: the fitted values of single runs, as `Model.by_run`. No file holds them. They also apply to held-out
+            stretches of these runs; the value of a wholly held-out run is not known.
     """
     opened = sealed.open()
     outputs = Replay(opened.whole).simulate([nominal, written], threads=prepared.jobs)
@@ -149,7 +149,7 @@ def _evidence(prepared: Prepared, opened: Opened, nominal: Model, written: Model
     claimed = float(pseudo_huber_loss((after - before) * held_out.weight()).sum())
     shown = claimed > numbers.CHANCE_NATS
     confirmed = shown and draws >= numbers.SURE and not grows
-    contradicted = shown and (grows or float(np.median(drawn)) <= 0)  # they favour the nominal model
+    contradicted = shown and (grows or float(np.median(drawn)) <= 0)  # the draws favour the nominal model
     kind: EvidenceKind = "held_out" if confirmed else "fitted_only"
     against = _CONTRADICTED.format(_GROWS if grows else _RATHER.format(100 * draws))
     sentence = against if contradicted else _WEAK if shown else _NOT_EXCITED
@@ -177,7 +177,7 @@ def _held_out(prepared: Prepared, opened: Opened) -> Residual | None:
 
 
 def _removed(data: Residual, nominal: Model, written: Model) -> float | None:
-    """Returns the share of the cost above that of noise that the written model removes, at most 1."""
+    """Returns the share of the cost above the cost of noise that the written model removes, at most 1."""
     before, after = (float(data.losses(model).sum()) for model in (nominal, written))
     noise = data.noise_cost()
     return min(1.0, (before - after) / (before - noise)) if before > noise else None

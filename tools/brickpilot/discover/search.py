@@ -1,10 +1,10 @@
 """Searches for explanations. The search proposes and decides nothing: `verdict` weighs all explanations that it fitted.
 
-It fits single parts, pairs of the best, then one more part beside the best two and beside the best fit, as long as more
-parts surely predict better, and the best fit leaves more than the wrong shapes of its own laws may. Each part of the
-best fit is replaced once by other laws of its mechanism. Rivals are searched as hard as the winner: each part of the
-best explanation is forbidden once, and the search goes on without it. An explanation that fits worse than one that it
-contains is a failed fit, and is fitted again from the contained one.
+It fits single parts, pairs of the best parts, then one more part beside the best two explanations and the best fit. It
+goes on while more parts surely predict better, and the best fit leaves more than wrong shapes of its laws may leave. It
+replaces each part of the best fit once by other laws of the same mechanism. It searches rivals as hard as the winner:
+it forbids each part of the best explanation once, and searches on without this part. An explanation that fits worse
+than a smaller one inside it is a failed fit, and is refitted from the smaller one.
 """
 
 from __future__ import annotations
@@ -43,15 +43,15 @@ from brickpilot.side_by_side import side_by_side
 Array = NDArray[np.float64]
 Tell = Callable[[str], None]
 
-_PROMISED = 0.3  # share of the needed gain: with less gain in the screen, which tries few sizes, a part is not fitted
-_NEAR = 6.0  # in `Evidence.nat`: a rough fit that costs more than the best by more than this is not refined
-_STARTS = 3  # starts of a periodic part, each from another order
+_PROMISED = 0.3  # share of the needed gain that a part must show in the screen to be fitted; the screen tries few sizes
+_NEAR = 6.0  # in units of `Evidence.nat`: largest cost above the best cost at which a rough fit is still refined
+_STARTS = 3  # number of starts of a periodic part, each from another order
 _BEAM = 2
 MOST_PARTS = 4
-PARTS_IN_WINDOWS = 2  # most parts in windows: a periodic effect, alone or with one other part
-_ORDER_OFFSETS = np.linspace(-0.08, 0.08, 161).tolist()  # errors of an order that are tried, as shares of it
-_LOWER = 0.98  # share of the present cost: an order with a cost below it gets a descent
-_WORSE = 0.5  # in cost: a fit has failed if it costs more, by this, than an explanation that it contains
+PARTS_IN_WINDOWS = 2  # most parts of an explanation fitted in windows: a periodic effect, alone or with one other part
+_ORDER_OFFSETS = np.linspace(-0.08, 0.08, 161).tolist()  # relative errors of an order that are tried
+_LOWER = 0.98  # share of the present cost: an order whose cost is below this share gets a descent
+_WORSE = 0.5  # units of cost: a fit has failed if it costs this much more than an explanation that it contains
 
 
 @dataclass(frozen=True)
@@ -59,9 +59,9 @@ class Width:
     """How wide a search is.
 
     Attributes:
-        rough, fine, least: for one screen, most trials that are fitted; most and least fits that are refined.
-        paired: best single parts of which all pairs are fitted; half of `fine` pairs are refined.
-        swapped: most library laws that are tried in place of a law; 0 if the parts are not laws of the library.
+        rough, fine, least: for one screen, the most trials that are fitted, the most and the least fits refined.
+        paired: number of best single parts, all pairs of which are fitted; the best half of `fine` pairs are refined.
+        swapped: the most library laws that are tried in place of one law; 0 if the parts are not laws of the library.
     """
 
     rough: int = 12
@@ -87,7 +87,7 @@ class Source(Protocol):
         """Returns the trials that are worth a fit beside the model of `problem` at `point`, the best first."""
 
     def nearby(self, problem: Problem, current: Explanation, fits: Sequence[Explanation]) -> list[Trial]:
-        """Returns further trials that `fits`, which extend `current`, make worth a fit."""
+        """Returns further trials that are worth a fit, judged by `fits`, which extend `current`."""
 
 
 class Library:
@@ -99,7 +99,7 @@ class Library:
         self._excitation, self.most, self._periodic = excitation, most, periodic
 
     def screened(self, problem: Problem, point: Array, deadline: Deadline) -> list[Trial]:
-        """Returns each set of parameters of each effect that the model lacks, from its best sizes."""
+        """Returns trials of each set of parameters of each effect that the model lacks, started from its best sizes."""
         base, runs = problem.plan.at(point), dict.fromkeys(run_of(block.run) for block in problem.data.blocks)
         own = [one for one in run_parts([*runs]) if one.effect not in base.by_run]
         chosen = [one for one in library_parts(base, problem.data.signals) if self._periodic or not one.is_periodic]
@@ -116,7 +116,7 @@ class Library:
     def nearby(self, problem: Problem, current: Explanation, fits: Sequence[Explanation]) -> list[Trial]:
         """Returns, for each fit with one phase for both wheels, the part with a second phase, started from that fit.
 
-        The linear screen cannot find two phases at once: it starts from no effect, where wheels stop and slip in turn.
+        The linear screen cannot find two phases at once: it is linear about no effect, while wheels stop and slip.
         """
         return [
             Trial(other, found.model.effects[other.effect], found.cost)
@@ -134,7 +134,7 @@ class Found:
     Attributes:
         nothing: the calibrated nominal model.
         screens: explanation -> the trials that the screen proposed beside it.
-        tried: explanations, and the parts that were fitted beside them: a repeated fit would end at the same values.
+        tried: each explanation with each part that was fitted beside it: a repeated fit would end at the same values.
     """
 
     judge: Judge
@@ -156,7 +156,7 @@ class Found:
 
     @property
     def temperature(self) -> float:
-        """The nats that count as one, by the best explanation so far."""
+        """The number of nats that count as one, from the best explanation so far."""
         return self.judge.temperature(max(self.table.values(), key=lambda one: one.total), self.nothing)
 
     def is_sure(self, one: Explanation) -> bool:
@@ -171,14 +171,14 @@ class Found:
         return moves and not still
 
     def without_laws(self, one: Evidence) -> Evidence:
-        """Returns the evidence of an explanation's run values alone; if these were not fitted, of the nominal model."""
+        """Returns the evidence of an explanation's run values alone; if not fitted, that of the nominal model."""
         laws = {part.name for part in one.explanation.effects} - self.nothing.explanation.key
         return self.table.get(one.explanation.key - laws) or self.table[self.nothing.explanation.key]
 
     def shape_error(self, one: Evidence) -> Array:
         """Returns (signals,): the squared error, in squares of each floor, that wrong shapes of the laws may leave.
 
-        It is a share of what these laws remove beside the values of runs. No other law is named for it.
+        The error is a share of what these laws remove beside the values of runs. It justifies no further law.
         """
         excess = self.judge.excess
         return np.asarray(self.judge.shape * np.maximum(excess(self.without_laws(one)) - excess(one), 0.0))
@@ -237,7 +237,7 @@ class Search:
     def _parents(self, found: Found, count: int) -> list[Evidence]:
         """Returns the explanations to extend: the best so far of `count` parts, and the best fit whatever its odds.
 
-        Only through two unlikely parts does the search reach three rare parts that explain a machine together.
+        If only three rare parts together explain a machine, the search must pass through two unlikely parts first.
         """
         ranked = found.ranked(count)
         fitting = sorted(ranked, key=lambda one: _information(one.explanation))[:1]
@@ -245,11 +245,11 @@ class Search:
         return best[:_BEAM] + fitting
 
     def _as_expected(self) -> Explanation | None:
-        """Returns the base at stated and usual values, if its fitted values are far from these; else None.
+        """Returns the base at stated and usual values if its fitted values are far from these values, otherwise None.
 
-        Such fitted values may stand in for an effect, and a descent from them would not come back: a resistance near 0
-        gives a lag, and a robot with a huge yaw inertia does not turn. Values that are not stated are fitted with a
-        prior of a decade about a usual value, to data weighed by the residual of the base.
+        Far values may stand in for an effect: a resistance near 0 gives a lag, a huge yaw inertia keeps a robot from
+        turning. A descent from far values does not come back. Unstated values are fitted with a prior of a decade about
+        a usual value, to data weighed by the residual of the base.
         """
         plan, fitted = self.base.plan, self.base.point
         stated = np.array([one.known is not None for one in plan.free], dtype=bool)
@@ -276,9 +276,9 @@ class Search:
     def _may_gain(self, found: Found) -> bool:
         """Returns whether one more part could score better than the best so far, if only white noise were left.
 
-        A part gains by the error that it removes, and if it moves values of the model nearer to their priors. Error
-        that the wrong shapes of the best one's laws may leave does not count, as no part is named for it. The priors of
-        the runs' values do not count: a law that explains what these stand for is found without them.
+        A part gains by the error that it removes, and by moving values of the model nearer to their priors. Error that
+        wrong shapes of the best explanation's laws may leave does not count: it justifies no further part. The priors
+        of run values do not count: a law that replaces run values is found without them.
         """
         best = found.ranked()[0]
         temperature = found.judge.law_error(max(found.table.values(), key=lambda one: one.total), found.nothing)
@@ -339,7 +339,7 @@ class Search:
         return self._possible(refine(self.data, fits, self.jobs, self.deadline))
 
     def _rough(self, starts: Sequence[Explanation]) -> list[Explanation]:
-        """Returns where rough fits from `starts` end, the best first."""
+        """Returns the ends of rough fits from `starts`, the best first."""
 
         def one(begin: Explanation) -> Explanation | None:
             here = Problem(self.data, begin.plan).keeping(begin.point, len(self.base.point))
@@ -348,7 +348,7 @@ class Search:
         return sorted(self._possible(before(self.deadline, one, starts, self.jobs)), key=_information)
 
     def _pairs(self, singles: Sequence[Explanation]) -> list[Explanation]:
-        """Returns the best pairs of singles, fitted from both single fits: else a pair may look like a third part."""
+        """Returns the best pairs of singles, fitted from both fits, so that no third part stands for a pair."""
         pairs = [self._joined(*pair) for pair in itertools.combinations(singles, 2)]
         return self._refined(self._rough(pairs)[: self.source.width.fine // 2])
 
@@ -362,7 +362,7 @@ class Search:
         return Explanation(both.parts, both.plan, point)
 
     def _rivals(self, found: Found) -> None:
-        """Searches on, for each part that would be named, with this part and the laws that contain it forbidden."""
+        """For each part that would be named, searches on with this part and the laws that contain it forbidden."""
         best, ranked = found.ranked()[0].explanation, found.ranked()
         sure = evidence.held_by(ranked, evidence.weigh(ranked, found.temperature))
         for part in best.parts[len(self.base.parts) :]:
@@ -381,7 +381,7 @@ class Search:
                     found.add(self.beside(found, start, forbidden), self.jobs)
 
     def _prune(self, found: Found) -> None:
-        """Fits the best fit without each of its parts: the smaller set may have been fitted badly or never."""
+        """Refits the best fit without one part, for each part: the smaller set may be unfitted or badly fitted."""
         best = min((one.explanation for one in found.table.values()), key=lambda one: one.cost)
         if len(best.parts) > len(self.base.parts) + 1:
             fewer = [without(best, part) for part in best.parts[len(self.base.parts) :]]
@@ -414,9 +414,9 @@ class Search:
         return starts
 
     def _repair(self, found: Found) -> None:
-        """Fits an explanation again, if it costs more than one that it contains, from the values of the contained one.
+        """Refits each explanation that costs more than a smaller one inside it, from the values of the smaller one.
 
-        If it still gains nothing, its old fit stays: the contained one is the simpler answer.
+        If the new fit also gains nothing, the old fit stays: the smaller explanation is the simpler answer.
         """
         starts, reached = [], {}
         for key, one in found.table.items():
@@ -429,10 +429,9 @@ class Search:
         found.add(self._refined(again), self.jobs)
 
     def _at_better_order(self, found: Explanation) -> list[Explanation]:
-        """Returns `found`, which has a periodic effect, fitted from the best order nearby; nothing if its own is best.
+        """Returns `found`, which has a periodic effect, fitted from the best order nearby; nothing if that is its own.
 
-        Beside the right order, the cost has local minima at orders that differ by one turn over the travel. A descent
-        stays in such a minimum.
+        The cost has local minima beside the right order, one period over the travel apart, which trap a descent.
         """
         orders = [k for k, one in enumerate(found.plan.free) if one.info.name == "order"]
         axes = np.eye(len(found.point))[orders]
@@ -444,7 +443,7 @@ class Search:
 
 
 def _different(ranked: Sequence[Evidence]) -> list[Evidence]:
-    """Returns those that neither contain a better one nor have variants of its laws: the same parts would join both."""
+    """Returns explanations that neither contain a better one nor vary its laws: the same parts would join both."""
     families = [frozenset(map(catalogue.family, one.explanation.names)) for one in ranked]
     return [
         one
@@ -466,6 +465,6 @@ def _from_part(smaller: Explanation, larger: Explanation) -> Explanation:
     added = [part for part in larger.parts if part.name not in smaller.key]
     for index, free in enumerate(larger.plan.free):
         if any(part.owns(free) for part in added) and free.info.role == "size":
-            # A tenth of a size: the fit starts near 0, but where the cost still has a slope.
+            # A tenth of a size: the fit starts near 0, but not at 0, where the cost may have no slope.
             point[index] = 0.1 * point[index] if free.signed else point[index] - float(np.log(10.0))
     return Explanation(larger.parts, larger.plan, np.array(point))

@@ -1,11 +1,11 @@
 """The last fit: the explanation that the verdict states, at the measured samples and over whole runs, with intervals.
 
-The search compares short windows and changes, because a wrong force moves a velocity for seconds and a position for
-ever. The written model must also follow a whole run. So the values of the same explanation are fitted again to free
-runs, and kept if they improve the fit runs. No part joins in this fit.
+The search compares short windows and changes, because a wrong force shifts a velocity for seconds and a position for
+ever. But the written model must follow a whole run. So the values of the same explanation are fitted again to free
+runs, and kept if they fit the fit runs better. This fit adds no part.
 
 On request, the best predictor is settled too: the explanation with every part, claimed or not, that surely improves the
-prediction of whole runs that are left out. It is for users who want to predict and not to explain.
+prediction of left-out whole runs. It is for users who want to predict, not to explain.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from brickpilot.vehicle.spread import Spread
 Array = NDArray[np.float64]
 
 _ROUNDS = 2  # rounds of weighing the signals by their residuals and fitting again
-_MOST_JOINED = 5  # most parts that a predictor adds to the explanation that it starts from
+_MOST_JOINED = 5  # most parts that a predictor adds to its start explanation
 _WHOLE = "The values are those of a fit to whole runs."
 
 
@@ -45,11 +45,11 @@ class Settled:
     """An explanation after its last fit, and its model as written.
 
     Attributes:
-        explanation: the explanation as it was fitted.
-        model: as read back from its file, with the basis of each value.
+        explanation: the explanation as fitted.
+        model: the model as read back from its file, with the basis of each value.
         estimates: the estimates of all fitted parameters, by name.
         spread: the joint uncertainty of all fitted parameters; None: nothing was fitted.
-        notes: sentences on how it was fitted.
+        notes: sentences on the kind of fit.
     """
 
     explanation: Explanation
@@ -60,7 +60,7 @@ class Settled:
 
 
 def settle(prepared: Prepared, found: Explanation) -> Settled:
-    """Returns an explanation fitted to the end at the measured samples, or to whole runs if their error is then less.
+    """Returns an explanation fitted to the end at the measured samples, or to whole runs if this lowers their error.
 
     If a feedback loop biases free runs, whole runs are not fitted.
     """
@@ -78,7 +78,7 @@ def settle(prepared: Prepared, found: Explanation) -> Settled:
 def at_samples(prepared: Prepared, nominal: Explanation, best: Explanation) -> Found:
     """Returns the evidence of both explanations, and of `best` without each of its parts, at the measured samples.
 
-    The search compared them on a coarse grid. A second part may have explained only the error of that grid.
+    The search compared explanations on a coarse grid. A second part may explain only the error of that grid.
     """
     judge, added = Judge.of(prepared.fine, prepared.seed), best.parts[len(nominal.parts) :]
     fewer = [without(best, part) for part in added] if len(added) > 1 else []
@@ -90,7 +90,7 @@ def at_samples(prepared: Prepared, nominal: Explanation, best: Explanation) -> F
 
 
 def written(prepared: Prepared, data: Residual, found: Explanation, notes: tuple[str, ...] = ()) -> Settled:
-    """Returns the model of an explanation as read back from its file, with intervals that `data` give."""
+    """Returns the model of an explanation as read back from its file, with intervals computed from `data`."""
     plan = found.plan
     known = assess(data, found.model, plan.uncertain) if plan.free else None
     estimates = {} if known is None else known.estimates
@@ -101,7 +101,7 @@ def written(prepared: Prepared, data: Residual, found: Explanation, notes: tuple
 
 
 def whole_runs(prepared: Prepared) -> Residual | None:
-    """Returns the residual of whole runs, positions as measured; None where there is too little to compare."""
+    """Returns the residual of whole runs, with positions as measured; None if there is too little to compare."""
     names = [run.name for run in prepared.dataset.runs if run.outputs]
     try:
         return of_bins(
@@ -148,16 +148,16 @@ def error_changes(prepared: Prepared, before: Model, after: Model) -> dict[str, 
 
 
 def _is_better(prepared: Prepared, model: Model, than: Model) -> bool:
-    """Returns whether a model simulates the fit runs with less error than another: by mean log error over signals."""
+    """Returns whether a model has less error on the fit runs than another, by the mean log error over signals."""
     return sum(map(math.log, error_changes(prepared, than, model).values())) < 0
 
 
 def best_predictor(prepared: Prepared, start: Explanation, tell: Tell) -> Settled:
     """Returns the best predictor that grows from an explanation, chosen by the error in whole runs that are left out.
 
-    Nothing in it is a finding: it may hold several parts that the evidence cannot tell apart, and prior odds do not
-    count. A feedback loop biases its values, but not the simulations with them. A periodic part joins only if the angle
-    is measured: else the phase of a new run is not known.
+    Its parts are no findings: it may hold several parts that the evidence cannot tell apart, and prior odds do not
+    count. A feedback loop biases its values, but not its simulations. A periodic part joins only if the angle is
+    measured: otherwise the phase in a new run is not known.
     """
     whole = whole_runs(prepared)
     if whole is None:
@@ -187,9 +187,9 @@ def best_predictor(prepared: Prepared, start: Explanation, tell: Tell) -> Settle
 
 
 def better_predictor(prepared: Prepared, grown: Settled, explained: Settled) -> Settled:
-    """Returns the model that simulates the fit runs with less error: the grown predictor, or the settled explanation.
+    """Returns the model with less error on the fit runs: the grown predictor or the settled explanation.
 
-    The grown predictor is fitted to whole runs, where a descent may end at worse values than the explanation's own.
+    A descent on whole runs may end the grown predictor at worse values than those of the explanation.
     """
     return grown if _is_better(prepared, grown.model, explained.model) else _as_predictor(explained)
 

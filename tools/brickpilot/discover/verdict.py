@@ -1,11 +1,11 @@
-"""The verdict: what the evidence says of all explanations that were found. See `pipeline` for what may change it later.
+"""The verdict that the evidence gives on all explanations found. See `pipeline` for what may change it later.
 
-The explanations that hold 95 % of the weight are kept. If one of them contains another, it adds nothing beyond the
-tolerance, so the simpler one stands for both. An effect in 95 % of the weight is sure. One minimal explanation of sure
-effects is `named`, several are `ambiguous`, and the empty one is `none`. An explanation that leaves too much is refuted
-(see `adequacy`): it is no answer, and supports no other. If all are refuted, the verdict is `unknown`; so it may be for
-measured samples (`confirmed`), held-out runs (`seal`) or a time that is up. An effect is not named if only stated
-values support it: one may be wrong.
+The explanations that hold 95 % of the weight are kept. If one of them contains another, the larger one adds nothing
+beyond the tolerance, so the simpler one stands for both. An effect in 95 % of the weight is sure. The verdict is
+`named` for one minimal explanation of sure effects, `ambiguous` for several, `none` for the empty one. An explanation
+that leaves too much error is refuted (see `adequacy`): it is no answer, and supports no other. The verdict is `unknown`
+if all are refuted; measured samples (`confirmed`), held-out runs (`seal`) or a time limit may also turn it to
+`unknown`. An effect is not named if only stated values support it: a stated value may be wrong.
 """
 
 from __future__ import annotations
@@ -46,15 +46,15 @@ class Verdict:
 
     Attributes:
         nominal: the calibrated nominal model.
-        best: the explanation that is reported; the nominal model where nothing is needed.
+        best: the explanation that is reported; the nominal model if no part is needed.
         rivals: the other minimal explanations, the heaviest first.
         held: the set that holds 95 % of the weight, the heaviest first.
         sure: the names of parts with 95 % of the weight.
         temperature: the nats that count as one.
         adequacy: the error that the best explanation leaves; None: not computed.
-        ranked: the evidence of all that were weighed, the heaviest first.
+        ranked: the evidence of all weighed explanations, the heaviest first.
         steps: the stages that set or changed `kind`.
-        refuted: the keys of explanations that leave too much.
+        refuted: the keys of explanations that leave too much error.
     """
 
     kind: VerdictKind
@@ -70,7 +70,7 @@ class Verdict:
     refuted: frozenset[frozenset[str]] = frozenset()
 
     def turned(self, by: Step, **changes: Any) -> Verdict:
-        """Returns the verdict after the stage `by` turned it, with the other fields in `changes`."""
+        """Returns the verdict as changed by the stage `by`, with the other fields in `changes`."""
         return dataclasses.replace(self, kind=by.verdict, steps=(*self.steps, by), **changes)
 
     @property
@@ -85,7 +85,7 @@ def _said(one: Explanation, held: Sequence[Weighed]) -> float:
 
 
 def _least(some: Sequence[Weighed], held: Sequence[Weighed]) -> list[Explanation]:
-    """Returns those of `some` that contain no other of `some`; first the one that has most weight in `held`."""
+    """Returns the explanations of `some` that contain no other of `some`, the heaviest in `held` first."""
     least = [one.explanation for one in some if not any(one.explanation.contains(other.explanation) for other in some)]
     return sorted(least, key=lambda one: -_said(one, held))
 
@@ -100,8 +100,8 @@ def weigh(found: Found) -> Verdict:
 def adequate(found: Found, left_of: Callable[[Explanation], Adequacy]) -> Verdict:
     """Returns the verdict of the evidence among the explanations that are adequate by `left_of`.
 
-    An explanation whose residual a black box predicts is not the whole answer. It is refuted, and the others are
-    weighed again if they hold more than 5 % of the weight. Else the verdict is `unknown`.
+    An explanation whose residual a black box predicts is not the whole answer. It is refuted, and the other
+    explanations are weighed again if they hold more than 5 % of the weight. Otherwise the verdict is `unknown`.
     """
     first, refuted, fails = (verdict := weigh(found)), set[frozenset[str]](), None
     while failed := [
@@ -123,9 +123,9 @@ def adequate(found: Found, left_of: Callable[[Explanation], Adequacy]) -> Verdic
 
 
 def _among(found: Found, refuted: Collection[frozenset[str]]) -> Verdict | None:
-    """Returns the verdict without the refuted explanations and those that they contain; None: these hold 95 %."""
+    """Returns the verdict without refuted explanations and those inside them; None if these hold 95 % of the weight."""
     temperature = found.temperature
-    fails = {one for one in found.table if any(one <= key for key in refuted)}  # fewer parts leave still more
+    fails = {one for one in found.table if any(one <= key for key in refuted)}  # fewer parts leave more error
     needed = _needed(found.ranked(), found, fails)
     ranked, weight = [*needed], evidence.weigh([*needed.values()], temperature)
     weight[[one.explanation.key in fails for one in ranked]] = 0.0
@@ -138,11 +138,12 @@ def _among(found: Found, refuted: Collection[frozenset[str]]) -> Verdict | None:
     held_by = evidence.held_by(ranked, weight)
     sure = frozenset(name for name, share in held_by.items() if share >= numbers.SURE)
     least, nothing = _least(held, held), found.nothing.explanation
-    best = next((one for one in least if one.effects), least[0])  # runs that differ are no missing law
+    best = next((one for one in least if one.effects), least[0])  # run values are no missing law
     # Held-out runs can confirm what the data support, but not what the stated values alone support.
     data_tell, called = found.is_sure(best), " + ".join(best.names)
     if any(one.key == nothing.key for one in least):
-        # A value that the nominal model moved was stated wrongly, or something is missing: the data do not tell which.
+        # The nominal model moved a stated value. Either it was stated wrongly or a law is missing: the data do not tell
+        # which.
         least = [*_least([one for one in held if found.keeps_stated(one.explanation)], held), nothing]
         best = least[0]
         said = Step("weigh", "ambiguous", _STATED) if len(least) > 1 else Step("weigh", "none", _NOTHING)
@@ -156,10 +157,10 @@ def _among(found: Found, refuted: Collection[frozenset[str]]) -> Verdict | None:
 
 
 def confirmed(verdict: Verdict, samples: Found, enough: float) -> Verdict:
-    """Returns `verdict` as the measured samples confirm or turn it.
+    """Returns `verdict` as the measured samples confirm or change it.
 
     Args:
-        samples: their evidence for the best explanation, for it without each of its parts, and for the nominal model.
+        samples: their evidence for the best explanation, for it less each of its parts, and for the nominal model.
         enough: nats that the nominal model may leave above noise, for `none`.
     """
     if verdict.kind not in ("named", "ambiguous"):
@@ -174,7 +175,7 @@ def confirmed(verdict: Verdict, samples: Found, enough: float) -> Verdict:
             return verdict.turned(Step("samples", "none", _UNSURE), best=verdict.nominal)
         return verdict.turned(Step("samples", "unknown", _UNSURE))
     best = said.best if said.kind == "named" else samples.ranked()[0].explanation
-    if best.key == verdict.best.key:  # several that each lack a part and score less than all parts are no answer
+    if best.key == verdict.best.key:  # smaller explanations that score less are no answer
         return verdict
     weighed = {one.explanation.key for one in said.ranked}
     ranked = (*said.ranked, *(one for one in verdict.ranked if one.explanation.key not in weighed))
@@ -183,7 +184,7 @@ def confirmed(verdict: Verdict, samples: Found, enough: float) -> Verdict:
 
 
 def best_so_far(found: Found) -> Explanation:
-    """Returns the explanation that is reported if the weight supports none, although something is missing.
+    """Returns the explanation that is reported if something is missing but the weight supports no explanation.
 
     It is the single part that predicts best, or the nominal model if no part surely predicts better.
     """
@@ -195,16 +196,16 @@ def best_so_far(found: Found) -> Explanation:
 
 
 def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozenset[str]]) -> dict[Evidence, Evidence]:
-    """Returns the explanations that are weighed, each with the evidence that it is weighed by.
+    """Returns the explanations that are weighed, each with the evidence that is used for its weight.
 
-    An explanation is left out if a simpler one, not left out itself, says as much. If it contains a simpler one, it has
-    to remove at least as much of the simpler one's error as it leaves: squared error above noise, and distance of
-    values from the stated ones. A refuted nominal model counts against none: then a law is missing. Refuted laws count
-    until a law added to them removes enough: their shape may be wrong, and an added law may only imitate the right
-    shape. Error that the wrong shape of the simpler one's laws may leave in a signal does not count: it is a share of
-    what these laws removed beside the values of runs. If not surely more than this error is removed, no part is
-    missing, and the simpler one gets the likelier evidence of both. An explanation is also left out if one with fewer
-    parts is no worse in evidence and prior: there are many large sets of parts, and together they outweigh a name.
+    An explanation is left out if a simpler kept one says as much. A larger explanation must remove at least as much
+    error of the simpler one inside it as it leaves itself. Error is squared error above noise plus distance of values
+    from stated ones. A refuted nominal model counts against no explanation: then a law is missing. Refuted laws count
+    until an added law removes enough: their shape may be wrong, and an added law may only imitate the right shape.
+    Error that wrong shapes of the simpler one's laws may leave in a signal does not count: it is a share of what these
+    laws removed beside the values of runs. Unless surely more than this error is removed, no part is missing, and the
+    simpler explanation gets the likelier evidence of both. An explanation is also left out if one with fewer parts is
+    no worse in evidence and prior: the many large sets of parts would together outweigh a name.
     """
     temperature = found.temperature
     prior = {one: one.log_prior(temperature) for one in ranked}
@@ -217,12 +218,12 @@ def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozen
     contained = {one: sum(one in others for others in larger.values()) for one in ranked}
 
     def gain(one: Evidence, other: Evidence) -> float:
-        """Returns what `other`, which contains `one`, removes beyond what the shape of the laws of `one` may leave."""
+        """Returns the error of `one` that `other` removes beyond what wrong shapes of the laws of `one` may leave."""
         gone = excess[one] - excess[other]
         return float((gone - np.clip(gone, 0.0, shape[one])).sum()) / 2 + moved[one] - moved[other]
 
     def removes_enough(one: Evidence, other: Evidence) -> bool:
-        """Returns whether `other` removes as much of the error of `one` as it leaves, and surely some."""
+        """Returns whether `other` removes at least as much error of `one` as it leaves, and surely some error."""
         return gain(one, other) >= max(float(excess[other].sum()) / 2 + moved[other], sure[one])
 
     def counts(one: Evidence) -> bool:

@@ -1,9 +1,8 @@
 """The yardstick for a model of a real machine: fit in percent before, after and attainable.
 
-A real machine is never simulated to the noise of its sensors, so multiples of noise say little about a model. Two other
-bounds are measured from the data: how much of the nominal model's error the black box of `adequacy` predicts on runs
-that it has not seen, and how far repeats of the same inputs differ. The yardstick is measured after the seal is opened,
-and decides nothing.
+No simulator matches a real machine down to sensor noise, so multiples of noise say little about a model. The data give
+two other bounds: the share of the nominal model's error that the black box of `adequacy` predicts on unseen runs, and
+the difference between repeats of the same inputs. The yardstick comes after the seal, and decides nothing.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ from brickpilot.vehicle.model import Model
 Array = NDArray[np.float64]
 
 HORIZONS: Mapping[str, float] = {**AHEAD, "0.2_s": 0.2}
-"""Name -> how far ahead a prediction reaches, s, beside the free run."""
+"""Name -> prediction horizon, s. The free run has none and is not listed."""
 
 _NOTHING = together([])
 
@@ -44,9 +43,9 @@ class Fit:
     The fit is over all samples of all runs of a role. None: no such run, or the signal is not larger than its noise.
 
     Attributes:
-        before, after: of the calibrated nominal model and of the augmented model.
-        attainable: the fit that a model could at least reach: that of the nominal model with a black box beside it, on
-            runs that the black box has not seen; or `before` or `after` if that is more.
+        before, after: the fit of the calibrated nominal model and of the augmented model.
+        attainable: a lower bound of the best possible fit: the fit of the nominal model plus a black box, on runs that
+            the black box has not seen; or `before` or `after` if larger.
         numbers_before, numbers_after: the other headline numbers of the two models.
     """
 
@@ -73,8 +72,8 @@ class SignalFit:
     """One signal at one horizon.
 
     Attributes:
-        repeatability: fit in percent of a perfect model, from repeats of the same inputs: no model can predict what
-            differs between them. None: nothing was repeated.
+        repeatability: fit in percent of a perfect model, from repeats of the same inputs: no model can predict the
+            difference between repeats. None: no inputs were repeated.
     """
 
     fit: Fit
@@ -90,10 +89,10 @@ class Predictable:
     """How much of the nominal model's squared error in free runs a black box predicts, on runs that it has not seen.
 
     Attributes:
-        share, held_out: this share on the fit runs, and on the held-out runs from the fit runs alone; each signal in
-            units of its own variance, 0..1. None: no such runs.
-        removed, removed_held_out: the share of the predictable error that the augmented model takes away; negative
-            where it makes the error larger, 1 if it takes away more than the black box. None: nothing is predictable.
+        share, held_out: the predicted share, 0..1, on the fit runs, and on the held-out runs by a black box trained on
+            fit runs; errors are in units of each signal's variance. None: no such runs.
+        removed, removed_held_out: the share of the predictable error that the augmented model removes; negative if the
+            error grows, 1 if the model removes more than the black box. None: nothing is predictable.
     """
 
     share: float | None
@@ -140,7 +139,7 @@ class Yardstick:
 
 
 def measure(prepared: Prepared, proof: Proof, nominal: Model, augmented: Model) -> Yardstick:
-    """Returns the yardstick of two models: the calibrated nominal one, and the one that is written."""
+    """Returns the yardstick of the calibrated nominal model and the written model."""
     plain = proof.opened.plain
     compared = track(plain.measured, plain.started, nominal, HORIZONS)
     simulated = simulated_at(compared, [nominal, augmented], threads=prepared.jobs, may_diverge=True)
@@ -172,7 +171,7 @@ def as_predictor(prepared: Prepared, proof: Proof, found: Settled) -> Predictor:
 
 
 def _fit(before: Agreement, after: Agreement, share: float) -> Fit:
-    """Returns the figures of a signal; `share`: the share of its squared error that the black box predicts."""
+    """Returns the fit of a signal. `share`: the share of its squared error that the black box predicts."""
     known = [one.fit_percent for one in (before, after) if one.fit_percent is not None]
     if not known:
         return Fit(None, None, None)
@@ -182,7 +181,7 @@ def _fit(before: Agreement, after: Agreement, share: float) -> Fit:
 
 
 def _predictable(signals: Mapping[str, Mapping[str, SignalFit]]) -> Predictable:
-    """Returns the shares over all signals, each in units of its own variance, from their fits."""
+    """Returns the shares over all signals, from their fits. Each signal counts in units of its own variance."""
     free = [one[FREE_RUN] for one in signals.values() if FREE_RUN in one]
     share, removed = _shares([one.fit for one in free])
     held_out, removed_held_out = _shares([one.held_out for one in free])
@@ -202,7 +201,7 @@ def _shares(fits: Sequence[Fit]) -> tuple[float | None, float | None]:
 
 
 def _unseen_shares(prepared: Prepared, proof: Proof, nominal: Model) -> dict[tuple[str, str], float]:
-    """Returns (signal, role) -> the share of its squared error in free runs that a black box predicts, unseen."""
+    """Returns (signal, role) -> the share of the free-run squared error that a black box predicts, unseen."""
     whole = proof.opened.whole
     names = [run.name for run in whole.runs if run.outputs]
     data = of_bins(whole, nominal, names, width_s=numbers.BIN_S, as_measured=True, threads=prepared.jobs)

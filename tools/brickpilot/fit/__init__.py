@@ -1,1 +1,1 @@
-"""Fits a model to measured runs by simulation: parameters, residuals, the descent, and how certain the result is."""
+"""Fits a model to measured runs by simulation: parameters, residuals, descents, and the uncertainty of the result."""

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     import pandas
 
 Array = NDArray[np.float64]
-_COARSE_STEP = 0.003  # s: the motor step of all descents but the last, which uses the plant's own
+_COARSE_STEP = 0.003  # motor step, s, of all descents except the last, which uses the plant's own step
 _ROUNDS = 3  # rounds of weighing the signals by their residuals and fitting again
 
 
@@ -46,10 +46,10 @@ class Gap:
     """One signal of one run, before and after the fit.
 
     Attributes:
-        before, after: the norm of the error over that of the signal: 1 - `fit_percent` / 100 (see `data.agreement`).
-            None where `fit_percent` has no value; `before` is also None where the plant diverges with the start values.
+        before, after: the norm of the error over the norm of the signal: 1 - `fit_percent` / 100 (see
+            `data.agreement`). None if `fit_percent` has no value; `before` also if the plant diverges at the start.
         time: (n,) s.
-        measured, simulated: (n,) SI, for a plot; `unfitted`: simulated before the fit, None where the plant diverges.
+        measured, simulated: (n,) SI, for a plot. `unfitted`: simulated before the fit; None if the plant diverges.
     """
 
     run: str
@@ -75,14 +75,14 @@ class Calibration(Result):
         parameters: by name, "mass" or "effect.parameter".
         cannot_tell_apart: groups of parameters of which only combinations are identifiable.
         combinations: identifiable combinations that have a physical meaning.
-        scales: how each signal was weighed.
-        before, after: how much of each signal the model explains, with the start values and with the fitted values;
-            `before` is empty where the plant diverges.
-        units: signal -> how the data set states it.
+        scales: signal -> its weights in the fit.
+        before, after: how much of each signal the model explains with the start values, and with the fitted values;
+            `before` is empty if the plant diverges.
+        units: signal -> the unit in which the data set states it.
         frame: the coordinate frame of the data set, in words; empty for a motor.
         notes: sentences on what was assumed, what was left out, and what is not identifiable.
         stated: what the data set states about the fitted parameters.
-        spread: the joint uncertainty of the fitted parameters; None where nothing was fitted.
+        spread: the joint uncertainty of the fitted parameters; None if nothing was fitted.
     """
 
     dataset: str
@@ -104,13 +104,13 @@ class Calibration(Result):
 
     @property
     def correlation(self) -> tuple[tuple[float, ...], ...]:
-        """Correlation of the fitted parameters in their order, (parameters, parameters); empty if none was fitted."""
+        """Correlation of the fitted parameters, in their order, (parameters, parameters); empty without any."""
         return () if self.spread is None else tuple(tuple(row) for row in self.spread.correlation.tolist())
 
     def to_frame(self) -> pandas.DataFrame:
         """Returns a row for each fitted parameter, in SI: value, ends of its 95 % interval, and what determines it.
 
-        `low` and `high` are NaN where the data do not identify the parameter and nothing is stated of it.
+        `low` and `high` are NaN if the data do not identify the parameter and no value is stated.
         """
         return estimates_frame(self.parameters)
 
@@ -153,8 +153,8 @@ def calibrate(
 ) -> Calibration:
     """Fits the free parameters by simulation from the inputs alone, all fit runs together.
 
-    A plain value of [nominal] stays; {value, sd} is fitted with that prior; an absent parameter is fitted with a wide
-    prior. The same data set, options and seed give the same result.
+    A plain value of [nominal] stays; {value, sd} is fitted with this prior; an absent parameter with a wide prior. The
+    same data set, options and seed give the same result.
 
     Args:
         effects: names of effects to switch on, with all their parameters free.
@@ -163,9 +163,9 @@ def calibrate(
         progress: called with (done, total, text).
 
     Raises:
-        InputError: an unknown effect or parameter, nothing measured that the model gives, or no run left to fit
-            although something is free.
-        SimulationError: the plant diverges with the stated values, or with the best ones.
+        InputError: an effect or parameter is unknown, the model gives none of the measured signals, or no run is left
+            to fit although something is free.
+        SimulationError: the plant diverges with the stated values, or with the best values.
 
     A motor of 20 ohm and 0.3 N m/A, with 3 rad/s for each V after 0.15 s:
 
@@ -211,7 +211,7 @@ def calibrate(
 
 
 def _residual(ready: Comparable, fitted: Plan, threads: int, motor_step: float = 0.0) -> Residual:
-    """Returns the residual of the fit: runs simulated from their estimated starts, against the samples as measured."""
+    """Returns the residual of the fit: samples as measured against runs simulated from their estimated starts."""
     replay = Replay(ready.started, motor_step=motor_step)
     return of_samples(replay, fitted.model, ready.roles.fit(), measured=ready.part("fit"), threads=threads)
 
@@ -219,9 +219,9 @@ def _residual(ready: Comparable, fitted: Plan, threads: int, motor_step: float =
 def _coarse_fit(
     ready: Comparable, nominal: Plan, tried: Sequence[Plan], random: np.random.Generator, threads: int, count: Count
 ) -> tuple[Plan, Array, tuple[Start, ...]]:
-    """Fits with a coarse motor step: first the nominal plan, then each plan with effects that has more parameters.
+    """Fits with a coarse motor step: first the nominal plan, then each plan of `tried` if these have more parameters.
 
-    Returns the best of the plans, its best point and the starts that were followed.
+    Returns the best plan, its best point and the starts that were followed.
     """
     rough = _residual(ready, nominal, threads, _COARSE_STEP)
     best, starts, chosen = np.empty(0), tuple[Start, ...](), tried[0]

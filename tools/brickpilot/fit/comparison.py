@@ -39,11 +39,11 @@ class Trace:
 
 @dataclass(frozen=True)
 class RunComparison:
-    """The errors of one run as integrals over time (eq. 20); the headline numbers stand in `Comparison.headline`.
+    """The errors of one run as integrals over time (eq. 20); `Comparison.headline` has the headline numbers.
 
     Attributes:
         signals: measured signal -> its error over the whole run.
-        windows: rate -> its error over open-loop windows; empty where there are none.
+        windows: rate -> its error over open-loop windows; empty without windows.
         traces: signal -> its trace, for plots.
     """
 
@@ -60,9 +60,9 @@ class Comparison(Result):
 
     Attributes:
         headline: how much of each signal the model explains.
-        units: signal -> how the data set states it.
+        units: signal -> the unit in which the data set states it.
         frame: the coordinate frame of the data set, in words; empty for a motor.
-        window_s: length of a motor's open-loop windows, s; 0 where none were made.
+        window_s: length of a motor's open-loop windows, s; 0: no windows.
         notes: sentences on what the program chose (roles, fitted parameters, signals left out) and on faults in the
             data set.
     """
@@ -82,9 +82,9 @@ class Comparison(Result):
         return horizon_name(self.window_s)
 
     def share(self, role: str, signal: str, *, windows: bool = False) -> float | None:
-        """Returns the norm of the error over that of the signal, over all runs of `role` ("fit" or "held_out").
+        """Returns the norm of the error over the norm of the signal, over all runs of `role` ("fit" or "held_out").
 
-        It is 1 - `fit_percent` / 100; None where `fit_percent` has no value. See `data.agreement`.
+        The ratio is 1 - `fit_percent` / 100; None if `fit_percent` has no value. See `data.agreement`.
         """
         return self.headline.of(signal, role, self.horizon if windows else FREE_RUN).share
 
@@ -138,16 +138,16 @@ def compare(
     """Simulates every run open loop from its own inputs.
 
     Args:
-        model: None: the data set's nominal values; parameters that they lack are first fitted on the fit runs.
-        window_s: s; a motor's velocity is also compared in open-loop windows of this length, each restarted from the
-            measured state, because the position sums up the velocity's error. 0: no windows; None: 1 s, for runs at
-            least three times as long.
+        model: None: the data set's nominal values, after a fit of absent parameters on the fit runs.
+        window_s: length, s, of open-loop windows in which a motor's velocity is also compared. Each window restarts
+            from the measured state, because the position sums up the velocity's error. 0: no windows; None: 1 s, for
+            runs at least three times as long.
         seed: the seed of the fit's random starts.
 
     Raises:
-        InputError: the model is of another vehicle than the data; nothing was measured that it gives; `window_s` is
-            not a number, negative, below `LEAST_WINDOW_S` or `LEAST_WINDOW_SAMPLES`, longer than every run, or there is
-            no motor with a velocity to compare; parameters have to be fitted but every run is held out.
+        InputError: the model is of another vehicle than the data, or gives none of the measured signals; `window_s` is
+            not a number, negative, below `LEAST_WINDOW_S` or `LEAST_WINDOW_SAMPLES`, longer than every run, or no motor
+            velocity was measured; parameters have to be fitted but every run is held out.
         SimulationError: the plant diverges with this model.
 
     A motor with 3 rad/s for each V after 0.15 s, compared with itself, and with a model that is 20 % too inert:
@@ -226,14 +226,14 @@ def _compared(ready: Comparable, model: Model, window_s: float, threads: int) ->
 
 
 def _nominal(dataset: Dataset, seed: int, threads: int, progress: Progress | None) -> tuple[Model, list[str]]:
-    """Returns the model of the nominal values, fitted where they are not stated as plain values, and notes."""
+    """Returns the model of the nominal values, fitted if not stated as plain values, and notes."""
     stated = plan(dataset)
     if not stated.free:
         return stated.at(stated.start()), ["Nothing was fitted.", *stated.notes, NOTHING_FREE]
     some, note = enough_to_fit(dataset)
     fitted = calibrate(some, seed=seed, threads=threads, progress=progress)
     first = f"The data set does not fix {', '.join(fitted.parameters)}: fitted on the fit runs first."
-    notes = list(fitted.notes if note is None else [note, *fitted.notes[1:]])  # without the note on roles in `some`
+    notes = list(fitted.notes if note is None else [note, *fitted.notes[1:]])  # drops the note on roles in `some`
     return fitted.model, [first, *notes]
 
 

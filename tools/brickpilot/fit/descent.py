@@ -1,4 +1,4 @@
-"""The search of a fit: several starts and a descent from each, because output error has more than one minimum."""
+"""The search of a fit: descents from several starts, because the output error has more than one minimum."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ Array = NDArray[np.float64]
 Progress = Callable[[int, int, str], None]
 Count = Callable[[str], None]
 
-_SCREENED = 32  # random starts that are only evaluated
+_SCREENED = 32  # number of random starts at which only the cost is evaluated
 FOLLOWED = 2  # number of best random starts that get a descent, beside both systematic starts
 _EVALUATIONS = 20  # most evaluations of the residual in one descent
 ROUGH, FINE = 1e-4, 1e-7  # tolerance: the relative change of cost at which a descent ends
-_STEP_TOLERANCE = 1e-2  # share of the tolerance: relative length of a step at which a descent ends
+_STEP_TOLERANCE = 1e-2  # relative step length at which a descent ends, as a share of the tolerance
 _SPREAD = 1.5  # sd of the random starts, in coordinates
-VISIBLE = (0.03, 0.1, 0.3)  # changes of the signals, over their rms, at the starting sizes of an effect
-_SIZES = 21  # sizes tried to find these changes, over `_DECADES` below and above the effect's preset
+VISIBLE = (0.03, 0.1, 0.3)  # relative changes of the signals at the starting sizes of an effect
+_SIZES = 21  # number of sizes tried to find these changes, from `_DECADES` below the preset to as many above
 _DECADES = 5.0
 
 
@@ -42,7 +42,7 @@ def most_starts(added: int) -> int:
 
 
 def counted(progress: Progress | None, total: int) -> Count:
-    """Returns a function that reports the start of each of `total` stages of a fit to `progress`, and counts them."""
+    """Returns a function that counts the `total` stages of a fit, and reports each start to `progress`."""
     done = itertools.count()
     return lambda text: progress(next(done), total, text) if progress is not None else None
 
@@ -60,7 +60,7 @@ def natural_start(problem: Problem) -> Array:
 
 
 def search(problem: Problem, random: np.random.Generator, count: Count) -> tuple[Array, tuple[Start, ...]]:
-    """Returns the best end of several descents: from two systematic starts and the best of many random ones nearby."""
+    """Returns the best end of descents from two systematic starts and the best of many random starts nearby."""
     starts = np.array([problem.plan.start(), natural_start(problem)])
     spread = np.array([_SPREAD if one.known is None else 0.0 for one in problem.plan.free])
     between = random.uniform(size=(_SCREENED, len(spread)))
@@ -76,8 +76,8 @@ def search(problem: Problem, random: np.random.Generator, count: Count) -> tuple
 def search_sizes(problem: Problem, nominal: Array, count: Count) -> tuple[Array, tuple[Start, ...]]:
     """Adds effects to a fitted nominal model.
 
-    Few effects are smooth at zero. So descents start from several sizes: those at which an effect changes the signals
-    by each share of `VISIBLE`. An effect of either sign starts with both signs.
+    Few effects are smooth at zero. So descents start from the sizes at which an effect changes the signals by the
+    shares in `VISIBLE`, and from both signs if an effect may have either sign.
     """
     added = problem.plan.free[len(nominal) :]
     base = np.concatenate([nominal, [one.to_coordinate(one.info.preset) for one in added]])
@@ -127,7 +127,7 @@ def _bounds(problem: Problem) -> tuple[Array, Array]:
 def descend(problem: Problem, point: Array, tolerance: float) -> Array:
     """Returns the end of one descent within the bounds (trust region reflective, Branch, Coleman & Li 1999).
 
-    A step to a point where the plant diverges is taken back and shortened.
+    A step to a point at which the plant diverges is taken back and shortened.
 
     Raises:
         SimulationError: the plant diverges at `point` itself.

@@ -22,18 +22,18 @@ from brickpilot.vehicle.model import Model, of_dataset, with_values
 Array = NDArray[np.float64]
 
 WIDE_SD = 3.0
-"""Prior sd of a parameter that is not stated, in its logarithm: a factor of e^3 = 20 each way. For intervals alone."""
+"""Prior sd of an unstated parameter's logarithm, for intervals only: a factor of e^3 = 20 up and down."""
 
 DECADE = 10.0
-"""The prior sd of an effect's parameter is this factor either way, about its usual size on the vehicle."""
+"""Prior sd of an effect's parameter, as a factor up and down from its usual size on the vehicle."""
 
-# With an sd below this share of its value, a parameter is fixed: such a narrow prior would outweigh all data.
+# Relative sd below which a parameter is fixed: such a narrow prior would outweigh all data.
 _EXACT = 1e-6
 
-# A parameter that may be zero also has a logarithmic coordinate; at this share of its natural size it has no effect.
+# Share of the natural size that stands for zero in the logarithmic coordinate of a parameter that may be zero.
 _FLOOR = 1e-9
 
-# Reach of parameters that give a phase when multiplied by path or time: a small change adds up to whole turns.
+# Reach of parameters that path or time multiplies to a phase: a small change adds up to whole turns.
 _TURNING = {"order": 1e-2, "frequency": 1e-2, "wavelength": 1e-2}
 
 
@@ -42,14 +42,15 @@ class Free:
     """One free parameter.
 
     Attributes:
-        name: "mass", "effect.parameter", or "kind@run" for a value that one run has of its own.
+        name: "mass", "effect.parameter", or "kind@run" for a value of a single run.
         known: its value and sd in the data set; None: not stated, and the prior is wide.
-        unit: unit of its coordinate, SI, if the caller knows a better one than the stated value or the preset; else 0.
-        keeps_sign: its coordinate is the logarithm of its ratio to `unit`, whose sign it keeps. If the data do not
-            determine a vehicle's mass, forces grow with it; this valley of the cost is straight only in logarithms.
-        centred: whether the values of its kind, one for each run, have a mean of about 0.
-        natural: SI, a usual size on this vehicle, for a parameter that is not stated. The prior sd is a decade about
-            `natural` for its logarithm, or ten times `natural` about 0 for its value. 0: no such prior.
+        unit: unit of its coordinate, SI, if the caller knows a better one than the stated value or preset; otherwise 0.
+        keeps_sign: its coordinate is the logarithm of its ratio to `unit`, and keeps its sign. If the data do not
+            determine a vehicle's mass, forces grow with the mass; this valley of the cost is straight only in
+            logarithms.
+        centred: whether the values of its kind, one value for each run, have a mean of about 0.
+        natural: a usual size on this vehicle, SI, for an unstated parameter. The prior sd is a decade about `natural`
+            for the logarithm, or ten times `natural` about 0 for the value. 0: no such prior.
     """
 
     name: str
@@ -76,21 +77,21 @@ class Free:
 
     @cached_property
     def size(self) -> float:
-        """The unit of the coordinate: `unit`, else the stated value, else the preset, else 1."""
+        """The unit of the coordinate: the first that is not 0 of `unit`, the stated value, the preset, and 1."""
         stated = abs(self.known.value) if self.known is not None else 0.0
         return abs(self.unit) or stated or abs(self.info.preset) or 1.0
 
     @property
     def reach(self) -> float:
-        """The change of the coordinate over which a signal may be taken as linear."""
+        """The change of the coordinate over which signals are about linear."""
         return _TURNING.get(self.info.name, 1.0) if self.effect else 1.0
 
     @cached_property
     def load(self) -> str:
         """The parameter that this one is the lever arm of, as "effect.parameter"; empty: none.
 
-        Masses and torques are linear in a load and its moments, not in its arms. In other coordinates the cost has a
-        curved valley when the vehicle's own mass and motors are also free, and a descent along it does not end.
+        Masses and torques are linear in a load and its moments, not in its arms. In other coordinates, if the vehicle's
+        own mass and motors are also free, the cost has a curved valley in which a descent does not end.
         """
         return f"{self.name.partition('.')[0]}.{self.info.arm_of}" if self.info.arm_of else ""
 
@@ -99,7 +100,7 @@ class Free:
         return self.signed or self.name in catalogue.loads()
 
     def away(self, coordinate: float) -> float | None:
-        """Returns how many sd a coordinate is from the prior of the parameter; None if it has no prior."""
+        """Returns the distance, in sd, of a coordinate from the parameter's prior; None if it has no prior."""
         if self.known is not None and self.known.sd is not None:
             return (self.to_value(coordinate) - self.known.value) / self.known.sd
         if self.natural == 0.0:
@@ -127,13 +128,13 @@ class Free:
 
 @dataclass(frozen=True)
 class Plan:
-    """What is fitted.
+    """The parameters of a fit.
 
     Attributes:
-        model: every fixed value, and the start of every free one.
+        model: every fixed value, and the start of every free value.
         notes: sentences on choices that a user should know of.
-        held: parameters that data of these signals cannot tell from the free ones. They get no coordinates, as a fit
-            would drift along such coordinates; their values are as uncertain as those of the free ones.
+        held: parameters that the measured signals cannot tell from the free ones. They get no coordinates, because a
+            fit would drift along these; their values are as uncertain as the free values.
     """
 
     model: Model
@@ -143,7 +144,7 @@ class Plan:
 
     @property
     def uncertain(self) -> tuple[Free, ...]:
-        """Every parameter whose value is not known: the free ones and those that are held."""
+        """Every parameter with an uncertain value: the free and the held parameters."""
         return (*self.free, *self.held)
 
     def joined(self, model: Model, added: Sequence[Free]) -> Plan:
@@ -183,15 +184,15 @@ def plan(dataset: Dataset, *, effects: Sequence[str] = (), free: Sequence[str] =
     """Decides what is fitted.
 
     A plain value of [nominal] is fixed, and so is {value, sd} with an sd below 1e-6 of the value. Any other {value, sd}
-    is fitted with that prior. A parameter that is absent and enters this vehicle's equations is fitted with a wide
-    prior, or held if the measured signals do not tell it from other absent parameters.
+    is fitted with this prior. An absent parameter that enters this vehicle's equations is fitted with a wide prior, or
+    held if the measured signals do not tell it from other absent parameters.
 
     Args:
-        effects: effects to switch on, with all their parameters free but switches: see `settings`.
+        effects: effects to switch on, with all their parameters free except switches: see `settings`.
         free: nominal parameters to fit although the data set gives them as plain values.
 
     Raises:
-        InputError: an effect or a name in `free` that the plant does not know or that cannot be fitted.
+        InputError: the plant does not know an effect or a name in `free`, or it cannot be fitted.
     """
     infos = {info.name: info for info in catalogue.parameters()}
     effect_infos = {effect.name: effect for effect in catalogue.effects()}
@@ -224,7 +225,7 @@ def plan(dataset: Dataset, *, effects: Sequence[str] = (), free: Sequence[str] =
 
 
 def settings(chosen: Plan, dataset: Dataset) -> list[Plan]:
-    """Returns the plan once for every setting of its effects' switches that the data set does not state."""
+    """Returns a copy of the plan for every setting of its effects' switches that the data set does not state."""
     switches = {
         f"{name}.{info.name}": (info.minimum, info.maximum)
         for name in chosen.model.effects

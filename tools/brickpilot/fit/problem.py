@@ -15,24 +15,24 @@ from brickpilot.fit.residual import Residual
 Array = NDArray[np.float64]
 
 _EFFECT_STEP, _NOMINAL_STEP = 1e-2, 1e-4  # steps of finite differences, in coordinates
-_ANCHOR_SD = 30.0  # in coordinates: sd of a prior so weak that it fixes only what the data leave open
-_COMMON_SD = 0.01  # in coordinates: sd of the mean of the runs' values
+_ANCHOR_SD = 30.0  # sd, in coordinates, of a prior so weak that it fixes only what the data do not determine
+_COMMON_SD = 0.01  # sd, in coordinates, of the mean of the runs' values
 _NOTHING_KEPT: Mapping[int, Array] = MappingProxyType({})
 
 
 def _kind(free: Free) -> str:
-    """Returns the kind of a run's own value as "kind@": the "@" tells it from a nominal parameter of this name."""
+    """Returns the kind of a run's own value as "kind@", distinct from a nominal parameter of the same name."""
     return "".join(free.name.partition("@")[:2])
 
 
 class Problem:
     """Least squares of a residual in the coordinates of `plan.free`, priors included.
 
-    Where the plant diverges, the residual is NaN. Its derivative is 0 if only the model of the step diverges.
+    If the plant diverges, the residual is NaN. If it diverges only at the end of a step, the derivative is 0.
 
     Args:
-        holds_priors: False while the scale of the residual is not known. Otherwise the error that a prior leaves in the
-            data would count as the model's error.
+        holds_priors: False while the scale of the residual is unknown. With priors, the error that they leave in the
+            data would then count as the model's error.
         kept: coordinate -> (values,) its sensitivity at the point of the last computation.
     """
 
@@ -43,11 +43,11 @@ class Problem:
         self._holds_priors, self._kept = holds_priors, kept
 
     def keeping(self, point: Array, count: int) -> Problem:
-        """Returns the problem with sensitivities of the first `count` coordinates kept as they are at `point`.
+        """Returns the problem with the sensitivities of the first `count` coordinates fixed at their values at `point`.
 
-        Sensitivities to nominal parameters take most time of a descent. Those to stated values change little between
-        candidates. The sensitivity to a parameter without a prior may change much: it is not kept if such parameters
-        are few.
+        Sensitivities to nominal parameters take most time of a descent. Sensitivities to stated values change little
+        between candidates. The sensitivity to a parameter without a prior may change much: it is not kept if such
+        parameters are few.
         """
         few = bool(self.plan.held)
         which = [k for k, one in enumerate(self.plan.free[:count]) if one.known or one.effect or not few]
@@ -59,7 +59,7 @@ class Problem:
         return Problem(self.data.on_threads(threads), plan, holds_priors=self._holds_priors, kept=self._kept)
 
     def residual(self, point: Array) -> Array:
-        """Returns (values + parameters,): the robust residual and that of the priors."""
+        """Returns (values + parameters,): the robust residual of the data and the residual of the priors."""
         found = self._robust(point)
         return np.concatenate([found.value / self.data.taus() ** 0.5, self.prior(point)])
 
@@ -73,11 +73,11 @@ class Problem:
         return robust.pseudo_huber((self.data.measured - self.simulated(point)) * self.data.weight())
 
     def cost(self, point: Array) -> float:
-        """Returns half the sum of squares; infinite where the plant diverges."""
+        """Returns half the sum of squares; infinite if the plant diverges."""
         return self.costs([point])[0]
 
     def costs(self, points: Sequence[Array]) -> list[float]:
-        """Returns the cost at each of some points, which are simulated together."""
+        """Returns the cost at each point; the points are simulated together."""
         sums, taus = [], self.data.taus()
         for scaled, point in zip(self.data.scaled_by([self.plan.at(one) for one in points]), points, strict=True):
             data, prior = robust.pseudo_huber(scaled).value ** 2 / taus, self.prior(point) ** 2
@@ -100,8 +100,8 @@ class Problem:
     def columns(self, point: Array, which: Sequence[int]) -> Array:
         """Returns (values, which): finite differences of the simulated signals along some coordinates.
 
-        A run's own value changes the samples of that run alone. So one simulation, with all values of one kind changed,
-        gives the slopes along all of them.
+        A run's own value changes only the samples of this run. So one simulation, with all values of one kind changed,
+        gives the slopes along all these values.
         """
         moves: dict[str, tuple[Array | None, Array]] = {}
         for index in which:
@@ -135,10 +135,10 @@ class Problem:
         return moved
 
     def prior(self, point: Array) -> Array:
-        """Returns (parameters + kinds,): how far each parameter is from its prior, in sd.
+        """Returns (parameters + kinds,): the distance of each parameter from its prior, in sd.
 
-        The runs' own values of one kind have a mean of about 0: their common part belongs to the model, and a held-out
-        run has only this part.
+        The runs' own values of one kind have a mean of about 0: their common part belongs to the model, and only this
+        part applies to a held-out run.
         """
         centre = self.plan.start()
         terms = []
@@ -149,7 +149,7 @@ class Problem:
         return np.array([*terms, *common])
 
     def prior_slopes(self, point: Array) -> Array:
-        """Returns (parameters + kinds, parameters), column by column as the sensitivities are stored."""
+        """Returns (parameters + kinds, parameters), stored column by column like the sensitivities."""
         count, centred = len(point), self._centred()
         own = np.diag(((self.prior(point + _NOMINAL_STEP) - self.prior(point)) / _NOMINAL_STEP)[:count])
         rows = np.zeros((len(centred), count))
@@ -158,7 +158,7 @@ class Problem:
         return np.asfortranarray(np.vstack([own, rows]))
 
     def _centred(self) -> list[list[int]]:
-        """Returns the coordinates of each kind of values of runs that lie about 0."""
+        """Returns the coordinates of each kind of run values that are centred at 0."""
         kinds: dict[str, list[int]] = {}
         for index, free in enumerate(self.plan.free):
             if free.centred:
@@ -166,10 +166,10 @@ class Problem:
         return list(kinds.values())
 
     def _difference_ends(self, point: Array, index: int) -> tuple[Array | None, Array]:
-        """Returns the points between which one coordinate's difference is taken; None is `point` itself.
+        """Returns the two points of one coordinate's finite difference; None is `point` itself.
 
-        The step of an effect is long, because the moment when a wheel crosses its backlash is known only to a time
-        step. The difference is central, because a slightly wrong slope does not lead down a narrow valley.
+        An effect's step is long, because the moment at which a wheel crosses its backlash is known only to a time step.
+        Its difference is central, because a slightly wrong slope does not lead down a narrow valley.
         """
         free = self.plan.free[index]
         length = _EFFECT_STEP * free.reach if free.effect is not None else _NOMINAL_STEP
@@ -184,7 +184,7 @@ class Problem:
 
 
 class Projection:
-    """Projects out of a whitened residual what a problem's parameters can explain, linearised at `point`, with priors.
+    """Removes from a whitened residual all that a problem's parameters can explain, linearised at `point`, with priors.
 
     Source: score test, Rao 1948.
     """

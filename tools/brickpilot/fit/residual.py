@@ -1,16 +1,16 @@
-"""The residual: measured less simulated from the inputs alone, over all fit runs together, with its weights.
+"""The residual of all fit runs, measured minus simulated from the inputs alone, with its weights.
 
 The residual of signal s at sample k is e = (measured - simulated) / scale_s. Least squares use phi(e) / sqrt(tau_s):
 
-- phi is the pseudo-Huber loss (`robust`), so that a collision or a dropout pulls no harder than a residual at the Huber
+- phi^2 / 2 is the pseudo-Huber loss (`robust`), so the influence of a collision or a dropout is at most the Huber
   threshold.
-- scale_s is the unit of the error. At samples it is the size of the residual itself, never below the noise. For bins it
-  is the noise of a mean together with a share of the signal, as no simulator matches a real machine better.
-- tau_s is the correlation time of the residual in samples: n samples of a slow model error count as n / tau_s.
+- scale_s is the unit of the error. At samples it is the size of the residual, at least the noise. For bins it is the
+  noise of a mean plus a share of the signal, as no simulator matches a real machine better.
+- tau_s is the correlation time of the residual, samples: n samples of a slow model error count as n / tau_s.
 
-The same runs are compared in two ways: at the measured samples, and by means over bins of time. No model here has fast
-dynamics such as tyres, compliance and vibration. They would dominate a test over the full band; bins keep what lies
-below about 15 Hz. A `Residual` never changes: a stage that changes the weights gets a new one.
+The same runs are compared in two ways: at the measured samples, and by means over bins of time. Fast dynamics such as
+tyres, compliance and vibration, which no model here has, would dominate a test over the full band; bins keep the band
+below about 15 Hz. A `Residual` never changes: a change of weights makes a new one.
 """
 
 from __future__ import annotations
@@ -39,18 +39,18 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 MODEL_ERROR_SHARE = 0.004
-"""Share of a signal's rms that belongs to the scale of its bins: no simulator matches a real machine better."""
+"""Share of a signal's rms in the scale of its bins: no simulator matches a real machine better."""
 
 MOTOR_STEP_S = 0.003
-"""The longest motor step of a simulation that is compared with bins, s."""
+"""Longest motor step, s, of a simulation that is compared with bins."""
 
 LEAST_NOISE_SHARE = 1e-3
-"""The least noise of a sample, as a share of the signal's rms: a smoother signal was filtered, and so was its noise."""
+"""Least noise of a sample, as a share of the signal's rms: a smoother signal was filtered together with its noise."""
 
-_LEAST_KEPT, _KEPT_VALUES = 32, 2_000_000  # least number of models that are kept, and most values of all
-_CHUNK = 24  # models that are simulated at once: their outputs take memory
-_FIRST_SCALE = 0.2  # share of the signal's rms: the scale of samples before any residual is known
-_LEAST_RMS = 1e-30  # SI: a signal with a smaller rms counts as zero
+_LEAST_KEPT, _KEPT_VALUES = 32, 2_000_000  # least number of models that are kept, and most kept values of all models
+_CHUNK = 24  # number of models that are simulated at once: their outputs take memory
+_FIRST_SCALE = 0.2  # scale of samples before any residual is known, as a share of the signal's rms
+_LEAST_RMS = 1e-30  # least rms, SI: a signal with a smaller rms counts as zero
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Scale:
     Attributes:
         size: scale of its residual, SI.
         tau: correlation time of its residual, in samples or bins.
-        noise: sd of the noise of a compared value, SI: the least that `size` can be.
+        noise: sd of the noise of a compared value, SI, the lower bound of `size`.
         sample_noise: sd of the noise of a single sample, SI.
     """
 
@@ -71,7 +71,7 @@ class Scale:
 
 
 class _Memory:
-    """The simulated values of the latest models. A fit often comes back to a point that another stage has simulated."""
+    """The simulated values of the latest models. A fit often returns to a point that another stage has simulated."""
 
     def __init__(self) -> None:
         self._kept: dict[object, Array] = {}
@@ -81,7 +81,7 @@ class _Memory:
         """Returns key -> (values,), for those of `keys` whose values are still kept."""
         with self._lock:
             found = {key: self._kept.pop(key) for key in dict.fromkeys(keys) if key in self._kept}
-            self._kept |= found  # the latest request goes last
+            self._kept |= found  # moves the latest request to the end
             return found
 
     def keep(self, made: Mapping[object, Array]) -> None:
@@ -94,7 +94,7 @@ class _Memory:
 
 
 def _key(model: Model) -> object:
-    """Returns all that a simulation depends on."""
+    """Returns everything that a simulation depends on."""
     tables = (model.effects, model.by_run)
     rest = tuple((name, tuple(values.items())) for table in tables for name, values in table.items())
     return model.vehicle, model.profile, tuple(model.parameters.items()), rest
@@ -102,18 +102,18 @@ def _key(model: Model) -> object:
 
 @dataclass(frozen=True, eq=False)
 class Residual:
-    """Measured runs beside a simulator, and how each compared value is weighed. See the module's docstring.
+    """Measured runs with a simulator, and the weight of each compared value. See the module's docstring.
 
     Attributes:
-        replay: the runs, as they are simulated.
+        replay: the runs as simulated.
         runs: the names of the compared runs.
         blocks: one signal of one run each, in the order of the stacked values.
-        measured: (values,) what is compared, SI.
+        measured: (values,) the compared values, SI.
         picked: (values, simulated samples) the matrix that takes a row of `Replay.stacked` to the compared values.
         scales: signal -> weights.
         rms: signal -> rms of its compared values, 1 for a signal that is zero.
         notes: a sentence for each signal that was left out.
-        matched: the least relative sd of a fitted value, however little noise there is; 0: no limit.
+        matched: the least relative sd of a fitted value, even with little noise; 0: no limit.
     """
 
     replay: Replay
@@ -187,7 +187,7 @@ class Residual:
             yield from (self.measured - self.predict(models[first : first + _CHUNK])) * self.weight()
 
     def losses(self, model: Model) -> Array:
-        """Returns (values,): what each value adds to the cost, without priors."""
+        """Returns (values,): the contribution of each value to the cost, without priors."""
         return robust.pseudo_huber_loss(self.scaled(model))
 
     def weight(self) -> Array:
@@ -199,7 +199,7 @@ class Residual:
         return self.by_signal({signal: one.tau for signal, one in self.scales.items()})
 
     def by_signal(self, values: Mapping[str, float]) -> Array:
-        """Returns (values,): for each compared value, the number in `values` of its signal."""
+        """Returns (values,): for each compared value, the entry of its signal in `values`."""
         result = np.empty(len(self.measured))
         for block in self.blocks:
             result[block.place] = values[block.signal]
@@ -210,20 +210,20 @@ class Residual:
         return [values[block.place] for block in self.blocks if block.signal == signal]
 
     def noise_cost(self) -> float:
-        """Returns the cost that white noise of the size of the noise floors would leave."""
+        """Returns the cost of a residual of white noise at the noise floors."""
         return sum(
             len(block.measured) * (self.scales[block.signal].noise / self.scales[block.signal].size) ** 2 / 2
             for block in self.blocks
         )
 
     def floor(self, signal: str) -> float:
-        """Returns the least scale of a signal's residual, SI: noise, and the share that no simulator matches."""
+        """Returns the least scale of a signal's residual, SI, from noise and from the error of every simulator."""
         return float(np.hypot(self.scales[signal].noise, self.matched * self.rms[signal]))
 
     def weighed_by_size(self, model: Model, *, correlated: bool = False) -> Residual:
-        """Returns each signal weighed by the robust size of its residual under `model`: no signal dominates.
+        """Returns the residual, each signal weighed by its robust size under `model`, so that no signal dominates.
 
-        `correlated`: also by the correlation time of its residual.
+        `correlated`: whether also by its correlation time.
         """
         error, scales = self.error(model), {}
         for signal, one in self.scales.items():
@@ -245,7 +245,7 @@ class Residual:
         return dataclasses.replace(found, scales=sizes)
 
     def with_raised_floors(self, model: Model) -> Residual:
-        """Returns bins whose noise includes the bin-to-bin changes that `model` leaves: no effect models vibration."""
+        """Returns bins whose noise includes the bin-to-bin changes left by `model`: no effect models vibration."""
         error, noise = self.error(model), {signal: one.noise for signal, one in self.scales.items()}
         for signal in self.signals:
             changes = [np.diff(part, 2) for part in self.parts(error, signal) if len(part) > 3]
@@ -263,7 +263,7 @@ class Residual:
         """Returns the innovations: each block passes a filter of its own, (run, signal) -> (values, values).
 
         Measured and simulated values pass the same filter, so every method of a residual also works on innovations.
-        White noise of a signal passes it too, and its sd grows by the norm of the filter.
+        White noise also passes the filter, and its sd grows by the norm of the filter.
         """
         whole = csr_array(block_diag([filters[block.run, block.signal] for block in self.blocks], format="csr"))
         measured, picked = np.asarray(whole @ self.measured), csr_array(whole @ self.picked)
@@ -284,8 +284,8 @@ class Residual:
         """Returns the pull psi(e) / (scale tau) and the stiffness psi'(e) / (scale^2 tau) at `model`, (values,) each.
 
         psi is the derivative of the loss. Pull times sensitivity is a value's score; stiffness weighs its information.
-        A signal's residual counts as at least as large as its scale: the model error in a scale goes into the
-        parameters and does not show in the residual.
+        A signal's residual counts as at least its scale: the fit moves the model error in a scale into the parameters,
+        so the residual does not show it.
         """
         size, tau = 1 / self.weight(), self.taus()
         scaled = self.error(model) / size
@@ -296,10 +296,10 @@ class Residual:
         return raised * scaled / root / (size * tau), root**-3 / (size**2 * tau)
 
     def stretches(self, length_s: float, least: int = 1) -> tuple[Indices, int]:
-        """Cuts the runs into stretches of time of `length_s` s, or into `least` of them where that gives more.
+        """Cuts the runs into stretches of `length_s` s, or into at least `least` shorter stretches.
 
         Windows of one run share its clock. Returns (values,) the number of each value's stretch, the same for all
-        signals, and how many there are.
+        signals, and the count of stretches.
         """
         starts: dict[str, float] = {}
         whole = 0.0
@@ -320,7 +320,7 @@ class Residual:
         return numbers, len(first)
 
     def start_errors(self, model: Model) -> Array:
-        """Returns (signals, values): the change of the simulation when a run's first sample is off by one noise sd."""
+        """Returns (signals, values): the change of the simulation if a run's first sample is off by one noise sd."""
         base = self.predict([model])[0]
         moved = []
         for signal, one in self.scales.items():
@@ -329,7 +329,7 @@ class Residual:
         return np.array(moved)
 
     def rows_of(self, run: str, signal: str = "") -> NDArray[np.bool_]:
-        """Returns (values,) whether a value is of `run`, a window of it or a recording; `signal` "": of any signal."""
+        """Returns (values,) whether a value is of `run`, a window of `run` or a recording. `signal` "": any signal."""
         rows = np.zeros(len(self.measured), dtype=np.bool_)
         recordings = {one.name: one.recording for one in self.replay.dataset.runs}
         for block in self.blocks:
@@ -353,7 +353,7 @@ def of_samples(
 
     Args:
         runs: names of the runs that are compared.
-        measured: the measured data, where `replay` runs on other samples than were measured.
+        measured: the measured data, if `replay` has other samples than were measured.
 
     Raises:
         InputError: the runs have no signal that the model gives.
@@ -381,10 +381,10 @@ def of_bins(
     """Returns the residual of means over bins of `width_s` s, weighed by the noise of a mean and by the model's error.
 
     Args:
-        coarse: simulates on a grid of a third of a bin, with the mean of the inputs over each step. That is exact
-            enough for a search; what is reported is fitted at the measured samples.
+        coarse: whether to simulate on a grid of a third of a bin, with the mean of the inputs over each step. This grid
+            is exact enough for a search; reported values are fitted at the measured samples.
         samples: the data set with only the samples that are compared; None: all of `dataset`.
-        as_measured: angles and travels are compared by their values, not by their change from bin to bin.
+        as_measured: whether angles and travels are compared by value, not by their change from bin to bin.
 
     Raises:
         InputError: the runs have no signal that the model gives.
@@ -418,7 +418,7 @@ def _weighed(
 
 
 def _noise(dataset: Dataset, own: Sequence[Block], rms: float) -> tuple[float, float]:
-    """Returns the noise sd of a sample and of a compared value, SI; the latter depends on the noise's colour."""
+    """Returns the noise sd of a sample and of a compared value, SI. The second depends on the noise's colour."""
     fitted, signal = {block.run for block in own}, own[0].signal
     described = dataset.signals.get(signal)
     stated = (described.noise_sd if described is not None else None) or 0.0
@@ -440,7 +440,7 @@ def _compared_by_change(dataset: Dataset) -> frozenset[str]:
     """Returns the signals that are compared by their change from bin to bin.
 
     These are the signals that integrate a rate, and velocities derived from a position. A wrong force on a heavy load
-    moves its velocity for seconds, and each bin would count the same error again. The change shows the missing force.
+    shifts the velocity for seconds, and each bin would count this error again. A change counts it once.
     """
     derived = {name for run in dataset.runs for name in run.outputs if name not in dataset.signals}
     return SUMMED | (derived & set(MOTOR_RATE_OF.values()))

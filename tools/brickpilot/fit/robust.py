@@ -16,15 +16,15 @@ from scipy.sparse import csr_array, dia_array
 Array = NDArray[np.float64]
 
 HUBER_THRESHOLD = 2.0
-"""In units of the residual's scale: beyond it residuals count linearly, not as squares."""
+"""Residual, in units of its scale, beyond which residuals count linearly, not as squares."""
 
 _SIZE_THRESHOLD = 2.5  # threshold of Huber's proposal 2, in units of the size
-_SIZE_EFFICIENCY = 0.9775  # mean square of a normal residual limited to that threshold
+_SIZE_EFFICIENCY = 0.9775  # mean square of a normal residual that is limited to this threshold
 
 
 @dataclass(frozen=True)
 class RobustResidual:
-    """The residual phi, half of whose square is the pseudo-Huber loss, and d phi / d e. Both (n,)."""
+    """The residual phi, with phi^2 / 2 the pseudo-Huber loss, and its slope d phi / d e; (n,) each."""
 
     value: Array
     slope: Array
@@ -63,7 +63,7 @@ def correlation_time(parts: Sequence[Array], *, about_mean: bool = True) -> floa
     Each part is one run; parts are not correlated with each other.
 
     Args:
-        about_mean: each part is taken about its own mean; else about zero, so that a constant counts as correlated.
+        about_mean: whether each part is taken about its own mean. False: about zero; a constant is correlated.
     """
     longest = max(len(part) for part in parts)
     total = np.zeros(longest)
@@ -78,12 +78,12 @@ def correlation_time(parts: Sequence[Array], *, about_mean: bool = True) -> floa
 
 
 def noise_model(residuals: Sequence[Array], highest_order: int) -> Array:
-    """Returns (p,): c with r[t] = c[0] r[t-1] + ... + c[p-1] r[t-p] + innovation; p = 0..`highest_order` by BIC.
+    """Returns (p,): c of r[t] = c[0] r[t-1] + ... + c[p-1] r[t-p] + innovation; BIC sets p, 0..`highest_order`.
 
-    In a feedback loop the input depends on past noise. Output error wrongly assumes that noise and input are
-    independent. With the right noise model, the one-step prediction error is independent of the input, whatever the
-    loop does. So the innovations are fitted (the direct method, Ljung 1999, sec. 13.4). Burg's recursion (1975), with
-    sums over all runs, gives a stable model however short the runs are.
+    In a feedback loop the input depends on past noise, but output error assumes that noise and input are independent.
+    With the right noise model, the one-step prediction error is independent of the input in any loop. So the
+    innovations are fitted (the direct method, Ljung 1999, sec. 13.4). Burg's recursion (1975), with sums over all runs,
+    gives a stable model even from short runs.
 
     Args:
         residuals: of one signal, (n,) for each run: evenly sampled, without NaN. Their means are removed.
@@ -113,8 +113,8 @@ def noise_model(residuals: Sequence[Array], highest_order: int) -> Array:
 def whitening(coefficients: Array, length: int) -> csr_array:
     """Returns a matrix (n, n), lower banded, that turns a residual (n,) into innovations of equal variance.
 
-    The first p samples are predicted by the lower orders of the same model (Levinson's recursion backwards), scaled to
-    the variance of the later ones: exact for a stationary residual, and no row is zero.
+    Lower orders of the same model (Levinson's recursion backwards) predict the first p samples, scaled to the variance
+    of the later samples: this is exact for a stationary residual, and no row is zero.
 
     Args:
         coefficients: (p,), of `noise_model`; |reflection| < 1.

@@ -1,9 +1,9 @@
-"""The uncertainty of a fit: intervals, parameters that are not identifiable, and combinations of them that are.
+"""The uncertainty of a fit: intervals, unidentifiable parameters, and identifiable combinations of these.
 
 The problem is linearised at the estimate. The covariance is the sandwich of M-estimators (Huber 1967) over stretches of
-time, plus the noise of the sample that each run starts from. Each parameter has a unit of its own, so that one
-threshold fits all: the parameter's logarithm where it is far above zero, else its natural size, the change that moves
-the simulated signals by their rms.
+time, plus the noise of the sample that each run starts from. Each parameter has its own unit, so that one threshold
+fits all: its logarithm if it is far above zero, otherwise its natural size, which moves the simulated signals by their
+rms.
 """
 
 from __future__ import annotations
@@ -29,20 +29,20 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_KNOWN_SD = 0.5  # in the parameters' units: a direction with a larger sd is not identifiable
-_SMALL_SD = 0.05  # share of the natural size: with this sd, a parameter that may be zero is known to be small
-_NARROWED = 0.9  # share of the prior's sd: below it, the data have added information
-_FAR = 0.3  # share of the natural size: from here on a parameter is far above zero
-_MEMBER = 0.02  # least share of a group's member in directions that are not identifiable
-_STEP = 3e-3  # share of a parameter, either way: dry friction and backlash are not smooth on smaller steps
-_SLOPE_ERROR = 1e-2  # relative error of finite differences of a plant with dry friction
+_KNOWN_SD = 0.5  # parameter units: a direction with a larger sd is not identifiable
+_SMALL_SD = 0.05  # share of the natural size: sd below which a parameter that may be zero is known to be small
+_NARROWED = 0.9  # share of the prior's sd: an sd below this share shows information from the data
+_FAR = 0.3  # share of the natural size above which a parameter is far above zero
+_MEMBER = 0.02  # least share in unidentifiable directions that makes a parameter a member of a group
+_STEP = 3e-3  # step up and down, as a share of a parameter: dry friction and backlash are not smooth on smaller steps
+_SLOPE_ERROR = 1e-2  # relative error of finite differences for a plant with dry friction
 _LARGEST_LOG = 700.0  # largest logarithm of a double; an interval ends at the parameter's range long before
 _FORMULA_STEP = 1e-4  # step as a share of a parameter in a formula, which is smooth
-_LEAST_REST = 1e-3  # least share of a direction's information that remains without one stretch: less may be rounding
-_STRETCHES = 20  # least stretches of time whose scatter gives the intervals
+_LEAST_REST = 1e-3  # least remaining share of a direction's information without one stretch: less may be rounding
+_STRETCHES = 20  # least number of stretches of time whose scatter gives the intervals
 
 CORRELATED_S = 1.0
-"""Time, s, over which residuals count as correlated, as long as a part of a manoeuvre: it widens intervals."""
+"""Time, s, over which residuals count as correlated, about one part of a manoeuvre. It widens intervals."""
 
 
 @dataclass(frozen=True)
@@ -61,10 +61,9 @@ class Estimate:
     """One fitted parameter, SI.
 
     Attributes:
-        ci95: (low, high); None where the parameter is neither identifiable nor stated.
+        ci95: (low, high); None if the parameter is neither identifiable nor stated.
         basis: "data", "data and prior", "prior alone" (the data add nothing), or "not narrowed by the data".
-        identified: if the data do not determine an effect's parameter, a combination that they do determine; None:
-            there is none.
+        identified: if the data do not determine an effect's parameter, a combination that they determine, or None.
     """
 
     value: float
@@ -76,7 +75,7 @@ class Estimate:
 
 
 def estimates_frame(estimates: Mapping[str, Estimate]) -> pandas.DataFrame:
-    """Returns a row for each parameter, in SI; the ends of its 95 % interval are NaN where it has none."""
+    """Returns a row for each parameter, in SI; the ends of its 95 % interval are NaN if it has no interval."""
     import pandas
 
     rows = [
@@ -92,8 +91,8 @@ class Uncertainty:
     """The uncertainty of all parameters.
 
     Attributes:
-        groups: parameters of which only combinations are identifiable.
-        traceless: parameters with no effect on the data at all.
+        groups: groups of parameters of which only combinations are identifiable.
+        traceless: parameters without any effect on the data.
     """
 
     estimates: Mapping[str, Estimate]
@@ -112,7 +111,7 @@ def assess(data: Residual, model: Model, free: tuple[Free, ...]) -> Uncertainty:
     prior_sd = np.array([one.known.sd if one.known and one.known.sd is not None else np.inf for one in free])
     slopes = _slopes(data, model, free, values)
     natural = _natural_sizes(data, free, slopes)
-    # The logarithm of a parameter that may be zero makes sense only far from zero.
+    # A parameter that may be zero has a useful logarithm only far from zero.
     lowest = np.array([one.info.minimum for one in free])
     relative = (lowest > 0) | ((lowest == 0) & (values > _FAR * natural))
     sizes = np.where(relative, values, natural)
@@ -141,7 +140,7 @@ def _assessed(
 
     Args:
         sizes: the unit in which each parameter is measured, SI.
-        information: (parameters, parameters) information of data and stated priors, in those units.
+        information: (parameters, parameters) information of data and stated priors, in the units of `sizes`.
         degrees: degrees of freedom of the intervals.
     """
     covariance, sd = spread.covariance, np.sqrt(np.diag(spread.covariance))
@@ -172,9 +171,8 @@ def _natural_sizes(data: Residual, free: tuple[Free, ...], slopes: Array) -> Arr
 def _without_errors(slopes: Array, stiffness: Array) -> Array:
     """Returns `slopes` (samples, parameters) without the directions that errors of finite differences may have made.
 
-    Where only combinations of parameters change the signals, their slopes cancel along one direction. Finite
-    differences across the stops of dry friction do not cancel exactly, and on many samples the remainder would look
-    like information.
+    If only combinations of parameters change the signals, the parameters' slopes cancel along one direction. Finite
+    differences across stops by dry friction do not cancel exactly; over many samples the rest looks like information.
     """
     information = slopes.T @ (slopes * stiffness[:, np.newaxis])
     size = np.sqrt(np.maximum(np.diag(information), 1e-300))
@@ -189,9 +187,9 @@ def _scatter(
     """Returns the covariance of the estimate's scatter, in the parameters' sizes, and its degrees of freedom.
 
     The scatter comes from sums over stretches of time, so the residual may be correlated in time and between signals.
-    Each stretch counts as far as the estimate would move without it (the jackknife CV3 of MacKinnon, Nielsen & Webb
-    2023, J. Econometrics 232(2)): if one stretch alone determines a parameter, the fit follows this stretch, and the
-    residual there is too small.
+    Each stretch counts by the shift of the estimate without it (the jackknife CV3 of MacKinnon, Nielsen & Webb 2023, J.
+    Econometrics 232(2)): if one stretch alone determines a parameter, the fit follows this stretch, and its residual is
+    too small.
     """
     parameters = scores.shape[1]
     numbers, count = data.stretches(CORRELATED_S, _STRETCHES + 2 * parameters)
@@ -268,7 +266,7 @@ def _combination(
     covariance: Array,
     quantile: float,
 ) -> Combination | None:
-    """Returns the value of a formula with its interval; None where the data do not determine it either."""
+    """Returns the value of a formula with its interval; None if the data do not determine this value either."""
     try:
         with np.errstate(divide="ignore", invalid="ignore"):
             value = formula.value_at(known)
@@ -277,7 +275,7 @@ def _combination(
     if not np.isfinite(value) or value <= 0:
         return None
     gradient = np.array([_log_slope(formula, known, one, float(s)) for one, s in zip(free, sizes, strict=True)])
-    sd = float(np.sqrt(max(gradient @ covariance @ gradient, 0.0)))  # may be below 0 by rounding
+    sd = float(np.sqrt(max(gradient @ covariance @ gradient, 0.0)))  # rounding may make it negative
     if np.count_nonzero(gradient) <= 1 or sd > _KNOWN_SD:
         return None
     factor = float(np.exp(quantile * sd))
