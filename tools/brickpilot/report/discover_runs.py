@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.data.dataset import Run, own_unit
-from brickpilot.data.gap import Place, residual
+from brickpilot.data.gap import residual
 from brickpilot.data.motion import measured_rates
 from brickpilot.data.signals import SUMMED
 from brickpilot.discover.finding import Finding
-from brickpilot.report.discover_text import OVER_NOISE, gap_change, say
+from brickpilot.report.discover_text import OVER_NOISE, gap_change
 from brickpilot.report.plot import Curve, measured, points_for, superimposed
-from brickpilot.report.quantities import ROLES, gap_text
+from brickpilot.report.quantities import ROLES, gap_text, say
 
 Array = NDArray[np.float64]
 
@@ -123,14 +123,6 @@ def _chosen(finding: Finding, compared: Mapping[Key, Compared], count: int) -> l
     return chosen
 
 
-def _places(finding: Finding) -> dict[Key, Place]:
-    """Returns (run, signal) -> the place with the largest part of its gap."""
-    found: dict[Key, Place] = {}
-    for one in finding.where:
-        found.setdefault((one.run, one.signal), one)
-    return found
-
-
 def _varied(order: Sequence[Key], count: int) -> list[Key]:
     """Returns the first `count` of `order`, preferably signals and runs that are not chosen yet."""
     chosen: list[Key] = []
@@ -143,7 +135,8 @@ def _varied(order: Sequence[Key], count: int) -> list[Key]:
 
 def _figure(finding: Finding, one: Compared, points: int) -> dict[str, Any]:
     """Returns the figure of one signal of one run, with its caption."""
-    place = _places(finding).get((one.run.name, one.signal))
+    places = (place for place in finding.where if (place.run, place.signal) == (one.run.name, one.signal))
+    place = next(places, None)  # the largest part of the gap comes first
     above, below = [measured(one.measured)], []
     if finding.verdict != "none":
         above.append(Curve("before", one.nominal, "orange"))

@@ -10,10 +10,10 @@ from brickpilot.data.dataset import Dataset
 from brickpilot.data.facts import yaw_over_wheels
 from brickpilot.data.gap import Gap
 from brickpilot.discover import numbers
-from brickpilot.discover.finding import NOMINAL_VALUES, Effect, Finding, Parameter, Share
+from brickpilot.discover.finding import NOMINAL_VALUES, Effect, Finding, Parameter
 from brickpilot.fit.uncertainty import Combination
 from brickpilot.report import discover_fit
-from brickpilot.report.quantities import Shown, gap_text, in_words, percent, quantity
+from brickpilot.report.quantities import Shown, ascii_text, gap_text, in_words, percent, quantity, say
 from brickpilot.report.user_terms import shown_finding, told
 from brickpilot.vehicle.replay import RUN_KINDS
 
@@ -24,11 +24,6 @@ _PLAUSIBLE = 1.3
 """The page says that a calibrated model lacks nothing if its gap is at most this, in multiples of the noise."""
 
 _HELD_OUT = "the held-out runs"
-
-
-def say(name: str) -> str:
-    """Returns a name of the program with blanks instead of underscores."""
-    return name.replace("_", " ")
 
 
 def words(effect: str) -> str:
@@ -130,15 +125,11 @@ def explanation_lines(finding: Finding) -> list[str]:
     if len(finding.explanations) < 2:
         return []
     head = f"{'weight':>8}  explanations that hold 95 % of the weight"
-    return [head, *(f"{_weight(one):>8}  {_named(one)}" for one in finding.explanations)]
-
-
-def _weight(one: Share) -> str:
-    return percent(one.weight).replace("\N{NO-BREAK SPACE}", " ")
-
-
-def _named(one: Share) -> str:
-    return f"{' + '.join(one.effects)} ({', '.join(one.mechanisms)})" if one.effects else "no effect"
+    rows = [head]
+    for one in finding.explanations:
+        names = f"{' + '.join(one.effects)} ({', '.join(one.mechanisms)})" if one.effects else "no effect"
+        rows.append(f"{ascii_text(percent(one.weight)):>8}  {names}")
+    return rows
 
 
 def left_predictable(finding: Finding) -> str:

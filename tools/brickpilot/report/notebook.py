@@ -14,7 +14,7 @@ from brickpilot.fit.calibration import Calibration
 from brickpilot.fit.comparison import Comparison
 from brickpilot.readiness.data_check import Check
 from brickpilot.report import changed_page, check_text, discover_text, headline_text
-from brickpilot.report.quantities import DASH, fit_text, number
+from brickpilot.report.quantities import DASH, ascii_text, fit_text, number
 from brickpilot.report.template import render
 from brickpilot.report.why_page import Why
 from brickpilot.vehicle.scenario_flight import Flown
@@ -48,7 +48,7 @@ def to_text(result: Result) -> str:
         TypeError: it is no result of this package.
     """
     title, sentences = _words(result)
-    told = headline_text.plain("\n".join(sentences)).splitlines()
+    told = ascii_text("\n".join(sentences)).splitlines()
     lines = [line for one in told for line in textwrap.wrap(one, _WIDE, initial_indent="  ", subsequent_indent="  ")]
     cut = len(lines) >= _LINES
     return "\n".join([title, *(lines[: _LINES - 2] if cut else lines), *(["  ..."] if cut else [])])

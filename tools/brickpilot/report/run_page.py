@@ -103,14 +103,11 @@ def motion(flight: Flight) -> Markup:
 
 def electrical(flight: Flight) -> Markup:
     """Draws the voltages and currents of the motors."""
-    panels = [
-        _panel(
-            flight, "motor voltage", "V", [("left_voltage_v", "left", "blue"), ("right_voltage_v", "right", "orange")]
-        ),
-        _panel(
-            flight, "motor current", "A", [("left_current_a", "left", "blue"), ("right_current_a", "right", "orange")]
-        ),
-    ]
+    panels = []
+    for name, unit in (("voltage", "V"), ("current", "A")):
+        column = f"{name}_{unit.lower()}"
+        sides: list[Line] = [(f"left_{column}", "left", "blue"), (f"right_{column}", "right", "orange")]
+        panels.append(_panel(flight, f"motor {name}", unit, sides))
     return _figure(flight, "motor voltages and currents over time", panels)
 
 
