@@ -51,8 +51,8 @@ Array = NDArray[np.float64]
 
 _WINDOW_S = 1.0  # length of a motor's windows, as in `prepare`
 _MANOEUVRES = 3  # most manoeuvres that are advised
-_SHARPER = 0.5  # a manoeuvre is advised for a parameter whose interval it narrows by this factor
-_UNKNOWN = 0.1  # and whose sd was larger, in the logarithm or as a share of the stated value
+_UNKNOWN = 0.1  # sd, in the logarithm or as a share of the stated value: above it, a parameter counts as unknown
+_SHARPER = 0.5  # a manoeuvre is advised for an unknown parameter if it narrows the sd by this factor or more
 _OF_SOME = "Intervals, the sizes of effects that show and the advice are those of these runs."
 
 
@@ -169,7 +169,7 @@ def check(dataset: Dataset, *, seed: int = 0, jobs: int = 2) -> Check:
         nothing = judge.of_explanation(nominal)
         temperature = judge.temperature(nothing, nothing)
         visible = smallest_sizes(prepared, judge, nominal, nominal)
-        told = assess(prepared.fine, nominal.model, nominal.plan.uncertain)
+        fitted = assess(prepared.fine, nominal.model, nominal.plan.uncertain)
         advice, invisible = _advise(prepared, nominal, visible, temperature)
         explained = headline(whole, nominal.model, threads=jobs)
     return Check(
@@ -183,9 +183,9 @@ def check(dataset: Dataset, *, seed: int = 0, jobs: int = 2) -> Check:
         faults=whole.measured.faults,
         explained=explained,
         units=own_units(dataset, explained.signals),
-        parameters=told.estimates,
-        cannot_tell_apart=told.groups,
-        combinations=told.combinations,
+        parameters=fitted.estimates,
+        cannot_tell_apart=fitted.groups,
+        combinations=fitted.combinations,
         visible=visible,
         invisible=invisible,
         advice=advice,
@@ -219,24 +219,24 @@ def _advise(
     asked = _Asked.of(prepared, nominal, problem.prior_slopes(nominal.point), temperature)
     now = asked.information(problem, nominal.point)
     offered = manoeuvres(nominal.model.vehicle, prepared.excitation.largest["voltage"])
-    driven = ((one, _driven(prepared, nominal, one)) for one in offered)
-    more = [(one, asked.information(told, nominal.point)) for one, told in driven if told is not None]
+    driven = ((manoeuvre, _driven(prepared, nominal, manoeuvre)) for manoeuvre in offered)
+    more = [(manoeuvre, asked.information(one, nominal.point)) for manoeuvre, one in driven if one is not None]
     largest = np.max([np.diag(known)[len(nominal.point) :] for known in (now, *(known for _, known in more))], axis=0)
-    possible = {probe.part.effect for probe, one in zip(asked.probes, largest, strict=True) if one > 0}
+    possible = {probe.part.effect for probe, strength in zip(asked.probes, largest, strict=True) if strength > 0}
     shown = {name for name, one in visible.items() if one.size <= asked.usual.get((name, one.parameter), 0.0)}
     shown |= asked.shown(now)
-    found: list[Advice] = []
-    while more and len(found) < _MANOEUVRES:
+    advised: list[Advice] = []
+    while more and len(advised) < _MANOEUVRES:
         offers = [
-            Advice(one, tuple(sorted(asked.shown(now + known) - shown)), asked.sharper(now, now + known))
-            for one, known in more
+            Advice(manoeuvre, tuple(sorted(asked.shown(now + known) - shown)), asked.sharper(now, now + known))
+            for manoeuvre, known in more
         ]
         best = max(range(len(more)), key=lambda k: len(offers[k].effects) + len(offers[k].parameters))
         if not (offers[best].effects or offers[best].parameters):
             break
-        found.append(offers[best])
+        advised.append(offers[best])
         now, shown = now + more.pop(best)[1], shown | set(offers[best].effects)
-    return tuple(found), tuple(sorted(possible - visible.keys()))
+    return tuple(advised), tuple(sorted(possible - visible.keys()))
 
 
 @dataclass(frozen=True)
