@@ -12,7 +12,7 @@ from markupsafe import Markup
 from brickpilot import catalogue
 from brickpilot.data.dataset import own_unit
 from brickpilot.data.gap import Gap
-from brickpilot.discover.finding import Effect, Finding, Parameter, Rank, Share
+from brickpilot.discover.finding import Effect, Finding, Parameter, Rank
 from brickpilot.report import composed_law, discover_fit, plot
 from brickpilot.report.discover_runs import compared_signals, figures, gap_map
 from brickpilot.report.discover_text import (
@@ -26,7 +26,7 @@ from brickpilot.report.discover_text import (
     verdict,
     words,
 )
-from brickpilot.report.quantities import DASH, ROLES, Shown, gap_text, percent, plain, quantity, say, signed, trusted
+from brickpilot.report.quantities import ROLES, Shown, gap_text, percent, plain, quantity, say, signed, trusted
 from brickpilot.report.template import render
 from brickpilot.report.user_terms import frames, shown_finding, shown_rank, shown_size, told
 from brickpilot.vehicle import model as model_file
@@ -51,6 +51,7 @@ def page(finding: Finding, command: str) -> str:
     """
     compared = compared_signals(finding)
     shown, folded = figures(finding, compared)
+    voltages, break_points = _voltages(finding)
     return render(
         "discover",
         title=f"{finding.dataset.name}: {'no' if finding.verdict == 'none' else 'the'} missing effect",
@@ -61,7 +62,8 @@ def page(finding: Finding, command: str) -> str:
         map=gap_map(finding, compared),
         shown=shown,
         folded=folded,
-        experiment=told(finding.dataset, _experiment(finding)),
+        voltages=voltages,
+        break_points=break_points,
         remaining=_remaining(finding),
         whiteness=_whiteness(finding),
         term_html=None if finding.term is None else Markup(composed_law.as_html(finding.term)),
@@ -75,10 +77,16 @@ def page(finding: Finding, command: str) -> str:
         ranked=_RANKED,
         listed=_LISTED,
         told=partial(told, finding.dataset),
+        words=words,
+        explanation=explanation,
         finite=np.isfinite,
         **discover_fit.shown(finding),
         **told(finding.dataset, _tables(finding)),
-        **_data(finding),
+        runs={role: [name for name, one in finding.roles.items() if one == role] for role in ROLES},
+        wheels=finding.dataset.vehicle == "motor" or any(name.startswith("wheel") for name in finding.noise_sd),
+        units={name: own_unit(finding.dataset, name) for name in finding.noise_sd},
+        frames=frames(finding.dataset),
+        notes=told(finding.dataset, list(finding.notes)),
     )
 
 
@@ -88,21 +96,9 @@ def _tables(finding: Finding) -> dict[str, Any]:
     return {
         "effects": [effect_row(one) for one in own.effects],
         "equivalents": equivalent_rows(own),
-        "explanations": [share_row(one) for one in finding.explanations],
         "nominal": nominal_rows(finding),
         "ranking": [rank_row(shown_rank(data, one), finding.augmented) for one in finding.ranking],
         "power": [(words(name), name, shown_size(data, name, one)) for name, one in finding.power.items()],
-    }
-
-
-def _data(finding: Finding) -> dict[str, Any]:
-    """Returns the data set's part of the page: its runs by role, its faults and its noise."""
-    return {
-        "runs": {role: [name for name, one in finding.roles.items() if one == role] for role in ROLES},
-        "wheels": finding.dataset.vehicle == "motor" or any(name.startswith("wheel") for name in finding.noise_sd),
-        "units": {name: own_unit(finding.dataset, name) for name in finding.noise_sd},
-        "frames": frames(finding.dataset),
-        "notes": told(finding.dataset, list(finding.notes)),
     }
 
 
@@ -175,30 +171,16 @@ def _remaining(finding: Finding) -> list[str]:
     return found
 
 
-def _experiment(finding: Finding) -> dict[str, Any] | None:
-    """Returns the proposed experiment with the chart and the break points of its manoeuvre."""
-    one = finding.next_experiment
-    if one is None:
-        return None
+def _voltages(finding: Finding) -> tuple[Markup | None, dict[str, tuple[tuple[float, float], ...]]]:
+    """Returns the chart of the next manoeuvre, if there is one, and motor -> the break points (s, V) of its voltage."""
+    manoeuvre = None if finding.next_experiment is None else finding.next_experiment.manoeuvre
+    if manoeuvre is None:
+        return None, {}
     single = finding.dataset.vehicle == "motor"
-    chart, points = None, []
-    if one.manoeuvre is not None:
-        title = f"Voltages of the manoeuvre {one.manoeuvre.name}, {plain(one.manoeuvre.duration_s)} s"
-        chart = plot.voltages(one.manoeuvre, single=single, title=title)
-        sides = [("voltage", one.manoeuvre.voltage_left)]
-        if not single:
-            sides = [("left", one.manoeuvre.voltage_left), ("right", one.manoeuvre.voltage_right)]
-        points = [(side, [(plain(t, 4), plain(v, 3)) for t, v in values]) for side, values in sides]
-    return {
-        "advice": one.advice,
-        "separates": [explanation(name) for name in one.separates],
-        "separation": gap_text(one.separation),
-        "signal": None if one.signal is None else say(one.signal),
-        "manoeuvre": one.manoeuvre,
-        "single": single,
-        "chart": chart,
-        "points": points,
-    }
+    title = f"Voltages of the manoeuvre {manoeuvre.name}, {plain(manoeuvre.duration_s)} s"
+    sides = {"left": manoeuvre.voltage_left, "right": manoeuvre.voltage_right}
+    points = {"voltage": manoeuvre.voltage_left} if single else sides
+    return plot.voltages(manoeuvre, single=single, title=title), points
 
 
 def effect_row(one: Effect) -> dict[str, Any]:
@@ -264,17 +246,6 @@ def nominal_rows(finding: Finding) -> list[dict[str, Any]]:
             unstated = {"before": "not stated", "change": None, "away": None, "leaves_prior": False}
             rows.append({**unstated, "name": say(name), "after": after, "data": data})
     return rows
-
-
-def share_row(one: Share) -> dict[str, str]:
-    """Returns the row of an explanation of the set that holds 95 % of the weight."""
-    return {
-        "names": " + ".join(one.effects) or "no effect",
-        "words": " with ".join(words(name) for name in one.effects) or "nothing is missing",
-        "weight": percent(one.weight),
-        "width": f"{100 * one.weight:.1f}",
-        "mechanism": ", ".join(one.mechanisms) or DASH,
-    }
 
 
 def _determined(finding: Finding, name: str) -> bool:

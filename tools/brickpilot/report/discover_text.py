@@ -104,20 +104,14 @@ def found_names(finding: Finding) -> list[str]:
 
 def one_mechanism(finding: Finding) -> str | None:
     """Returns the only mechanism of all equivalent explanations; None if they have several."""
-    known = {frozenset(one.effects): one.mechanisms for one in finding.explanations}
-    kinds = {
-        kind for one in alternatives(finding) for kind in known.get(frozenset(one.split(" + "))) or _mechanisms(one)
-    }
-    return next(iter(kinds)) if len(kinds) == 1 else None
-
-
-def _mechanisms(names: str) -> list[str]:
-    """Returns the mechanisms of names joined by " + "; a name without a mechanism stands for itself."""
-    named = names.split(" + ")
-    known = {one.name: one.mechanism for one in catalogue.effects()} | {
-        kind: one.mechanism for kind, one in RUN_KINDS.items()
-    }
-    return [known.get(name, name) for name in named]
+    weighed = {frozenset(one.effects): one.mechanisms for one in finding.explanations}
+    of_effects = {one.name: one.mechanism for one in catalogue.effects()}
+    of_names = of_effects | {kind: one.mechanism for kind, one in RUN_KINDS.items()}
+    kinds: set[str] = set()
+    for rival in alternatives(finding):
+        names = rival.split(" + ")
+        kinds.update(weighed.get(frozenset(names)) or [of_names.get(name, name) for name in names])
+    return kinds.pop() if len(kinds) == 1 else None
 
 
 def explanation_lines(finding: Finding) -> list[str]:
@@ -150,7 +144,11 @@ def verdict(finding: Finding) -> str:
     own = shown_finding(finding)
     apart = contradiction(finding.dataset) if finding.verdict in ("none", "unknown") else None
     first = f"{apart} " if apart else ""
-    return told(finding.dataset, first + _verdict(own) + _rest(own) + _moved_values(own)) + by_run
+    left = ""
+    if own.law_differs:
+        which = "a law is" if len(own.effects) > 1 else "the law is"
+        left = f" What is left is more than noise: {which} not quite right, or something smaller is missing too."
+    return told(finding.dataset, first + _verdict(own) + left + _moved_values(own)) + by_run
 
 
 def contradiction(dataset: Dataset) -> str | None:
@@ -180,14 +178,6 @@ def leaves_more_than_noise(finding: Finding) -> bool:
     """Returns whether the runs that prove the verdict have an error clearly above the noise."""
     after = _proof(finding)[1].after
     return after is not None and after > _PLAUSIBLE
-
-
-def _rest(finding: Finding) -> str:
-    """Returns a sentence on the residual of claimed effects; empty: this residual is noise, or no effect is claimed."""
-    if not finding.law_differs:
-        return ""
-    which = "a law is" if len(finding.effects) > 1 else "the law is"
-    return f" What is left is more than noise: {which} not quite right, or something smaller is missing too."
 
 
 def _moved_values(finding: Finding) -> str:

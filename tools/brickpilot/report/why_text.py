@@ -131,8 +131,13 @@ def answer(
 
 @dataclass(frozen=True)
 class _Sided:
-    """How equal commands move left and right differently: `what` they do, `which` causes remain, and `to` which side
-    the robot turns."""
+    """How left and right move differently under equal commands.
+
+    Attributes:
+        what: how they move, as a sentence.
+        which: the causes that remain possible, as a sentence.
+        to: the side to which the robot turns.
+    """
 
     what: str
     which: str
