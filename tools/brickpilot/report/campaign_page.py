@@ -10,11 +10,9 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from brickpilot.report.plot import Colour, Curve, Figure, Panel, row_chart, to_html
+from brickpilot.report.plot import Array, Colour, Curve, Figure, Panel, row_chart, to_html
 from brickpilot.report.quantities import DASH, number, scaled, unit_text
 from brickpilot.report.template import render
-
-Array = NDArray[np.float64]
 
 WORDS = {
     "success": "success",

@@ -97,7 +97,7 @@ def _tables(finding: Finding) -> dict[str, Any]:
         "effects": [effect_row(one) for one in own.effects],
         "equivalents": equivalent_rows(own),
         "nominal": nominal_rows(finding),
-        "ranking": [rank_row(shown_rank(data, one), finding.augmented) for one in finding.ranking],
+        "ranking": [(one, ranked_values(shown_rank(data, one), finding.augmented)) for one in finding.ranking],
         "power": [(words(name), name, shown_size(data, name, one)) for name, one in finding.power.items()],
     }
 
@@ -253,28 +253,15 @@ def _determined(finding: Finding, name: str) -> bool:
     return not finding.augmented.basis.get(name, "").endswith(("prior alone", "not narrowed by the data"))
 
 
-def rank_row(one: Rank, model: Model) -> dict[str, Any]:
-    """Returns the row of one explanation in the ranking."""
+def ranked_values(one: Rank, model: Model) -> list[tuple[str, Shown]]:
+    """Returns the fitted values of an explanation; of values that differ from run to run, the smallest and largest."""
     own = {key: value for key, value in one.parameters.items() if "@" not in key}
-    sizes = [_quantity(key, value, model) for key, value in own.items()]
-    return {
-        "names": " + ".join(one.names) or "no effect",
-        "values": _labelled(list(own), sizes) + _of_runs(one),
-        "error": gap_text(one.prediction_error),
-        "removed": percent(one.removed),
-        "width": f"{100 * min(max(one.removed, 0.0), 1.0):.1f}",
-        "why": one.why,
-    }
-
-
-def _of_runs(one: Rank) -> list[tuple[str, Shown]]:
-    """Returns the smallest and the largest value of each kind of value that differs from run to run."""
-    found = []
+    shown = _labelled(list(own), [_quantity(key, value, model) for key, value in own.items()])
     for kind, info in RUN_KINDS.items():
         values = [value for key, value in one.parameters.items() if key.startswith(f"{kind}@")]
         if values:
-            found += [(f"{say(kind)} from", quantity(min(values), info.unit)), ("to", quantity(max(values), info.unit))]
-    return found
+            shown += [(f"{say(kind)} from", quantity(min(values), info.unit)), ("to", quantity(max(values), info.unit))]
+    return shown
 
 
 def _labelled(names: Sequence[str], shown: Sequence[Shown]) -> list[tuple[str, Shown]]:

@@ -136,7 +136,7 @@ def to_html(figure: Figure, points: int = MOST_POINTS) -> Markup:
         "x": {
             "name": figure.x_label,
             "label": x_label,
-            "values": _by_own_size(figure.x[kept]) if figure.log else compact(figure.x[kept] - origin, ACROSS),
+            "values": _five_digits(figure.x[kept]) if figure.log else compact(figure.x[kept] - origin, ACROSS),
             "log": figure.log,
             "reach": list(figure.reach),
         },
@@ -254,8 +254,8 @@ def _clock(figure: Figure) -> tuple[float, str]:
     return origin, f"{label}, counted from {origin:.10g} {figure.x_unit}"
 
 
-def _by_own_size(values: Array) -> list[float]:
-    """Returns the values for a logarithmic axis, with five digits each: the axis cannot show a value rounded to 0."""
+def _five_digits(values: Array) -> list[float]:
+    """Returns the values with five digits each, for a logarithmic axis: it cannot show a value rounded to 0."""
     return [float(f"{one:.5g}") for one in values.tolist()]
 
 
@@ -304,18 +304,13 @@ def superimposed(
 
 def voltages(manoeuvre: Manoeuvre, *, single: bool, title: str) -> Markup:
     """Draws the motor voltages of a manoeuvre. `single`: the vehicle has one motor, with the left voltage."""
-    sides = {"voltage" if single else "left": manoeuvre.voltage_left}
-    sides |= {} if single else {"right": manoeuvre.voltage_right}
-    times = np.unique([moment for points in sides.values() for moment, _ in points])
+    sides = [manoeuvre.voltage_left] if single else [manoeuvre.voltage_left, manoeuvre.voltage_right]
+    times = np.unique([moment for points in sides for moment, _ in points])
     before_and_after = np.repeat(times, 2) + np.tile([-1e-9, 1e-9], len(times))  # a step has two values at one time
-    curves = [
-        Curve(name, np.interp(before_and_after, *np.array(points, dtype=np.float64).T), colour, width, dashed=dashed)
-        for (name, points), (colour, width, dashed) in zip(sides.items(), _SIDES, strict=False)
-    ]
+    left, *right = (np.interp(before_and_after, *np.array(points, dtype=np.float64).T) for points in sides)
+    curves = [Curve("voltage" if single else "left", left, "blue", 2.4)]
+    curves += [Curve("right", values, "orange", 1.6, dashed=True) for values in right]
     return to_html(Figure(title, np.repeat(times, 2), [Panel("motor voltage", "V", curves, 130)]))
-
-
-_SIDES: tuple[tuple[Colour, float, bool], ...] = (("blue", 2.4, False), ("orange", 1.6, True))
 
 
 def autocorrelation(one: Whiteness, *, title: str) -> Markup:

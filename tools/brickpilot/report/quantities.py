@@ -80,14 +80,16 @@ def quantity(value: float, unit: str, ci95: tuple[float, float] | None = None) -
     else:
         decimals = 2 - math.floor(math.log10(abs(value))) if value and math.isfinite(value) else 0
 
-    def text(one: float) -> str:
-        if not math.isfinite(one):
-            return "without limit"
-        rounded = round(one, decimals) + 0.0  # no minus zero
-        return f"{rounded:.{max(decimals, 0)}f}".replace("-", _MINUS)
+    low, high = [_fixed(one, decimals) for one in ends] or ("", "")
+    return Shown(_fixed(value, decimals), low, high, shown)
 
-    low, high = [text(one) for one in ends] or ("", "")
-    return Shown(text(value), low, high, shown)
+
+def _fixed(value: float, decimals: int) -> str:
+    """Returns a number with so many decimals; below 0, they round to tens, hundreds and so on."""
+    if not math.isfinite(value):
+        return "without limit"
+    rounded = round(value, decimals) + 0.0  # no minus zero
+    return f"{rounded:.{max(decimals, 0)}f}".replace("-", _MINUS)
 
 
 def _decimals(half: float) -> int:
@@ -108,9 +110,7 @@ def in_words(value: float, unit: str, ci95: tuple[float, float] | None = None) -
         return f"{plain(float(f'{value / per:.2g}'))}{suffix}", ""
     half = (ends[1] - ends[0]) / 2
     decimals = min(_decimals(half), 6) if half > 0 else 6
-    text, low, high = (
-        f"{round(one, decimals) + 0.0:.{max(decimals, 0)}f}".replace("-", _MINUS) for one in (value / per, *ends)
-    )
+    text, low, high = (_fixed(one, decimals) for one in (value / per, *ends))
     return f"{text}{suffix}", f" ({low} to {high}{suffix})"
 
 
