@@ -1,14 +1,15 @@
 """The tables of the compiled plant: nominal parameters, effects and output signals, each with unit and range.
 
-Each table is written once, in C: `sim_host/plant/model.c`, `sim_host/effects` and `sim_host/plant/output.c`.
+C alone holds these tables: `sim_host/plant/model.c`, `sim_host/effects` and `sim_host/plant/output.c`.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Container, Mapping
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cache
+from itertools import count, takewhile
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -117,24 +118,12 @@ class EffectInfo:
 
 
 def _text(value: Any) -> str:
-    if not value:
-        return ""
-    raw = interface()[0].string(value)
-    return raw.decode() if isinstance(raw, bytes) else str(raw)
+    return interface()[0].string(value).decode() if value else ""  # type: ignore[union-attr]
 
 
-@cache
-def _roles() -> dict[int, Role]:
-    """Returns number -> name of the constants BP_ROLE_SIZE and so on in C."""
-    library = interface()[1]
-    return {getattr(library, f"BP_ROLE_{role.upper()}"): role for role in get_args(Role)}
-
-
-@cache
-def _priors() -> dict[int, Prior]:
-    """Returns number -> name of the constants BP_PRIOR_COMMON and so on in C."""
-    library = interface()[1]
-    return {getattr(library, f"BP_PRIOR_{prior.upper()}"): prior for prior in get_args(Prior)}
+def _constant(kind: str, value: int, names: Sequence[Any]) -> Any:
+    """Returns the name of the constant of C with this value: "size" for BP_ROLE_SIZE of the kind "ROLE"."""
+    return next(name for name in names if getattr(interface()[1], f"BP_{kind}_{name.upper()}") == value)
 
 
 def _same_named(row: Any, record: type) -> dict[str, Any]:
@@ -143,21 +132,22 @@ def _same_named(row: Any, record: type) -> dict[str, Any]:
     return {one.name: convert[one.type](getattr(row, one.name)) for one in fields(record) if one.type in convert}
 
 
-def _parameter(info: Any) -> ParameterInfo:
-    found = _same_named(info, ParameterInfo)
-    found["linear_unit"] = found["linear_unit"] or found["unit"]
-    scan = tuple(np.geomspace(info.scan_from, info.scan_to, info.scan_count).tolist()) if info.scan_count else ()
-    return ParameterInfo(**found, role=_roles()[info.role], scan=scan)
+def _parameter(row: Any) -> ParameterInfo:
+    values = _same_named(row, ParameterInfo)
+    values["linear_unit"] = values["linear_unit"] or values["unit"]
+    scan = tuple(np.geomspace(row.scan_from, row.scan_to, row.scan_count).tolist()) if row.scan_count else ()
+    return ParameterInfo(**values, role=_constant("ROLE", row.role, get_args(Role)), scan=scan)
+
+
+def _rows(row_of: Callable[[int], Any]) -> Iterator[Any]:
+    """Yields the rows of a table in C, until its function returns NULL."""
+    return takewhile(bool, map(row_of, count()))
 
 
 @cache
 def parameters() -> tuple[ParameterInfo, ...]:
     """Returns the nominal parameters; the presets are those of the packaged robot."""
-    library = interface()[1]
-    found: list[ParameterInfo] = []
-    while info := library.bp_parameter(len(found)):
-        found.append(_parameter(info))
-    return tuple(found)
+    return tuple(map(_parameter, _rows(interface()[1].bp_parameter)))
 
 
 def parameter(name: str) -> ParameterInfo:
@@ -168,18 +158,16 @@ def parameter(name: str) -> ParameterInfo:
 @cache
 def effects() -> tuple[EffectInfo, ...]:
     """Returns the effect library; the presets are clearly visible sizes."""
-    library = interface()[1]
-    found: list[EffectInfo] = []
-    while info := library.bp_effect(len(found)):
-        effect = EffectInfo(
-            **_same_named(info, EffectInfo),
-            parameters=tuple(_parameter(info.parameters[k]) for k in range(info.parameter_count)),
-            prior=_priors()[info.prior],
-            contains=tuple(_text(info.contains).split()),
-            made_of=tuple(_text(info.made_of).split()),
+    return tuple(
+        EffectInfo(
+            **_same_named(row, EffectInfo),
+            parameters=tuple(_parameter(row.parameters[k]) for k in range(row.parameter_count)),
+            prior=_constant("PRIOR", row.prior, get_args(Prior)),
+            contains=tuple(_text(row.contains).split()),
+            made_of=tuple(_text(row.made_of).split()),
         )
-        found.append(effect)
-    return tuple(found)
+        for row in _rows(interface()[1].bp_effect)
+    )
 
 
 def effects_of(names: Container[str]) -> list[EffectInfo]:
@@ -190,10 +178,9 @@ def effects_of(names: Container[str]) -> list[EffectInfo]:
 @cache
 def effect(name: str) -> EffectInfo:
     """Returns the effect of that name; raises KeyError where there is none."""
-    found = effects_of((name,))
-    if not found:
-        raise KeyError(name)
-    return found[0]
+    for info in effects_of((name,)):
+        return info
+    raise KeyError(name)
 
 
 def family(name: str) -> str:
@@ -211,18 +198,18 @@ def law(name: str, values: Mapping[str, float]) -> str:
     """
     info = effect(name)
     differences = [info.variation] if info.variant_of else []
-    differences += [one.variation for one in info.parameters if one.variation and values.get(one.name, 0.0) != 0]
+    differences += [row.variation for row in info.parameters if row.variation and values.get(row.name, 0.0) != 0]
     return f"{family(name)}, but {' and '.join(differences)}" if differences else name
 
 
 def mirrored(text: str) -> str:
     """Returns a text in which left and right have changed places."""
-    return re.sub(r"\b(left|right)\b", lambda found: "right" if found[0] == "left" else "left", text)
+    return re.sub(r"\b(left|right)\b", lambda match: "right" if match[0] == "left" else "left", text)
 
 
 def says(name: str, parameter: str, value: float) -> str:
     """Returns what a value of a parameter of effect `name` means, a clause with {} for its size; empty: no clause."""
-    info = next(one for one in effect(name).parameters if one.name == parameter)
+    info = next(row for row in effect(name).parameters if row.name == parameter)
     if value >= 0.0:
         return info.says
     return mirrored(info.says) if info.odd else info.says_below
@@ -231,30 +218,29 @@ def says(name: str, parameter: str, value: float) -> str:
 def advice(name: str, values: Mapping[str, float]) -> str:
     """Returns a sentence on what to do about effect `name` with these parameters."""
     info = effect(name)
-    odd = [values.get(one.name, 0.0) for one in info.parameters if one.odd and one.role == "size"]
+    odd = [values.get(row.name, 0.0) for row in info.parameters if row.odd and row.role == "size"]
     return mirrored(info.advice) if odd and odd[0] < 0.0 else info.advice
 
 
 def mechanism(name: str, values: Mapping[str, float]) -> str:
     """Returns the mechanism of effect `name` with these parameters: that of its only nonzero size if that has one."""
     info = effect(name)
-    acting = [one for one in info.parameters if one.role == "size" and values.get(one.name, 0.0) != 0]
-    return next((one.mechanism for one in acting if len(acting) == 1 and one.mechanism), info.mechanism)
+    acting = [row for row in info.parameters if row.role == "size" and values.get(row.name, 0.0) != 0]
+    return acting[0].mechanism or info.mechanism if len(acting) == 1 else info.mechanism
 
 
 @cache
 def loads() -> frozenset[str]:
     """Returns the parameters, as "effect.parameter", whose lever arm is another parameter."""
-    return frozenset(f"{one.name}.{info.arm_of}" for one in effects() for info in one.parameters if info.arm_of)
+    return frozenset(f"{info.name}.{row.arm_of}" for info in effects() for row in info.parameters if row.arm_of)
 
 
 @cache
 def output_table() -> tuple[tuple[str, str], ...]:
+    """Returns (name, unit) of every output signal of all vehicles, in the order of C."""
     library = interface()[1]
-    found: list[tuple[str, str]] = []
-    while name := library.bp_output_name(len(found)):
-        found.append((_text(name), _text(library.bp_output_unit(len(found)))))
-    return tuple(found)
+    names = enumerate(_rows(library.bp_output_name))
+    return tuple((_text(name), _text(library.bp_output_unit(number))) for number, name in names)
 
 
 def outputs() -> dict[str, str]:
@@ -270,10 +256,6 @@ def presets(vehicle: str) -> dict[str, float]:
 @cache
 def _presets(vehicle: str) -> dict[str, float]:
     ffi, library = interface()
-    built = ffi.gc(library.bp_model_new(VEHICLE_CODES[vehicle], 0), library.bp_model_free)
-    value = ffi.new("double *")
-    found = {}
-    for info in parameters():
-        if library.bp_model_get(built, info.name.encode(), value) == 0:
-            found[info.name] = value[0]
-    return found
+    model, value = ffi.gc(library.bp_model_new(VEHICLE_CODES[vehicle], 0), library.bp_model_free), ffi.new("double *")
+    names = [info.name for info in parameters()]
+    return {name: value[0] for name in names if library.bp_model_get(model, name.encode(), value) == 0}

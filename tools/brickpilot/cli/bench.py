@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import sys
 
 import click
 
-from brickpilot.cli.terminal import as_json
+from brickpilot.cli.terminal import as_json, profile_option, show
 from brickpilot.constants import STEP_S
 from brickpilot.errors import InputError
 from brickpilot.hil.checkout import AVR_TARGETS, in_lab
@@ -24,9 +23,7 @@ from brickpilot.hil.checkout import AVR_TARGETS, in_lab
     "firmware that is built for an RCX with these sensors. avr:328p-imu, avr:328p-rotation and avr:2560 count the "
     "cycles of the image for an ATmega328P or ATmega2560 on simavr, with drivers and interrupts; avr does all three.",
 )
-@click.option(
-    "--profile", type=click.Choice(["coupled", "paper"]), help="With h8: the controller's constants; default coupled."
-)
+@profile_option("With h8: the controller's constants; default coupled.")
 @click.option("--sensors", type=click.Choice(["ideal", "imu", "imu+encoders"]), help="With h8: default imu+encoders.")
 @click.option(
     "--seconds",
@@ -67,17 +64,14 @@ def bench(
         words += ["--json"] if as_json else []
         sys.exit(in_lab("step_costs", target, *words, field=f"--target {target}").returncode)
     _refuse("h8 or avr", seconds=seconds)
-    from brickpilot.bench import speed as bench_module
+    from brickpilot.bench import speed
 
-    found = bench_module.host()
-    laws, missing = bench_module.control_law()
+    host = speed.host()
+    laws, missing = speed.control_law()
     for reason in missing:
         click.echo(f"not measured: {reason}", err=True)
-    if as_json:
-        click.echo(json.dumps({name: dataclasses.asdict(figure) for name, figure in (found | laws).items()}))
-        return
-    for line in bench_module.lines(found, laws):
-        click.echo(line)
+    figures = {name: dataclasses.asdict(figure) for name, figure in (host | laws).items()}
+    show(figures, speed.lines(host, laws), as_json=as_json)
 
 
 def _refuse(target: str, **given: str | float | None) -> None:

@@ -13,13 +13,9 @@ from brickpilot.cli.terminal import as_json, effect_names, interval, progress_sh
 @click.command()
 @click.argument("dataset")
 @click.option(
-    "--effects",
-    "effect_names",
-    multiple=True,
-    metavar="NAME",
-    shell_complete=effect_names,
+    "--effects", multiple=True, metavar="NAME", shell_complete=effect_names,
     help="Switch this effect on and fit its parameters; repeatable.",
-)
+)  # fmt: skip
 @click.option(
     "--free", multiple=True, metavar="NAME", help="Fit this parameter although the data set gives it; repeatable."
 )
@@ -27,7 +23,7 @@ from brickpilot.cli.terminal import as_json, effect_names, interval, progress_sh
 @click.option("--out", metavar="DIR", help="The folder to write; default runs/calibrate-NAME.")
 @as_json
 def calibrate(
-    dataset: str, effect_names: tuple[str, ...], free: tuple[str, ...], seed: int, out: str | None, as_json: bool
+    dataset: str, effects: tuple[str, ...], free: tuple[str, ...], seed: int, out: str | None, as_json: bool
 ) -> None:
     """Fits the free nominal parameters of DATASET by free runs: simulations from the inputs alone.
 
@@ -35,7 +31,7 @@ def calibrate(
     model.toml, calibrate.json and report.html.
     """
     from brickpilot.data import reading
-    from brickpilot.fit import calibration as calibrate_module
+    from brickpilot.fit import calibration
     from brickpilot.report import fit_pages, headline_text, run_folder
     from brickpilot.vehicle import model
 
@@ -43,7 +39,7 @@ def calibrate(
     folder = Path(out) if out else Path("runs") / f"calibrate-{data.name}"
     with run_folder.fresh_folder(folder, {"calibrate.json", "report.html", "model.toml"}) as beside:
         with progress_shown(as_json) as progress:
-            found = calibrate_module.calibrate(data, effects=effect_names, free=free, seed=seed, progress=progress)
+            found = calibration.calibrate(data, effects=effects, free=free, seed=seed, progress=progress)
         figures = found.to_json()
         (beside / "calibrate.json").write_text(json.dumps(figures, indent=2) + "\n")
         (beside / "report.html").write_text(fit_pages.calibrate_page(found), encoding="utf-8")

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 import click
 
-from brickpilot.cli.terminal import as_json, jobs_option, log_options, progress_shown, seed_option
+from brickpilot.cli.terminal import log_options, progress_shown, search_options, show
 
 
 @click.command()
@@ -16,17 +15,9 @@ from brickpilot.cli.terminal import as_json, jobs_option, log_options, progress_
 @click.argument("after", nargs=-1, required=True, metavar="AFTER...")
 @log_options
 @click.option("--out", metavar="DIR", help="The folder to write; default runs/changed-NAME.")
-@seed_option
-@jobs_option
-@as_json
+@search_options
 def changed(
-    before: str,
-    after: tuple[str, ...],
-    out: str | None,
-    seed: int,
-    jobs: int,
-    as_json: bool,
-    **how: Any,
+    before: str, after: tuple[str, ...], out: str | None, seed: int, jobs: int, as_json: bool, **how: Any
 ) -> None:
     """Says what is different in later recordings of one machine, by how much, how sure that is and since when.
 
@@ -45,9 +36,4 @@ def changed(
         found = public.changed(
             before, *after, **how, out=folder, seed=seed, jobs=jobs, progress=progress, command=command
         )
-    if as_json:
-        click.echo(json.dumps(found.to_dict(), allow_nan=False))
-        return
-    for line in changed_page.lines(found):
-        click.echo(line)
-    click.echo(f"page: {folder / 'changed.html'}")
+    show(found.to_dict(), [*changed_page.lines(found), f"page: {folder / 'changed.html'}"], as_json=as_json)

@@ -16,12 +16,9 @@ from brickpilot.cli.terminal import as_json, progress_shown, seed_option
     "--model", "model_file", metavar="MODEL.toml", help="Simulate this model; default: the data set's nominal values."
 )
 @click.option(
-    "--window",
-    "window_s",
-    type=float,
-    metavar="S",
+    "--window", "window_s", type=float, metavar="S",
     help="Length of a motor's open-loop windows in seconds, at least 10 samples; default 1; 0: no windows.",
-)
+)  # fmt: skip
 @seed_option
 @click.option("--out", metavar="DIR", help="The folder to write; default runs/compare-NAME.")
 @as_json
@@ -33,9 +30,9 @@ def compare(
     Parameters that neither the data set nor MODEL.toml gives are fitted to the fit runs first, and are listed.
     """
     from brickpilot.data import reading
-    from brickpilot.fit import comparison as compare_module
+    from brickpilot.fit import comparison
     from brickpilot.report import fit_pages, headline_text, run_folder
-    from brickpilot.report.quantities import fit_number
+    from brickpilot.report.quantities import ascii_text, fit_number
     from brickpilot.vehicle import model
 
     data = reading.read(Path(dataset))
@@ -43,23 +40,21 @@ def compare(
     folder = Path(out) if out else Path("runs") / f"compare-{data.name}"
     with run_folder.fresh_folder(folder, {"compare.json", "report.html"}) as beside:
         with progress_shown(as_json) as progress:
-            found = compare_module.compare(data, given, window_s=window_s, seed=seed, progress=progress)
+            found = comparison.compare(data, given, window_s=window_s, seed=seed, progress=progress)
         figures = found.to_json()
         (beside / "compare.json").write_text(json.dumps(figures, indent=2) + "\n")
         (beside / "report.html").write_text(fit_pages.compare_page(found), encoding="utf-8")
     if as_json:
         click.echo(json.dumps(figures))
         return
-    for note in found.notes:
-        click.echo(f"note: {note}")
-    for line in headline_text.lines(found.headline, found.units):
+    for line in (*(f"note: {note}" for note in found.notes), *headline_text.lines(found.headline, found.units)):
         click.echo(line)
     click.echo(f"{'run':25}{'role':10}{'signal':34}{'rms error':>18}{'fit %':>12}")
     for run in found.runs:
         spans = {name: ("free_run", name) for name in found.headline.signals}
         spans |= {f"{name}, {found.window_s:g} s windows": (found.horizon, name) for name in run.windows}
         for label, (horizon, name) in spans.items():
-            one = found.headline.of_run(run.name, name, horizon)
-            cells = (headline_text.plain(headline_text.error_text(one, found.units[name])), fit_number(one.fit_percent))
-            click.echo(f"{run.name:24} {run.role:10}{label:34}{cells[0]:>18}{headline_text.plain(cells[1]):>12}")
+            numbers = found.headline.of_run(run.name, name, horizon)
+            error, fit = headline_text.error_text(numbers, found.units[name]), fit_number(numbers.fit_percent)
+            click.echo(f"{run.name:24} {run.role:10}{label:34}{ascii_text(error):>18}{ascii_text(fit):>12}")
     click.echo(f"report: {folder / 'report.html'}")

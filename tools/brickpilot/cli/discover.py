@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from brickpilot.cli.terminal import as_json, interval, jobs_option, progress_shown, seed_option, wiring_lines
+from brickpilot.cli.terminal import budget_option, interval, progress_shown, search_options, show, wiring_lines
 
 
 @click.command()
@@ -17,30 +17,16 @@ from brickpilot.cli.terminal import as_json, interval, jobs_option, progress_sho
     "--model", "model_file", metavar="MODEL.toml", help="Start from this model; default: the data set's nominal values."
 )
 @click.option("--out", metavar="DIR", help="The folder to write; default runs/discover-NAME.")
+@budget_option("Give the best answer so far after this time, and list what was left out.")
 @click.option(
-    "--budget",
-    type=click.FloatRange(min=0, min_open=True),
-    metavar="SECONDS",
-    help="Give the best answer so far after this time, and list what was left out.",
-)
-@click.option(
-    "--predictor",
-    metavar="FILE",
+    "--predictor", metavar="FILE",
     help="Also write the model that predicts best. Its parts are no claim; model.toml holds the verdict's effects.",
-)
-@seed_option
-@jobs_option
-@as_json
+)  # fmt: skip
+@search_options
 def discover(
-    dataset: str,
-    model_file: str | None,
-    out: str | None,
-    budget: float | None,
-    predictor: str | None,
-    seed: int,
-    jobs: int,
-    as_json: bool,
-) -> None:
+    dataset: str, model_file: str | None, out: str | None, budget: float | None, predictor: str | None, seed: int,
+    jobs: int, as_json: bool,
+) -> None:  # fmt: skip
     """Finds where the simulation differs from the measured DATASET, names the missing effect and adds it to the model.
 
     The verdict is "named", "none", "ambiguous" (no explanation is surely the best, and an experiment is proposed that
@@ -52,15 +38,8 @@ def discover(
     from brickpilot.discover import conclude, pipeline
     from brickpilot.discover.finding import verdict_json
     from brickpilot.public.doors import command_line
-    from brickpilot.report import (
-        composed_law,
-        discover_fit,
-        discover_page,
-        discover_text,
-        experiment_files,
-        run_folder,
-        user_terms,
-    )
+    from brickpilot.report import composed_law, discover_fit, discover_page, discover_text, experiment_files, run_folder
+    from brickpilot.report.user_terms import frames, shown_finding, told
     from brickpilot.vehicle import compensation, model
 
     data = reading.read(Path(dataset))
@@ -71,13 +50,7 @@ def discover(
     with run_folder.fresh_folder(folder, files | set(experiment_files.FILES)) as beside:
         with progress_shown(as_json) as progress:
             found = pipeline.discover(
-                data,
-                given,
-                seed=seed,
-                jobs=jobs,
-                budget_s=budget,
-                predictor=predictor is not None,
-                progress=progress,
+                data, given, seed=seed, jobs=jobs, budget_s=budget, predictor=predictor is not None, progress=progress
             )
         figures = verdict_json(found)
         (beside / "verdict.json").write_text(json.dumps(figures, indent=2, allow_nan=False) + "\n")
@@ -93,17 +66,17 @@ def discover(
     if as_json:
         click.echo(json.dumps(figures, allow_nan=False))
         return
-    for note in user_terms.told(data, found.notes):
+    for note in told(data, found.notes):
         click.echo(f"note: {note}")
     click.echo(discover_text.verdict(found))
-    for effect in user_terms.shown_finding(found).effects:
+    for effect in shown_finding(found).effects:
         for name, value in effect.parameters.items():
             label, known = discover_text.known_size(name, value)
             click.echo(f"{effect.name + '.' + label:40}{known.value:12.5g} {known.unit:12} {interval(known.ci95)}")
     for line in (*discover_text.explanation_lines(found), *discover_fit.lines(found)):
         click.echo(line)
-    if frames := user_terms.frames(data):
-        click.echo(frames)
+    if sentence := frames(data):
+        click.echo(sentence)
     for remark in undone.remarks if undone is not None else ():
         click.echo(f"not compensated: {remark}")
     if predictor is not None:
@@ -115,9 +88,7 @@ def discover(
 
 @click.command()
 @click.argument("dataset")
-@seed_option
-@jobs_option
-@as_json
+@search_options
 def check(dataset: str, seed: int, jobs: int, as_json: bool) -> None:
     """Shows within seconds what a measured DATASET can tell.
 
@@ -125,14 +96,10 @@ def check(dataset: str, seed: int, jobs: int, as_json: bool) -> None:
     from which size, which manoeuvres would tell more, and how long discover will take. It writes nothing.
     """
     from brickpilot.data import reading
-    from brickpilot.readiness import data_check as check_module
+    from brickpilot.readiness import data_check
     from brickpilot.report import check_text
 
     measured = reading.read(Path(dataset))
-    wiring = [one.sentence for one in measured.wiring]
-    found = check_module.check(measured, seed=seed, jobs=jobs)
-    if as_json:
-        click.echo(json.dumps({"wiring": wiring, **found.to_json()}, allow_nan=False))
-        return
-    for line in (*wiring_lines(wiring), *check_text.lines(found)):
-        click.echo(line)
+    wiring = [fault.sentence for fault in measured.wiring]
+    worth = data_check.check(measured, seed=seed, jobs=jobs)
+    show({"wiring": wiring, **worth.to_json()}, (*wiring_lines(wiring), *check_text.lines(worth)), as_json=as_json)

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from brickpilot.cli.terminal import as_json, effect_names, mechanisms
+from brickpilot.cli.terminal import as_json, effect_names
+from brickpilot.cli.terminal import mechanisms as mechanism_names
 from brickpilot.errors import InputError, did_you_mean
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 @click.option(
     "--mechanism",
     metavar="NAME",
-    shell_complete=mechanisms,
+    shell_complete=mechanism_names,
     help="Only the effects of this part of the robot, such as bearing or sensor.",
 )
 @click.option("--long", "whole", is_flag=True, help="Show equation, source, prior and parameters of each effect.")
@@ -34,10 +35,10 @@ def effects(word: str | None, mechanism: str | None, whole: bool, as_json: bool)
     """
     from brickpilot import catalogue
 
-    known = [effect for effect in catalogue.effects() if _is_of(effect, mechanism)]
+    known = [effect for effect in catalogue.effects() if mechanism in (None, effect.mechanism)]
     if not known:
-        all_of_them = list(dict.fromkeys(effect.mechanism for effect in catalogue.effects()))
-        raise InputError(f"is no mechanism; known: {', '.join(all_of_them)}", field=f"--mechanism {mechanism}")
+        mechanisms = dict.fromkeys(effect.mechanism for effect in catalogue.effects())
+        raise InputError(f"is no mechanism; known: {', '.join(mechanisms)}", field=f"--mechanism {mechanism}")
     chosen = _chosen(known, word, mechanism)
     if as_json:
         click.echo(json.dumps({effect.name: dataclasses.asdict(effect) for effect in chosen}))
@@ -45,10 +46,6 @@ def effects(word: str | None, mechanism: str | None, whole: bool, as_json: bool)
         click.echo("\n\n".join(_text(effect) for effect in chosen))
     else:
         click.echo("\n".join(f"{effect.name:26} {effect.mechanism:8} {effect.summary}" for effect in chosen))
-
-
-def _is_of(effect: EffectInfo, mechanism: str | None) -> bool:
-    return mechanism is None or effect.mechanism == mechanism
 
 
 def _chosen(known: Sequence[EffectInfo], word: str | None, mechanism: str | None) -> list[EffectInfo]:
@@ -59,13 +56,13 @@ def _chosen(known: Sequence[EffectInfo], word: str | None, mechanism: str | None
     """
     if word is None:
         return list(known)
-    found = [effect for effect in known if effect.name == word]
-    found = found or [effect for effect in known if word.lower() in f"{effect.name} {effect.summary}".lower()]
-    if not found:
+    chosen = [effect for effect in known if effect.name == word]
+    chosen = chosen or [effect for effect in known if word.lower() in f"{effect.name} {effect.summary}".lower()]
+    if not chosen:
         among = f" of the mechanism {mechanism}" if mechanism else ""
         like = did_you_mean(word, [effect.name for effect in known])
         raise InputError(f"is no effect{among}, and no description has this word{like}", field=word)
-    return found
+    return chosen
 
 
 def _text(effect: EffectInfo) -> str:

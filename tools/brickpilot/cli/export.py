@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import click
 
-from brickpilot.cli.terminal import model_files
+from brickpilot.cli.terminal import model_option
 
 
 @click.group()
@@ -15,20 +14,13 @@ def export() -> None:
     """Writes a model or a run for other programs."""
 
 
-_model_option = click.option(
-    "--model",
-    "model_file",
-    metavar="FILE",
-    shell_complete=model_files,
-    help="A model.toml of discover or calibrate, or your own; default the packaged robot.",
-)
+_model_option = model_option("A model.toml of discover or calibrate, or your own; default the packaged robot.")
 
 
 @export.command()
 @_model_option
 @click.option(
     "--fmi",
-    "fmi",
     type=click.Choice(["3.0", "2.0", "both"]),
     default="3.0",
     show_default=True,
@@ -36,50 +28,37 @@ _model_option = click.option(
 )
 @click.option("--sources-only", is_flag=True, help="Without a binary, which needs no C compiler here.")
 @click.option("--out", metavar="FILE", help="The file to write; default NAME.fmu.")
-def fmu(model_file: str | None, fmi: str, sources_only: bool, out: str | None) -> None:
+def fmu(model: str | None, fmi: str, sources_only: bool, out: str | None) -> None:
     """Writes a model, effects included, as an FMU for co-simulation.
 
     Inputs are the voltages of the motors, outputs the signals of the plant, parameters those of the model and of its
     effects. The FMU holds the C sources and a binary for this machine, made by the C compiler of CC, or else cc. Its
     numbers are those of `brickpilot run`.
     """
-    for one in _written(model_file, "fmu", out, fmi=fmi, binary=not sources_only):
-        click.echo(f"FMU: {one}")
+    _write(model, "fmu", out, fmi=fmi, binary=not sources_only)
 
 
 @export.command()
 @_model_option
 @click.option("--out", metavar="FILE", help="The file to write; default NAME.xml.")
-def mjcf(model_file: str | None, out: str | None) -> None:
+def mjcf(model: str | None, out: str | None) -> None:
     """Writes a model as MJCF, for MuJoCo 3.8 or newer.
 
     The file holds masses, wheels on the floor, motors, losses, and the effects that MuJoCo can simulate. The missing
     parts are printed, and listed in a comment of the file.
     """
-    for one in _written(model_file, "mjcf", out):
-        click.echo(f"MJCF: {one}")
+    _write(model, "mjcf", out)
 
 
 @export.command()
 @_model_option
 @click.option("--out", metavar="FILE", help="The file to write; default NAME.urdf.")
-def urdf(model_file: str | None, out: str | None) -> None:
+def urdf(model: str | None, out: str | None) -> None:
     """Writes a model as URDF: links, masses, wheels, losses and limits.
 
     The missing parts are printed, and listed in a comment of the file.
     """
-    for one in _written(model_file, "urdf", out):
-        click.echo(f"URDF: {one}")
-
-
-def _written(what: str | None, kind: str, out: str | None, **options: Any) -> tuple[Path, ...]:
-    """Writes the files, prints the missing parts, and returns the files."""
-    from brickpilot.public.making import export
-
-    made = export(what, kind, out, **options)
-    for one in made.left_out:
-        click.echo(f"not in the file: {one}")
-    return made.files
+    _write(model, "urdf", out)
 
 
 @export.command()
@@ -92,9 +71,7 @@ def mcap(source: str, out: str | None) -> None:
     signal at every sample, as JSON with a schema, and the poses of a run. The layout has the same name and ends in
     .foxglove.json.
     """
-    content, layout = _written(source, "mcap", out)
-    click.echo(f"MCAP: {content}")
-    click.echo(f"layout of Foxglove: {layout}")
+    _write(source, "mcap", out, "MCAP", "layout of Foxglove")
 
 
 @export.command()
@@ -105,5 +82,16 @@ def parquet(source: str, out: str | None) -> None:
 
     Each column has its unit in its metadata. A flight over a link gives a second file, which ends in -ticks.parquet.
     """
-    for one in _written(source, "parquet", out):
-        click.echo(f"Parquet: {one}")
+    _write(source, "parquet", out, "Parquet")
+
+
+def _write(what: str | None, kind: str, out: str | None, *labels: str, **options: Any) -> None:
+    """Writes the files, and prints the missing parts and each file with its label, the last of which may repeat."""
+    from brickpilot.public.making import export
+
+    made = export(what, kind, out, **options)
+    for part in made.left_out:
+        click.echo(f"not in the file: {part}")
+    labels = labels or (kind.upper(),)
+    for number, file in enumerate(made.files):
+        click.echo(f"{labels[min(number, len(labels) - 1)]}: {file}")

@@ -2,63 +2,39 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import click
 
-from brickpilot.cli.terminal import as_json, model_files, scenario_names
+from brickpilot.cli.terminal import SEEDS, as_json, model_option, scenario_option, show
 from brickpilot.errors import WorkFailedError
 from brickpilot.report.flight_text import figure_lines, waypoint_lines
 
 
 @click.command()
-@click.option(
-    "--model",
-    "model_file",
-    metavar="FILE",
-    required=True,
-    shell_complete=model_files,
-    help="The robot: a model.toml of discover or calibrate, or your own.",
-)
+@model_option("The robot: a model.toml of discover or calibrate, or your own.", required=True)
 @click.option(
     "--board",
-    "board_name",
     type=click.Choice(["rcx", "avr", "avr:2560", "template"]),
     required=True,
     help="rcx: LEGO RCX. avr: ATmega328P (Arduino Uno, Nano). avr:2560: ATmega2560 (Arduino Mega). template: sources "
     "for a board of your own.",
 )
 @click.option("--out", metavar="DIR", help="The folder to write; default firmware-NAME-BOARD.")
-@click.option("--sensors", type=click.Choice(["imu", "imu+encoders"]), help="The robot's sensors; default imu.")
+@click.option(
+    "--sensors", type=click.Choice(["imu", "imu+encoders"]), default="imu", help="The robot's sensors; default imu."
+)
 @click.option(
     "--imu", type=click.Choice(["analogue", "mpu6050", "lsm6ds"]), default="analogue", show_default=True,
     help="The Arduino's IMU: voltages at A0 to A2, or a chip on I2C, MPU-6050 or LSM6DS.",
 )  # fmt: skip
-@click.option(
-    "--scenario",
-    metavar="FILE",
-    shell_complete=scenario_names,
-    help="The mission in the image; default the paper's eight waypoints, scaled to the robot.",
-)
-@click.option("--gains", "gains_file", metavar="FILE", help="Compile this gains.toml of `brickpilot tune` in.")
-@click.option(
-    "--seed", type=click.IntRange(0, 2**63 - 1), default=0, show_default=True, help="The seed of the sensors' noise."
-)
+@scenario_option("The mission in the image; default the paper's eight waypoints, scaled to the robot.")
+@click.option("--gains", metavar="FILE", help="Compile this gains.toml of `brickpilot tune` in.")
+@click.option("--seed", type=SEEDS, default=0, show_default=True, help="The seed of the sensors' noise.")
 @as_json
-def firmware(
-    model_file: str,
-    board_name: str,
-    out: str | None,
-    sensors: str | None,
-    imu: str,
-    scenario: str | None,
-    gains_file: str | None,
-    seed: int,
-    as_json: bool,
-) -> None:  # fmt: skip
+def firmware(as_json: bool, **options: Any) -> None:
     """Makes the firmware of your own robot, and flies the robot with it in simulation.
 
     The constants follow from the robot: its model, gains that give it the packaged robot's closed-loop poles, and a
@@ -70,25 +46,20 @@ def firmware(
     """
     from brickpilot.public import making
 
-    made = making.firmware(
-        model_file, board_name, out, sensors=sensors or "imu", imu=imu, scenario=scenario, gains=gains_file, seed=seed
-    )
-    if as_json:
-        click.echo(json.dumps(made.figures))
-    else:
-        _show(made.figures, made.folder)
+    made = making.firmware(**options)
+    show(made.figures, _lines(made.figures, made.folder), as_json=as_json)
     if made.figures["flight"]["failure"] is not None:
         raise WorkFailedError(made.sentence)
 
 
-def _show(figures: Mapping[str, Any], folder: Path) -> None:
-    for line in (*waypoint_lines(figures["flight"]), *figure_lines(figures["flight"])):
-        click.echo(line)
-    click.echo(f"mission             {figures['mission']}")
+def _lines(figures: Mapping[str, Any], folder: Path) -> Iterator[str]:
+    yield from waypoint_lines(figures["flight"])
+    yield from figure_lines(figures["flight"])
+    yield f"mission             {figures['mission']}"
     sizes = ", ".join(f"{name.replace('_', ' ')} {size:,}" for name, size in figures["bytes"].items())
-    click.echo(f"image               {sizes} bytes")
+    yield f"image               {sizes} bytes"
     for remark in figures["remarks"]:
-        click.echo(f"not undone          {remark}")
+        yield f"not undone          {remark}"
     if figures["fly"] is not None:
-        click.echo(f"fly this image      {figures['fly']}")
-    click.echo(f"report: {folder / 'README.md'}")
+        yield f"fly this image      {figures['fly']}"
+    yield f"report: {folder / 'README.md'}"

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import click
 
-from brickpilot.cli.terminal import as_json, progress_shown
+from brickpilot.cli.terminal import as_json, progress_shown, show
 from brickpilot.errors import InputError
 
 
@@ -19,14 +18,9 @@ def flash() -> None:
 @flash.command("rcx")
 @click.argument("file")
 @click.option(
-    "-t",
-    "--tty",
-    "device",
-    envvar="RCXTTY",
-    show_envvar=True,
-    metavar="DEVICE",
+    "-t", "--tty", "device", envvar="RCXTTY", show_envvar=True, metavar="DEVICE",
     help="The serial port of the infrared tower, such as /dev/ttyUSB0.",
-)
+)  # fmt: skip
 @click.option(
     "-p", "--program", "number", type=click.IntRange(1, 8), metavar="1..8", help="The place of the program; default 1."
 )
@@ -50,7 +44,7 @@ def flash_rcx(
     figures: dict[str, object] = {"file": file, "device": device}
     if path.suffix.lower() == ".lx":
         program = image_files.read_program(path)
-        port = _given(device)
+        port = _given("tower", "--tty", "RCXTTY", device)
         with progress_shown(as_json) as progress:
             done = rom.flash_program(
                 program, port, slot=(number or 1) - 1, host=host or 0, execute=execute, progress=progress
@@ -61,54 +55,36 @@ def flash_rcx(
         if number is not None or host is not None or execute:
             raise InputError("apply to programs (.lx), and this file is not one", file=file, field="-p, -r and -e")
         image = image_files.read_firmware(path)
-        port = _given(device)
+        port = _given("tower", "--tty", "RCXTTY", device)
         with progress_shown(as_json) as progress:
             done = rom.flash_firmware(image, port, progress=progress)
         figures |= {"kind": "firmware"}
         what = "firmware, started"
     figures |= {
-        "bytes": len(done.image),
-        "address": done.address,
-        "checksum": sum(done.image) & 0xFFFF,
-        "packets": done.tally.packets,
-        "sent_again": done.tally.sent_again,
-        "seconds": round(done.seconds, 3),
-    }
-    if as_json:
-        click.echo(json.dumps(figures))
-        return
-    click.echo(
+        "bytes": len(done.image), "address": done.address, "checksum": sum(done.image) & 0xFFFF,
+        "packets": done.tally.packets, "sent_again": done.tally.sent_again, "seconds": round(done.seconds, 3),
+    }  # fmt: skip
+    line = (
         f"{file}: {len(done.image)} bytes at 0x{done.address:04X}, {what}; {done.tally.packets} packets, "
         f"{done.tally.sent_again} of them sent again, {done.seconds:.1f} s"
     )
+    show(figures, [line], as_json=as_json)
 
 
 @flash.command("avr")
 @click.argument("file")
 @click.option(
-    "-P",
-    "--port",
-    envvar="AVRPORT",
-    show_envvar=True,
-    metavar="PORT",
+    "-P", "--port", envvar="AVRPORT", show_envvar=True, metavar="PORT",
     help="The board's serial port, such as /dev/ttyACM0 or COM3.",
-)
+)  # fmt: skip
 @click.option(
-    "-p",
-    "--part",
-    type=click.Choice(["328p", "2560"]),
-    default="328p",
-    show_default=True,
+    "-p", "--part", type=click.Choice(["328p", "2560"]), default="328p", show_default=True,
     help="The chip: ATmega328P (Uno, Nano) or ATmega2560 (Mega).",
-)
+)  # fmt: skip
 @click.option(
-    "-b",
-    "--baud",
-    type=click.IntRange(300, 2_000_000),
-    default=115200,
-    show_default=True,
+    "-b", "--baud", type=click.IntRange(300, 2_000_000), default=115200, show_default=True,
     help="The boot loader's rate.",
-)
+)  # fmt: skip
 @click.option("-n", "--dry-run", is_flag=True, help="Only check whether this board is there; write nothing.")
 @as_json
 def flash_avr(file: str, port: str | None, part: str, baud: int, dry_run: bool, as_json: bool) -> None:
@@ -121,20 +97,15 @@ def flash_avr(file: str, port: str | None, part: str, baud: int, dry_run: bool, 
 
     chip = avr.PARTS[part]
     avr.read(Path(file), chip)
-    if port is None:
-        raise InputError(
-            "is missing: name the board's serial port here or in the environment as AVRPORT", field="--port"
-        )
-    done = avr.flash(Path(file), chip, port, baud=baud, dry=dry_run)
+    done = avr.flash(Path(file), chip, _given("board", "--port", "AVRPORT", port), baud=baud, dry=dry_run)
     figures = {"file": file, "port": port, "part": chip.name, "bytes": done.size, "written": not dry_run}
-    if as_json:
-        click.echo(json.dumps(figures | {"seconds": round(done.seconds, 3)}))
-        return
     what = "not written: a dry run" if dry_run else "written and compared"
-    click.echo(f"{file}: {done.size} bytes, {what}; {chip.name} at {port}, {done.seconds:.1f} s")
+    line = f"{file}: {done.size} bytes, {what}; {chip.name} at {port}, {done.seconds:.1f} s"
+    show(figures | {"seconds": round(done.seconds, 3)}, [line], as_json=as_json)
 
 
-def _given(device: str | None) -> str:
-    if device is None:
-        raise InputError("is missing: name the tower's serial port here or in the environment as RCXTTY", field="--tty")
-    return device
+def _given(what: str, flag: str, variable: str, port: str | None) -> str:
+    if port is None:
+        message = f"is missing: name the {what}'s serial port here or in the environment as {variable}"
+        raise InputError(message, field=flag)
+    return port

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import os
 import sys
 from collections.abc import Iterator, Mapping
@@ -15,7 +14,7 @@ import click
 from tqdm import tqdm
 
 from brickpilot.cli.settings_table import setting_lines
-from brickpilot.cli.terminal import as_json, flight_options, setting_names, settings_of
+from brickpilot.cli.terminal import as_json, flight_options, set_option, settings_of, show
 from brickpilot.constants import STEP_S
 from brickpilot.errors import InputError, SimulationError, WorkFailedError
 from brickpilot.report.flight_text import figure_lines, link_lines, waypoint_lines
@@ -68,14 +67,7 @@ if TYPE_CHECKING:
     metavar="N",
     help="The brick sends telemetry every N steps; default 1 in lockstep, 10 in real time and with --target avr.",
 )
-@click.option(
-    "--set",
-    "written",
-    multiple=True,
-    metavar="NAME=VALUE",
-    shell_complete=setting_names,
-    help="Write this raw value to a setting before the flight; repeatable.",
-)
+@set_option("Write this raw value to a setting before the flight; repeatable.")
 @click.option(
     "--settings",
     "list_settings",
@@ -99,21 +91,10 @@ if TYPE_CHECKING:
 @click.option("--out", metavar="DIR", help="The run folder to write; default runs/hil-SCENARIO-PROFILE-SENSORS.")
 @as_json
 def hil(
-    request: FlightRequest,
-    spec: str | None,
-    target: str,
-    image_file: str | None,
-    trace_file: str | None,
-    lockstep: bool,
-    telemetry_every: int | None,
-    written: tuple[str, ...],
-    list_settings: bool,
-    record_file: str | None,
-    replay_file: str | None,
-    junit_file: str | None,
-    out: str | None,
-    as_json: bool,
-) -> None:
+    request: FlightRequest, spec: str | None, target: str, image_file: str | None, trace_file: str | None,
+    lockstep: bool, telemetry_every: int | None, written: tuple[str, ...], list_settings: bool,
+    record_file: str | None, replay_file: str | None, junit_file: str | None, out: str | None, as_json: bool,
+) -> None:  # fmt: skip
     """Flies SCENARIO with the plant at one end of a link and the controller at the other.
 
     Without SCENARIO it flies the paper's eight waypoints. In lockstep the motor commands equal those of
@@ -126,8 +107,10 @@ def hil(
     own = None if image_file is None else flights.image_of(Path(image_file), request, target)
     target, image = (target, None) if own is None else (own.target, own.path)
     spec = flights.link_of(spec, target, lockstep)
-    if target.startswith("avr:"):
-        _check_avr(target, list_settings, replay_file)
+    if target.startswith("avr:") and list_settings:
+        raise InputError("only flies; `brickpilot settings` lists the settings", field=f"--target {target}")
+    if target.startswith("avr:") and replay_file is not None:
+        raise InputError("has its own sensors, so no recorded readings can be replayed", field=f"--target {target}")
     if replay_file is not None:
         _replay(spec, Path(replay_file), image, as_json)
     elif list_settings:
@@ -136,24 +119,11 @@ def hil(
         every = telemetry_every or (1 if lockstep and not target.startswith("avr:") else 10)
         record, junit, trace = (None if one is None else Path(one) for one in (record_file, junit_file, trace_file))
         session = flights.Session(spec, lockstep, every, settings_of(written), record, junit, trace, own)
-        with _progress(as_json) as show:
-            made = flights.fly_over(request, session, None if out is None else Path(out), show)
-        if as_json:
-            click.echo(json.dumps(made.figures))
-        else:
-            _print_flight(
-                made.figures, made.folder, lacks_priority=not lockstep and not made.figures["realtime_priority"]
-            )
+        with _progress(as_json) as progress:
+            made = flights.fly_over(request, session, None if out is None else Path(out), progress)
+        show(made.figures, _lines(made.figures, made.folder, lockstep=lockstep), as_json=as_json)
         if made.figures["failure"] is not None:
             raise WorkFailedError(f"{spec}: {made.figures['failure']}")
-
-
-def _check_avr(target: str, list_settings: bool, replay_file: str | None) -> None:
-    """Raises InputError for options that do not apply to an AVR on simavr."""
-    if list_settings:
-        raise InputError("only flies; `brickpilot settings` lists the settings", field=f"--target {target}")
-    if replay_file is not None:
-        raise InputError("has its own sensors, so no recorded readings can be replayed", field=f"--target {target}")
 
 
 @contextmanager
@@ -162,19 +132,20 @@ def _progress(as_json: bool) -> Iterator[Progress]:
     quiet = as_json or not sys.stderr.isatty()
     with tqdm(disable=quiet, leave=False, bar_format="{desc} {bar} {percentage:3.0f}%") as bar:
 
-        def show(done: int, steps: int, text: str) -> None:
+        def report(done: int, steps: int, text: str) -> None:
             bar.total, bar.n = steps, done
             bar.set_description_str(f"{done * STEP_S:5.1f} s, {text}")
 
-        yield show
+        yield report
 
 
-def _print_flight(figures: Mapping[str, Any], folder: Path, *, lacks_priority: bool) -> None:
-    for line in (*waypoint_lines(figures), *figure_lines(figures), *link_lines(figures)):
-        click.echo(line)
-    click.echo(f"report: {folder / 'report.html'}")
-    if lacks_priority:
-        click.echo("note: the system grants no real-time priority (see ulimit -r), so other programs can delay ticks")
+def _lines(figures: Mapping[str, Any], folder: Path, *, lockstep: bool) -> Iterator[str]:
+    yield from waypoint_lines(figures)
+    yield from figure_lines(figures)
+    yield from link_lines(figures)
+    yield f"report: {folder / 'report.html'}"
+    if not lockstep and not figures["realtime_priority"]:
+        yield "note: the system grants no real-time priority (see ulimit -r), so other programs can delay ticks"
 
 
 def _list_settings(spec: str, profile: str, image: Path | None, as_json: bool) -> None:
@@ -185,12 +156,8 @@ def _list_settings(spec: str, profile: str, image: Path | None, as_json: bool) -
     with ends.both_ends(spec, image=image) as both:
         session = Session(both.link, spec)
         session.open(profile, LOCKSTEP)
-        found = {name: session.read(name) for name in session.parameters()}
-    if as_json:
-        click.echo(json.dumps(found))
-    else:
-        for line in setting_lines(found, "now"):
-            click.echo(line)
+        values = {name: session.read(name) for name in session.parameters()}
+    show(values, setting_lines(values, "now"), as_json=as_json)
 
 
 def _replay(spec: str, file: Path, image: Path | None, as_json: bool) -> None:
@@ -198,13 +165,12 @@ def _replay(spec: str, file: Path, image: Path | None, as_json: bool) -> None:
     from brickpilot.hil import ends, traffic_log
 
     with ends.both_ends(spec, image=image) as both:
-        found = traffic_log.replay(both.link, spec, file)
-    if as_json:
-        click.echo(json.dumps({"link": spec, "replay": str(file), **dataclasses.asdict(found)}))
-    else:
-        click.echo(f"{found.steps} steps replayed, {found.differing} motor commands differ")
-    if found.differing:
-        raise SimulationError(f"{file}: the brick's motor command at step {found.first} differs from the recording")
+        replayed = traffic_log.replay(both.link, spec, file)
+    figures = {"link": spec, "replay": str(file), **dataclasses.asdict(replayed)}
+    line = f"{replayed.steps} steps replayed, {replayed.differing} motor commands differ"
+    show(figures, [line], as_json=as_json)
+    if replayed.differing:
+        raise SimulationError(f"{file}: the brick's motor command at step {replayed.first} differs from the recording")
 
 
 @click.command(context_settings={"ignore_unknown_options": True})

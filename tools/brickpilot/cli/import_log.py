@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
@@ -11,14 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from brickpilot.cli.terminal import as_json, import_kinds, progress_shown, wiring_lines
+from brickpilot.cli.terminal import as_json, import_kinds, progress_shown, show, wiring_lines, with_options
 from brickpilot.errors import InputError
 from brickpilot.importers import IMPORTERS
 from brickpilot.importers.registry import Importer, Option, all_options, importer_and_files, kinds_with
 
 if TYPE_CHECKING:
     from brickpilot.importers.channels import Listed
-    from brickpilot.importers.writer import Imported
 
 
 def import_command(importers: Sequence[Importer]) -> click.Command:
@@ -37,26 +35,15 @@ def import_command(importers: Sequence[Importer]) -> click.Command:
             return
         if out is None:
             raise InputError("is needed: the folder to write", field="--out")
-        known = parse_nominal(nominal)
+        options |= {"nominal": parse_nominal(nominal), "name": name, "importers": importers}
         with progress_shown(as_json) if importer.reports_progress else nullcontext() as progress:
-            made = import_log(
-                files,
-                out,
-                kind=importer.kind,
-                nominal=known,
-                name=name,
-                progress=progress,
-                importers=importers,
-                **options,
-            )
-        _show(made, as_json)
+            made = import_log(files, out, kind=importer.kind, progress=progress, **options)
+        figures = {"runs": made.runs, "wiring": made.wiring, "mend": made.mend, "notes": made.notes}
+        lines = [*wiring_lines(made.wiring, made.mend), *(f"note: {note}" for note in made.notes)]
+        lines.append(f"{made.folder}: {len(made.runs)} run{'s' if len(made.runs) != 1 else ''}")
+        show({"dataset": str(made.folder), **figures}, lines, as_json=as_json)
 
-    return _with_options(command, importers)
-
-
-def _with_options(function: Any, importers: Sequence[Importer]) -> click.Command:
-    """Returns the click command of `function`, with the options that all importers share and those of the rows."""
-    decorators = [
+    options = [
         click.argument("words", nargs=-1, required=True, metavar="[KIND] FILE...", shell_complete=import_kinds),
         click.option(
             "--kind",
@@ -70,14 +57,9 @@ def _with_options(function: Any, importers: Sequence[Importer]) -> click.Command
         click.option("--name", help="The name of the data set; default: the name of the folder."),
         as_json,
     ]
-    for decorate in reversed(decorators):
-        function = decorate(function)
-    return click.command("import", help=_help(importers))(function)
-
-
-def _help(importers: Sequence[Importer]) -> str:
     rows = (f"\b\n{row.kind}: {row.help}\n    brickpilot import {row.example}" for row in importers)
-    return "\n\n".join(["Turns logs of other tools into a data set.", *rows])
+    text = "\n\n".join(["Turns logs of other tools into a data set.", *rows])
+    return click.command("import", help=text)(with_options(command, options))
 
 
 def _click_option(option: Option, importers: Sequence[Importer]) -> Any:
@@ -96,52 +78,34 @@ def _click_option(option: Option, importers: Sequence[Importer]) -> Any:
     )
 
 
-def _show(made: Imported, as_json: bool) -> None:
-    if as_json:
-        told = {"runs": made.runs, "wiring": made.wiring, "mend": made.mend, "notes": made.notes}
-        click.echo(json.dumps({"dataset": str(made.folder), **told}))
-        return
-    for line in wiring_lines(made.wiring, made.mend):
-        click.echo(line)
-    for note in made.notes:
-        click.echo(f"note: {note}")
-    click.echo(f"{made.folder}: {len(made.runs)} run{'s' if len(made.runs) != 1 else ''}")
-
-
 def _show_list(importer: Importer, files: Sequence[Path], as_json: bool) -> None:
     """Prints the channels of each file."""
     if not importer.reader:
         raise InputError(f"does not work with {importer.kind}", field="--list")
-    found = {file: importer.contents(file) for file in files}
-    if as_json:
-        rows = [{"file": str(file), "kind": importer.kind, **asdict(one)} for file, one in found.items()]
-        click.echo(json.dumps({"files": rows}))
-        return
-    for file, one in found.items():
-        click.echo(f"{file}: {importer.kind}, {len(one.channels)} channels")
-        click.echo(_table([_HEADER, *map(_cells, one.channels)]))
-        for note in (*one.notes, *(["it ends inside a record; --cut imports what is before it"] if one.cut else [])):
-            click.echo(f"note: {note}")
+    contents = {file: importer.contents(file) for file in files}
+    rows = [{"file": str(file), "kind": importer.kind, **asdict(listed)} for file, listed in contents.items()]
+    lines = []
+    for file, listed in contents.items():
+        lines += [f"{file}: {importer.kind}, {len(listed.channels)} channels", *_table(listed.channels)]
+        lines += [f"note: {note}" for note in listed.notes]
+        lines += ["note: it ends inside a record; --cut imports what is before it"] if listed.cut else []
+    show({"files": rows}, lines, as_json=as_json)
 
 
 _HEADER = ("channel", "type", "unit", "samples", "rate Hz", "first s", "last s", "lowest", "highest")
 
 
-def _cells(one: Listed) -> tuple[str, ...]:
-    numbers = (one.rate, one.first, one.last, one.lowest, one.highest)
-    return one.name, one.type, one.unit or "-", str(one.samples), *("-" if x is None else f"{x:.6g}" for x in numbers)
-
-
-def _table(rows: Sequence[Sequence[str]]) -> str:
-    """Returns rows of words in columns: words to the left, numbers to the right."""
+def _table(channels: Sequence[Listed]) -> Iterator[str]:
+    """Yields a table with a row for each channel: words to the left, numbers to the right."""
+    rows: list[Sequence[str]] = [_HEADER]
+    for row in channels:
+        numbers = (row.rate, row.first, row.last, row.lowest, row.highest)
+        texts = ("-" if number is None else f"{number:.6g}" for number in numbers)
+        rows.append((row.name, row.type, row.unit or "-", str(row.samples), *texts))
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return "\n".join(
-        "  ".join(
-            cell.ljust(wide) if place < 3 else cell.rjust(wide)
-            for place, (cell, wide) in enumerate(zip(row, widths, strict=True))
-        )
-        for row in rows
-    )
+    for cells in rows:
+        padded = zip(cells, widths, (str.ljust,) * 3 + (str.rjust,) * 6, strict=True)
+        yield "  ".join(pad(cell, width) for cell, width, pad in padded)
 
 
 import_log = import_command(IMPORTERS)

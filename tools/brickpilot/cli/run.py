@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from brickpilot.cli.terminal import as_json, flight_options
+from brickpilot.cli.terminal import as_json, flight_options, show
 from brickpilot.errors import WorkFailedError
 from brickpilot.report.flight_text import figure_lines, waypoint_lines
 
@@ -36,12 +35,7 @@ def run(request: FlightRequest, out: str | None, as_json: bool) -> None:
     command = command_line("run", request.scenario, **request.options(plan))
     folder = Path(out) if out else Path("runs") / f"{chosen.name}-{plan.controller}-{plan.sensors}"
     run_folder.write(flown.flight, figures, run_page.page(flown.flight, figures, command), folder)
-    if as_json:
-        click.echo(json.dumps(figures))
-    else:
-        for line in _lines(chosen.title, figures):
-            click.echo(line)
-        click.echo(f"report: {folder / 'report.html'}")
+    show(figures, [*_lines(chosen.title, figures), f"report: {folder / 'report.html'}"], as_json=as_json)
     if flown.failure is not None:
         raise WorkFailedError(f"{chosen.name}: {flown.failure}")
 

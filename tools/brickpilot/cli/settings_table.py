@@ -2,25 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 import click
 
-from brickpilot.cli.terminal import as_json, setting_names
+from brickpilot.cli.terminal import as_json, profile_option, setting_names, show
 from brickpilot.errors import InputError, did_you_mean
 
 
 @click.command(short_help="Lists the firmware's settings: unit, range, default, meaning.")
 @click.argument("word", metavar="[WORD]", required=False, shell_complete=setting_names)
-@click.option(
-    "--profile",
-    type=click.Choice(["coupled", "paper"]),
-    default="coupled",
-    show_default=True,
-    help="The profile whose defaults are shown.",
-)
+@profile_option("The profile whose defaults are shown.", "coupled")
 @as_json
 def settings(word: str | None, profile: str, as_json: bool) -> None:
     """Lists the settings of the firmware: unit, range, default and meaning; with WORD, only those that contain it.
@@ -28,14 +21,13 @@ def settings(word: str | None, profile: str, as_json: bool) -> None:
     `--set NAME=VALUE` of `hil` and `upload` writes the raw integer in the last column.
     """
     from brickpilot.vehicle.settings import defaults
+    from brickpilot.vehicle.settings import settings as rows
 
-    chosen = _chosen(word)
+    chosen = {name for name, row in rows().items() if word is None or word in name or word.lower() in row.meaning}
+    if not chosen:
+        raise InputError(f"no setting has this word{did_you_mean(str(word), rows())}", field=word)
     values = {name: raw for name, raw in defaults(profile).items() if name in chosen}
-    if as_json:
-        click.echo(json.dumps({name: _entry(name, raw) for name, raw in values.items()}))
-        return
-    for line in setting_lines(values, "default"):
-        click.echo(line)
+    show({name: _entry(name, raw) for name, raw in values.items()}, setting_lines(values, "default"), as_json=as_json)
 
 
 def setting_lines(values: Mapping[str, int], title: str) -> Iterator[str]:
@@ -49,22 +41,12 @@ def setting_lines(values: Mapping[str, int], title: str) -> Iterator[str]:
         yield f"{name:16} {row.value(raw):>10.4g}  {row.range_in_unit:30} {shown:>26}  {meaning}"
 
 
-def _chosen(word: str | None) -> set[str]:
-    from brickpilot.vehicle.settings import settings as rows
-
-    chosen = {name for name, row in rows().items() if word is None or word in name or word.lower() in row.meaning}
-    if not chosen:
-        raise InputError(f"no setting has this word{did_you_mean(str(word), rows())}", field=word)
-    return chosen
-
-
 def _entry(name: str, raw: int) -> dict[str, Any]:
     from brickpilot.vehicle.settings import named
 
     row = named(name)
-    low, high = row.value(row.low), row.value(row.high)
     return {
-        "default": row.value(raw), "unit": row.format.unit, "range": [low, high], "raw_default": raw,
-        "raw_range": [row.low, row.high], "raw_format": row.format.text, "meaning": row.meaning,
+        "default": row.value(raw), "unit": row.format.unit, "range": [row.value(row.low), row.value(row.high)],
+        "raw_default": raw, "raw_range": [row.low, row.high], "raw_format": row.format.text, "meaning": row.meaning,
         "compensation": bool(row.compensation),
     }  # fmt: skip

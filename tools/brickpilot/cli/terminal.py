@@ -1,16 +1,15 @@
-"""Options, formats, completion in the shell and the progress bar that several commands share.
-
-Completion knows scenarios, kinds of log, effects, settings and mechanisms, by `shell_complete` of click.
-"""
+"""Options, output, completion in the shell and the progress bar that several commands share."""
 
 from __future__ import annotations
 
 import functools
+import json
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
+from typing import Any
 
 import click
 from click.shell_completion import CompletionItem
@@ -19,27 +18,16 @@ from tqdm import tqdm
 from brickpilot.constants import VEHICLES
 from brickpilot.errors import InputError
 
-_SHOWN_S = 2.0  # a shorter rest is not told
+_SHOWN_S = 2.0  # a shorter remaining time is not shown
 
-as_json = click.option(
-    "--json", "as_json", is_flag=True, help="Print one machine-readable object on stdout and nothing else."
-)
+Option = Callable[[Callable[..., Any]], Callable[..., Any]]
+"""A decorator that adds an option to a command."""
 
-seed_option = click.option(
-    "--seed",
-    type=click.IntRange(0, 2**63 - 1),
-    default=0,
-    show_default=True,
-    help="The seed of the random starting points.",
-)
 
-jobs_option = click.option(
-    "--jobs",
-    type=click.IntRange(1, 256),
-    default=2,
-    show_default=True,
-    help="The number of fits that run at the same time.",
-)
+def show(figures: object, lines: Iterable[str], *, as_json: bool) -> None:
+    """Prints the figures as one JSON object, or else the lines."""
+    for line in [json.dumps(figures)] if as_json else lines:
+        click.echo(line)
 
 
 def settings_of(written: tuple[str, ...]) -> dict[str, int]:
@@ -50,15 +38,15 @@ def settings_of(written: tuple[str, ...]) -> dict[str, int]:
     """
     from brickpilot.vehicle.settings import named
 
-    found = {}
+    values = {}
     for pair in written:
         name, _, value = pair.partition("=")
         try:
-            found[name] = int(value)
+            values[name] = int(value)
         except ValueError:
             raise InputError("needs NAME=VALUE with a whole number", field=f"--set {pair}") from None
-        named(name).check(found[name])
-    return found
+        named(name).check(values[name])
+    return values
 
 
 def interval(ci95: tuple[float, float] | None) -> str:
@@ -95,86 +83,124 @@ def progress_shown(quiet: bool) -> Iterator[Callable[[int, int, str], None]]:
 
 def wiring_lines(sentences: Sequence[str], mend: str = "") -> list[str]:
     """Returns the lines on channels that are wired or stated wrongly, which come before all others."""
-    return [*(f"wiring: {one}" for one in sentences), *([f"to mend it in the log: {mend}"] if mend else [])]
+    return [*(f"wiring: {sentence}" for sentence in sentences), *([f"to mend it in the log: {mend}"] if mend else [])]
+
+
+def _beginning(typed: str, known: Mapping[str, str | None], *, or_file: bool = False) -> list[CompletionItem]:
+    """Returns those names in `known`, name -> description, that begin as typed; or a file where none does."""
+    items = [CompletionItem(name, help=text) for name, text in known.items() if name.startswith(typed)]
+    return items or ([CompletionItem(typed, type="file")] if or_file else [])
+
+
+def _files(_context: click.Context, _parameter: click.Parameter, typed: str) -> list[CompletionItem]:
+    return _beginning(typed, {}, or_file=True)
 
 
 def scenario_names(_context: click.Context, _parameter: click.Parameter, typed: str) -> list[CompletionItem]:
     """Completes the packaged scenarios, or files if no scenario begins like this."""
     from brickpilot.vehicle.scenario import packaged
 
-    found = [CompletionItem(name) for name in packaged() if name.startswith(typed)]
-    return found or [CompletionItem(typed, type="file")]
-
-
-def model_files(_context: click.Context, _parameter: click.Parameter, typed: str) -> list[CompletionItem]:
-    """Completes files."""
-    return [CompletionItem(typed, type="file")]
+    return _beginning(typed, dict.fromkeys(packaged()), or_file=True)
 
 
 def import_kinds(context: click.Context, _parameter: click.Parameter, typed: str) -> list[CompletionItem]:
-    """Completes the kinds of log as the first word, and files where none begins so and behind it."""
+    """Completes the kinds of log as the first word, or files; all further words are files."""
     from brickpilot.importers import IMPORTERS
 
-    first = not context.params.get("words")
-    found = [CompletionItem(row.kind, help=row.help) for row in IMPORTERS if first and row.kind.startswith(typed)]
-    return found or [CompletionItem(typed, type="file")]
+    is_first = not context.params.get("words")
+    return _beginning(typed, {row.kind: row.help for row in IMPORTERS if is_first}, or_file=True)
 
 
 def effect_names(_context: click.Context, _parameter: click.Parameter, typed: str) -> list[CompletionItem]:
-    """Completes the names of effects, with a description if the shell shows it."""
+    """Completes the names of effects."""
     from brickpilot import catalogue
 
-    return [CompletionItem(one.name, help=one.summary) for one in catalogue.effects() if one.name.startswith(typed)]
+    return _beginning(typed, {effect.name: effect.summary for effect in catalogue.effects()})
 
 
 def mechanisms(_context: click.Context, _parameter: click.Parameter, typed: str) -> list[CompletionItem]:
     """Completes the mechanisms that effects have."""
     from brickpilot import catalogue
 
-    known = dict.fromkeys(one.mechanism for one in catalogue.effects())
-    return [CompletionItem(name) for name in known if name.startswith(typed)]
+    return _beginning(typed, dict.fromkeys(effect.mechanism for effect in catalogue.effects()))
 
 
 def setting_names(_context: click.Context, parameter: click.Parameter, typed: str) -> list[CompletionItem]:
-    """Completes the names of settings; after `--set` with the sign before the value."""
+    """Completes the names of settings, and "=" after a name for `--set`."""
     from brickpilot.vehicle.settings import settings
 
     end = "=" if isinstance(parameter, click.Option) else ""
-    return [CompletionItem(name + end, help=row.meaning) for name, row in settings().items() if name.startswith(typed)]
+    return _beginning(typed, {name + end: row.meaning for name, row in settings().items()})
+
+
+as_json = click.option(
+    "--json", "as_json", is_flag=True, help="Print one machine-readable object on stdout and nothing else."
+)
+
+SEEDS = click.IntRange(0, 2**63 - 1)
+JOBS = click.IntRange(1, 256)
+
+seed_option = click.option(
+    "--seed", type=SEEDS, default=0, show_default=True, help="The seed of the random starting points."
+)
+jobs_option = click.option(
+    "--jobs", type=JOBS, default=2, show_default=True, help="The number of fits that run at the same time."
+)
+
+
+def search_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Adds the options `--seed`, `--jobs` and `--json`."""
+    return with_options(command, (seed_option, jobs_option, as_json))
+
+
+def budget_option(text: str) -> Option:
+    """Returns the option `--budget` of a search, in s."""
+    return click.option("--budget", type=click.FloatRange(min=0, min_open=True), metavar="SECONDS", help=text)
+
+
+def model_option(text: str, *, required: bool = False) -> Option:
+    """Returns the option `--model` of a command that makes something of a model; the shell completes files."""
+    return click.option("--model", metavar="FILE", required=required, shell_complete=_files, help=text)
+
+
+def scenario_option(text: str) -> Option:
+    """Returns the option `--scenario`."""
+    return click.option("--scenario", metavar="FILE", shell_complete=scenario_names, help=text)
+
+
+def profile_option(text: str, default: str | None = None) -> Option:
+    """Returns the option `--profile`."""
+    kinds = click.Choice(["coupled", "paper"])
+    return click.option("--profile", type=kinds, default=default, show_default=default is not None, help=text)
+
+
+def set_option(text: str) -> Option:
+    """Returns the option `--set`, whose values `settings_of` reads."""
+    return click.option(
+        "--set", "written", multiple=True, metavar="NAME=VALUE", shell_complete=setting_names, help=text
+    )
 
 
 _FLIGHT_OPTIONS = (
     click.argument("scenario_name", metavar="[SCENARIO]", required=False, shell_complete=scenario_names),
     click.option(
-        "--scenario",
-        "scenario_file",
-        metavar="FILE",
-        shell_complete=scenario_names,
+        "--scenario", "scenario_file", metavar="FILE", shell_complete=scenario_names,
         help="A scenario file; the same as the argument.",
     ),
-    click.option(
-        "--profile",
-        type=click.Choice(["coupled", "paper"]),
-        help="The constants of plant and controller; default: the scenario's, else the model's.",
-    ),
+    profile_option("The constants of plant and controller; default: the scenario's, else the model's."),
     click.option(
         "--sensors", type=click.Choice(["ideal", "imu", "imu+encoders"]), help="The robot's sensors; default ideal."
     ),
     click.option("--model", "model_file", metavar="FILE", help="Fly this model.toml instead of the packaged robot."),
     click.option(
-        "--compensation",
-        "compensation_file",
-        metavar="FILE",
+        "--compensation", "compensation_file", metavar="FILE",
         help="Send this compensation.toml of the robot to the firmware.",
     ),
     click.option(
-        "--gains",
-        "gains_file",
-        metavar="FILE",
-        help="Send this gains.toml of `brickpilot tune` to the firmware.",
+        "--gains", "gains_file", metavar="FILE", help="Send this gains.toml of `brickpilot tune` to the firmware."
     ),
-    click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="The seed of the sensors' noise; default 0."),
-)
+    click.option("--seed", type=SEEDS, help="The seed of the sensors' noise; default 0."),
+)  # fmt: skip
 
 
 def flight_options(command: Callable[..., None]) -> Callable[..., None]:
@@ -187,10 +213,7 @@ def flight_options(command: Callable[..., None]) -> Callable[..., None]:
         shared = {field.name: given.pop(field.name) for field in fields(FlightRequest)}
         command(FlightRequest(**shared), **given)  # type: ignore[arg-type]
 
-    decorated: Callable[..., None] = with_request
-    for option in reversed(_FLIGHT_OPTIONS):
-        decorated = option(decorated)
-    return decorated
+    return with_options(with_request, _FLIGHT_OPTIONS)
 
 
 _LOG_OPTIONS = (
@@ -204,6 +227,11 @@ _LOG_OPTIONS = (
 
 def log_options(command: Callable[..., None]) -> Callable[..., None]:
     """Adds the options that say how logs are read, by the keywords of `public.logs.why`."""
-    for option in reversed(_LOG_OPTIONS):
+    return with_options(command, _LOG_OPTIONS)
+
+
+def with_options(command: Callable[..., Any], options: Sequence[Option]) -> Callable[..., Any]:
+    """Returns `command` with these options; its help lists them in this order."""
+    for option in reversed(options):
         command = option(command)
     return command

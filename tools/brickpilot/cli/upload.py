@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from brickpilot.cli.terminal import as_json, scenario_names, setting_names, settings_of
+from brickpilot.cli.terminal import as_json, profile_option, scenario_names, set_option, settings_of, show
 from brickpilot.errors import InputError
 
 if TYPE_CHECKING:
@@ -26,33 +25,16 @@ if TYPE_CHECKING:
     help="infrared:PORT is an RCX at a serial infrared tower. The others are serial:PORT, tcp:HOST:PORT, "
     "can:slcan:PORT and can:socketcan:CHANNEL.",
 )
-@click.option(
-    "--profile", type=click.Choice(["coupled", "paper"]), help="The controller's constants; default: the scenario's."
-)
-@click.option(
-    "--compensation", "compensation_file", metavar="FILE", help="Send this compensation.toml of the robot too."
-)
-@click.option("--gains", "gains_file", metavar="FILE", help="Send this gains.toml of `brickpilot tune` too.")
-@click.option(
-    "--set",
-    "written",
-    multiple=True,
-    metavar="NAME=VALUE",
-    shell_complete=setting_names,
-    help="Write this raw value to a setting; repeatable.",
-)
+@profile_option("The controller's constants; default: the scenario's.")
+@click.option("--compensation", "undone", metavar="FILE", help="Send this compensation.toml of the robot too.")
+@click.option("--gains", "tuned", metavar="FILE", help="Send this gains.toml of `brickpilot tune` too.")
+@set_option("Write this raw value to a setting; repeatable.")
 @click.option("--start", is_flag=True, help="Start the mission at the end.")
 @as_json
 def upload(
-    scenario_name: str,
-    spec: str,
-    profile: str | None,
-    compensation_file: str | None,
-    gains_file: str | None,
-    written: tuple[str, ...],
-    start: bool,
-    as_json: bool,
-) -> None:
+    scenario_name: str, spec: str, profile: str | None, undone: str | None, tuned: str | None,
+    written: tuple[str, ...], start: bool, as_json: bool,
+) -> None:  # fmt: skip
     """Sends another mission and other settings to a brick that runs the autopilot; the image stays.
 
     SCENARIO is a packaged scenario or a file; the default is the paper's eight waypoints. The motors stop. The route
@@ -65,26 +47,21 @@ def upload(
     chosen = scenario.load(scenario.find(scenario_name))
     if not chosen.waypoints:
         raise InputError("has no waypoints", field=scenario_name)
-    undone = compensation.load(Path(compensation_file)) if compensation_file else None
-    tuned = gains.load(Path(gains_file)) if gains_file else None
-    plan = flight.plan(chosen, model.rcx(), profile=profile, sensors="imu", seed=None, compensation=undone, gains=tuned)
+    plan = flight.plan(
+        chosen, model.rcx(), profile=profile, sensors="imu", seed=None,
+        compensation=compensation.load(Path(undone)) if undone else None,
+        gains=gains.load(Path(tuned)) if tuned else None,
+    )  # fmt: skip
     sent_again = _send(spec, plan, settings, start)
     figures = {
-        "link": spec,
-        "scenario": chosen.name,
-        "profile": plan.controller,
-        "waypoints": len(chosen.waypoints),
-        "settings": settings,
-        "started": start,
-        "sent_again": sent_again,
-    }
-    if as_json:
-        click.echo(json.dumps(figures))
-        return
-    click.echo(
+        "link": spec, "scenario": chosen.name, "profile": plan.controller, "waypoints": len(chosen.waypoints),
+        "settings": settings, "started": start, "sent_again": sent_again,
+    }  # fmt: skip
+    line = (
         f"{len(chosen.waypoints)} waypoints of {chosen.name} and {len(settings)} settings were sent to the brick; "
         f"the mission was {'started' if start else 'not started'}; {sent_again} requests were sent again"
     )
+    show(figures, [line], as_json=as_json)
 
 
 def _send(spec: str, plan: Plan, settings: dict[str, int], start: bool) -> int:

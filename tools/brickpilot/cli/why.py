@@ -2,29 +2,21 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 import click
 
-from brickpilot.cli.terminal import as_json, jobs_option, log_options, progress_shown, seed_option
+from brickpilot.cli.terminal import budget_option, log_options, progress_shown, search_options, show
 
 
 @click.command()
 @click.argument("logs", nargs=-1, required=True, metavar="LOG...")
 @log_options
 @click.option("--out", metavar="DIR", help="The folder to write; default runs/why-NAME.")
-@click.option(
-    "--budget",
-    type=click.FloatRange(min=0, min_open=True),
-    metavar="SECONDS",
-    help="Give the best answer so far after this time.",
-)
+@budget_option("Give the best answer so far after this time.")
 @click.option("--verbose", is_flag=True, help="Also print every step to take, every symptom and every note.")
-@seed_option
-@jobs_option
-@as_json
+@search_options
 def why(
     logs: tuple[str, ...], out: str | None, budget: float | None, verbose: bool, seed: int, jobs: int, as_json: bool,
     **how: Any,
@@ -50,11 +42,7 @@ def why(
         found = public.why(
             logs, **how, out=folder, budget_s=budget, seed=seed, jobs=jobs, progress=progress, command=command
         )
-    if as_json:
-        said = {name: getattr(found.answer, name) for name in ("what", "sure", "todo", "symptoms", "ending")}
-        told = {**said, "constants": found.constants.to_json(), "verdict": verdict_json(found.finding)}
-        click.echo(json.dumps(told, allow_nan=False))
-        return
-    for line in why_text.lines(found.answer, found.notes, found.finding.dataset.guesses, verbose=verbose):
-        click.echo(line)
-    click.echo(f"page: {folder / 'why.html'}")
+    figures = {name: getattr(found.answer, name) for name in ("what", "sure", "todo", "symptoms", "ending")}
+    figures |= {"constants": found.constants.to_json(), "verdict": verdict_json(found.finding)}
+    lines = why_text.lines(found.answer, found.notes, found.finding.dataset.guesses, verbose=verbose)
+    show(figures, [*lines, f"page: {folder / 'why.html'}"], as_json=as_json)

@@ -166,7 +166,8 @@ def fly_over(request: FlightRequest, session: Session, out: Path | None, progres
     try:
         flown = (_fly_on_simavr if session.avr else _fly_over_the_link)(plan, session, progress)
     except (InputError, SimulationError) as error:
-        _write_junit(session, flight_text.junit_of_error(plan.scenario.name, str(error), command))
+        link = flight_figures.Check("link", None)
+        _write_junit(session, flight_text.junit_text(plan.scenario.name, [link], command, str(error)))
         raise
     image = None if session.image is None else str(session.image.path)
     figures = flown.figures(session.spec, session.pace) | {"realtime_priority": priority, "image": image}

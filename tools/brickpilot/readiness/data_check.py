@@ -1,37 +1,73 @@
-"""`brickpilot check`: what a data set is worth before a discovery: its timing, noise and faults, and what it can show.
+"""`brickpilot check`: what a data set is worth before a discovery, and what to drive next.
 
 The check needs one fit of the nominal model, to some of the runs if there are many. For a parameter, the check gives
 the interval of this fit. For an effect, it gives the smallest size that would be named.
+
+To choose what to drive next, each manoeuvre is simulated with the fitted nominal model, with each parameter slightly
+changed and with each effect. Its information is added to that of the runs (Atkinson, Donev & Tobias 2007, Optimum
+experimental designs, ch. 9).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import dataclasses
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from brickpilot.data import facts
 from brickpilot.data.audit.fault import Fault
-from brickpilot.data.dataset import Dataset, OwnUnit, motor_inputs, own_units
+from brickpilot.data.dataset import Dataset, OwnUnit, Run, motor_inputs, own_units
 from brickpilot.data.holdout import enough_to_fit
+from brickpilot.data.motion import cut_into_windows
 from brickpilot.data.shown import Result, valid
+from brickpilot.discover import numbers
 from brickpilot.discover.deadline import estimate
 from brickpilot.discover.evidence import Judge
-from brickpilot.discover.experiment import smallest_sizes
+from brickpilot.discover.experiment import as_run, nearest_sizes, size_named, size_of, smallest_sizes
+from brickpilot.discover.explanation import Explanation
 from brickpilot.discover.finding import Visible
-from brickpilot.discover.prepare import calibrate, in_closed_loop, prepare
+from brickpilot.discover.parts import library_parts, limit_of, scale_of, scanned_parameter
+from brickpilot.discover.prepare import Prepared, calibrate, in_closed_loop, prepare
 from brickpilot.discover.row_meaning import with_known_timing
+from brickpilot.discover.screen import Probe, probes_of
+from brickpilot.fit.parameters import Plan
+from brickpilot.fit.problem import Problem
+from brickpilot.fit.residual import of_bins
 from brickpilot.fit.uncertainty import Combination, Estimate, assess, estimates_frame
-from brickpilot.readiness.advice import Advice, advise
+from brickpilot.vehicle import plant
 from brickpilot.vehicle.compared_runs import comparable
 from brickpilot.vehicle.headline import Headline, headline
+from brickpilot.vehicle.manoeuvres import Manoeuvre, manoeuvres
 
 if TYPE_CHECKING:
     import pandas
 
+Array = NDArray[np.float64]
+
+_WINDOW_S = 1.0  # length of a motor's windows, as in `prepare`
+_MANOEUVRES = 3  # most manoeuvres that are advised
+_UNKNOWN = 0.1  # sd, in the logarithm or as a share of the stated value: above it, a parameter counts as unknown
+_SHARPER = 0.5  # a manoeuvre is advised for an unknown parameter if it narrows the sd by this factor or more
 _OF_SOME = "Intervals, the sizes of effects that show and the advice are those of these runs."
+
+
+@dataclass(frozen=True)
+class Advice:
+    """One manoeuvre that would give more information.
+
+    Attributes:
+        effects: effects that it would show at a usual size, and that neither the runs nor earlier manoeuvres show.
+        parameters: parameters whose intervals it would narrow to less than half.
+    """
+
+    manoeuvre: Manoeuvre
+    effects: tuple[str, ...]
+    parameters: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -133,8 +169,8 @@ def check(dataset: Dataset, *, seed: int = 0, jobs: int = 2) -> Check:
         nothing = judge.of_explanation(nominal)
         temperature = judge.temperature(nothing, nothing)
         visible = smallest_sizes(prepared, judge, nominal, nominal)
-        told = assess(prepared.fine, nominal.model, nominal.plan.uncertain)
-        advice, invisible = advise(prepared, nominal, visible, temperature)
+        fitted = assess(prepared.fine, nominal.model, nominal.plan.uncertain)
+        advice, invisible = _advise(prepared, nominal, visible, temperature)
         explained = headline(whole, nominal.model, threads=jobs)
     return Check(
         dataset=dataset.name,
@@ -147,9 +183,9 @@ def check(dataset: Dataset, *, seed: int = 0, jobs: int = 2) -> Check:
         faults=whole.measured.faults,
         explained=explained,
         units=own_units(dataset, explained.signals),
-        parameters=told.estimates,
-        cannot_tell_apart=told.groups,
-        combinations=told.combinations,
+        parameters=fitted.estimates,
+        cannot_tell_apart=fitted.groups,
+        combinations=fitted.combinations,
         visible=visible,
         invisible=invisible,
         advice=advice,
@@ -164,3 +200,125 @@ def check(dataset: Dataset, *, seed: int = 0, jobs: int = 2) -> Check:
             *prepared.fine.notes,
         ),
     )
+
+
+def _advise(
+    prepared: Prepared, nominal: Explanation, visible: Mapping[str, Visible], temperature: float
+) -> tuple[tuple[Advice, ...], tuple[str, ...]]:
+    """Returns the manoeuvres that add most information to the runs, and the effects that the runs show at no size.
+
+    An effect is left out if it changes the measured signals neither in the runs nor in any manoeuvre: it belongs to
+    another vehicle or another sensor.
+
+    Args:
+        nominal: the nominal model, fitted to the fit runs.
+        visible: effect -> the smallest size that the runs show.
+        temperature: the nats that count as one.
+    """
+    problem = Problem(prepared.coarse, nominal.plan)
+    asked = _Asked.of(prepared, nominal, problem.prior_slopes(nominal.point), temperature)
+    now = asked.information(problem, nominal.point)
+    offered = manoeuvres(nominal.model.vehicle, prepared.excitation.largest["voltage"])
+    driven = ((manoeuvre, _driven(prepared, nominal, manoeuvre)) for manoeuvre in offered)
+    more = [(manoeuvre, asked.information(one, nominal.point)) for manoeuvre, one in driven if one is not None]
+    largest = np.max([np.diag(known)[len(nominal.point) :] for known in (now, *(known for _, known in more))], axis=0)
+    possible = {probe.part.effect for probe, strength in zip(asked.probes, largest, strict=True) if strength > 0}
+    shown = {name for name, one in visible.items() if one.size <= asked.usual.get((name, one.parameter), 0.0)}
+    shown |= asked.shown(now)
+    advised: list[Advice] = []
+    while more and len(advised) < _MANOEUVRES:
+        offers = [
+            Advice(manoeuvre, tuple(sorted(asked.shown(now + known) - shown)), asked.sharper(now, now + known))
+            for manoeuvre, known in more
+        ]
+        best = max(range(len(more)), key=lambda k: len(offers[k].effects) + len(offers[k].parameters))
+        if not (offers[best].effects or offers[best].parameters):
+            break
+        advised.append(offers[best])
+        now, shown = now + more.pop(best)[1], shown | set(offers[best].effects)
+    return tuple(advised), tuple(sorted(possible - visible.keys()))
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """Computes how well runs determine the nominal parameters, and which effects they show at a usual size.
+
+    The information of runs is the matrix J' J, (parameters + probes, parameters + probes). The columns of J are the
+    changes of the residual by each parameter and by each probe. The information of several runs is the sum.
+
+    Attributes:
+        probes: a probe of every effect with one size that can be extrapolated.
+        usual: effect, parameter -> a usual size: the catalogue's, scaled to this vehicle.
+        prior: (parameters, parameters) information of the parameters' priors.
+        temperature: the nats that count as one.
+    """
+
+    plan: Plan
+    probes: Sequence[Probe]
+    usual: Mapping[tuple[str, str], float]
+    prior: Array
+    temperature: float
+
+    @classmethod
+    def of(cls, prepared: Prepared, nominal: Explanation, prior_slopes: Array, temperature: float) -> _Asked:
+        base = nominal.model
+        few = [
+            one
+            for one in library_parts(base, prepared.coarse.signals)
+            if len(one.free) == 1 and scanned_parameter(one) is None and limit_of(one) is None
+        ]
+        probes = [probe for one in few for probe in probes_of(one, base, prepared.excitation)]
+        infos = {(one.effect, one.free[0]): size_of(one) for one in few}
+        usual = {key: (info.preset or info.trial) * scale_of(info.unit, base) for key, info in infos.items()}
+        plan = dataclasses.replace(nominal.plan, model=base)
+        return cls(plan, probes, usual, prior_slopes.T @ prior_slopes, temperature)
+
+    def information(self, problem: Problem, point: Array) -> Array:
+        """Returns the information of the runs of `problem`, at the coordinates `point` of the nominal parameters."""
+        data = problem.data
+        plain = data.predict([self.plan.model])[0]
+        models = [probe.part.starting(self.plan, probe.values[0]).model for probe in self.probes]
+        changes = data.predict(models) - plain if models else np.empty((0, len(plain)))
+        changes = np.where(np.isfinite(changes).all(axis=1, keepdims=True), changes, 0.0)
+        weight = data.weight()[:, np.newaxis]
+        moved = np.hstack([problem.sensitivity(point) * weight, changes.T * weight])
+        return np.asarray(moved.T @ moved)
+
+    def shown(self, known: Array) -> set[str]:
+        """Returns the effects whose signature at a usual size is large enough after projection."""
+        count = len(self.prior)
+        cross = known[:count, count:]
+        taken = np.linalg.solve(known[:count, :count] + self.prior, cross)
+        strength = (np.diag(known)[count:] - np.sum(cross * taken, axis=0)) / 2
+        sizes = [abs(probe.values[0][probe.part.free[0]]) for probe in self.probes]
+        tried = [
+            (probe.part, size, size_named(probe.part, size, one, self.temperature))
+            for probe, size, one in zip(self.probes, sizes, strength.tolist(), strict=True)
+        ]
+        return {part.effect for part, size in nearest_sizes(tried) if size <= self.usual[part.effect, part.free[0]]}
+
+    def sharper(self, before: Array, after: Array) -> tuple[str, ...]:
+        """Returns the parameters that the information `before` determines badly, and `after` much better."""
+        count = len(self.prior)
+        wide, narrow = (np.sqrt(np.diag(np.linalg.inv(one[:count, :count] + self.prior))) for one in (before, after))
+        better = (narrow < _SHARPER * wide) & (wide > _UNKNOWN)
+        return tuple(free.name for free, is_so in zip(self.plan.free, better, strict=True) if is_so)
+
+
+def _driven(prepared: Prepared, nominal: Explanation, manoeuvre: Manoeuvre) -> Problem | None:
+    """Returns the problem of the nominal parameters on a simulated manoeuvre; None if it gives no runs to compare."""
+    dataset = prepared.dataset
+    driven = as_run(manoeuvre, dataset.vehicle)
+    sides = ("voltage",) if dataset.vehicle == "motor" else ("voltage_left", "voltage_right")
+    outputs = plant.simulate([(nominal.model, driven)])[0].outputs
+    measured = [name for name in dict.fromkeys(name for run in dataset.runs for name in run.outputs) if name in outputs]
+    inputs, wanted = dict(zip(sides, driven.inputs.T, strict=True)), {name: outputs[name] for name in measured}
+    run = Run(manoeuvre.name, dataset.path, "fit", driven.time, inputs, wanted, {}, 0.0, None, {})
+    alone = dataclasses.replace(dataset, runs=(run,), faults=(), notes=())
+    if dataset.vehicle == "motor":
+        alone = cut_into_windows(alone, {run.name: driven.inputs}, _WINDOW_S) or alone
+    if not alone.runs:
+        return None
+    names = [one.name for one in alone.runs]
+    data = of_bins(alone, nominal.plan.model, names, width_s=numbers.BIN_S, coarse=True, threads=prepared.jobs)
+    return Problem(data.weighed_like(prepared.coarse), nominal.plan)

@@ -10,11 +10,9 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from brickpilot.report.plot import Colour, Curve, Figure, Panel, row_chart, to_html
-from brickpilot.report.quantities import DASH, number, percent, quantity, scaled, unit_text
+from brickpilot.report.plot import Array, Colour, Curve, Figure, Panel, row_chart, to_html
+from brickpilot.report.quantities import DASH, number, scaled, unit_text
 from brickpilot.report.template import render
-
-Array = NDArray[np.float64]
 
 WORDS = {
     "success": "success",
@@ -69,45 +67,39 @@ def page(summary: Mapping[str, Any], histograms: Sequence[Histogram], scatters: 
         command: the command line of the campaign.
     """
     sensitivity = summary["sensitivity"]
+    indices = {} if sensitivity is None else sensitivity["figures"]
     return render(
         "campaign",
         title=f"Campaign: {summary['name']}",
         summary=summary,
         verdict=verdict(summary),
         rates=_rates_chart(summary),
-        causes=_causes(summary),
         histograms=[(WORDS[one.figure], _histogram(one)) for one in histograms],
         rows=[_row(name, one) for name, one in summary["figures"].items() if one["known"]],
-        worst=[_worst(one, command) for one in summary["worst"]],
         method=None if sensitivity is None else sensitivity["method"],
-        indices=_indices(sensitivity),
+        indices=[(WORDS[name], _index_chart(name, rows[:_MOST_ROWS])) for name, rows in indices.items() if rows],
         scatters=[(f"{WORDS[one.figure]} against {one.input}", _scatter(one)) for one in scatters],
         command=command,
     )
 
 
-def rate_text(rate: Mapping[str, Any]) -> str:
+def _rate_text(rate: Mapping[str, Any]) -> str:
     """Returns a success rate with its interval, as "94.2 % (92.1 % to 95.8 %)"."""
-    low, high = rate["ci95"]
-    return f"{_percent(rate['rate'])} ({_percent(low)} to {_percent(high)})"
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.1f}\N{NO-BREAK SPACE}%"
+    middle, low, high = (f"{100 * share:.1f}\N{NO-BREAK SPACE}%" for share in (rate["rate"], *rate["ci95"]))
+    return f"{middle} ({low} to {high})"
 
 
 def verdict(summary: Mapping[str, Any]) -> str:
-    """Returns the result in one sentence."""
+    """Returns the result in one or two sentences."""
     success = summary["success"]
-    said = (
-        f"{success['count']} of {success['of']} missions succeeded: {rate_text(success)}. Success is every waypoint "
+    text = (
+        f"{success['count']} of {success['of']} missions succeeded: {_rate_text(success)}. Success is every waypoint "
         "reached, and no fault; the interval is 95 %."
     )
-    if summary["design"] == "morris":
-        said += (
-            " Morris's design often flies the ends of each distribution: this is not the rate of robots drawn from it."
-        )
-    return said
+    if summary["design"] != "morris":
+        return text
+    rare = "Morris's design often flies the ends of each distribution"
+    return f"{text} {rare}: this is not the rate of robots drawn from it."
 
 
 def _rates_chart(summary: Mapping[str, Any]) -> Markup:
@@ -115,7 +107,7 @@ def _rates_chart(summary: Mapping[str, Any]) -> Markup:
     rows = [("all runs", summary["success"])]
     for name, values in summary["by_choice"].items():
         rows += [(f"{name} = {value}", rate) for value, rate in values.items()]
-    text = "; ".join(f"{label} {rate_text(rate)}" for label, rate in rows)
+    text = "; ".join(f"{label} {_rate_text(rate)}" for label, rate in rows)
     return row_chart(
         [label for label, _ in rows],
         {"succeeded": ("blue", [100 * rate["rate"] for _, rate in rows])},
@@ -124,11 +116,6 @@ def _rates_chart(summary: Mapping[str, Any]) -> Markup:
         "%",
         title=f"success rates: {text}",
     )
-
-
-def _causes(summary: Mapping[str, Any]) -> list[tuple[str, int, str]]:
-    of = summary["runs"]
-    return [(cause, count, percent(count / of)) for cause, count in summary["causes"].items()]
 
 
 def _histogram(one: Histogram) -> Markup:
@@ -151,28 +138,8 @@ def _row(name: str, one: Mapping[str, Any]) -> list[str]:
     return [WORDS[name], unit or DASH, str(one["known"]), *cells]
 
 
-def _worst(one: Mapping[str, Any], command: str) -> dict[str, Any]:
-    widest, track = one["closest_approach_max_m"], one["cross_track_rms_m"]
-    return {
-        "run": one["run"],
-        "cause": one["cause"] or "success",
-        "reached": f"{one['waypoints_reached']} of {one['waypoints_total']}",
-        "widest": DASH if widest is None else str(quantity(widest, "m")),
-        "track": DASH if track is None else str(quantity(track, "m")),
-        "command": f"{command} --replay {one['run']}",
-    }
-
-
-def _indices(sensitivity: Mapping[str, Any] | None) -> list[tuple[str, Markup]]:
-    """Draws the sensitivity indices of each figure, with the strongest input uppermost."""
-    if sensitivity is None:
-        return []
-    return [
-        (WORDS[name], _index_chart(name, rows[:_MOST_ROWS])) for name, rows in sensitivity["figures"].items() if rows
-    ]
-
-
 def _index_chart(figure: str, rows: Sequence[Mapping[str, Any]]) -> Markup:
+    """Draws the sensitivity indices of a figure, with the strongest input uppermost."""
     with_total = "total" in rows[0]
     curves: dict[str, tuple[Colour, list[float | None]]] = {}
     if with_total:

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from brickpilot.changed.change import Change, Changed, FitPercent, Trace, subject
+from brickpilot.changed.change import Change, Changed, Trace, subject
 from brickpilot.changed.what_changed import BEFORE
 from brickpilot.data.signals import SIGNALS
-from brickpilot.report import headline_text, plot
-from brickpilot.report.discover_text import listed, say
+from brickpilot.report import plot
+from brickpilot.report.discover_text import listed
 from brickpilot.report.plot import Curve, measured, points_for
-from brickpilot.report.quantities import fit_text, percent, quantity
+from brickpilot.report.quantities import ascii_text, fit_text, percent, quantity, say
 from brickpilot.report.template import render
 from brickpilot.report.user_terms import told
 
@@ -40,26 +40,19 @@ class Said:
 
 def said(found: Changed) -> list[Said]:
     """Returns the sentences on each later recording, in the words of its vehicle."""
-    return [_told(found, _of(found, name)) for name in found.after]
+    return [Said(name, *told(found.dataset, _sentences(found, name))) for name in found.after]
 
 
-def _told(found: Changed, one: Said) -> Said:
-    what, sure, todo = told(found.dataset, (one.what, one.sure, one.todo))
-    return Said(one.recording, what, sure, todo)
-
-
-def _of(found: Changed, name: str) -> Said:
+def _sentences(found: Changed, name: str) -> tuple[str, str, tuple[str, ...]]:
     changes = [one for one in found.changes if one.recording == name]
     verdict, step = found.verdicts[name], found.steps[name][-1]
     if verdict == "nothing":
-        why = step.why if step.stage == "runs" else _NO_NEED
-        return Said(name, _NOTHING, why, ("Go on: there is nothing to repair.",))
+        return _NOTHING, step.why if step.stage == "runs" else _NO_NEED, ("Go on: there is nothing to repair.",)
     if verdict == "unknown":
-        ask = f"brickpilot why on {name} alone names what its simulation lacks."
-        return Said(name, _UNKNOWN, step.why, (ask,))
-    return Said(
-        name,
-        f"{_capital('; '.join(sentence(one) for one in changes))}{_since(changes[0])}.",
+        return _UNKNOWN, step.why, (f"brickpilot why on {name} alone names what its simulation lacks.",)
+    text = "; ".join(sentence(one) for one in changes)
+    return (
+        f"{text[:1].upper()}{text[1:]}{_since(changes[0])}.",
         _sure(changes, ambiguous=verdict == "ambiguous"),
         tuple(dict.fromkeys(one.advice for one in changes if one.advice)),
     )
@@ -88,19 +81,6 @@ def _sure(changes: list[Change], *, ambiguous: bool) -> str:
     return f"By weight, the possible explanations contain {held}. Another explanation is {listed(rivals, 'or')}."
 
 
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]
-
-
-def fit_rows(found: Changed, name: str) -> list[tuple[str, str, str, str]]:
-    """Returns for each signal the fit of the old model before and after, and the fit with the change."""
-    return [(say(signal), *_cells(one)) for signal, one in found.fits[name].items()]
-
-
-def _cells(one: FitPercent) -> tuple[str, str, str]:
-    return fit_text(one.old_model_before), fit_text(one.old_model_after), fit_text(one.explained_after)
-
-
 def lines(found: Changed) -> list[str]:
     """Returns the lines for a terminal."""
     made: list[str] = []
@@ -109,9 +89,10 @@ def lines(found: Changed) -> list[str]:
             made.append(f"{one.recording}:")
         made += [f"what changed: {one.what}", f"how sure: {one.sure}", f"what to do: {' '.join(one.todo)}"]
         made.append(f"{'signal':28}{'old model, before':>20}{'old model, after':>20}{'with the change':>20}")
-        rows = fit_rows(found, one.recording)
-        made += ["".join([f"{row[0]:28}", *(f"{cell:>20}" for cell in row[1:])]) for row in rows]
-    return [headline_text.plain(line) for line in made]
+        for signal, fit in found.fits[one.recording].items():
+            cells = map(fit_text, (fit.old_model_before, fit.old_model_after, fit.explained_after))
+            made.append(f"{say(signal):28}" + "".join(f"{cell:>20}" for cell in cells))
+    return [ascii_text(line) for line in made]
 
 
 def page(found: Changed, command: str) -> str:
@@ -122,35 +103,18 @@ def page(found: Changed, command: str) -> str:
     """
     names = list(dict.fromkeys(one.what for one in found.constants))
     alone = {(one.recording, one.what): one for one in found.constants}
-    rows = list(dict.fromkeys(one.recording for one in found.constants))
+    recordings = dict.fromkeys(one.recording for one in found.constants)
+    rows = {row: [alone.get((row, name)) for name in names] for row in recordings}
     points = points_for(sum(map(len, found.traces.values())))
     return render(
         "changed",
         title=f"{', '.join(found.after)}: what changed since {found.before}",
         said=said(found),
         several=len(found.after) > 1,
-        fits={name: fit_rows(found, name) for name in found.after},
-        changes=[
-            (
-                one.recording,
-                told(found.dataset, sentence(one)),
-                one.mechanism,
-                str(quantity(one.change.value, one.unit, one.change.ci95)),
-                percent(one.weight),
-            )
-            for one in found.changes
-        ],
+        fits={name: found.fits[name] for name in found.after},
+        changes=[(one, told(found.dataset, sentence(one))) for one in found.changes],
         figures={name: [_figure(one, points) for one in traces] for name, traces in found.traces.items()},
-        constants=[
-            (
-                found.before if row == BEFORE else row,
-                [
-                    str(quantity(one.value, one.unit, one.ci95)) if (one := alone.get((row, name))) else ""
-                    for name in names
-                ],
-            )
-            for row in rows
-        ],
+        constants=[(found.before if row == BEFORE else row, cells) for row, cells in rows.items()],
         names=names,
         steps=[(name, one) for name, steps in found.steps.items() for one in steps],
         notes=found.notes,
@@ -164,10 +128,8 @@ def _figure(one: Trace, points: int) -> dict[str, object]:
         Curve("old model", one.measured - one.old, "orange"),
         Curve("with the change", one.measured - one.explained),
     ]
-    said = say(one.signal)
-    title = f"{one.run}: {said}, measured, by the old model and with what changed"
-    time = one.time - one.time[0]
-    chart = plot.superimposed(
-        time, said, SIGNALS[one.signal].unit, above, below, 0.0, run=one.run, title=title, points=points
-    )
-    return {"run": one.run, "signal": said, "chart": chart}
+    signal, time = say(one.signal), one.time - one.time[0]
+    title = f"{one.run}: {signal}, measured, by the old model and with what changed"
+    unit = SIGNALS[one.signal].unit
+    chart = plot.superimposed(time, signal, unit, above, below, 0.0, run=one.run, title=title, points=points)
+    return {"run": one.run, "signal": signal, "chart": chart}

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterator
 
 from brickpilot.data.dataset import FRAME_WORDS
 from brickpilot.discover.deadline import Span
-from brickpilot.discover.finding import Visible
-from brickpilot.fit.uncertainty import Estimate
 from brickpilot.readiness.data_check import Check
 from brickpilot.report import headline_text
 from brickpilot.report.discover_text import listed
-from brickpilot.report.quantities import quantity
+from brickpilot.report.quantities import Shown, quantity
 
-_MINUS = "\N{MINUS SIGN}"
 _KNOWN = {
     "data": "from the runs",
     "data and prior": "from the runs and what is stated",
@@ -52,7 +50,7 @@ def _runs(found: Check) -> Iterator[str]:
 def _signals(found: Check) -> Iterator[str]:
     yield f"{'signal':26}{'rms':>16}{'noise sd':>16}  {'noise is':16}{'converter step':>16}{'missing':>9}"
     for one in found.signals:
-        sizes = [_plain(size, one.unit) for size in (one.rms, one.noise_sd, one.resolution)]
+        sizes = [_plain(quantity(size, one.unit)) for size in (one.rms, one.noise_sd, one.resolution)]
         step = sizes[2] if one.resolution else "none found"
         yield f"{one.name:26}{sizes[0]:>16}{sizes[1]:>16}  {one.colour:16}{step:>16}{100 * one.missing:>8.1f}%"
 
@@ -60,9 +58,7 @@ def _signals(found: Check) -> Iterator[str]:
 def _faults(found: Check) -> str:
     if not found.faults:
         return "none found"
-    kinds: dict[str, int] = {}
-    for fault in found.faults:
-        kinds[fault.kind] = kinds.get(fault.kind, 0) + 1
+    kinds = Counter(fault.kind for fault in found.faults)
     spans = listed([f"{kind} {count} times" if count > 1 else f"{kind} once" for kind, count in kinds.items()])
     return f"{spans}; every fit leaves them out (see the notes)"
 
@@ -73,31 +69,22 @@ def _parameters(found: Check) -> Iterator[str]:
         return
     yield "nominal values, fitted to the runs with no effect added:"
     for name, one in found.parameters.items():
-        yield f"  {name:24}{_with_interval(one):42}{_KNOWN.get(one.basis, one.basis)}"
+        shown = quantity(one.value, one.unit, one.ci95 if one.identifiable else None)
+        yield f"  {name:24}{_plain(shown):42}{_KNOWN.get(one.basis, one.basis)}"
     for group in found.cannot_tell_apart:
         yield f"  only combinations are known of {listed(group)}"
     for known in found.combinations:
-        text = str(quantity(known.value, known.unit, known.ci95)).replace(_MINUS, "-")
-        yield f"  {known.name:24}{text:42}{known.formula}"
-
-
-def _with_interval(one: Estimate) -> str:
-    shown = quantity(one.value, one.unit, one.ci95 if one.identifiable else None)
-    return str(shown).replace(_MINUS, "-")
+        yield f"  {known.name:24}{_plain(quantity(known.value, known.unit, known.ci95)):42}{known.formula}"
 
 
 def _effects(found: Check) -> Iterator[str]:
     count = len(found.visible) + len(found.invisible)
     yield f"of {count} effects these runs would show {len(found.visible)}, from this size on:"
-    cells = [f"{name} {_size(one)}" for name, one in found.visible.items()]
+    cells = [f"{name} {_plain(quantity(one.size, one.unit))}" for name, one in found.visible.items()]
     for first in range(0, len(cells), _COLUMNS):
         yield "  " + "".join(f"{cell:44}" for cell in cells[first : first + _COLUMNS]).rstrip()
     if found.invisible:
         yield f"  at no size: {', '.join(found.invisible)}"
-
-
-def _size(one: Visible) -> str:
-    return _plain(one.size, one.unit)
 
 
 def _advice(found: Check) -> Iterator[str]:
@@ -106,10 +93,10 @@ def _advice(found: Check) -> Iterator[str]:
         return
     yield f"to tell more, {'run' if found.vehicle == 'motor' else 'drive'} as well:"
     for one in found.advice:
-        gains: Mapping[str, Sequence[str]] = {"would show": one.effects, "would tell more of": one.parameters}
-        told = "; ".join(f"{words} {', '.join(names)}" for words, names in gains.items() if names)
-        yield f'  "{one.manoeuvre.name}", {one.manoeuvre.duration_s:g} s: {told}'
+        gains = {"would show": one.effects, "would tell more of": one.parameters}
+        text = "; ".join(f"{verb} {', '.join(names)}" for verb, names in gains.items() if names)
+        yield f'  "{one.manoeuvre.name}", {one.manoeuvre.duration_s:g} s: {text}'
 
 
-def _plain(size: float, unit: str) -> str:
-    return str(quantity(size, unit)).replace(_MINUS, "-")
+def _plain(shown: Shown) -> str:
+    return str(shown).replace("\N{MINUS SIGN}", "-")

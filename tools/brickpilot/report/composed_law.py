@@ -6,9 +6,7 @@ import html
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
-from brickpilot.catalogue import ParameterInfo
 from brickpilot.discover import finding
 from brickpilot.report.template import render_plain
 from brickpilot.vehicle.composed_terms import (
@@ -145,6 +143,7 @@ def render(terms: Sequence[Term], settings: Mapping[str, float], *, name: str, v
     ]
     if memory.keys() & {"start_age", "speed[2]"}:
         sites.insert(0, "start")
+    shaping = [(info, float(settings[info.name]), info.meaning) for info in parameters() if info.name in settings]
     content = {
         "name": name,
         "laws": _laws(terms),
@@ -155,7 +154,8 @@ def render(terms: Sequence[Term], settings: Mapping[str, float], *, name: str, v
         "motor_hook": hooks.pop("motor"),
         "floor": floor,
         "sites": sites,
-        "parameters": _rows(terms, settings),
+        "parameters": [(term.basis.info, float(term.coefficient), "coefficient") for term in terms] + shaping,
+        "repr": repr,
         "general": EFFECT,
         "acts_on": _ACTS_ON.get(terms[0].basis.place, "sensor"),
         "mechanism": terms[0].basis.mechanism,
@@ -231,24 +231,6 @@ def _laws(terms: Sequence[Term]) -> list[str]:
         f"{one.target} += {one.sign.replace('c *', f'{one.name} *')}{_bracketed(one.expression)}{one.factor}"
         for one in (term.basis for term in terms)
     ]
-
-
-def _rows(terms: Sequence[Term], settings: Mapping[str, float]) -> list[dict[str, Any]]:
-    shaping = [_row(info, settings[info.name], info.meaning) for info in parameters() if info.name in settings]
-    return [_row(term.basis.info, term.coefficient, "coefficient") for term in terms] + shaping
-
-
-def _row(info: ParameterInfo, value: float, meaning: str) -> dict[str, Any]:
-    return {
-        "name": info.name,
-        "unit": info.unit,
-        "meaning": meaning,
-        "minimum": repr(info.minimum),
-        "maximum": repr(info.maximum),
-        "value": repr(float(value)),
-        "odd": int(info.odd),
-        "role": info.role.upper(),
-    }
 
 
 def as_html(term: finding.Term) -> str:

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from brickpilot.data.agreement import mean_fit
-from brickpilot.data.dataset import OwnUnit, own_unit
+from brickpilot.data.dataset import own_unit
 from brickpilot.discover.finding import Finding
 from brickpilot.discover.yardstick import Fit, Predictable, SignalFit
 from brickpilot.report import plot
-from brickpilot.report.headline_text import DEFINITION, HORIZONS, RUNS, plain
-from brickpilot.report.quantities import DASH, fit_number, fit_text, percent, quantity
+from brickpilot.report.headline_text import DEFINITION, HORIZONS, RUNS
+from brickpilot.report.quantities import ascii_text, fit_number, fit_text, percent, quantity, say
 
 _HEADLINE = "free_run"
-_MINUS = "\N{MINUS SIGN}"
 _SAME = 0.05  # percentage points: fits that differ by less are called equal
 
 
@@ -31,6 +30,10 @@ class Headline:
     @property
     def runs(self) -> str:
         return RUNS[self.role]
+
+    @property
+    def label(self) -> str:
+        return self.runs.removeprefix("the ")
 
 
 def headline(finding: Finding, role: str | None = None) -> Headline | None:
@@ -62,15 +65,11 @@ def change(one: Headline) -> str:
 
 def shown(finding: Finding) -> dict[str, Any]:
     """Returns the yardstick's part of the page."""
-    roles = [(one, role) for role in ("held_out", "fit") if (one := headline(finding, role)) is not None]
     return {
         "fit_definition": DEFINITION,
-        "fit_cards": [
-            (one.runs.removeprefix("the "), fit_number(one.before), fit_number(one.after), fit_number(one.attainable))
-            for one, _ in roles
-        ],
-        "fit_horizons": [text for name, text in HORIZONS.items() if name in finding.yardstick.horizons],
-        "fit_tables": [(one.runs.removeprefix("the "), _table(finding, role)) for one, role in roles],
+        "fits": [one for role in RUNS if (one := headline(finding, role)) is not None],
+        "fit_horizons": _horizons(finding),
+        "fit_errors": _errors,
         "fit_chart": _chart(finding),
         "fit_repeats": _repeats(finding),
         "predictable": [
@@ -83,15 +82,10 @@ def sentences(one: Predictable) -> str:
     """Returns the predictable share of the error, and how much of this share the model removes; empty if unknown."""
     if one.share is None and one.held_out is None:
         return ""
-    known = [f"{percent(value)} on {runs}" for value, runs in _by_role(one.share, one.held_out) if value is not None]
+    known = _by_role(percent, one.share, one.held_out)
     text = f"Of the calibrated model's squared error, a black box predicts {' and '.join(known)}"
     text += " that it has not seen."
-    gone = [
-        f"{_removed(value)} on {runs}"
-        for value, runs in _by_role(one.removed, one.removed_held_out)
-        if value is not None
-    ]
-    if gone:
+    if gone := _by_role(_removed, one.removed, one.removed_held_out):
         text += f" The augmented model takes away {' and '.join(gone)} of what is predictable."
     return text
 
@@ -101,66 +95,49 @@ def lines(finding: Finding) -> list[str]:
     one = headline(finding)
     if one is None:
         return []
-    horizons = [name for name in HORIZONS if name in finding.yardstick.horizons]
+    horizons = _horizons(finding)
     head = f"fit in %, {one.runs}: before, after, attainable"
-    error = "rms error"
-    found = [f"{head:48}" + "".join(f"{HORIZONS[name]:>24}" for name in horizons) + f"{error:>34}"]
-    for signal, fits in finding.yardstick.signals.items():
-        cells = [_of(fits[name], one.role) if name in fits else Fit(None, None, None) for name in horizons]
-        values = [" ".join(f"{_ascii(value):>7}" for value in (f.before, f.after, f.attainable)) for f in cells]
-        errors = plain(_errors(cells[0], own_unit(finding.dataset, signal))) if cells else ""
-        found.append((f"{signal:48}" + "".join(f"{value:>24}" for value in values) + f"{errors:>34}").rstrip())
-    return found
+    rows = [f"{head:48}" + "".join(f"{text:>24}" for text in horizons.values()) + f"{'rms error':>34}"]
+    for signal, by_horizon in finding.yardstick.signals.items():
+        fits = [_of(by_horizon[name], one.role) if name in by_horizon else Fit(None, None, None) for name in horizons]
+        row = f"{signal:48}"
+        for fit in fits:
+            texts = [ascii_text(fit_number(value)) for value in (fit.before, fit.after, fit.attainable)]
+            row += f"{' '.join(f'{text:>7}' for text in texts):>24}"
+        row += ascii_text(_errors(finding, signal, fits[0])).rjust(34) if fits else ""
+        rows.append(row.rstrip())
+    return rows
 
 
-def _errors(fit: Fit, own: OwnUnit) -> str:
+def _horizons(finding: Finding) -> dict[str, str]:
+    """Returns horizon -> its name in tables, for the horizons that were compared."""
+    return {name: text for name, text in HORIZONS.items() if name in finding.yardstick.horizons}
+
+
+def _errors(finding: Finding, signal: str, fit: Fit) -> str:
     """Returns the rms error before and after in the unit of the data set; empty if the error is not known."""
-    sizes = [one.rms_error for one in (fit.numbers_before, fit.numbers_after)]
-    shown = [str(quantity(own.size(size), own.unit)) for size in sizes if size is not None]
-    return " to ".join(dict.fromkeys(shown))
-
-
-def _ascii(value: float | None) -> str:
-    return fit_number(value).replace(_MINUS, "-").replace(DASH, "-").replace(" ", "")
+    own, sizes = own_unit(finding.dataset, signal), [fit.numbers_before.rms_error, fit.numbers_after.rms_error]
+    texts = [str(quantity(own.size(size), own.unit)) for size in sizes if size is not None]
+    return " to ".join(dict.fromkeys(texts))
 
 
 def _of(fit: SignalFit, role: str) -> Fit:
     return fit.held_out if role == "held_out" else fit.fit
 
 
-def _by_role(fit: float | None, held_out: float | None) -> list[tuple[float | None, str]]:
-    return [(fit, "fit runs"), (held_out, "held-out runs")]
+def _by_role(text: Callable[[float], str], fit: float | None, held_out: float | None) -> list[str]:
+    """Returns the known shares as text, each with its runs."""
+    return [f"{text(x)} on {runs}" for x, runs in ((fit, "fit runs"), (held_out, "held-out runs")) if x is not None]
 
 
 def _removed(share: float) -> str:
-    return percent(share) if share >= 0 else f"{_MINUS}{percent(-share)} (it makes the error larger)"
-
-
-def _table(finding: Finding, role: str) -> list[tuple[str, list[dict[str, str] | None]]]:
-    """Returns for each signal its cells, one for each horizon; None where the horizon is absent."""
-    horizons = [name for name in HORIZONS if name in finding.yardstick.horizons]
-    rows = []
-    for signal, fits in finding.yardstick.signals.items():
-        own = own_unit(finding.dataset, signal)
-        rows.append((_say(signal), [_cell(_of(fits[name], role), own) if name in fits else None for name in horizons]))
-    return rows
-
-
-def _cell(fit: Fit, own: OwnUnit) -> dict[str, str] | None:
-    if fit.before is None:
-        return None
-    return {
-        "before": fit_number(fit.before),
-        "after": fit_number(fit.after),
-        "attainable": fit_number(fit.attainable),
-        "errors": _errors(fit, own),
-    }
+    return percent(share) if share >= 0 else f"\N{MINUS SIGN}{percent(-share)} (it makes the error larger)"
 
 
 def _repeats(finding: Finding) -> str:
     """Returns a sentence on the fit that repeats of the same inputs allow; empty if no run is repeated."""
     fits: Mapping[str, Mapping[str, SignalFit]] = finding.yardstick.signals
-    known = [(_say(name), one[_HEADLINE].repeatability) for name, one in fits.items() if _HEADLINE in one]
+    known = [(say(name), one[_HEADLINE].repeatability) for name, one in fits.items() if _HEADLINE in one]
     listed = [f"{name} {fit_text(value)}" for name, value in known if value is not None]
     if not listed:
         return ""
@@ -177,11 +154,7 @@ def _chart(finding: Finding) -> Any:
     for signal, fits in finding.yardstick.signals.items():
         fit = _of(fits[_HEADLINE], one.role) if _HEADLINE in fits else None
         if fit is not None and fit.before is not None:
-            rows.append((_say(signal), fit.before, fit.after, fit.attainable))
+            rows.append((say(signal), fit.before, fit.after, fit.attainable))
     text = "; ".join(f"{name} {fit_number(a)} to {fit_number(b)}, attainable {fit_number(c)}" for name, a, b, c in rows)
     title = f"Fit in percent in free runs of {one.runs}: {text}"
     return plot.fits(rows, single=finding.verdict == "none", title=title)
-
-
-def _say(signal: str) -> str:
-    return signal.replace("_", " ")

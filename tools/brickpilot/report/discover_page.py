@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 
 from brickpilot import catalogue
-from brickpilot.data.audit.fault import Fault
 from brickpilot.data.dataset import own_unit
-from brickpilot.data.gap import Gap, Place
-from brickpilot.discover.finding import Effect, Finding, Parameter, Rank, RunValues, Share
+from brickpilot.data.gap import Gap
+from brickpilot.discover.finding import Effect, Finding, Parameter, Rank
 from brickpilot.report import composed_law, discover_fit, plot
 from brickpilot.report.discover_runs import compared_signals, figures, gap_map
 from brickpilot.report.discover_text import (
@@ -22,12 +22,11 @@ from brickpilot.report.discover_text import (
     known_size,
     left_predictable,
     listed,
-    say,
     shown_parameter,
     verdict,
     words,
 )
-from brickpilot.report.quantities import DASH, ROLES, Shown, gap_text, percent, plain, quantity, signed, trusted
+from brickpilot.report.quantities import ROLES, Shown, gap_text, percent, plain, quantity, say, signed, trusted
 from brickpilot.report.template import render
 from brickpilot.report.user_terms import frames, shown_finding, shown_rank, shown_size, told
 from brickpilot.vehicle import model as model_file
@@ -39,6 +38,7 @@ _PLACES = 8  # number of places that are shown
 _LISTED = 20  # number of faults that are shown; the others are folded
 
 _ROLE_ROWS = (("held_out", "held-out runs"), ("fit", "fit runs"))
+_NO_GAP = Gap(None, None)
 _HEADINGS = {"none": "no missing effect", "named": "named", "ambiguous": "ambiguous", "unknown": "unknown"}
 
 
@@ -51,6 +51,7 @@ def page(finding: Finding, command: str) -> str:
     """
     compared = compared_signals(finding)
     shown, folded = figures(finding, compared)
+    voltages, break_points = _voltages(finding)
     return render(
         "discover",
         title=f"{finding.dataset.name}: {'no' if finding.verdict == 'none' else 'the'} missing effect",
@@ -61,63 +62,43 @@ def page(finding: Finding, command: str) -> str:
         map=gap_map(finding, compared),
         shown=shown,
         folded=folded,
-        experiment=told(finding.dataset, _experiment(finding)),
+        voltages=voltages,
+        break_points=break_points,
         remaining=_remaining(finding),
         whiteness=_whiteness(finding),
         term_html=None if finding.term is None else Markup(composed_law.as_html(finding.term)),
         term_source=composed_law.of_finding(finding),
         model_text=model_file.render(finding.augmented),
         command=command,
+        gaps=[(label, finding.gap.get(name, _NO_GAP)) for name, label in _ROLE_ROWS],
+        gap_chart=_gap_chart(finding),
+        places=finding.where[:_PLACES],
+        starts={run.name: float(run.time[0]) for run in finding.dataset.runs},
+        ranked=_RANKED,
+        listed=_LISTED,
+        told=partial(told, finding.dataset),
+        words=words,
+        explanation=explanation,
+        finite=np.isfinite,
         **discover_fit.shown(finding),
-        **_gaps(finding),
         **told(finding.dataset, _tables(finding)),
-        **_data(finding),
+        runs={role: [name for name, one in finding.roles.items() if one == role] for role in ROLES},
+        wheels=finding.dataset.vehicle == "motor" or any(name.startswith("wheel") for name in finding.noise_sd),
+        units={name: own_unit(finding.dataset, name) for name in finding.noise_sd},
+        frames=frames(finding.dataset),
+        notes=told(finding.dataset, list(finding.notes)),
     )
-
-
-def _gaps(finding: Finding) -> dict[str, Any]:
-    """Returns the gaps of the nominal and of the augmented model, by role and signal, as text and as a chart."""
-    return {
-        "gaps": [(label, *_pair(finding.gap.get(name))) for name, label in _ROLE_ROWS],
-        "by_signal": [(say(name), *_pair(gap)) for name, gap in finding.by_signal.items()],
-        "gap_chart": _gap_chart(finding),
-    }
 
 
 def _tables(finding: Finding) -> dict[str, Any]:
     """Returns the rows of the tables on effects, explanations and parameters."""
     own, data = shown_finding(finding), finding.dataset
     return {
-        "places": [place_row(one, finding) for one in finding.where[:_PLACES]],
         "effects": [effect_row(one) for one in own.effects],
         "equivalents": equivalent_rows(own),
-        "explanations": [share_row(one) for one in finding.explanations],
         "nominal": nominal_rows(finding),
-        "run_values": [run_value_rows(one) for one in finding.run_values],
-        "ranking": [rank_row(shown_rank(data, one), finding.augmented) for one in finding.ranking],
-        "ranked": _RANKED,
-        "power": [
-            (words(name), name, say(one.parameter), quantity(one.size, one.unit))
-            for name, found in finding.power.items()
-            for one in (shown_size(data, name, found),)
-        ],
-    }
-
-
-def _data(finding: Finding) -> dict[str, Any]:
-    """Returns the data set's part of the page: its runs by role, its faults and its noise."""
-    return {
-        "runs": {role: [name for name, one in finding.roles.items() if one == role] for role in ROLES},
-        "faults": [fault_row(one, finding) for one in finding.faults],
-        "listed": _LISTED,
-        "wheels": finding.dataset.vehicle == "motor" or any(name.startswith("wheel") for name in finding.noise_sd),
-        "noise": [
-            (say(name), quantity(own.size(sd), own.unit))
-            for name, sd in finding.noise_sd.items()
-            for own in (own_unit(finding.dataset, name),)
-        ],
-        "frames": frames(finding.dataset),
-        "notes": told(finding.dataset, list(finding.notes)),
+        "ranking": [(one, ranked_values(shown_rank(data, one), finding.augmented)) for one in finding.ranking],
+        "power": [(words(name), name, shown_size(data, name, one)) for name, one in finding.power.items()],
     }
 
 
@@ -158,7 +139,7 @@ def _whiteness(finding: Finding) -> list[dict[str, Any]]:
         count = f"{outside} of {len(one.correlation)} lags lie outside the band"
         title = f"Autocorrelation of the residual of {say(signal)}: {count}"
         chart = plot.autocorrelation(one, title=title)
-        size = finding.by_signal.get(signal, Gap(None, None)).after
+        size = finding.by_signal.get(signal, _NO_GAP).after
         is_noise = one.white and (size is None or size <= OVER_NOISE)
         says = "white" if is_noise else f"{gap_text(size)} times the noise" if one.white else "not white"
         found.append({"signal": say(signal), "white": is_noise, "says": says, "count": count, "chart": chart})
@@ -190,48 +171,16 @@ def _remaining(finding: Finding) -> list[str]:
     return found
 
 
-def _experiment(finding: Finding) -> dict[str, Any] | None:
-    """Returns the proposed experiment with the chart and the break points of its manoeuvre."""
-    one = finding.next_experiment
-    if one is None:
-        return None
+def _voltages(finding: Finding) -> tuple[Markup | None, dict[str, tuple[tuple[float, float], ...]]]:
+    """Returns the chart of the next manoeuvre, if there is one, and motor -> the break points (s, V) of its voltage."""
+    manoeuvre = None if finding.next_experiment is None else finding.next_experiment.manoeuvre
+    if manoeuvre is None:
+        return None, {}
     single = finding.dataset.vehicle == "motor"
-    chart, points = None, []
-    if one.manoeuvre is not None:
-        title = f"Voltages of the manoeuvre {one.manoeuvre.name}, {plain(one.manoeuvre.duration_s)} s"
-        chart = plot.voltages(one.manoeuvre, single=single, title=title)
-        sides = [("voltage", one.manoeuvre.voltage_left)]
-        if not single:
-            sides = [("left", one.manoeuvre.voltage_left), ("right", one.manoeuvre.voltage_right)]
-        points = [(side, [(plain(t, 4), plain(v, 3)) for t, v in values]) for side, values in sides]
-    return {
-        "advice": one.advice,
-        "separates": [explanation(name) for name in one.separates],
-        "separation": gap_text(one.separation),
-        "signal": None if one.signal is None else say(one.signal),
-        "manoeuvre": one.manoeuvre,
-        "single": single,
-        "chart": chart,
-        "points": points,
-    }
-
-
-def _pair(gap: Gap | None) -> tuple[str, str]:
-    return gap_text(None if gap is None else gap.before), gap_text(None if gap is None else gap.after)
-
-
-def place_row(one: Place, finding: Finding) -> dict[str, str]:
-    """Returns the row of a place with a large part of the gap."""
-    return {
-        "run": one.run,
-        "role": ROLES[finding.roles[one.run]],
-        "signal": say(one.signal),
-        "from_s": f"{one.from_s - start_s(finding, one.run):.2f}",
-        "to_s": f"{one.to_s - start_s(finding, one.run):.2f}",
-        "when": one.when,
-        "share": percent(one.share_of_gap),
-        "width": f"{100 * one.share_of_gap / max(other.share_of_gap for other in finding.where):.1f}",
-    }
+    title = f"Voltages of the manoeuvre {manoeuvre.name}, {plain(manoeuvre.duration_s)} s"
+    sides = {"left": manoeuvre.voltage_left, "right": manoeuvre.voltage_right}
+    points = {"voltage": manoeuvre.voltage_left} if single else sides
+    return plot.voltages(manoeuvre, single=single, title=title), points
 
 
 def effect_row(one: Effect) -> dict[str, Any]:
@@ -299,73 +248,20 @@ def nominal_rows(finding: Finding) -> list[dict[str, Any]]:
     return rows
 
 
-def run_value_rows(one: RunValues) -> dict[str, Any]:
-    """Returns one kind of value that differs from run to run, with a row for each run."""
-    return {
-        "words": one.words,
-        "sentence": one.sentence(),
-        "rows": [
-            (name, quantity(value, one.unit, ci95 if all(np.isfinite(ci95)) else None))
-            for name, (value, ci95) in one.runs.items()
-        ],
-    }
-
-
-def share_row(one: Share) -> dict[str, str]:
-    """Returns the row of an explanation of the set that holds 95 % of the weight."""
-    return {
-        "names": " + ".join(one.effects) or "no effect",
-        "words": " with ".join(words(name) for name in one.effects) or "nothing is missing",
-        "weight": percent(one.weight),
-        "width": f"{100 * one.weight:.1f}",
-        "mechanism": ", ".join(one.mechanisms) or DASH,
-    }
-
-
 def _determined(finding: Finding, name: str) -> bool:
     """Returns whether the data determine a nominal parameter, by its basis in the model."""
     return not finding.augmented.basis.get(name, "").endswith(("prior alone", "not narrowed by the data"))
 
 
-def rank_row(one: Rank, model: Model) -> dict[str, Any]:
-    """Returns the row of one explanation in the ranking."""
+def ranked_values(one: Rank, model: Model) -> list[tuple[str, Shown]]:
+    """Returns the fitted values of an explanation; of values that differ from run to run, the smallest and largest."""
     own = {key: value for key, value in one.parameters.items() if "@" not in key}
-    sizes = [_quantity(key, value, model) for key, value in own.items()]
-    return {
-        "names": " + ".join(one.names) or "no effect",
-        "values": _labelled(list(own), sizes) + _of_runs(one),
-        "error": gap_text(one.prediction_error),
-        "removed": percent(one.removed),
-        "width": f"{100 * min(max(one.removed, 0.0), 1.0):.1f}",
-        "why": one.why,
-    }
-
-
-def _of_runs(one: Rank) -> list[tuple[str, Shown]]:
-    """Returns the smallest and the largest value of each kind of value that differs from run to run."""
-    found = []
+    shown = _labelled(list(own), [_quantity(key, value, model) for key, value in own.items()])
     for kind, info in RUN_KINDS.items():
         values = [value for key, value in one.parameters.items() if key.startswith(f"{kind}@")]
         if values:
-            found += [(f"{say(kind)} from", quantity(min(values), info.unit)), ("to", quantity(max(values), info.unit))]
-    return found
-
-
-def start_s(finding: Finding, run: str) -> float:
-    """Returns the start of a run on its own clock, s; times on pages count from it."""
-    return next((float(one.time[0]) for one in finding.dataset.runs if one.name == run), 0.0)
-
-
-def fault_row(one: Fault, finding: Finding) -> dict[str, str]:
-    """Returns the row of a data fault."""
-    start = start_s(finding, one.run)
-    return {
-        "run": one.run,
-        "signal": say(one.signal),
-        "kind": say(one.kind),
-        "from_s": f"{one.from_s - start:.3f}",
-        "to_s": f"{one.to_s - start:.3f}",
-    }
+            shown += [(f"{say(kind)} from", quantity(min(values), info.unit)), ("to", quantity(max(values), info.unit))]
+    return shown
 
 
 def _labelled(names: Sequence[str], shown: Sequence[Shown]) -> list[tuple[str, Shown]]:

@@ -8,18 +8,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brickpilot.data.dataset import Run, own_unit
-from brickpilot.data.gap import Place, residual
+from brickpilot.data.gap import residual
 from brickpilot.data.motion import measured_rates
 from brickpilot.data.signals import SUMMED
 from brickpilot.discover.finding import Finding
-from brickpilot.report.discover_text import OVER_NOISE, gap_change, say
-from brickpilot.report.plot import Curve, measured, points_for, superimposed
-from brickpilot.report.quantities import ROLES, gap_text
-
-Array = NDArray[np.float64]
+from brickpilot.report.discover_text import OVER_NOISE, gap_change
+from brickpilot.report.plot import Array, Curve, measured, points_for, superimposed
+from brickpilot.report.quantities import ROLES, gap_text, say
 
 _SHOWN = 4  # number of figures that are open; the others are folded
 
@@ -123,14 +120,6 @@ def _chosen(finding: Finding, compared: Mapping[Key, Compared], count: int) -> l
     return chosen
 
 
-def _places(finding: Finding) -> dict[Key, Place]:
-    """Returns (run, signal) -> the place with the largest part of its gap."""
-    found: dict[Key, Place] = {}
-    for one in finding.where:
-        found.setdefault((one.run, one.signal), one)
-    return found
-
-
 def _varied(order: Sequence[Key], count: int) -> list[Key]:
     """Returns the first `count` of `order`, preferably signals and runs that are not chosen yet."""
     chosen: list[Key] = []
@@ -143,7 +132,8 @@ def _varied(order: Sequence[Key], count: int) -> list[Key]:
 
 def _figure(finding: Finding, one: Compared, points: int) -> dict[str, Any]:
     """Returns the figure of one signal of one run, with its caption."""
-    place = _places(finding).get((one.run.name, one.signal))
+    places = (place for place in finding.where if (place.run, place.signal) == (one.run.name, one.signal))
+    place = next(places, None)  # the largest part of the gap comes first
     above, below = [measured(one.measured)], []
     if finding.verdict != "none":
         above.append(Curve("before", one.nominal, "orange"))
@@ -178,18 +168,18 @@ def _figure(finding: Finding, one: Compared, points: int) -> dict[str, Any]:
 def gap_map(finding: Finding, compared: Mapping[Key, Compared]) -> dict[str, Any]:
     """Returns each run's gap in each signal, before and after. `shade` is 0 at the noise and 1 at the largest gap."""
     most = max((np.log(max(one.gaps[0], 1.0)) for one in compared.values()), default=0.0) or 1.0
-    rows = []
-    for run in finding.dataset.runs:
-        cells: list[dict[str, Any] | None] = []
-        for signal in finding.noise_sd:
-            one = compared.get((run.name, signal))
-            if one is None:
-                cells.append(None)
-                continue
-            before, after = one.gaps
-            shade = float(np.log(max(before, 1.0)) / most) if before > OVER_NOISE else 0.0
-            cells.append({"before": gap_text(before), "after": gap_text(after), "shade": f"{shade:.2f}"})
-        rows.append((run.name, ROLES[finding.roles[run.name]], cells))
+
+    def cell(one: Compared | None) -> dict[str, str] | None:
+        if one is None:
+            return None
+        before, after = one.gaps
+        shade = float(np.log(max(before, 1.0)) / most) if before > OVER_NOISE else 0.0
+        return {"before": gap_text(before), "after": gap_text(after), "shade": f"{shade:.2f}"}
+
+    rows = [
+        (run.name, ROLES[finding.roles[run.name]], [cell(compared.get((run.name, name))) for name in finding.noise_sd])
+        for run in finding.dataset.runs
+    ]
     return {"signals": [say(name) for name in finding.noise_sd], "rows": rows}
 
 

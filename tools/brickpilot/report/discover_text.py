@@ -10,10 +10,10 @@ from brickpilot.data.dataset import Dataset
 from brickpilot.data.facts import yaw_over_wheels
 from brickpilot.data.gap import Gap
 from brickpilot.discover import numbers
-from brickpilot.discover.finding import NOMINAL_VALUES, Effect, Finding, Parameter, Share
+from brickpilot.discover.finding import NOMINAL_VALUES, Effect, Finding, Parameter
 from brickpilot.fit.uncertainty import Combination
 from brickpilot.report import discover_fit
-from brickpilot.report.quantities import Shown, gap_text, in_words, percent, quantity
+from brickpilot.report.quantities import Shown, ascii_text, gap_text, in_words, percent, quantity, say
 from brickpilot.report.user_terms import shown_finding, told
 from brickpilot.vehicle.replay import RUN_KINDS
 
@@ -24,11 +24,6 @@ _PLAUSIBLE = 1.3
 """The page says that a calibrated model lacks nothing if its gap is at most this, in multiples of the noise."""
 
 _HELD_OUT = "the held-out runs"
-
-
-def say(name: str) -> str:
-    """Returns a name of the program with blanks instead of underscores."""
-    return name.replace("_", " ")
 
 
 def words(effect: str) -> str:
@@ -109,20 +104,14 @@ def found_names(finding: Finding) -> list[str]:
 
 def one_mechanism(finding: Finding) -> str | None:
     """Returns the only mechanism of all equivalent explanations; None if they have several."""
-    known = {frozenset(one.effects): one.mechanisms for one in finding.explanations}
-    kinds = {
-        kind for one in alternatives(finding) for kind in known.get(frozenset(one.split(" + "))) or _mechanisms(one)
-    }
-    return next(iter(kinds)) if len(kinds) == 1 else None
-
-
-def _mechanisms(names: str) -> list[str]:
-    """Returns the mechanisms of names joined by " + "; a name without a mechanism stands for itself."""
-    named = names.split(" + ")
-    known = {one.name: one.mechanism for one in catalogue.effects()} | {
-        kind: one.mechanism for kind, one in RUN_KINDS.items()
-    }
-    return [known.get(name, name) for name in named]
+    weighed = {frozenset(one.effects): one.mechanisms for one in finding.explanations}
+    of_effects = {one.name: one.mechanism for one in catalogue.effects()}
+    of_names = of_effects | {kind: one.mechanism for kind, one in RUN_KINDS.items()}
+    kinds: set[str] = set()
+    for rival in alternatives(finding):
+        names = rival.split(" + ")
+        kinds.update(weighed.get(frozenset(names)) or [of_names.get(name, name) for name in names])
+    return kinds.pop() if len(kinds) == 1 else None
 
 
 def explanation_lines(finding: Finding) -> list[str]:
@@ -130,15 +119,11 @@ def explanation_lines(finding: Finding) -> list[str]:
     if len(finding.explanations) < 2:
         return []
     head = f"{'weight':>8}  explanations that hold 95 % of the weight"
-    return [head, *(f"{_weight(one):>8}  {_named(one)}" for one in finding.explanations)]
-
-
-def _weight(one: Share) -> str:
-    return percent(one.weight).replace("\N{NO-BREAK SPACE}", " ")
-
-
-def _named(one: Share) -> str:
-    return f"{' + '.join(one.effects)} ({', '.join(one.mechanisms)})" if one.effects else "no effect"
+    rows = [head]
+    for one in finding.explanations:
+        names = f"{' + '.join(one.effects)} ({', '.join(one.mechanisms)})" if one.effects else "no effect"
+        rows.append(f"{ascii_text(percent(one.weight)):>8}  {names}")
+    return rows
 
 
 def left_predictable(finding: Finding) -> str:
@@ -159,7 +144,11 @@ def verdict(finding: Finding) -> str:
     own = shown_finding(finding)
     apart = contradiction(finding.dataset) if finding.verdict in ("none", "unknown") else None
     first = f"{apart} " if apart else ""
-    return told(finding.dataset, first + _verdict(own) + _rest(own) + _moved_values(own)) + by_run
+    left = ""
+    if own.law_differs:
+        which = "a law is" if len(own.effects) > 1 else "the law is"
+        left = f" What is left is more than noise: {which} not quite right, or something smaller is missing too."
+    return told(finding.dataset, first + _verdict(own) + left + _moved_values(own)) + by_run
 
 
 def contradiction(dataset: Dataset) -> str | None:
@@ -189,14 +178,6 @@ def leaves_more_than_noise(finding: Finding) -> bool:
     """Returns whether the runs that prove the verdict have an error clearly above the noise."""
     after = _proof(finding)[1].after
     return after is not None and after > _PLAUSIBLE
-
-
-def _rest(finding: Finding) -> str:
-    """Returns a sentence on the residual of claimed effects; empty: this residual is noise, or no effect is claimed."""
-    if not finding.law_differs:
-        return ""
-    which = "a law is" if len(finding.effects) > 1 else "the law is"
-    return f" What is left is more than noise: {which} not quite right, or something smaller is missing too."
 
 
 def _moved_values(finding: Finding) -> str:

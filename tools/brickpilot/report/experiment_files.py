@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
-
 import numpy as np
 import tomlkit
 
@@ -77,18 +74,15 @@ def _scenario(manoeuvre: Manoeuvre, found: list[Step]) -> str:
 
 
 def _table(found: list[Step], sides: tuple[str, ...]) -> str:
-    text = io.StringIO()
-    rows = csv.writer(text, lineterminator="\n")
-    rows.writerow(["from_s", *sides])
-    rows.writerows([start, *both[: len(sides)]] for start, *both in found)
-    return text.getvalue()
+    lines = [("from_s", *sides), *((start, *volts[: len(sides)]) for start, *volts in found)]
+    return "".join(f"{','.join(map(str, line))}\n" for line in lines)
 
 
 def _array(manoeuvre: Manoeuvre, found: list[Step], sides: tuple[str, ...]) -> str:
+    ended = [*found, (manoeuvre.duration_s, 0.0, 0.0)]
     rows = [
-        (round(1000 * start), ", ".join(str(round(1000 * volts)) for volts in both[: len(sides)]))
-        for start, *both in found
+        (round(1000 * start), ", ".join(str(round(1000 * one)) for one in volts[: len(sides)]))
+        for start, *volts in ended
     ]
-    end = (round(1000 * manoeuvre.duration_s), ", ".join("0" for _ in sides))
-    fields = ", ".join(f"{side.replace('voltage', 'mv')}" for side in sides)
-    return render_plain("next_experiment.h", title=manoeuvre.name, rows=[*rows, end], fields=fields)
+    fields = ", ".join(side.replace("voltage", "mv") for side in sides)
+    return render_plain("next_experiment.h", title=manoeuvre.name, rows=rows, fields=fields)

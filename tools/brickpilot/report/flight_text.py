@@ -1,7 +1,4 @@
-"""A flight as text: the lines that `run` and `hil` print of a mission, and its checks as a JUnit file.
-
-There is a line for each waypoint, and a line for each figure with its meaning. Jenkins and GitLab read the JUnit file.
-"""
+"""A flight as text: the lines that `run` and `hil` print of a mission, and its checks as a JUnit file."""
 
 from __future__ import annotations
 
@@ -59,37 +56,26 @@ def _metres(value: float | None) -> str:
     return "-" if value is None else f"{value:.3f} m"
 
 
-def junit_text(name: str, checks: Sequence[Check], command: str) -> str:
+def junit_text(name: str, checks: Sequence[Check], command: str, error: str | None = None) -> str:
     """Returns the file: a test suite `name` with a test case for each check.
 
     Args:
         command: the command line that repeats the flight; a property of the suite.
+        error: why the flight did not begin; it stands in each test case. None: the flight began.
     """
-    cases = [_case(name, check) for check in checks]
-    failures = sum(check.failure is not None for check in checks)
-    return _file(name, cases, failures=failures, errors=0, command=command)
-
-
-def junit_of_error(name: str, message: str, command: str) -> str:
-    """Returns the file of a flight that did not begin: one test case, the link, with the error."""
-    from brickpilot.vehicle.flight_figures import Check
-
-    case = _case(name, Check("link", None))
-    ElementTree.SubElement(case, "error", message=message, type="no flight").text = message
-    return _file(name, [case], failures=0, errors=1, command=command)
-
-
-def _case(suite: str, check: Check) -> ElementTree.Element:
-    case = ElementTree.Element("testcase", name=check.name, classname=suite, time=f"{check.seconds:.3f}")
-    if check.failure is not None:
-        ElementTree.SubElement(case, "failure", message=check.failure, type="mission").text = check.failure
-    if check.detail:
-        ElementTree.SubElement(case, "system-out").text = check.detail
-    return case
-
-
-def _file(name: str, cases: Sequence[ElementTree.Element], *, failures: int, errors: int, command: str) -> str:
-    counts = {"tests": str(len(cases)), "failures": str(failures), "errors": str(errors)}
+    cases = []
+    for check in checks:
+        case = ElementTree.Element("testcase", name=check.name, classname=name, time=f"{check.seconds:.3f}")
+        if check.failure is not None:
+            ElementTree.SubElement(case, "failure", message=check.failure, type="mission").text = check.failure
+        if check.detail:
+            ElementTree.SubElement(case, "system-out").text = check.detail
+        if error is not None:
+            ElementTree.SubElement(case, "error", message=error, type="no flight").text = error
+        cases.append(case)
+    kinds = {"tests": "testcase", "failures": "failure", "errors": "error"}
+    tags = [part.tag for case in cases for part in case.iter()]
+    counts = {key: str(tags.count(tag)) for key, tag in kinds.items()}
     counts["time"] = f"{sum(float(case.attrib['time']) for case in cases):.3f}"
     root = ElementTree.Element("testsuites", counts)
     now = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%S")

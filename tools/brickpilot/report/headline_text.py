@@ -7,7 +7,7 @@ from typing import Any
 
 from brickpilot.data.agreement import Agreement
 from brickpilot.data.dataset import OwnUnit
-from brickpilot.report.quantities import DASH, fit_number, fit_text, quantity
+from brickpilot.report.quantities import DASH, ascii_text, fit_number, fit_text, quantity, say
 from brickpilot.vehicle.headline import FREE_RUN, ROLES, Headline
 
 RUNS = {"held_out": "the held-out runs", "fit": "the fit runs"}
@@ -27,7 +27,7 @@ DEFINITION = (
 
 def horizon_text(name: str) -> str:
     """Returns a horizon as text: "free run", "1 s"."""
-    return HORIZONS.get(name, name.replace("_", " "))
+    return HORIZONS.get(name, say(name))
 
 
 def sentence(numbers: Headline) -> str:
@@ -58,20 +58,21 @@ def cells(one: Agreement, unit: OwnUnit) -> tuple[str, str, str]:
     return fit_number(one.fit_percent), r2_text(one), error_text(one, unit)
 
 
-def tables(numbers: Headline, units: Mapping[str, OwnUnit]) -> list[dict[str, Any]]:
-    """Returns a table for each role that has runs: its label, its mean fits, and a row for each signal."""
-    found = []
+def shown(numbers: Headline, units: Mapping[str, OwnUnit]) -> dict[str, Any]:
+    """Returns the headline for a page: `summary` has a table for each role that has runs."""
+    summary = []
     for role in ROLES:
         signals = [name for name in numbers.signals if numbers.of(name, role).samples]
         if not signals:
             continue
         rows = [
-            (_say(name), [cells(numbers.of(name, role, horizon), units[name]) for horizon in numbers.horizons])
+            (say(name), [cells(numbers.of(name, role, horizon), units[name]) for horizon in numbers.horizons])
             for name in signals
         ]
         means = [fit_number(numbers.mean(role, horizon)) for horizon in numbers.horizons]
-        found.append({"label": RUNS[role].removeprefix("the "), "means": means, "rows": rows})
-    return found
+        summary.append({"label": RUNS[role].removeprefix("the "), "means": means, "rows": rows})
+    horizons = [horizon_text(name) for name in numbers.horizons]
+    return {"sentence": sentence(numbers), "definition": DEFINITION, "horizons": horizons, "summary": summary}
 
 
 def lines(numbers: Headline, units: Mapping[str, OwnUnit]) -> Iterator[str]:
@@ -83,15 +84,5 @@ def lines(numbers: Headline, units: Mapping[str, OwnUnit]) -> Iterator[str]:
     horizons = "".join(f"{f'{horizon_text(one)}: fit %, R2, rms error':>42}" for one in numbers.horizons)
     yield f"{RUNS[role].removeprefix('the '):26}{horizons}"
     for name in numbers.signals:
-        shown = [cells(numbers.of(name, role, horizon), units[name]) for horizon in numbers.horizons]
-        yield f"{name:26}" + "".join(f"{plain(a):>14}{plain(b):>10}{plain(c):>18}" for a, b, c in shown)
-
-
-def plain(text: str) -> str:
-    """Returns text for a terminal: with blanks, minus signs and dashes of ASCII."""
-    found = text.replace("\N{MINUS SIGN}", "-").replace(DASH, "-").replace("\N{NO-BREAK SPACE}", " ")
-    return found.replace("< -", "<-")
-
-
-def _say(signal: str) -> str:
-    return signal.replace("_", " ")
+        columns = [map(ascii_text, cells(numbers.of(name, role, horizon), units[name])) for horizon in numbers.horizons]
+        yield f"{name:26}" + "".join(f"{fit:>14}{r2:>10}{error:>18}" for fit, r2, error in columns)

@@ -14,7 +14,7 @@ from brickpilot.fit.calibration import Calibration
 from brickpilot.fit.comparison import Comparison
 from brickpilot.readiness.data_check import Check
 from brickpilot.report import changed_page, check_text, discover_text, headline_text
-from brickpilot.report.quantities import DASH, fit_text, number
+from brickpilot.report.quantities import DASH, ascii_text, fit_text, number
 from brickpilot.report.template import render
 from brickpilot.report.why_page import Why
 from brickpilot.vehicle.scenario_flight import Flown
@@ -38,7 +38,10 @@ def to_html(result: Result) -> str:
         TypeError: it is no result of this package.
     """
     title, sentences = _words(result)
-    return _table(title, sentences, _figures(result) if isinstance(result, Flown) else result.to_frame())
+    frame = _figures(result) if isinstance(result, Flown) else result.to_frame()
+    rows = [[_cell(value) for value in row] for row in frame.head(_ROWS).itertuples(index=False)]
+    more = max(len(frame) - _ROWS, 0)
+    return render("result", title=title, sentences=sentences, columns=list(frame.columns), rows=rows, more=more)
 
 
 def to_text(result: Result) -> str:
@@ -48,7 +51,7 @@ def to_text(result: Result) -> str:
         TypeError: it is no result of this package.
     """
     title, sentences = _words(result)
-    told = headline_text.plain("\n".join(sentences)).splitlines()
+    told = ascii_text("\n".join(sentences)).splitlines()
     lines = [line for one in told for line in textwrap.wrap(one, _WIDE, initial_indent="  ", subsequent_indent="  ")]
     cut = len(lines) >= _LINES
     return "\n".join([title, *(lines[: _LINES - 2] if cut else lines), *(["  ..."] if cut else [])])
@@ -99,18 +102,6 @@ def _figures(flown: Flown) -> pandas.DataFrame:
 
     single = {k: v for k, v in flown.figures.items() if isinstance(v, str | numbers.Real) and not k.endswith("sha256")}
     return pandas.DataFrame({"figure": list(single), "value": list(single.values())}, dtype=object)
-
-
-def _table(title: str, sentences: list[str], frame: pandas.DataFrame) -> str:
-    shown = [[_cell(value) for value in row] for row in frame.head(_ROWS).itertuples(index=False)]
-    return render(
-        "result",
-        title=title,
-        sentences=sentences,
-        columns=list(frame.columns),
-        rows=shown,
-        more=max(len(frame) - _ROWS, 0),
-    )
 
 
 def _cell(value: Any) -> str:

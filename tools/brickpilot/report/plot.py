@@ -136,7 +136,7 @@ def to_html(figure: Figure, points: int = MOST_POINTS) -> Markup:
         "x": {
             "name": figure.x_label,
             "label": x_label,
-            "values": _by_own_size(figure.x[kept]) if figure.log else compact(figure.x[kept] - origin, ACROSS),
+            "values": _five_digits(figure.x[kept]) if figure.log else compact(figure.x[kept] - origin, ACROSS),
             "log": figure.log,
             "reach": list(figure.reach),
         },
@@ -149,8 +149,12 @@ def to_html(figure: Figure, points: int = MOST_POINTS) -> Markup:
     return element(spec, figure.title, height, thinned)
 
 
+Marks = Mapping[str, tuple[Colour, Sequence[float | None]]]
+"""Name -> (colour, the value of its mark in each row; None: no mark)."""
+
+
 def row_chart(
-    labels: Sequence[str], curves: Mapping[str, tuple[Colour, Sequence[float | None]]],
+    labels: Sequence[str], curves: Marks,
     spans: Sequence[tuple[float, float] | None], label: str, unit: str, *, title: str,
     lines: Sequence[float] = (), stretch: tuple[float, float] | None = None, log: bool = False,
     asked: Sequence[tuple[float, float] | None] = (),
@@ -158,7 +162,7 @@ def row_chart(
     """Draws a row for each label, the first one uppermost.
 
     Args:
-        curves: name -> (colour, the value of its mark in each row; None: no mark).
+        curves: the marks.
         spans: for each row, (low, high) of the line under its marks; None: no line.
         label, unit: the label and unit of the axis along the rows.
         lines, stretch, log: as in `Figure`.
@@ -250,8 +254,8 @@ def _clock(figure: Figure) -> tuple[float, str]:
     return origin, f"{label}, counted from {origin:.10g} {figure.x_unit}"
 
 
-def _by_own_size(values: Array) -> list[float]:
-    """Returns the values for a logarithmic axis, with five digits each: the axis cannot show a value rounded to 0."""
+def _five_digits(values: Array) -> list[float]:
+    """Returns the values with five digits each, for a logarithmic axis: it cannot show a value rounded to 0."""
     return [float(f"{one:.5g}") for one in values.tolist()]
 
 
@@ -300,19 +304,13 @@ def superimposed(
 
 def voltages(manoeuvre: Manoeuvre, *, single: bool, title: str) -> Markup:
     """Draws the motor voltages of a manoeuvre. `single`: the vehicle has one motor, with the left voltage."""
-    sides = {"voltage" if single else "left": manoeuvre.voltage_left}
-    if not single:
-        sides["right"] = manoeuvre.voltage_right
-    times = np.unique([moment for points in sides.values() for moment, _ in points])
+    sides = [manoeuvre.voltage_left] if single else [manoeuvre.voltage_left, manoeuvre.voltage_right]
+    times = np.unique([moment for points in sides for moment, _ in points])
     before_and_after = np.repeat(times, 2) + np.tile([-1e-9, 1e-9], len(times))  # a step has two values at one time
-    curves = [
-        Curve(name, np.interp(before_and_after, *np.array(points, dtype=np.float64).T), colour, width, dashed=dashed)
-        for (name, points), (colour, width, dashed) in zip(sides.items(), _SIDES, strict=False)
-    ]
+    left, *right = (np.interp(before_and_after, *np.array(points, dtype=np.float64).T) for points in sides)
+    curves = [Curve("voltage" if single else "left", left, "blue", 2.4)]
+    curves += [Curve("right", values, "orange", 1.6, dashed=True) for values in right]
     return to_html(Figure(title, np.repeat(times, 2), [Panel("motor voltage", "V", curves, 130)]))
-
-
-_SIDES: tuple[tuple[Colour, float, bool], ...] = (("blue", 2.4, False), ("orange", 1.6, True))
 
 
 def autocorrelation(one: Whiteness, *, title: str) -> Markup:
@@ -328,14 +326,14 @@ def gaps(rows: Sequence[tuple[str, float | None, float | None]], *, single: bool
 
     `single`: there is only one model, so the gap before is not drawn.
     """
-    curves: dict[str, tuple[Colour, list[float | None]]] = {
-        "before": ("orange", [_at_least(before, _LEAST_GAP) for _, before, _ in rows]),
-        "after": ("blue", [_at_least(after, _LEAST_GAP) for _, _, after in rows]),
-    }
-    if single:
-        curves = {"simulated": curves["after"]}
+    before = _at_least([row[1] for row in rows], _LEAST_GAP)
+    after = _at_least([row[2] for row in rows], _LEAST_GAP)
+    marks: Marks = (
+        {"simulated": ("blue", after)} if single else {"before": ("orange", before), "after": ("blue", after)}
+    )
     label = "gap: rms residual over noise"
-    return _row_chart([one for one, *_ in rows], curves, label, "", title=title, lines=(1.0,), log=True)
+    labels = [row[0] for row in rows]
+    return row_chart(labels, marks, _joined(marks, len(rows)), label, "", title=title, lines=(1.0,), log=True)
 
 
 def fits(rows: Sequence[tuple[str, float | None, float | None, float | None]], *, single: bool, title: str) -> Markup:
@@ -343,28 +341,23 @@ def fits(rows: Sequence[tuple[str, float | None, float | None, float | None]], *
 
     `single`: there is only one model, so the fit before is not drawn.
     """
-    before = [_at_least(one, _LEAST_FIT) for _, one, _, _ in rows]
-    after = [_at_least(one, _LEAST_FIT) for _, _, one, _ in rows]
-    most = [_at_least(one, _LEAST_FIT) for _, _, _, one in rows]
-    models: dict[str, tuple[Colour, list[float | None]]] = {"before": ("orange", before), "after": ("blue", after)}
-    if single:
-        models = {"simulated": ("blue", after)}
-    models["attainable"] = ("green", most)
-    return _row_chart([one for one, *_ in rows], models, "fit", "%", title=title)
+    before = _at_least([row[1] for row in rows], _LEAST_FIT)
+    after = _at_least([row[2] for row in rows], _LEAST_FIT)
+    marks: Marks = (
+        {"simulated": ("blue", after)} if single else {"before": ("orange", before), "after": ("blue", after)}
+    )
+    marks = {**marks, "attainable": ("green", _at_least([row[3] for row in rows], _LEAST_FIT))}
+    return row_chart([row[0] for row in rows], marks, _joined(marks, len(rows)), "fit", "%", title=title)
 
 
-def _at_least(value: float | None, least: float) -> float | None:
-    return None if value is None or not np.isfinite(value) else max(value, least)
+def _at_least(values: Sequence[float | None], least: float) -> list[float | None]:
+    return [None if value is None or not np.isfinite(value) else max(value, least) for value in values]
 
 
-def _row_chart(
-    labels: Sequence[str], curves: Mapping[str, tuple[Colour, Sequence[float | None]]], label: str, unit: str, *,
-    title: str, lines: Sequence[float] = (), log: bool = False,
-) -> Markup:  # fmt: skip
-    """Draws a row for each label with a mark for each curve, joined; curves are name -> (colour, a value per row)."""
-    ends = [[one for _, values in curves.values() if (one := values[row]) is not None] for row in range(len(labels))]
-    spans = [(min(known), max(known)) if known else None for known in ends]
-    return row_chart(labels, curves, spans, label, unit, title=title, lines=lines, log=log)
+def _joined(marks: Marks, rows: int) -> list[tuple[float, float] | None]:
+    """Returns the lines of a row chart, each from the smallest to the largest mark of its row."""
+    ends = [[one for _, values in marks.values() if (one := values[row]) is not None] for row in range(rows)]
+    return [(min(known), max(known)) if known else None for known in ends]
 
 
 def interval(low: float, value: float, high: float, *, inside: tuple[float, float]) -> Markup:

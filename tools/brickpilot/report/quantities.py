@@ -12,6 +12,7 @@ ROLES = {"fit": "fit run", "held_out": "held-out run"}
 """Role of a run -> its name on pages."""
 
 _SPACE = "\N{NO-BREAK SPACE}"
+_MINUS = "\N{MINUS SIGN}"
 
 _PREFIXES = ((1e-9, "n"), (1e-6, "µ"), (1e-3, "m"), (1.0, ""), (1e3, "k"), (1e6, "M"))
 _TAKES_PREFIX = frozenset({"N", "V", "A", "H", "W", "Ω", "m", "s", "rad"})  # as the first factor of a unit
@@ -29,6 +30,16 @@ class Shown:
     def __str__(self) -> str:
         unit = f"{_SPACE}{self.unit}" if self.unit else ""
         return f"{self.value}{unit}" + (f" ({self.low} to {self.high})" if self.low else "")
+
+
+def say(name: str) -> str:
+    """Returns a name of the program with blanks instead of underscores."""
+    return name.replace("_", " ")
+
+
+def ascii_text(text: str) -> str:
+    """Returns text for a terminal: with blanks, minus signs and dashes of ASCII."""
+    return text.replace(_MINUS, "-").replace(DASH, "-").replace(_SPACE, " ").replace("< -", "<-")
 
 
 def unit_text(unit: str) -> str:
@@ -55,7 +66,7 @@ def scaled(size: float, unit: str) -> tuple[float, str]:
 def plain(value: float, digits: int = 6) -> str:
     """Returns a number without trailing zeros and with a true minus sign."""
     text = f"{value:.{digits}g}".replace("e-0", "e-").replace("e+0", "e")
-    return ("0" if text == "-0" else text).replace("-", "\N{MINUS SIGN}")
+    return ("0" if text == "-0" else text).replace("-", _MINUS)
 
 
 def quantity(value: float, unit: str, ci95: tuple[float, float] | None = None) -> Shown:
@@ -69,14 +80,16 @@ def quantity(value: float, unit: str, ci95: tuple[float, float] | None = None) -
     else:
         decimals = 2 - math.floor(math.log10(abs(value))) if value and math.isfinite(value) else 0
 
-    def text(one: float) -> str:
-        if not math.isfinite(one):
-            return "without limit"
-        rounded = round(one, decimals) + 0.0  # no minus zero
-        return f"{rounded:.{max(decimals, 0)}f}".replace("-", "\N{MINUS SIGN}")
+    low, high = [_fixed(one, decimals) for one in ends] or ("", "")
+    return Shown(_fixed(value, decimals), low, high, shown)
 
-    low, high = [text(one) for one in ends] or ("", "")
-    return Shown(text(value), low, high, shown)
+
+def _fixed(value: float, decimals: int) -> str:
+    """Returns a number with so many decimals; below 0, they round to tens, hundreds and so on."""
+    if not math.isfinite(value):
+        return "without limit"
+    rounded = round(value, decimals) + 0.0  # no minus zero
+    return f"{rounded:.{max(decimals, 0)}f}".replace("-", _MINUS)
 
 
 def _decimals(half: float) -> int:
@@ -97,10 +110,7 @@ def in_words(value: float, unit: str, ci95: tuple[float, float] | None = None) -
         return f"{plain(float(f'{value / per:.2g}'))}{suffix}", ""
     half = (ends[1] - ends[0]) / 2
     decimals = min(_decimals(half), 6) if half > 0 else 6
-    text, low, high = (
-        f"{round(one, decimals) + 0.0:.{max(decimals, 0)}f}".replace("-", "\N{MINUS SIGN}")
-        for one in (value / per, *ends)
-    )
+    text, low, high = (_fixed(one, decimals) for one in (value / per, *ends))
     return f"{text}{suffix}", f" ({low} to {high}{suffix})"
 
 
@@ -115,7 +125,7 @@ def trusted(value: float, sd: float | None, unit: str) -> str:
 def signed(value: float, decimals: int) -> str:
     """Returns a change with its sign; a change that rounds to zero has no sign."""
     rounded = round(value, decimals) + 0.0
-    return f"{rounded:+.{decimals}f}".replace("-", "\N{MINUS SIGN}") if rounded else f"{0:.{decimals}f}"
+    return f"{rounded:+.{decimals}f}".replace("-", _MINUS) if rounded else f"{0:.{decimals}f}"
 
 
 def gap_text(gap: float | None) -> str:
@@ -142,8 +152,8 @@ def fit_number(value: float | None) -> str:
     if value is None:
         return DASH
     if value < -999:
-        return "< \N{MINUS SIGN}999"
-    return f"{value:.2f}" if value >= 99 else f"{value:.1f}".replace("-", "\N{MINUS SIGN}")
+        return f"< {_MINUS}999"
+    return f"{value:.2f}" if value >= 99 else f"{value:.1f}".replace("-", _MINUS)
 
 
 def fit_text(value: float | None) -> str:

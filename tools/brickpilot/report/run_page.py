@@ -14,19 +14,8 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from brickpilot.constants import STEP_S
-from brickpilot.report.plot import (
-    ACROSS,
-    MOST_POINTS,
-    UP,
-    Colour,
-    Curve,
-    Figure,
-    Panel,
-    compact,
-    element,
-    thin,
-    to_html,
-)
+from brickpilot.report import plot
+from brickpilot.report.plot import Array, Colour, Curve, Figure, Panel, compact, to_html
 from brickpilot.report.quantities import plain
 from brickpilot.report.template import render
 from brickpilot.vehicle.flight import Flight
@@ -38,7 +27,6 @@ LINK = "run"
 _DEGREES = 180.0 / np.pi
 _AT_REST_S = 1.0  # s of the rest at the end that a figure shows
 _MOVES = 1e-3  # a smaller change of position, m, or of heading, rad, counts as rest
-Array = NDArray[np.float64]
 Line = tuple[str, str, Colour]
 
 
@@ -103,14 +91,11 @@ def motion(flight: Flight) -> Markup:
 
 def electrical(flight: Flight) -> Markup:
     """Draws the voltages and currents of the motors."""
-    panels = [
-        _panel(
-            flight, "motor voltage", "V", [("left_voltage_v", "left", "blue"), ("right_voltage_v", "right", "orange")]
-        ),
-        _panel(
-            flight, "motor current", "A", [("left_current_a", "left", "blue"), ("right_current_a", "right", "orange")]
-        ),
-    ]
+    panels = []
+    for name, unit in (("voltage", "V"), ("current", "A")):
+        column = f"{name}_{unit.lower()}"
+        sides: list[Line] = [(f"left_{column}", "left", "blue"), (f"right_{column}", "right", "orange")]
+        panels.append(_panel(flight, f"motor {name}", unit, sides))
     return _figure(flight, "motor voltages and currents over time", panels)
 
 
@@ -152,11 +137,6 @@ def verdict(flight: Flight, figures: dict[str, Any]) -> str:
     )
 
 
-def rim_speed(flight: Flight) -> float:
-    """Returns the mean rim speed of the left wheel over the last 0.9 s, in m/s."""
-    return flight.plan.model.parameters["wheel_radius"] * float(np.mean(np.abs(flight.log["left_wheel_rad_s"][-300:])))
-
-
 def page(flight: Flight, figures: dict[str, Any], command: str, link: dict[str, Any] | None = None) -> str:
     """Returns the page as one self-contained HTML text.
 
@@ -165,7 +145,8 @@ def page(flight: Flight, figures: dict[str, Any], command: str, link: dict[str, 
         command: the command line that repeats the flight.
         link: for a flight over a link, the result of `link_figures`.
     """
-    mission = flight.plan.scenario.kind == "mission"
+    mission, parameters = flight.plan.scenario.kind == "mission", flight.plan.model.parameters
+    wheel_speed = float(np.mean(np.abs(flight.log["left_wheel_rad_s"][-300:])))  # rad/s, over the last 0.9 s
     return render(
         "run",
         title=flight.plan.scenario.title,
@@ -178,7 +159,7 @@ def page(flight: Flight, figures: dict[str, Any], command: str, link: dict[str, 
         motion=motion(flight),
         electrical=electrical(flight),
         inside=inside(flight) if mission else None,
-        rim_speed=rim_speed(flight),
+        rim_speed=parameters["wheel_radius"] * wheel_speed,
         effects=flight.plan.model.effects,
         packaged=flight.plan.scenario.packaged,
         command=command,
@@ -187,14 +168,9 @@ def page(flight: Flight, figures: dict[str, Any], command: str, link: dict[str, 
 
 
 def track_to_html(
-    time: Array,
-    heading: Array,
-    lines: Sequence[Curve],
-    circles: Sequence[tuple[float, float, float, bool]],
-    *,
-    link: str,
-    title: str = "track over the waypoints, seen from above",
-) -> Markup:
+    time: Array, heading: Array, lines: Sequence[Curve], circles: Sequence[tuple[float, float, float, bool]], *,
+    link: str, title: str = "track over the waypoints, seen from above",
+) -> Markup:  # fmt: skip
     """Returns a track, seen from above, as an element of a page that can be played.
 
     Args:
@@ -203,21 +179,23 @@ def track_to_html(
         circles: the waypoints: position to the right and up, m, radius, m, and whether the waypoint was reached.
         link, title: see `Figure`.
     """
-    kept = thin(np.concatenate([one.values for one in lines if one.values.shape[1] == len(time)]), MOST_POINTS)
+    kept = plot.thin(
+        np.concatenate([one.values for one in lines if one.values.shape[1] == len(time)]), plot.MOST_POINTS
+    )
     spec = {
         "track": True,
         "link": link,
         "label": "seen from above: x, forward at the start (m)",
         "across": "y, to the right (m)",
-        "time": compact(time[kept], ACROSS),
-        "heading": compact(heading[kept], UP),
+        "time": compact(time[kept], plot.ACROSS),
+        "heading": compact(heading[kept], plot.UP),
         "lines": [_way(one, kept, len(time)) for one in lines],
         "circles": [
             {"name": str(number), "x": x, "y": y, "radius": radius, "reached": reached}
             for number, (x, y, radius, reached) in enumerate(circles, 1)
         ],
     }
-    return element(spec, title, 400)
+    return plot.element(spec, title, 400)
 
 
 def _way(one: Curve, kept: NDArray[np.intp], samples: int) -> dict[str, Any]:
@@ -229,8 +207,8 @@ def _way(one: Curve, kept: NDArray[np.intp], samples: int) -> dict[str, Any]:
         "width": one.width,
         "dash": [6, 4] if one.dashed else None,
         "played": played,
-        "x": compact(across, UP),
-        "y": compact(up, UP),
+        "x": compact(across, plot.UP),
+        "y": compact(up, plot.UP),
     }
 
 

@@ -9,6 +9,10 @@ from jinja2 import ChoiceLoader, Environment, FileSystemLoader, PackageLoader, S
 from markupsafe import Markup
 
 from brickpilot import __version__
+from brickpilot.report import quantities
+
+_FILTERS = ("fit_number", "fit_text", "gap_text", "number", "percent", "plain", "quantity", "say", "signed")
+"""The functions of `quantities` that a page uses as filters; `role` beside them names the role of a run."""
 
 _HERE = Path(__file__).parent
 _SCRIPTS = ("templates/figures.js", "templates/track.js", "templates/start.js")
@@ -24,6 +28,8 @@ def render(name: str, folder: Path = _HERE / "templates", **content: object) -> 
         autoescape=select_autoescape(["html", "j2"]),
         undefined=StrictUndefined,
     )
+    environment.filters |= {name: getattr(quantities, name) for name in _FILTERS}
+    environment.filters["role"] = quantities.ROLES.__getitem__
     return environment.get_template(f"{name}.html.j2").render(version=__version__, page=_inlined(), **content)
 
 

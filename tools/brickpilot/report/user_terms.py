@@ -43,11 +43,8 @@ def told(dataset: Dataset, value: Told) -> Told:
 
     Names that the user gave and finished HTML stay as they are.
     """
-    return value if dataset.vehicle != "motor" else _of_a_motor(value, _shaft(dataset))
-
-
-def _shaft(dataset: Dataset) -> str:
-    return "carriage" if "force_per_volt" in dataset.nominal else "shaft"
+    shaft = "carriage" if "force_per_volt" in dataset.nominal else "shaft"
+    return value if dataset.vehicle != "motor" else _of_a_motor(value, shaft)
 
 
 def _of_a_motor(value: Any, shaft: str) -> Any:
@@ -149,13 +146,7 @@ def _parameter(dataset: Dataset, effect: str, name: str, one: Parameter) -> Para
         return one
     identified = one.identified
     if identified is not None and own.sign < 0:
-        identified = dataclasses.replace(
-            identified, value=-identified.value, ci95=_ends(identified.ci95, OwnUnit(identified.unit, 1.0, -1.0))
-        )
-    ci95 = None if one.ci95 is None else _ends(one.ci95, own)
-    return Parameter(own.value(one.value), own.unit, ci95, identified)
-
-
-def _ends(ends: tuple[float, float], own: OwnUnit) -> tuple[float, float]:
-    low, high = sorted(own.value(end) for end in ends)
-    return low, high
+        low, high = identified.ci95
+        identified = dataclasses.replace(identified, value=-identified.value, ci95=(-high, -low))
+    ends = None if one.ci95 is None else (min(map(own.value, one.ci95)), max(map(own.value, one.ci95)))
+    return Parameter(own.value(one.value), own.unit, ends, identified)

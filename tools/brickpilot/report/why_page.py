@@ -11,7 +11,6 @@ from brickpilot.data.shown import Result
 from brickpilot.discover.finding import Finding
 from brickpilot.report import experiment_files
 from brickpilot.report.discover_runs import telling_figures
-from brickpilot.report.quantities import quantity
 from brickpilot.report.template import render, render_plain
 from brickpilot.report.user_terms import frames, told
 from brickpilot.report.why_text import Answer, as_stated
@@ -111,16 +110,15 @@ def page(why: Why, *, source: str, files: Sequence[str], command: str) -> str:
         files: the names of the files beside the page.
         command: the command line that reproduces the result.
     """
-    finding, answer, constants = why.finding, why.answer, why.constants
+    finding, answer, constants, name = why.finding, why.answer, why.constants, why.finding.dataset.name
     return render(
         "why",
-        title=f"Why {finding.dataset.name} does not do what the simulation does"
-        if answer.ending != "nothing"
-        else f"{finding.dataset.name} does what the simulation does",
+        title=f"{name} does what the simulation does"
+        if answer.ending == "nothing"
+        else f"Why {name} does not do what the simulation does",
         answer=answer,
-        constants=_rows(constants),
-        files=[(name, FILES.get(name, "the composed term in C")) for name in files],
-        wheels=constants.odometry is not None,
+        constants=constants,
+        files=[(file, FILES.get(file, "the composed term in C")) for file in files],
         found=finding.verdict != "none",
         figures=telling_figures(finding, _FIGURES),
         frames=frames(finding.dataset),
@@ -128,16 +126,3 @@ def page(why: Why, *, source: str, files: Sequence[str], command: str) -> str:
         command=command,
         notes=told(finding.dataset, [*why.notes, *finding.notes]),
     )
-
-
-def _rows(constants: Constants) -> list[tuple[str, str, str]]:
-    one, wheels = constants.feed_forward, constants.odometry
-    units = (("kS", one.ks, "V"), ("kV", one.kv, f"V s/{one.unit}"), ("kA", one.ka, f"V s^2/{one.unit}"))
-    rows = [(name, shown.value, shown.unit) for name, value, unit in units for shown in (quantity(value, unit),)]
-    if wheels is not None:
-        rows += [
-            ("left wheel radius multiplier", f"{wheels.left:.4f}", ""),
-            ("right wheel radius multiplier", f"{wheels.right:.4f}", ""),
-            ("wheel separation multiplier", f"{wheels.turning:.4f}", ""),
-        ]
-    return rows

@@ -31,7 +31,7 @@ from brickpilot.report.discover_text import (
 from brickpilot.report.quantities import fit_text, in_words, percent, quantity
 from brickpilot.report.user_terms import clauses, shown_finding, shown_size, told
 from brickpilot.vehicle.compensation import Compensation
-from brickpilot.vehicle.drive_constants import Drives, drives
+from brickpilot.vehicle.drive_constants import drives
 from brickpilot.vehicle.manoeuvres import Manoeuvre, commands
 from brickpilot.vehicle.model import Model
 
@@ -42,10 +42,8 @@ _OF_WHEELS = 0.5  # share of a track's bend that unequal wheel angles explain: b
 _WORSE = 0.05  # percentage points: an explanation that lowers the fit by more does not explain whole runs
 _VEERS = math.radians(1.0)  # rad/m: a smaller curvature is hardly visible
 _DIFFERS = 0.03  # share of a speed or a distance: a smaller difference is hardly visible
-
-
 _GRID_S = 0.05  # time step at which a manoeuvre is examined
-_TOLD = 4  # number of effects whose smallest visible size is stated
+_STATED = 4  # number of effects whose smallest visible size is stated
 
 
 @dataclass(frozen=True)
@@ -85,7 +83,9 @@ def answer(
         ending, what = "contradiction", apart
     is_straight = drives_straight_alone(finding.dataset)
     straight = is_straight and ending != "nothing"
-    is_sided = straight or (ending == "missing" and finding.verdict == "ambiguous" and _is_of_sides(finding))
+    names = {name for rival in alternatives(finding) for name in rival.split(" + ")}
+    of_sides = any(info.over_mean for effect in catalogue.effects_of(names) for info in effect.parameters)
+    is_sided = straight or (ending == "missing" and finding.verdict == "ambiguous" and of_sides)
     sided = _sided(finding) if is_sided else None
     if sided is not None:
         which = sided.which if straight else f"The logs cannot tell which it is: {_either(finding)}."
@@ -97,9 +97,13 @@ def answer(
     asked = None if ending == "nothing" or apart is not None else finding.next_experiment
     manoeuvre = None if asked is None else asked.manoeuvre
     if manoeuvre is None and (ending == "missing" or (is_straight and ending == "nothing")):
-        found = advised()
-        any_kind = found[0] if found and ending == "missing" else None
-        manoeuvre = next((one for one in found if is_straight and _turns(one)), any_kind)
+        offers = advised()
+        turning = (
+            one
+            for one in offers
+            if is_straight and kind_of(commands(one, np.arange(0.0, one.duration_s, _GRID_S))) != "straight"
+        )
+        manoeuvre = next(turning, offers[0] if offers and ending == "missing" else None)
     todo = [*_drive(finding, manoeuvre, ending), *_todo(finding, undone, ending)]
     if apart is not None:
         todo = [
@@ -125,14 +129,15 @@ def answer(
     )
 
 
-def _turns(manoeuvre: Manoeuvre) -> bool:
-    return kind_of(commands(manoeuvre, np.arange(0.0, manoeuvre.duration_s, _GRID_S))) != "straight"
-
-
 @dataclass(frozen=True)
 class _Sided:
-    """How equal commands move left and right differently: `what` they do, `which` causes remain, and `to` which side
-    the robot turns."""
+    """How left and right move differently under equal commands.
+
+    Attributes:
+        what: how they move, as a sentence.
+        which: the causes that remain possible, as a sentence.
+        to: the side to which the robot turns.
+    """
 
     what: str
     which: str
@@ -171,12 +176,6 @@ def _side(one: WeakerSide) -> str:
     )
 
 
-def _is_of_sides(finding: Finding) -> bool:
-    """Whether an explanation that the data allow is a difference between left and right."""
-    names = {name for one in alternatives(finding) for name in one.split(" + ")}
-    return any(info.over_mean for one in catalogue.effects_of(names) for info in one.parameters)
-
-
 def _either(finding: Finding) -> str:
     """Returns the explanations that the data allow, each by the meaning of its values if the table has one."""
     rivals = {one.name: one.parameters for effect in finding.effects for one in effect.equivalents}
@@ -198,7 +197,7 @@ def _what(finding: Finding) -> tuple[Ending, str]:
         ]
         return "cause", f"What is stated is wrong: {listed(moved)}."
     if finding.verdict == "none":
-        if leaves_more_than_noise(finding) and not _is_all(finding):
+        if leaves_more_than_noise(finding) and (fit is None or min(fit.before, fit.after) < _ALL):
             size = "a part" if fit is None else f"{fit_text(fit.after)} of the measured signals on {fit.runs}"
             return "missing", f"Something is missing: the simulation explains {size}, and no known cause the rest."
         does = "the simulation does what the robot does"
@@ -238,19 +237,13 @@ def _cause(finding: Finding) -> str:
 
 
 def _visible(finding: Finding) -> str:
-    """Returns the smallest sizes that these data would have shown, of a common effect of each of `_TOLD` mechanisms."""
+    """Returns the smallest sizes that these data would have shown: of a common effect of each of some mechanisms."""
     common = {one.mechanism: one for one in catalogue.effects_of(finding.power) if one.prior == "common"}
     parts = []
-    for effect in list(common.values())[:_TOLD]:
+    for effect in list(common.values())[:_STATED]:
         one = shown_size(finding.dataset, effect.name, finding.power[effect.name])
         parts.append(f"{effect.words} from {in_words(one.size, one.unit)[0]} on")
     return f"These data would have shown {listed(parts, 'or')}." if parts else ""
-
-
-def _is_all(finding: Finding) -> bool:
-    """Whether the simulation explains more than `_ALL` percent of the signals."""
-    fit = discover_fit.headline(finding)
-    return fit is not None and min(fit.before, fit.after) >= _ALL
 
 
 def _sure(finding: Finding, ending: Ending) -> str:
@@ -265,13 +258,9 @@ def _sure(finding: Finding, ending: Ending) -> str:
     added = any(one.claimed for one in finding.effects) or finding.term is not None
     if removed is not None and found and added:
         parts.append(f"With it mended, {percent(max(removed, 0.0))} of the error that can be predicted at all is gone.")
-    return " ".join(parts) + (_base(finding) if found else "")
-
-
-def _base(finding: Finding) -> str:
-    """Returns a sentence on guessed values on which the sizes depend; empty: all these values are stated."""
-    guesses = finding.dataset.guesses
-    return f" Not confirmed: nobody stated {listed(guesses)}." if guesses else ""
+    if found and (guesses := finding.dataset.guesses):
+        parts.append(f"Not confirmed: nobody stated {listed(guesses)}.")
+    return " ".join(parts)
 
 
 def _proof(finding: Finding) -> str:
@@ -338,7 +327,20 @@ def _symptoms(finding: Finding) -> list[str]:
     """Returns how straight drives at full power differ between the augmented model and the one without the finding."""
     robot, simulation = drives(finding.augmented), drives(as_stated(finding))
     unit = "m" if finding.dataset.vehicle != "motor" or finding.augmented.parameters.get("wheel_radius") else "rad"
-    return [*_veering(robot, simulation), *_weakness(robot, simulation, unit), *_stopping(robot, simulation, unit)]
+    symptoms = []
+    if robot.veer is not None and simulation.veer is not None and abs(robot.veer - simulation.veer) >= _VEERS:
+        bend = f"{abs(math.degrees(robot.veer)):.1f}° a metre to the {'right' if robot.veer > 0 else 'left'}"
+        symptoms.append(f"It does not drive straight: it turns {bend}.")
+    if simulation.top_speed > 0 and abs(robot.top_speed / simulation.top_speed - 1) >= _DIFFERS:
+        verb = "weaker" if robot.top_speed < simulation.top_speed else "stronger"
+        speeds = [quantity(one.top_speed, f"{unit}/s") for one in (robot, simulation)]
+        symptoms.append(f"It is {verb} than the simulation: {speeds[0]} instead of {speeds[1]} at full power.")
+    longest = max(robot.stop, simulation.stop)
+    if longest > 0 and abs(robot.stop - simulation.stop) >= _DIFFERS * longest:
+        ways = [quantity(one.stop, unit) for one in (robot, simulation)]
+        early = "short" if robot.stop < simulation.stop else "late"
+        symptoms.append(f"It stops {early}: after {ways[0]} instead of {ways[1]} from full power.")
+    return symptoms
 
 
 def as_stated(finding: Finding) -> Model:
@@ -349,29 +351,6 @@ def as_stated(finding: Finding) -> Model:
         parameters={**finding.augmented.parameters, **stated},
         effects=finding.nominal_model.effects,
     )
-
-
-def _veering(robot: Drives, simulation: Drives) -> list[str]:
-    if robot.veer is None or simulation.veer is None or abs(robot.veer - simulation.veer) < _VEERS:
-        return []
-    side = "right" if robot.veer > 0 else "left"
-    return [f"It does not drive straight: it turns {abs(math.degrees(robot.veer)):.1f}° a metre to the {side}."]
-
-
-def _weakness(robot: Drives, simulation: Drives, unit: str) -> list[str]:
-    if simulation.top_speed <= 0 or abs(robot.top_speed / simulation.top_speed - 1) < _DIFFERS:
-        return []
-    slower = robot.top_speed < simulation.top_speed
-    speeds = f"{quantity(robot.top_speed, unit + '/s')} instead of {quantity(simulation.top_speed, unit + '/s')}"
-    return [f"It is {'weaker' if slower else 'stronger'} than the simulation: {speeds} at full power."]
-
-
-def _stopping(robot: Drives, simulation: Drives, unit: str) -> list[str]:
-    longest = max(robot.stop, simulation.stop)
-    if longest <= 0 or abs(robot.stop - simulation.stop) < _DIFFERS * longest:
-        return []
-    ways = f"{quantity(robot.stop, unit)} instead of {quantity(simulation.stop, unit)}"
-    return [f"It stops {'short' if robot.stop < simulation.stop else 'late'}: after {ways} from full power."]
 
 
 def lines(found: Answer, notes: Sequence[str], guesses: Sequence[str], *, verbose: bool = False) -> list[str]:
