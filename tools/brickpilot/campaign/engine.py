@@ -3,7 +3,7 @@
     def flown(seed: int) -> dict[str, float]: ...            # at the top of a module
 
     parts = (Part(f"{seed:06}", seed) for seed in range(100_000))
-    run(flown, parts, keep=keep, workers=workers.local(2), progress=Progress(show, total=100_000))
+    run(flown, parts, keep=keep, workers=workers.Local(2), progress=Progress(show, total=100_000))
 
 A part is taken from the generator when a worker is free, so only a few parts are in memory. The result of a
 part must depend on its argument alone; then no result depends on the number of workers, their order or their failures.
@@ -112,7 +112,7 @@ def run(
         function: defined at the top of a module that the workers can import.
         parts: drawn one by one; a few for each worker are in flight at a time.
         keep: called in this process with each part and its result, in the order in which they finish.
-        workers: `workers.local` or `workers.cluster`.
+        workers: `workers.Local`, `workers.Cluster` or `workers.Here`.
 
     Raises:
         InputError: the workers cannot be reached, or are not of this version.
