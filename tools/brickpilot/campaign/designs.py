@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.campaign.file import Campaign, runs
+from brickpilot.campaign.file import Campaign
 from brickpilot.errors import InputError
 
 Array = NDArray[np.float64]
@@ -49,8 +49,7 @@ def block(campaign: Campaign, index: int) -> int:
     Some designs compare runs that differ in one input. Such a group of runs is a block, so that nothing else differs.
     In other designs each run is a block.
     """
-    size = {"saltelli": len(campaign.drawn) + 2, "morris": len(campaign.drawn) + 1}.get(campaign.design, 1)
-    return index // size
+    return index // campaign.block_runs
 
 
 def stream(campaign: Campaign, number: int, purpose: str) -> np.random.Generator:
@@ -65,12 +64,6 @@ def noise_seed(campaign: Campaign, index: int) -> int:
     return int(words[0]) >> 1
 
 
-def levels(campaign: Campaign, index: int) -> tuple[int, ...]:
-    """Returns the level of each axis of a grid in a run: the repeats change first, then the last axis."""
-    axes = [one.levels for one in campaign.drawn if one.listed]
-    return tuple(int(one) for one in np.unravel_index(index // campaign.count, axes))
-
-
 def _independent(campaign: Campaign, start: int, stop: int) -> Array:
     names = [one.name for one in campaign.drawn]
     drawn = [[stream(campaign, index, name).random() for name in names] for index in range(start, stop)]
@@ -78,13 +71,16 @@ def _independent(campaign: Campaign, start: int, stop: int) -> Array:
 
 
 def _grid(campaign: Campaign, start: int, stop: int) -> Array:
-    """Returns the middle of each level of the axes; inputs that are no axis are drawn for each run."""
-    found = _independent(campaign, start, stop)
-    axes = [(column, one.levels) for column, one in enumerate(campaign.drawn) if one.listed]
-    for row, index in enumerate(range(start, stop)):
-        for (column, count), level in zip(axes, levels(campaign, index), strict=True):
-            found[row, column] = (level + 0.5) / count
-    return found
+    """Returns the middle of each level of the axes; inputs that are no axis are drawn for each run.
+
+    The repeats of a point come one after the other, then the level of the last axis changes.
+    """
+    shares = _independent(campaign, start, stop)
+    levels = {column: one.levels for column, one in enumerate(campaign.drawn) if one.distribution.listed}
+    points = np.unravel_index(np.arange(start, stop) // campaign.count, tuple(levels.values()))
+    for (column, count), level in zip(levels.items(), points, strict=True):
+        shares[:, column] = (level + 0.5) / count
+    return shares
 
 
 def _whole(campaign: Campaign) -> Array:
@@ -102,17 +98,13 @@ def _whole(campaign: Campaign) -> Array:
 
 
 def _by_salib(campaign: Campaign, seed: int) -> Array:
-    sample: Any
     if campaign.design == "saltelli":
         sample = salib("sample.sobol").sample
-        found = sample(problem(campaign), campaign.count, calc_second_order=False, seed=seed)
-    else:
-        _check_levels(campaign)
-        sample = salib("sample.morris").sample
-        found = sample(problem(campaign), campaign.count, num_levels=MORRIS_LEVELS, seed=seed)
-        found = MORRIS_EDGE + (1.0 - 2.0 * MORRIS_EDGE) * found
-    assert found.shape == (runs(campaign), len(campaign.drawn))
-    return np.asarray(found)
+        return np.asarray(sample(problem(campaign), campaign.count, calc_second_order=False, seed=seed))
+    _check_levels(campaign)
+    sample = salib("sample.morris").sample
+    levels = sample(problem(campaign), campaign.count, num_levels=MORRIS_LEVELS, seed=seed)
+    return np.asarray(MORRIS_EDGE + (1.0 - 2.0 * MORRIS_EDGE) * levels)
 
 
 def made_by(campaign: Campaign) -> str:
@@ -129,8 +121,10 @@ def _check_levels(campaign: Campaign) -> None:
     for one in campaign.drawn:
         reached = len(set(one.distribution.at(shares).tolist()))
         if one.distribution.kind == "choice" and reached < one.levels:
-            said = f"morris would fly {reached} of its {one.levels} values alone; saltelli flies all"
-            raise InputError(said, field=f"vary.{one.name}")
+            raise InputError(
+                f"morris would fly {reached} of its {one.levels} values alone; saltelli flies all",
+                field=f"vary.{one.name}",
+            )
 
 
 def salib(module: str) -> Any:

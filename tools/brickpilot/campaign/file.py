@@ -38,20 +38,21 @@
     rate = { distribution = "uniform", low = 0, high = 0.5 }
     chance = 0.5                  # probability that a run has the fault
 
-`ranges` and `effects` of `variables.py` list what `[vary]` takes.
+`ranges` and `effects` of `inputs.py` list what `[vary]` takes.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import hashlib
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from brickpilot import __version__
-from brickpilot.campaign import inputs, robots, variables
+from brickpilot.campaign import inputs, robots
 from brickpilot.campaign.inputs import Input
 from brickpilot.campaign.robots import Allowed
 from brickpilot.constants import STEP_S
@@ -118,7 +119,12 @@ class Campaign:
     @property
     def drawn(self) -> tuple[Input, ...]:
         """The inputs in which runs differ: the dimensions of the design."""
-        return tuple(one for one in self.inputs if one.varies)
+        return tuple(one for one in self.inputs if one.distribution.varies)
+
+    @property
+    def block_runs(self) -> int:
+        """The number of runs in a block: see `designs.block`."""
+        return {"saltelli": len(self.drawn) + 2, "morris": len(self.drawn) + 1}.get(self.design, 1)
 
     @property
     def over_a_link(self) -> bool:
@@ -189,7 +195,7 @@ def _robots(toml: TomlFile, head: Mapping[str, Any], shares: Mapping[str, float]
     if shares is None:
         raise ValueError("shares are needed to draw robots")
     path = _beside(toml, head, "model")
-    return dataclasses.replace(robots.read(model.load(path), path, shares), devices=variables.devices())
+    return dataclasses.replace(robots.read(model.load(path), path, shares), devices=inputs.devices())
 
 
 def _choices(toml: TomlFile, head: Mapping[str, Any], key: str, known: tuple[str, ...]) -> tuple[str, ...]:
@@ -246,8 +252,8 @@ def _box(toml: TomlFile) -> Box | None:
     table = toml.table(("route",), toml.data["route"])
     needed = ("waypoints", "x_m", "y_m")
     toml.known_keys(("route",), table, (*needed, "least_leg_m", "duration_s"), needed)
-    whole = variables.Range(1, 32, "", whole=True)
-    waypoints = variables.parse_distribution(toml, ("route", "waypoints"), table["waypoints"], whole)
+    whole = inputs.Range(1, 32, "", whole=True)
+    waypoints = inputs.parse_distribution(toml, ("route", "waypoints"), table["waypoints"], whole)
     if waypoints.varies:
         toml.refuse(("route", "waypoints"), "needs one whole number")
     x, y = (_ends(toml, name, table[name]) for name in ("x_m", "y_m"))
@@ -263,8 +269,8 @@ def _ends(toml: TomlFile, name: str, value: object) -> tuple[float, float]:
     key = ("route", name)
     if not isinstance(value, list) or len(value) != 2:
         toml.refuse(key, "needs [from, to]")
-    far = inputs.far()
-    low, high = (toml.number(key, one, -far, far, "m") for one in value)
+    possible = inputs.ranges()["start"]["x_m"]
+    low, high = (toml.number(key, end, possible.low, possible.high, "m") for end in value)
     if high - low < 0.1:
         toml.refuse(key, "needs a box of 0.1 m or more")
     return low, high
@@ -274,7 +280,7 @@ def _check(toml: TomlFile, made: Campaign) -> None:
     """Refuses a campaign that no design can fly."""
     if made.model.vehicle == "motor":
         toml.refuse(("campaign", "model"), "is a motor, but a campaign flies a diff_drive or skid_steer")
-    axes = [one for one in made.drawn if one.listed]
+    axes = [one for one in made.drawn if one.distribution.listed]
     if made.design == "grid" and not axes:
         toml.refuse(("vary",), "a grid needs a list of values, as gain.heading_kp = [10, 12, 14]")
     if made.design not in ("monte_carlo", "grid") and not made.drawn:
@@ -289,11 +295,6 @@ def _check(toml: TomlFile, made: Campaign) -> None:
 
 def runs(campaign: Campaign) -> int:
     """Returns how many runs the campaign has."""
-    inputs_drawn = len(campaign.drawn)
     if campaign.design == "grid":
-        total = campaign.count
-        for one in campaign.drawn:
-            total *= one.levels if one.listed else 1
-        return total
-    per_count = {"saltelli": inputs_drawn + 2, "morris": inputs_drawn + 1}.get(campaign.design, 1)
-    return campaign.count * per_count
+        return campaign.count * math.prod(one.levels for one in campaign.drawn if one.distribution.listed)
+    return campaign.count * campaign.block_runs

@@ -14,11 +14,11 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from brickpilot import catalogue
-from brickpilot.campaign import designs, robots, variables
+from brickpilot.campaign import designs, inputs, robots
 from brickpilot.campaign.engine import Part
 from brickpilot.campaign.file import Box, Campaign, runs
+from brickpilot.campaign.inputs import ON, Drawn
 from brickpilot.campaign.robots import Robot
-from brickpilot.campaign.variables import ON, Drawn
 from brickpilot.errors import SimulationError
 from brickpilot.vehicle import flight, flight_figures, plant
 from brickpilot.vehicle.scenario import Scenario
@@ -60,10 +60,13 @@ UNITS = {
 WORDS = ("cause", "final_mode", "fault", "motor_stream_sha256")
 """The figures that are texts."""
 
-TRUTHS = ("success", "reached_all")
-COUNTS = (
-    "waypoints_reached", "waypoints_total", "overshoots", "saturated_surge_steps", "saturated_yaw_steps", "seed",
-)  # fmt: skip
+_COUNTS = ("waypoints_reached", "waypoints_total", "overshoots", "saturated_surge_steps", "saturated_yaw_steps", "seed")
+_TYPES: Mapping[str, type] = {
+    **dict.fromkeys(WORDS, str),
+    **dict.fromkeys(("success", "reached_all"), bool),
+    **dict.fromkeys(_COUNTS, int),
+}
+"""Figure -> type, of the figures that are no float."""
 
 
 def row(plan: flight.Plan) -> Row:
@@ -100,11 +103,11 @@ def _row(plan: flight.Plan, flown: flight.Flight | SimulationError) -> Row:
         return figures(flown)
     if flown.status != _E_DIVERGED:
         raise flown
-    return diverged(plan)
+    return _diverged(plan)
 
 
 def _linked_row(plan: flight.Plan) -> Row:
-    from brickpilot.hil import fly
+    from brickpilot.hil import fly  # needs more libraries than a flight without a link
 
     try:
         return over_a_link(fly.fly_alone(plan))
@@ -117,29 +120,24 @@ def figures(flown: flight.Flight) -> Row:
     route, end = flight_figures.route_figures(flown), flight_figures.final_figures(flown)
     reached_all = route["waypoints_reached"] == route["waypoints_total"]
     cause = _cause(reached_all, end)
-    return {
-        "success": not cause,
-        "cause": cause,
-        "reached_all": reached_all,
-        "waypoints_reached": route["waypoints_reached"],
-        "waypoints_total": route["waypoints_total"],
-        "time_s": _number(route["reached_at_s"][-1]),
-        "cross_track_rms_m": _number(route["cross_track_rms_m"]),
-        "cross_track_max_m": _number(route["cross_track_max_m"]),
-        "heading_rms_rad": _number(route["heading_rms_rad"]),
-        "closest_approach_max_m": max(route["closest_approach_m"]),
-        "position_estimate_error_m": _number(route["position_estimate_error_m"]),
-        "overshoots": end["overshoots"],
-        "saturated_surge_steps": end["saturated_steps"]["surge"],
-        "saturated_yaw_steps": end["saturated_steps"]["yaw"],
-        "charge_c": float(flown.log["charge_c"][-1]),
-        "duty_travel": float(np.abs(np.diff(flown.motors.astype(np.int32), axis=0)).sum() / 32767),
-        "ended_at_s": _number(end["ended_at_s"]),
-        "final_mode": end["final_mode"],
-        "fault": end["fault"],
-        "seed": flown.plan.seed,
-        "motor_stream_sha256": flight_figures.motor_hash(flown),
-    }
+    row = (
+        route
+        | end
+        | {
+            "success": not cause,
+            "cause": cause,
+            "reached_all": reached_all,
+            "time_s": route["reached_at_s"][-1],
+            "closest_approach_max_m": max(route["closest_approach_m"]),
+            "saturated_surge_steps": end["saturated_steps"]["surge"],
+            "saturated_yaw_steps": end["saturated_steps"]["yaw"],
+            "charge_c": float(flown.log["charge_c"][-1]),
+            "duty_travel": float(np.abs(np.diff(flown.motors.astype(np.int32), axis=0)).sum() / 32767),
+            "seed": flown.plan.seed,
+            "motor_stream_sha256": flight_figures.motor_hash(flown),
+        }
+    )
+    return {name: math.nan if row[name] is None else row[name] for name in UNITS}
 
 
 def over_a_link(flown: HilFlight) -> Row:
@@ -150,23 +148,11 @@ def over_a_link(flown: HilFlight) -> Row:
     return row | {"success": False, "cause": flown.broke_off.split(":")[0].split(",")[0]}
 
 
-def diverged(plan: flight.Plan) -> Row:
+def _diverged(plan: flight.Plan) -> Row:
     """Returns the row of a flight whose simulation diverged."""
-    unknown: Row = {name: math.nan for name in UNITS}
-    return unknown | {
-        "success": False,
-        "cause": DIVERGED,
-        "reached_all": False,
-        "waypoints_reached": 0,
-        "waypoints_total": len(plan.scenario.waypoints),
-        "overshoots": 0,
-        "saturated_surge_steps": 0,
-        "saturated_yaw_steps": 0,
-        "final_mode": "",
-        "fault": "",
-        "seed": plan.seed,
-        "motor_stream_sha256": "",
-    }
+    unknown: Row = {name: _TYPES[name]() if name in _TYPES else math.nan for name in UNITS}
+    known: Row = {"cause": DIVERGED, "waypoints_total": len(plan.scenario.waypoints), "seed": plan.seed}
+    return unknown | known
 
 
 def _cause(reached_all: bool, end: Mapping[str, Any]) -> str:
@@ -174,10 +160,6 @@ def _cause(reached_all: bool, end: Mapping[str, Any]) -> str:
     if end["fault"] != "none":
         return f"fault: {end['fault']}"
     return "" if reached_all else _CAUSES[end["final_mode"]]
-
-
-def _number(value: float | None) -> float:
-    return math.nan if value is None else value
 
 
 PART_RUNS = 100
@@ -192,7 +174,6 @@ _TRIES = 1000
 INDEX = "run"
 _ROUTE_LENGTH = "route.length_m"
 _ROUTE = "route.waypoints_m"
-_PURPOSE = "route"
 _ROBOT = "robot."
 _EXPLANATION = "robot.explanation"
 _STREAM = zlib.crc32(b"robots")  # larger than any run's number, so that no other draw has this key
@@ -269,19 +250,19 @@ def _robot(campaign: Campaign, index: int) -> Robot | None:
     return robots.draw(campaign.robots, campaign.seed, _STREAM, [designs.block(campaign, index)])[0]
 
 
-def drawn(campaign: Campaign, shares: Array) -> list[dict[str, variables.Value]]:
+def drawn(campaign: Campaign, shares: Array) -> list[dict[str, inputs.Value]]:
     """Returns the inputs of runs, including fixed ones; `shares`: (runs, drawn inputs) the drawn numbers, 0..1."""
     columns, at = {}, 0
     for one in campaign.inputs:
-        columns[one.name] = one.values(shares[:, at] if one.varies else np.zeros(len(shares)))
-        at += one.varies
+        columns[one.name] = one.values(shares[:, at] if one.distribution.varies else np.zeros(len(shares)))
+        at += one.distribution.varies
     return [{name: column[row] for name, column in columns.items()} for row in range(len(shares))]
 
 
 def _plan(campaign: Campaign, index: int, given: Drawn, robot: Robot | None) -> flight.Plan:
     scenario = next(one for one in campaign.scenarios if one.name == given.get("scenario", campaign.scenarios[0].name))
     if campaign.box is not None:
-        scenario = _routed(campaign, index, scenario, given)
+        scenario = _routed(campaign, campaign.box, index, scenario, given)
     plan = flight.plan(
         scenario,
         campaign.model if robot is None else robot.model,
@@ -289,19 +270,17 @@ def _plan(campaign: Campaign, index: int, given: Drawn, robot: Robot | None) -> 
         sensors=str(given.get("sensors", campaign.sensors[0])),
         seed=designs.noise_seed(campaign, index),
         compensation=campaign.compensation,
-        gains=variables.tuned(campaign.gains, given),
+        gains=inputs.tuned(campaign.gains, given),
     )
     if robot is not None and plan.sensors != "ideal":
         plan = dataclasses.replace(plan, devices=robot.devices)
-    return variables.applied(plan, given, campaign.faults)
+    return inputs.applied(plan, given, campaign.faults)
 
 
-def _routed(campaign: Campaign, index: int, scenario: Scenario, given: Drawn) -> Scenario:
+def _routed(campaign: Campaign, box: Box, index: int, scenario: Scenario, given: Drawn) -> Scenario:
     """Returns the scenario with a route that is drawn for this run."""
-    box: Box | None = campaign.box
-    assert box is not None
     start = (float(given.get("start.x_m", scenario.start[0])), float(given.get("start.y_m", scenario.start[1])))
-    dice = designs.stream(campaign, designs.block(campaign, index), _PURPOSE)
+    dice = designs.stream(campaign, designs.block(campaign, index), "route")
     points = [start]
     while len(points) <= box.waypoints:
         for _ in range(_TRIES):
@@ -337,7 +316,8 @@ def of_robot(campaign: Campaign, run: Run) -> dict[str, Any]:
 
 
 def _left_open(campaign: Campaign) -> list[str]:
-    assert campaign.robots is not None
+    if campaign.robots is None:
+        return []
     given = {one.name for one in campaign.inputs}
     return [name for name in campaign.robots.open if not {f"parameter.{name}", f"effect.{name}"} & given]
 
@@ -356,11 +336,9 @@ def schema(campaign: Campaign) -> pa.Schema:
             units |= {f"{effect.name}.{info.name}": info.unit for info in effect.parameters}
         columns += [(f"{_ROBOT}{name}", pa.float64(), units[name]) for name in _left_open(campaign)]
         columns.append((_EXPLANATION, pa.string(), ""))
-    columns += [(name, _KINDS.get(name, pa.float64()), unit) for name, unit in UNITS.items()]
+    kinds = {str: pa.string(), bool: pa.bool_(), int: pa.int64(), float: pa.float64()}
+    columns += [(name, kinds[_TYPES.get(name, float)], unit) for name, unit in UNITS.items()]
     return pa.schema([pa.field(name, kind, metadata={"unit": unit}) for name, kind, unit in columns])
-
-
-_KINDS = dict.fromkeys(WORDS, pa.string()) | dict.fromkeys(TRUTHS, pa.bool_()) | dict.fromkeys(COUNTS, pa.int64())
 
 
 def table(campaign: Campaign, rows: list[dict[str, Any]]) -> pa.Table:

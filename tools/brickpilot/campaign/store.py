@@ -32,9 +32,6 @@ import pyarrow.parquet as pq
 import brickpilot
 from brickpilot.errors import InputError, WorkFailedError
 
-_COMPILED = (".so", ".dylib", ".dll")
-_DIGITS = 12
-
 
 @dataclass(frozen=True)
 class Versions:
@@ -58,31 +55,30 @@ class Versions:
 
     def differences(self, other: Versions) -> str:
         """Returns the differences as text, own version first: "brickpilot 0.1.0, not 0.2.0"; empty if there is none."""
-        pairs = [(one.name, getattr(self, one.name), getattr(other, one.name)) for one in dataclasses.fields(self)]
-        return "; ".join(f"{name} {mine}, not {theirs}" for name, mine, theirs in pairs if mine != theirs)
+        mine, theirs = dataclasses.asdict(self), dataclasses.asdict(other)
+        return "; ".join(f"{name} {mine[name]}, not {theirs[name]}" for name in mine if mine[name] != theirs[name])
 
 
 @cache
 def versions_here() -> Versions:
     """Returns the versions of this process."""
     files = sorted(path for path in Path(brickpilot.__file__).parent.rglob("*") if path.is_file())
+    libraries = {name: version(name) for name in ("numpy", "scipy", "pyarrow")}
     return Versions(
         brickpilot=brickpilot.__version__,
         code=_hash([path for path in files if path.suffix in (".py", ".toml")]),
-        plant=_hash([path for path in files if path.suffix in _COMPILED]),
+        plant=_hash([path for path in files if path.suffix in (".so", ".dylib", ".dll")]),
         python=".".join(platform.python_version_tuple()[:2]),
-        numpy=version("numpy"),
-        scipy=version("scipy"),
-        pyarrow=version("pyarrow"),
+        **libraries,
     )
 
 
 def _hash(files: list[Path]) -> str:
     """Returns the hash of files, with their names."""
-    found = hashlib.sha256()
+    total = hashlib.sha256()
     for path in files:
-        found.update(path.name.encode() + b"\0" + hashlib.sha256(path.read_bytes()).digest())
-    return found.hexdigest()[:_DIGITS]
+        total.update(path.name.encode() + b"\0" + hashlib.sha256(path.read_bytes()).digest())
+    return total.hexdigest()[:12]
 
 
 ROWS = 16_384

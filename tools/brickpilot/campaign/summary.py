@@ -89,9 +89,12 @@ def sensitivity_indices(campaign: Campaign, inputs: Mapping[str, Array], figure:
     Raises:
         InputError: SALib is not installed.
     """
-    kept = _known(campaign, figure)
+    kept, least = np.isfinite(figure), LEAST_RUNS
+    if campaign.block_runs > 1:
+        kept = np.repeat(kept.reshape(-1, campaign.block_runs).all(axis=1), campaign.block_runs)
+        least = 4 * campaign.block_runs
     values = figure[kept]
-    if len(values) < _least(campaign) or np.ptp(values) == 0:
+    if len(values) < least or np.ptp(values) == 0:
         return []
     # SALib uses random numbers only for the intervals. Its printed notes are suppressed: only `cli` may print.
     with contextlib.redirect_stdout(io.StringIO()), np.errstate(all="ignore"):
@@ -100,41 +103,27 @@ def sensitivity_indices(campaign: Campaign, inputs: Mapping[str, Array], figure:
     return sorted(sound, key=lambda one: (-(one.value if one.total is None else one.total), one.input))
 
 
-def _least(campaign: Campaign) -> int:
-    block = len(campaign.drawn) + (2 if campaign.design == "saltelli" else 1)
-    return 4 * block if campaign.design in ("saltelli", "morris") else LEAST_RUNS
-
-
-def _known(campaign: Campaign, figure: Array) -> NDArray[np.bool_]:
-    known = np.isfinite(figure)
-    if campaign.design in ("saltelli", "morris"):
-        size = len(campaign.drawn) + (2 if campaign.design == "saltelli" else 1)
-        known = np.repeat(known.reshape(-1, size).all(axis=1), size)
-    return np.asarray(known)
-
-
 def _analysed(campaign: Campaign, inputs: Mapping[str, Array], kept: NDArray[np.bool_], values: Array) -> list[Index]:
     problem, names = designs.problem(campaign), [one.name for one in campaign.drawn]
     if campaign.design == "saltelli":
+        keys: tuple[str, ...] = ("S1", "S1_conf", "ST", "ST_conf")
         found = designs.salib("analyze.sobol").analyze(problem, values, calc_second_order=False, seed=0)
-        rows = zip(names, found["S1"], found["S1_conf"], found["ST"], found["ST_conf"], strict=True)
-        return [Index(name, *map(float, row)) for name, *row in rows]
-    if campaign.design == "morris":
+    elif campaign.design == "morris":
+        keys = ("mu_star", "mu_star_conf")
         shares = designs.drawn_shares(campaign)(0, len(kept))[kept]
         levels = (shares - designs.MORRIS_EDGE) / (1.0 - 2.0 * designs.MORRIS_EDGE)
         analyse = designs.salib("analyze.morris").analyze
         found = analyse(problem, levels, values, num_levels=designs.MORRIS_LEVELS, seed=0)
-        return [
-            Index(name, float(a), float(b))
-            for name, a, b in zip(names, found["mu_star"], found["mu_star_conf"], strict=True)
-        ]
-    columns = np.column_stack([inputs[name][kept] for name in names])
-    if np.isnan(columns).any():
-        # A parameter of an effect that is off has no value. A substitute value would act like the switch and get its
-        # index.
-        columns = designs.drawn_shares(campaign)(0, len(kept))[kept]
-    found = designs.salib("analyze.rbd_fast").analyze(problem, columns, values, seed=0)
-    return [Index(name, float(a), float(b)) for name, a, b in zip(names, found["S1"], found["S1_conf"], strict=True)]
+    else:
+        keys = ("S1", "S1_conf")
+        columns = np.column_stack([inputs[name][kept] for name in names])
+        if np.isnan(columns).any():
+            # A parameter of an effect that is off has no value. A number in its place would act like the effect's
+            # switch, and would get the switch's index.
+            columns = designs.drawn_shares(campaign)(0, len(kept))[kept]
+        found = designs.salib("analyze.rbd_fast").analyze(problem, columns, values, seed=0)
+    rows = zip(names, *(found[key] for key in keys), strict=True)
+    return [Index(name, *map(float, numbers)) for name, *numbers in rows]
 
 
 WORST = 10
@@ -198,15 +187,16 @@ def _effective(success: NDArray[np.bool_], blocks: NDArray[np.int64]) -> float:
 def summary(campaign: Campaign, table: Table) -> dict[str, Any]:
     """Returns the content of `summary.json`; lengths in m, times in s, angles in rad."""
     success = table.numbers("success") > 0
-    causes = Counter(one for one in table.column("cause").to_pylist() if one)
+    blocks = np.arange(len(success)) // campaign.block_runs
+    causes = Counter(cause for cause in table.column("cause").to_pylist() if cause)
     return {
         "name": campaign.name,
         "design": campaign.design,
         "runs": len(success),
         "seed": campaign.seed,
         "version": __version__,
-        "success": rate(success, _blocks(campaign, len(success))),
-        "by_choice": _by_choice(campaign, table, success),
+        "success": rate(success, blocks),
+        "by_choice": _by_choice(campaign, table, success, blocks),
         "causes": dict(sorted(causes.items(), key=lambda one: (-one[1], one[0]))),
         "figures": _figures(table),
         "worst": _worst(table),
@@ -214,25 +204,18 @@ def summary(campaign: Campaign, table: Table) -> dict[str, Any]:
     }
 
 
-def _by_choice(campaign: Campaign, table: Table, success: NDArray[np.bool_]) -> dict[str, dict[str, Any]]:
+def _by_choice(
+    campaign: Campaign, table: Table, success: NDArray[np.bool_], blocks: NDArray[np.int64]
+) -> dict[str, dict[str, Any]]:
     """Returns input -> value -> success rate, for inputs with few values."""
-    found: dict[str, dict[str, Any]] = {}
-    blocks = _blocks(campaign, len(success))
+    rates: dict[str, dict[str, Any]] = {}
     for one in campaign.drawn:
         if one.distribution.kind != "choice" or one.levels > MOST_CHOICES:
             continue
         column = table.column(one.name).to_pandas()
-        groups = {value: (column == value).to_numpy(dtype=bool) for value in _order(column.dropna().unique())}
-        found[one.name] = {_text(value): rate(success[group], blocks[group]) for value, group in groups.items()}
-    return found
-
-
-def _blocks(campaign: Campaign, count: int) -> NDArray[np.int64]:
-    return np.array([designs.block(campaign, index) for index in range(count)])
-
-
-def _order(values: Any) -> list[Any]:
-    return sorted(values.tolist())
+        groups = {value: (column == value).to_numpy(dtype=bool) for value in sorted(column.dropna().unique().tolist())}
+        rates[one.name] = {_text(value): rate(success[group], blocks[group]) for value, group in groups.items()}
+    return rates
 
 
 def _text(value: Any) -> str:
