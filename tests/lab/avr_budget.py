@@ -17,8 +17,9 @@ import numpy as np
 from brickpilot.constants import STEP_MS
 from brickpilot.errors import SimulationError
 from brickpilot.hil import avr_flight
-from brickpilot.hil.avr_flight import AvrRobot, avr_image, check_avr_sensors
+from brickpilot.hil.avr_flight import AvrRobot, avr_image
 from brickpilot.hil.checkout import AVR_TARGETS
+from brickpilot.hil.ends import check_sensors
 from brickpilot.hil.linked_flight import Progress
 from brickpilot.vehicle import flight, scenario
 from brickpilot.vehicle.model import rcx
@@ -119,7 +120,7 @@ def mission(target: str, duration: float | None, progress: Progress) -> AvrBudge
     if duration is not None:
         flown = dataclasses.replace(flown, duration=duration)
     sensors = AVR_TARGETS[target].sensors[0]
-    check_avr_sensors(target, sensors)
+    check_sensors(target, sensors)
     plan = flight.plan(flown, rcx(), profile="coupled", sensors=sensors, seed=0)
     counted: list[tuple[NDArray[np.int64], int]] = []
 

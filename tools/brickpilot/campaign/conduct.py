@@ -138,7 +138,7 @@ def scatters(campaign: Campaign, table: Table, sensitivity: Mapping[str, Any] | 
     """Returns each figure against its strongest inputs, for the first `MOST_DOTS` runs."""
     if sensitivity is None:
         return []
-    units = {one.name: one.unit for one in campaign.drawn}
+    units = {input_.name: input_.unit for input_ in campaign.drawn}
     success = table.numbers("success")[:MOST_DOTS] > 0
     plots = []
     for figure, indices in sensitivity["figures"].items():

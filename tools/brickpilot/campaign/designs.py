@@ -39,7 +39,7 @@ def drawn_shares(campaign: Campaign) -> Callable[[int, int], Array]:
 
 def problem(campaign: Campaign) -> dict[str, Any]:
     """Returns the inputs in SALib's form; SALib samples and analyses their shares."""
-    names = [one.name for one in campaign.drawn]
+    names = [input_.name for input_ in campaign.drawn]
     return {"num_vars": len(names), "names": names, "bounds": [[0.0, 1.0]] * len(names)}
 
 
@@ -60,12 +60,12 @@ def stream(campaign: Campaign, number: int, purpose: str) -> np.random.Generator
 
 def noise_seed(campaign: Campaign, index: int) -> int:
     """Returns the seed of a run's sensors and of its faults, 0..2^63 - 1."""
-    words = np.random.SeedSequence(campaign.seed, spawn_key=(block(campaign, index),)).generate_state(1, np.uint64)
-    return int(words[0]) >> 1
+    drawn = np.random.SeedSequence(campaign.seed, spawn_key=(block(campaign, index),)).generate_state(1, np.uint64)
+    return int(drawn[0]) >> 1
 
 
 def _independent(campaign: Campaign, start: int, stop: int) -> Array:
-    names = [one.name for one in campaign.drawn]
+    names = [input_.name for input_ in campaign.drawn]
     drawn = [[stream(campaign, index, name).random() for name in names] for index in range(start, stop)]
     return np.array(drawn).reshape(stop - start, len(names))
 
@@ -76,7 +76,7 @@ def _grid(campaign: Campaign, start: int, stop: int) -> Array:
     The repeats of a point come one after the other, then the level of the last axis changes.
     """
     shares = _independent(campaign, start, stop)
-    levels = {column: one.levels for column, one in enumerate(campaign.drawn) if one.distribution.listed}
+    levels = {column: input_.levels for column, input_ in enumerate(campaign.drawn) if input_.distribution.listed}
     points = np.unravel_index(np.arange(start, stop) // campaign.count, tuple(levels.values()))
     for (column, count), level in zip(levels.items(), points, strict=True):
         shares[:, column] = (level + 0.5) / count
@@ -118,12 +118,12 @@ def made_by(campaign: Campaign) -> str:
 def _check_levels(campaign: Campaign) -> None:
     """Refuses a list of values if Morris's levels do not reach all of them."""
     shares = np.linspace(MORRIS_EDGE, 1.0 - MORRIS_EDGE, MORRIS_LEVELS)
-    for one in campaign.drawn:
-        reached = len(set(one.distribution.at(shares).tolist()))
-        if one.distribution.kind == "choice" and reached < one.levels:
+    for input_ in campaign.drawn:
+        reached = len(set(input_.distribution.at(shares).tolist()))
+        if input_.distribution.kind == "choice" and reached < input_.levels:
             raise InputError(
-                f"morris would fly {reached} of its {one.levels} values alone; saltelli flies all",
-                field=f"vary.{one.name}",
+                f"morris would fly {reached} of its {input_.levels} values alone; saltelli flies all",
+                field=f"vary.{input_.name}",
             )
 
 

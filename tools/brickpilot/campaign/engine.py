@@ -126,8 +126,8 @@ def run(
         while flying:
             ready = crew.wait()
             flying += _fill(crew, left) - len(ready)  # before results are kept, so that no worker waits for the disk
-            for one in ready:
-                keep(one.part, one.result)
+            for done in ready:
+                keep(done.part, done.result)
                 finished += 1
                 progress.after(finished)
 

@@ -119,7 +119,7 @@ class Campaign:
     @property
     def drawn(self) -> tuple[Input, ...]:
         """The inputs in which runs differ: the dimensions of the design."""
-        return tuple(one for one in self.inputs if one.distribution.varies)
+        return tuple(input_ for input_ in self.inputs if input_.distribution.varies)
 
     @property
     def block_runs(self) -> int:
@@ -129,7 +129,7 @@ class Campaign:
     @property
     def over_a_link(self) -> bool:
         """Whether runs may have faults, which need a link."""
-        return bool(self.faults) or any(one.faults for one in self.scenarios)
+        return bool(self.faults) or any(scenario_.faults for scenario_ in self.scenarios)
 
     def identity(self) -> str:
         """Returns a hash that differs if the results may differ; it covers the files' contents, not their names."""
@@ -158,10 +158,14 @@ def load(
             toml.refuse(("campaign", name), f"does not belong to {design}, which takes {COUNTS[design]}")
     toml.known_keys(("campaign",), head, (*_KEYS, COUNTS[design]), ("name",))
     scenarios, sensors = _scenarios(toml, head), _choices(toml, head, "sensors", scenario.SENSORS)
-    found = [inputs.labelled("scenario", [one.name for one in scenarios]), inputs.labelled("sensors", sensors)]
-    found += inputs.parse(toml, sensors)
+    chosen = [inputs.labelled("scenario", [one.name for one in scenarios]), inputs.labelled("sensors", sensors)]
+    varied = inputs.parse(toml, sensors)
     faults, of_faults = inputs.faults(toml, min(one.duration for one in scenarios))
-    made = Campaign(
+    files = {
+        key: toml.file_beside(("campaign", key), head[key]) for key in ("model", "gains", "compensation") if key in head
+    }
+    robot = model.load(files["model"]) if "model" in files else model.rcx()
+    campaign = Campaign(
         name=toml.file_name(("campaign", "name"), head["name"]),
         design=design,
         count=_count(toml, head, design, count),
@@ -169,60 +173,56 @@ def load(
         scenarios=scenarios,
         sensors=sensors,
         profile=toml.choice(("campaign", "profile"), head["profile"], scenario.PROFILES) if "profile" in head else None,
-        model=model.load(_beside(toml, head, "model")) if "model" in head else model.rcx(),
-        gains=gains.load(_beside(toml, head, "gains")) if "gains" in head else None,
-        compensation=compensation.load(_beside(toml, head, "compensation")) if "compensation" in head else None,
-        inputs=tuple(one for one in (*found, *of_faults) if one is not None),
+        model=robot,
+        gains=gains.load(files["gains"]) if "gains" in files else None,
+        compensation=compensation.load(files["compensation"]) if "compensation" in files else None,
+        inputs=tuple(one for one in (*chosen, *varied, *of_faults) if one is not None),
         faults=faults,
         box=_box(toml),
-        robots=_robots(toml, head, shares),
+        robots=_robots(toml, head, robot, files.get("model"), shares),
     )
-    _check(toml, made)
-    return made
+    _check(toml, campaign)
+    return campaign
 
 
-def _beside(toml: TomlFile, head: Mapping[str, Any], key: str) -> Path:
-    """Returns the path of a file in the folder of the campaign file."""
-    return toml.file_beside(("campaign", key), head[key])
-
-
-def _robots(toml: TomlFile, head: Mapping[str, Any], shares: Mapping[str, float] | None) -> Allowed | None:
-    """Returns the robots that the data allow; None: the file does not ask for them."""
+def _robots(
+    toml: TomlFile, head: Mapping[str, Any], model: Model, file: Path | None, shares: Mapping[str, float] | None
+) -> Allowed | None:
+    """Returns the robots that the data allow; None: the campaign file does not ask for them; `file`: the model's."""
     if toml.choice(("campaign", "robots"), head.get("robots", ROBOTS[0]), ROBOTS) == ROBOTS[0]:
         return None
-    if "model" not in head:
+    if file is None:
         toml.refuse(("campaign", "robots"), "needs campaign.model: a file that calibrate or discover wrote")
     if shares is None:
         raise ValueError("shares are needed to draw robots")
-    path = _beside(toml, head, "model")
-    return dataclasses.replace(robots.read(model.load(path), path, shares), devices=inputs.devices())
+    return dataclasses.replace(robots.read(model, file, shares), devices=inputs.devices())
 
 
 def _choices(toml: TomlFile, head: Mapping[str, Any], key: str, known: tuple[str, ...]) -> tuple[str, ...]:
     """Returns the value of a key, or the values of its list; the default, `known[0]`, if the key is absent."""
     given = head.get(key, known[0])
     values = given if isinstance(given, list) else [given]
-    if not values or len({str(one) for one in values}) < len(values):
+    if not values or len({str(value) for value in values}) < len(values):
         toml.refuse(("campaign", key), "needs a value, or a list of values that differ")
-    return tuple(toml.choice(("campaign", key), one, known) for one in values)
+    return tuple(toml.choice(("campaign", key), value, known) for value in values)
 
 
 def _scenarios(toml: TomlFile, head: Mapping[str, Any]) -> tuple[Scenario, ...]:
     given = head.get("scenario", "mission")
     names = given if isinstance(given, list) else [given]
-    found = []
+    scenarios = []
     for name in names:
         text = toml.text(("campaign", "scenario"), name)
         packaged = scenario.packaged()
         if text not in packaged and not (toml.path.parent / text).exists():
             known = ", ".join(packaged)
             toml.refuse(("campaign", "scenario"), f"{text!r} is no file, and no scenario of that name; known: {known}")
-        found.append(scenario.load(packaged.get(text) or toml.file_beside(("campaign", "scenario"), text)))
-        if found[-1].kind != "mission":
+        scenarios.append(scenario.load(packaged.get(text) or toml.file_beside(("campaign", "scenario"), text)))
+        if scenarios[-1].kind != "mission":
             toml.refuse(("campaign", "scenario"), f"{text!r} is a manoeuvre; a campaign flies missions")
-    if not found or len({one.name for one in found}) < len(found):
+    if not scenarios or len({one.name for one in scenarios}) < len(scenarios):
         toml.refuse(("campaign", "scenario"), "needs a scenario, or a list of scenarios with different names")
-    return tuple(found)
+    return tuple(scenarios)
 
 
 def _whole(toml: TomlFile, key: tuple[str, str], value: Any, low: int, high: int) -> int:
@@ -276,25 +276,25 @@ def _ends(toml: TomlFile, name: str, value: object) -> tuple[float, float]:
     return low, high
 
 
-def _check(toml: TomlFile, made: Campaign) -> None:
+def _check(toml: TomlFile, campaign: Campaign) -> None:
     """Refuses a campaign that no design can fly."""
-    if made.model.vehicle == "motor":
+    if campaign.model.vehicle == "motor":
         toml.refuse(("campaign", "model"), "is a motor, but a campaign flies a diff_drive or skid_steer")
-    axes = [one for one in made.drawn if one.distribution.listed]
-    if made.design == "grid" and not axes:
+    axes = [input_ for input_ in campaign.drawn if input_.distribution.listed]
+    if campaign.design == "grid" and not axes:
         toml.refuse(("vary",), "a grid needs a list of values, as gain.heading_kp = [10, 12, 14]")
-    if made.design not in ("monte_carlo", "grid") and not made.drawn:
-        toml.refuse(("vary",), f"has nothing that varies, and {made.design} draws only that")
-    total = runs(made)
+    if campaign.design not in ("monte_carlo", "grid") and not campaign.drawn:
+        toml.refuse(("vary",), f"has nothing that varies, and {campaign.design} draws only that")
+    total = runs(campaign)
     if total > MOST_RUNS:
-        key = ("campaign", COUNTS[made.design]) if made.design != "grid" else ("vary",)
+        key = ("campaign", COUNTS[campaign.design]) if campaign.design != "grid" else ("vary",)
         toml.refuse(key, f"would be {total} runs, more than {MOST_RUNS}")
-    if made.profile == "paper" and made.compensation is not None:
+    if campaign.profile == "paper" and campaign.compensation is not None:
         raise InputError("needs the profile coupled", file=toml.path, field="campaign.compensation")
 
 
 def runs(campaign: Campaign) -> int:
     """Returns how many runs the campaign has."""
     if campaign.design == "grid":
-        return campaign.count * math.prod(one.levels for one in campaign.drawn if one.distribution.listed)
+        return campaign.count * math.prod(input_.levels for input_ in campaign.drawn if input_.distribution.listed)
     return campaign.count * campaign.block_runs

@@ -196,12 +196,12 @@ _OTHER_DEVICES = {
 
 def _sensor_ranges() -> dict[str, Range]:
     """Returns field of `bp_devices` -> physical range."""
-    found = {}
+    possible = {}
     for name, _ in interface()[0].typeof("bp_devices").fields:
         axis, _, rest = name.partition("_")
         kind = next((kind for kind in _OF_AXES if rest.startswith(kind)), "")
-        found[name] = Range(*_OF_AXES[kind], _AXES[axis]) if kind else _OTHER_DEVICES[name]
-    return found
+        possible[name] = Range(*_OF_AXES[kind], _AXES[axis]) if kind else _OTHER_DEVICES[name]
+    return possible
 
 
 @cache
@@ -220,8 +220,8 @@ def ranges() -> Mapping[str, Mapping[str, Range]]:
     """Returns kind -> name -> range of all inputs of `[vary]`: parameter, sensor, gain and start."""
     far = float(interface()[1].BP_MAX_COORDINATE_M)
     tuned = {
-        name: Range(one.value(one.low), one.value(one.high), "" if one.format.unit == "1" else one.format.unit)
-        for name, one in gains.tunable().items()
+        name: Range(gain.value(gain.low), gain.value(gain.high), "" if gain.format.unit == "1" else gain.format.unit)
+        for name, gain in gains.tunable().items()
     }
     return {
         "parameter": {info.name: Range(info.minimum, info.maximum, info.unit) for info in catalogue.parameters()},
@@ -307,18 +307,18 @@ def parse(toml: TomlFile, sensors: Sequence[str]) -> list[Input]:
     """
     table = toml.table(("vary",), toml.data.get("vary", {}))
     toml.known_keys(("vary",), table, (*ranges(), "effect"))
-    found: list[Input] = []
+    inputs: list[Input] = []
     for kind, entries in table.items():
         entries = toml.table(("vary", kind), entries)
         if kind == "effect":
-            found += _effects(toml, entries)
+            inputs += _effects(toml, entries)
             continue
         toml.known_keys(("vary", kind), entries, ranges()[kind])
         if kind == "sensor" and "ideal" in sensors:
             toml.refuse(("vary", kind), "ideal sensors have no noise; name others in campaign.sensors")
         for name, entry in entries.items():
-            found.append(_input(toml, ("vary", kind, name), f"{kind}.{name}", entry, ranges()[kind][name]))
-    return found
+            inputs.append(_input(toml, ("vary", kind, name), f"{kind}.{name}", entry, ranges()[kind][name]))
+    return inputs
 
 
 def _input(toml: TomlFile, key: Key, name: str, entry: object, physical: Range) -> Input:
@@ -327,18 +327,18 @@ def _input(toml: TomlFile, key: Key, name: str, entry: object, physical: Range) 
 
 def _effects(toml: TomlFile, entries: Mapping[str, Any]) -> list[Input]:
     toml.known_keys(("vary", "effect"), entries, effects())
-    found: list[Input] = []
+    inputs: list[Input] = []
     for effect, entry in entries.items():
         key = ("vary", "effect", effect)
         given, known = toml.table(key, entry), effects()[effect]
         toml.known_keys(key, given, (*known, CHANCE))
-        found.append(_switch(toml, (*key, CHANCE), f"effect.{effect}", given.get(CHANCE, 1.0)))
-        found += [
+        inputs.append(_switch(toml, (*key, CHANCE), f"effect.{effect}", given.get(CHANCE, 1.0)))
+        inputs += [
             _input(toml, (*key, name), f"effect.{effect}.{name}", value, known[name])
             for name, value in given.items()
             if name != CHANCE
         ]
-    return found
+    return inputs
 
 
 def faults(toml: TomlFile, duration: float) -> tuple[dict[str, Fault], list[Input]]:
@@ -424,24 +424,24 @@ def _effects_of_run(
     effects: Mapping[str, Mapping[str, float]], drawn: Mapping[str, Value]
 ) -> dict[str, Mapping[str, float]]:
     """Returns the effects of a run: the model's effects that are on, with the drawn parameters."""
-    found: dict[str, Mapping[str, float]] = dict(effects)
+    active: dict[str, Mapping[str, float]] = dict(effects)
     for name, value in drawn.items():
         effect, _, parameter = name.partition(".")
         if drawn.get(f"{effect}.{ON}", True) is False:
-            found.pop(effect, None)
+            active.pop(effect, None)
         elif parameter == ON:
-            found.setdefault(effect, {})
+            active.setdefault(effect, {})
         else:
-            found[effect] = {**found.get(effect, {}), parameter: float(value)}
-    return found
+            active[effect] = {**active.get(effect, {}), parameter: float(value)}
+    return active
 
 
 def _faults_of_run(drawn: Mapping[str, Value], faults: Mapping[str, Fault]) -> list[Fault]:
     """Returns the faults of a run, with the drawn numbers."""
-    found = []
+    active = []
     for name, fault in faults.items():
         if drawn.get(f"{name}.{ON}", True) is False:
             continue
         own = {key: float(drawn[f"{name}.{key}"]) for key in ("from_s", "to_s", "rate") if f"{name}.{key}" in drawn}
-        found.append(dataclasses.replace(fault, **own))  # type: ignore[arg-type]
-    return found
+        active.append(dataclasses.replace(fault, **own))  # type: ignore[arg-type]
+    return active

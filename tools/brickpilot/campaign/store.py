@@ -204,8 +204,8 @@ class Parts:
         text = json.dumps(self._campaign, sort_keys=True, allow_nan=False)
         mine = {"campaign": hashlib.sha256(text.encode()).hexdigest(), "versions": here}
         try:
-            found = json.loads(path.read_text(encoding="utf-8"))
-            theirs, made_by = found["campaign"], Versions(**found["versions"])
+            content = json.loads(path.read_text(encoding="utf-8"))
+            theirs, made_by = content["campaign"], Versions(**content["versions"])
         except FileNotFoundError:
             with _written_beside(path) as file:
                 file.write((json.dumps(mine, indent=1) + "\n").encode())
@@ -245,7 +245,7 @@ def _groups(tables: Iterable[pa.Table]) -> Iterator[pa.Table]:
     waiting: list[pa.Table] = []
     for table in tables:
         waiting.append(table)
-        if sum(one.num_rows for one in waiting) >= ROWS:
+        if sum(table.num_rows for table in waiting) >= ROWS:
             yield pa.concat_tables(waiting).combine_chunks()
             waiting = []
     if waiting:

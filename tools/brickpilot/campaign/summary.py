@@ -64,11 +64,11 @@ class Index:
 
     def to_json(self) -> dict[str, Any]:
         """Returns the index with its interval."""
-        found = {"input": self.input, "index": self.value, "ci95": [self.value - self.half, self.value + self.half]}
+        numbers = {"input": self.input, "index": self.value, "ci95": [self.value - self.half, self.value + self.half]}
         if self.total is not None and self.total_half is not None:
             ends = [self.total - self.total_half, self.total + self.total_half]
-            found |= {"total": self.total, "total_ci95": ends}
-        return found
+            numbers |= {"total": self.total, "total_ci95": ends}
+        return numbers
 
 
 def sensitivity_method(campaign: Campaign) -> str | None:
@@ -98,22 +98,23 @@ def sensitivity_indices(campaign: Campaign, inputs: Mapping[str, Array], figure:
         return []
     # SALib uses random numbers only for the intervals. Its printed notes are suppressed: only `cli` may print.
     with contextlib.redirect_stdout(io.StringIO()), np.errstate(all="ignore"):
-        found = _analysed(campaign, inputs, kept, values)
-    sound = [one for one in found if math.isfinite(one.value) and math.isfinite(one.half)]
-    return sorted(sound, key=lambda one: (-(one.value if one.total is None else one.total), one.input))
+        indices = _analysed(campaign, inputs, kept, values)
+    sound = [index for index in indices if math.isfinite(index.value) and math.isfinite(index.half)]
+    return sorted(sound, key=lambda index: (-(index.value if index.total is None else index.total), index.input))
 
 
 def _analysed(campaign: Campaign, inputs: Mapping[str, Array], kept: NDArray[np.bool_], values: Array) -> list[Index]:
-    problem, names = designs.problem(campaign), [one.name for one in campaign.drawn]
+    problem = designs.problem(campaign)
+    names = problem["names"]
     if campaign.design == "saltelli":
         keys: tuple[str, ...] = ("S1", "S1_conf", "ST", "ST_conf")
-        found = designs.salib("analyze.sobol").analyze(problem, values, calc_second_order=False, seed=0)
+        analysis = designs.salib("analyze.sobol").analyze(problem, values, calc_second_order=False, seed=0)
     elif campaign.design == "morris":
         keys = ("mu_star", "mu_star_conf")
         shares = designs.drawn_shares(campaign)(0, len(kept))[kept]
         levels = (shares - designs.MORRIS_EDGE) / (1.0 - 2.0 * designs.MORRIS_EDGE)
         analyse = designs.salib("analyze.morris").analyze
-        found = analyse(problem, levels, values, num_levels=designs.MORRIS_LEVELS, seed=0)
+        analysis = analyse(problem, levels, values, num_levels=designs.MORRIS_LEVELS, seed=0)
     else:
         keys = ("S1", "S1_conf")
         columns = np.column_stack([inputs[name][kept] for name in names])
@@ -121,8 +122,8 @@ def _analysed(campaign: Campaign, inputs: Mapping[str, Array], kept: NDArray[np.
             # A parameter of an effect that is off has no value. A number in its place would act like the effect's
             # switch, and would get the switch's index.
             columns = designs.drawn_shares(campaign)(0, len(kept))[kept]
-        found = designs.salib("analyze.rbd_fast").analyze(problem, columns, values, seed=0)
-    rows = zip(names, *(found[key] for key in keys), strict=True)
+        analysis = designs.salib("analyze.rbd_fast").analyze(problem, columns, values, seed=0)
+    rows = zip(names, *(analysis[key] for key in keys), strict=True)
     return [Index(name, *map(float, numbers)) for name, *numbers in rows]
 
 
@@ -209,12 +210,12 @@ def _by_choice(
 ) -> dict[str, dict[str, Any]]:
     """Returns input -> value -> success rate, for inputs with few values."""
     rates: dict[str, dict[str, Any]] = {}
-    for one in campaign.drawn:
-        if one.distribution.kind != "choice" or one.levels > MOST_CHOICES:
+    for input_ in campaign.drawn:
+        if input_.distribution.kind != "choice" or input_.levels > MOST_CHOICES:
             continue
-        column = table.column(one.name).to_pandas()
+        column = table.column(input_.name).to_pandas()
         groups = {value: (column == value).to_numpy(dtype=bool) for value in sorted(column.dropna().unique().tolist())}
-        rates[one.name] = {_text(value): rate(success[group], blocks[group]) for value, group in groups.items()}
+        rates[input_.name] = {_text(value): rate(success[group], blocks[group]) for value, group in groups.items()}
     return rates
 
 
@@ -226,19 +227,19 @@ def _text(value: Any) -> str:
 
 def _figures(table: Table) -> dict[str, dict[str, Any]]:
     """Returns figure -> unit, number of runs with this figure, mean, sd and quantiles."""
-    found = {}
+    figures = {}
     for name, unit in runs.UNITS.items():
         if name in _NO_DISTRIBUTION or name in runs.WORDS:
             continue
         values = table.numbers(name)
         values = values[np.isfinite(values)]
         if not len(values):
-            found[name] = {"unit": unit, "known": 0}
+            figures[name] = {"unit": unit, "known": 0}
             continue
         quantiles = np.quantile(values, list(QUANTILES.values()))
-        found[name] = {"unit": unit, "known": len(values), "mean": float(values.mean()), "sd": float(values.std())}
-        found[name] |= dict(zip(QUANTILES, map(float, quantiles), strict=True))
-    return found
+        figures[name] = {"unit": unit, "known": len(values), "mean": float(values.mean()), "sd": float(values.std())}
+        figures[name] |= dict(zip(QUANTILES, map(float, quantiles), strict=True))
+    return figures
 
 
 def _worst(table: Table) -> list[dict[str, Any]]:
@@ -258,12 +259,12 @@ def _sensitivity(campaign: Campaign, table: Table) -> dict[str, Any] | None:
     method = sensitivity_method(campaign)
     if method is None:
         return None
-    inputs = {one.name: table.numbers(one.name) for one in campaign.drawn}
+    inputs = {input_.name: table.numbers(input_.name) for input_ in campaign.drawn}
     try:
-        found = {
-            name: [one.to_json() for one in sensitivity_indices(campaign, inputs, table.numbers(name))]
+        indices = {
+            name: [input_.to_json() for input_ in sensitivity_indices(campaign, inputs, table.numbers(name))]
             for name in EXPLAINED_FIGURES
         }
     except InputError as error:
         return {"method": str(error), "figures": {}}
-    return {"method": method, "figures": found}
+    return {"method": method, "figures": indices}

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.constants import ACCEL_RANGE, GYRO_RANGE, STEP_MS, STEP_S
-from brickpilot.errors import InputError, SimulationError
+from brickpilot.errors import SimulationError
 from brickpilot.flash import image_files
 from brickpilot.flash.program import Loader
 from brickpilot.flash.program import Tally as Packets
@@ -116,11 +116,8 @@ def build(sensors: str, folder: Path | None = None) -> Image:
     Raises:
         InputError: there is no checkout, or no compiler.
     """
-    root = checkout()
-    folder = folder or root / f"build/rcx-{sensors}"
-    script = root / "firmware/targets/rcx/build"
-    if subprocess.run([script, folder, sensors], stdout=subprocess.DEVNULL, check=False).returncode != 0:
-        raise InputError(f"{script.relative_to(root)} failed")
+    folder = folder or checkout() / f"build/rcx-{sensors}"
+    script_output("firmware/targets/rcx/build", str(folder), sensors)
     listed = subprocess.run(
         ["h8300-hms-nm", folder / "brickpilot.coff"], check=True, stdout=subprocess.PIPE, text=True
     ).stdout
@@ -128,17 +125,12 @@ def build(sensors: str, folder: Path | None = None) -> Image:
     return Image(image_files.read_program(folder / "brickpilot.lx"), functions)
 
 
-def load(rcx: SimulatedRcx, program: image_files.Program) -> int:
-    """Puts a program into the brick's first slot over its infrared line. Returns the address of its text."""
+def start(rcx: SimulatedRcx, image: Image) -> None:
+    """Loads the image over the infrared line and presses Run. Then the beginnings of control steps are recorded."""
+    rcx.run(BOOT_MS)
     loader = Loader(_Line(rcx))
     loader.delete(0)
-    return loader.send(program, 0, Packets(), lambda *_: None)
-
-
-def start(rcx: SimulatedRcx, image: Image) -> None:
-    """Loads the image and presses Run. From then on the times at which control steps begin are recorded."""
-    rcx.run(BOOT_MS)
-    text = load(rcx, image.program)
+    text = loader.send(image.program, 0, Packets(), lambda *_: None)
     rcx.watch(image.functions["loop_tick"] - image.program.base + text)
     rcx.press(RUN_BUTTON)
 
