@@ -18,11 +18,11 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from typing import Protocol, TypeVar
 
 from brickpilot.errors import InputError
 from brickpilot.flash.image_files import Program
 from brickpilot.link import lnp
+from brickpilot.link.tower import Tower
 
 Progress = Callable[[int, int, str], None]
 """Called with (bytes arrived, all bytes, text)."""
@@ -57,22 +57,6 @@ _SILENT = 6
 """Number of failed tries in a row after which the program may be complete, instead of a bad line."""
 
 
-T = TypeVar("T")
-
-
-class Line(Protocol):
-    """The line to a brick: a `link.tower.Tower`, or a simulated one."""
-
-    @property
-    def device(self) -> str: ...
-
-    def exchange(
-        self, packet: bytes, find: Callable[[bytes], T | None], reply_bytes: int, patience: float = 1.0
-    ) -> T | None: ...
-
-    def lost(self, done: str = "") -> TimeoutError: ...
-
-
 class Loader:
     """Speaks to the loader of a brick.
 
@@ -81,7 +65,7 @@ class Loader:
         host: the brick's LNP address, 0..15.
     """
 
-    def __init__(self, tower: Line, host: int = 0) -> None:
+    def __init__(self, tower: Tower, host: int = 0) -> None:
         self._tower = tower
         self._host = host
 

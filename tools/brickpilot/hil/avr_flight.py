@@ -170,11 +170,12 @@ class AvrRobot:
 
     Attributes:
         damaged: number of refused frames from the brick.
+        ffi, library, brick: for those calls of `brickpilot_avr.h` that are no method here.
     """
 
     def __init__(self, ffi: Any, library: Any, brick: Any) -> None:
         self.damaged = 0
-        self._ffi, self._library, self._brick = ffi, library, brick
+        self.ffi, self.library, self.brick = ffi, library, brick
         self._report = ffi.new("bp_avr_report *")
         self._room = ffi.new("unsigned char[]", OUT_ROOM)
         self._rest = b""
@@ -187,7 +188,7 @@ class AvrRobot:
 
     def send_bytes(self, data: bytes) -> None:
         """Puts any bytes on the line. Bytes without room are lost."""
-        self._library.bp_avr_send(self._brick, data, len(data))
+        self.library.bp_avr_send(self.brick, data, len(data))
 
     def receive(self, timeout: float) -> list[Message]:
         """Returns the received messages; waits up to `timeout` s of simulated time for the first one."""
@@ -198,10 +199,10 @@ class AvrRobot:
         return self._come()
 
     def _come(self) -> list[Message]:
-        size = self._library.bp_avr_receive(self._brick, self._room, OUT_ROOM)
+        size = self.library.bp_avr_receive(self.brick, self._room, OUT_ROOM)
         if size == 0:
             return []
-        *blocks, self._rest = (self._rest + bytes(self._ffi.buffer(self._room, size))).split(b"\0")
+        *blocks, self._rest = (self._rest + bytes(self.ffi.buffer(self._room, size))).split(b"\0")
         messages = [decode_frame(block) for block in blocks if block]
         self.damaged += messages.count(None)
         return [message for message in messages if message is not None]
@@ -215,7 +216,7 @@ class AvrRobot:
         Raises:
             SimulationError: the plant's state diverges.
         """
-        self._check(self._library.bp_avr_wait(self._brick, motor_steps))
+        self._check(self.library.bp_avr_wait(self.brick, motor_steps))
 
     def fly(self) -> None:
         """Flies one control step and logs it.
@@ -223,7 +224,7 @@ class AvrRobot:
         Raises:
             SimulationError: the plant's state diverges.
         """
-        self._check(self._library.bp_avr_fly(self._brick))
+        self._check(self.library.bp_avr_fly(self.brick))
 
     def _check(self, status: int) -> None:
         if status:
@@ -231,43 +232,21 @@ class AvrRobot:
 
     def fault(self, name: str, value: float) -> None:
         """Sets a fault of `brickpilot_avr.h`, such as MAIN_HELD; 0 ends it."""
-        number = getattr(self._library, f"BP_AVR_{name}")
-        if self._library.bp_avr_fault(self._brick, number, value):
+        number = getattr(self.library, f"BP_AVR_{name}")
+        if self.library.bp_avr_fault(self.brick, number, value):
             raise ValueError(f"{name}: {value}")
 
     def tell(self) -> Any:
         """Returns what has happened since power-on, as a `bp_avr_report`."""
-        self._library.bp_avr_tell(self._brick, self._report)
+        self.library.bp_avr_tell(self.brick, self._report)
         return self._report
-
-    def profile(self, functions: Sequence[tuple[int, int]], vectors_end: int, room: int) -> None:
-        """Starts to count the cycles of the program's parts: see `bp_avr_profile`.
-
-        Args:
-            functions: (entry address, part) of each function.
-            vectors_end: the first address behind the interrupts' vectors.
-            room: the number of control steps that are kept.
-        """
-        given = self._ffi.new("bp_avr_function[]", list(functions))
-        self._rows = self._ffi.new("bp_avr_costs[]", room)
-        if self._library.bp_avr_profile(self._brick, given, len(given), vectors_end, self._rows, room):
-            raise ValueError("too many functions or parts")
-
-    def profiled(self) -> tuple[NDArray[np.int64], int]:
-        """Returns the cycles of each control step since `profile`, and the largest stack in bytes.
-
-        The cycles have the shape (steps, parts + 2): the parts, the interrupts, and all time outside sleep.
-        """
-        report = self.tell()
-        rows = np.frombuffer(self._ffi.buffer(self._rows), dtype=np.uintc).reshape(len(self._rows), -1)
-        return rows[: report.profiled].astype(np.int64), int(report.stack)
 
     def read(self, address: int, count: int) -> bytes:
         """Returns bytes of the processor's memory."""
-        room = self._ffi.new("unsigned char[]", count)
-        if self._library.bp_avr_read(self._brick, address, room, count):
+        room = self.ffi.new("unsigned char[]", count)
+        if self.library.bp_avr_read(self.brick, address, room, count):
             raise ValueError(f"no memory at {address}")
-        return bytes(self._ffi.buffer(room))
+        return bytes(self.ffi.buffer(room))
 
 
 def avr_interface() -> tuple[Any, Any]:

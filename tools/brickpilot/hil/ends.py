@@ -52,11 +52,10 @@ FORMS = (*STARTED, *IN_PROCESS, "serial:PORT", "tcp:HOST:PORT", "can:slcan:PORT"
 
 
 def claim_priority() -> bool:
-    """Requests real-time priority (sched(7), SCHED_FIFO) for this thread and its children.
+    """Requests real-time priority (sched(7), SCHED_FIFO) for this thread and its children; returns whether it has it.
 
-    Returns False if the request is refused, or the system (macOS, Windows) has no such call.
-
-    With this priority, other programs delay fewer ticks. Both ends sleep between their ticks.
+    With this priority, other programs delay fewer ticks. Both ends sleep between their ticks. macOS and Windows have no
+    such call.
     """
     if not hasattr(os, "sched_setscheduler"):
         return False

@@ -29,6 +29,7 @@ from brickpilot.flash.program import Tally as Packets
 from brickpilot.hil.checkout import checkout, script_output
 from brickpilot.hil.linked_flight import Progress
 from brickpilot.hil.plant_end import open_plant
+from brickpilot.link.tower import Tower
 from brickpilot.vehicle import flight
 from brickpilot.vehicle.flight_figures import Reached, waypoints_reached
 
@@ -74,18 +75,16 @@ class RcxFlight:
     tally: Tally
 
 
-class _Line:
-    """The infrared line to a simulated brick, for the loader."""
-
-    device = "the simulated RCX"
+class _Line(Tower):
+    """A tower that stands before a simulated brick."""
 
     def __init__(self, rcx: SimulatedRcx) -> None:
+        self.device = "the simulated RCX"
         self._rcx = rcx
 
     def exchange(
         self, packet: bytes, find: Callable[[bytes], T | None], reply_bytes: int, patience: float = 1.0
     ) -> T | None:
-        """Sends `packet` and returns its reply, or None if there was none."""
         self._rcx.run(PACKET_GAP_MS)
         received = b"".join(self._rcx.bring(value) for value in packet)
         for _ in range(0, round(patience * REPLY_MS), PACKET_GAP_MS):
