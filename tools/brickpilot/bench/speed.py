@@ -2,9 +2,9 @@
 
 One peer is the packaged robot as a text-book ODE for SciPy's `solve_ivp`, at equal accuracy. The equations
 are those of the plant's profile `coupled` (eq. 2, 5, 12 to 14), written here from the paper. `loosest` finds the
-largest tolerance with the accuracy of the plant, which has steps of 0.3 ms and 3 ms, so that both have the same
-accuracy. `METHODS` are SciPy's fastest methods here: LSODA if inputs are held, faster by 1.6 times or more, and RK23 if
-the solver restarts in each step, with half of RK45's evaluations.
+largest tolerance with the accuracy of the plant, which has steps of 0.3 ms and 3 ms. `METHODS` are SciPy's fastest
+methods here. If inputs are held, LSODA is faster than the others by 1.6 times or more. If the solver restarts in each
+step, RK23 needs half of RK45's evaluations.
 """
 
 from __future__ import annotations

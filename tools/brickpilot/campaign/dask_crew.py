@@ -29,7 +29,7 @@ CONNECT_S = 5.0
 WORKERS_S = 10.0
 """s: time to wait for the first worker."""
 ALONE_S = 60.0
-"""s: time without any worker after which a campaign ends, as a queue may replace workers that it stopped."""
+"""s: a campaign that has no worker for this time ends. A queue may need a minute to replace workers that it stopped."""
 
 _LOOK_S = 2.0  # s between two counts of the workers
 _AHEAD = 2  # number of parts given to each thread of a worker: one runs, one waits
@@ -141,7 +141,6 @@ class DaskCrew:
         return WorkFailedError(f"the Dask scheduler {self._scheduler} is gone; the parts that are done stay")
 
     def wait_for_workers(self) -> None:
-        """Waits for the first worker. Raises InputError if none comes within `WORKERS_S`."""
         try:
             self._client.wait_for_workers(1, timeout=WORKERS_S)
         except TimeoutError:

@@ -66,7 +66,7 @@ class Workers(Protocol):
     """The place where a campaign runs."""
 
     def crew(self, function: Function) -> AbstractContextManager[Crew]:
-        """Returns the workers that will call `function`; they stop, or forget `function`, at the end of the `with`.
+        """Returns the workers that will call `function`. At the end of the `with` they stop, or forget `function`.
 
         Raises:
             InputError: the workers cannot be reached, or have another version.
@@ -110,7 +110,7 @@ def run(
 
     Args:
         function: defined at the top of a module that the workers can import.
-        parts: drawn one by one; a few for each worker are in flight at a time.
+        parts: taken one by one; each worker has only a few at a time.
         keep: called in this process with each part and its result, in the order in which they finish.
         workers: `workers.Local`, `workers.Cluster` or `workers.Here`.
 

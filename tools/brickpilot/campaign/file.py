@@ -71,11 +71,9 @@ COUNTS = {
 """Design -> the key that states its size."""
 
 MOST_RUNS = 1_000_000
-DEFAULT_RUNS = 1000
 _KEYS = ("name", "design", "seed", "scenario", "sensors", "profile", "model", "gains", "compensation", "robots")
 ROBOTS = ("model", "data")
 """The source of all values that `[vary]` does not state: the model, or robots drawn from those that the data allow."""
-_POWERS_OF_TWO = ("sobol", "saltelli")
 
 
 @dataclass(frozen=True)
@@ -235,12 +233,12 @@ def _whole(toml: TomlFile, key: tuple[str, str], value: Any, low: int, high: int
 
 def _count(toml: TomlFile, head: Mapping[str, Any], design: str, given: int | None) -> int:
     key = ("campaign", COUNTS[design])
-    preset = 1 if design == "grid" else DEFAULT_RUNS
+    preset = 1 if design == "grid" else 1000
     if design not in ("monte_carlo", "latin_hypercube", "grid") and key[1] not in head and given is None:
         toml.refuse(key, "is missing")
     value = head.get(key[1], preset) if given is None else given
     count = _whole(toml, key, value, 1, MOST_RUNS)
-    if design in _POWERS_OF_TWO and count & (count - 1):
+    if design in ("sobol", "saltelli") and count & (count - 1):
         below = 1 << (count.bit_length() - 1)
         toml.refuse(key, f"{count} is not a power of two, as {design} needs; {below} and {2 * below} are")
     return count

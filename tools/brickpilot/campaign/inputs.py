@@ -182,9 +182,6 @@ Drawn = Mapping[str, Value]
 ON = "on"
 """The last word in the name of an input that switches an effect or a fault on."""
 
-LINK_KINDS = tuple(kind for kind in FAULT_KINDS if kind not in AVR_KINDS)
-"""The faults that a campaign can have."""
-
 _AXES = {"accel": "m/s^2", "gyro": "rad/s"}
 _OF_AXES = {"noise_sd": (0.0, 1e3), "range": (0.1, 1e3), "bias": (-100.0, 100.0)}
 _OTHER_DEVICES = {
@@ -270,7 +267,7 @@ class Input:
         return len(self.distribution.values)
 
     def values(self, shares: NDArray[np.float64]) -> list[Value]:
-        """Returns the quantiles at these shares (n,), as a flight needs them: gains in the firmware's resolution."""
+        """Returns the quantiles at these shares (n,), as a flight needs them: a gain is rounded as in the firmware."""
         quantiles: list[float] = self.distribution.at(shares).tolist()
         if self.labels:
             return [self.labels[int(quantile)] for quantile in quantiles]
@@ -357,7 +354,7 @@ def faults(toml: TomlFile, duration: float) -> tuple[dict[str, Fault], list[Inpu
     names: list[str] = []
     for index, entry in enumerate(given):
         key, table = ("faults", index), dict(toml.table(("faults", index), entry))
-        kind = toml.choice((*key, "kind"), table.get("kind"), LINK_KINDS)
+        kind = toml.choice((*key, "kind"), table.get("kind"), [kind for kind in FAULT_KINDS if kind not in AVR_KINDS])
         before = sum(earlier["kind"] == kind for earlier in fixed)
         names.append(f"{kind}_{before + 1}" if before else kind)
         name = f"fault.{names[-1]}"
@@ -442,6 +439,6 @@ def _faults_of_run(drawn: Mapping[str, Value], faults: Mapping[str, Fault]) -> l
     for name, fault in faults.items():
         if drawn.get(f"{name}.{ON}", True) is False:
             continue
-        own = {key: float(drawn[f"{name}.{key}"]) for key in ("from_s", "to_s", "rate") if f"{name}.{key}" in drawn}
+        own = {key: float(drawn[f"{name}.{key}"]) for key in _FAULT_NUMBERS if f"{name}.{key}" in drawn}
         active.append(dataclasses.replace(fault, **own))  # type: ignore[arg-type]
     return active

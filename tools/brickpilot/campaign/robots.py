@@ -15,7 +15,7 @@ import dataclasses
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -76,14 +76,14 @@ class Allowed:
     @property
     def open(self) -> tuple[str, ...]:
         """The values in which robots differ, "mass" or "effect.parameter"; an explanation may lack some of them."""
-        first = self.model.parameters
-        others = [one.model.parameters for one in self.explanations[1:]]
-        found = dict.fromkeys(name for name, value in first.items() if any(one.get(name) != value for one in others))
-        for one in self.explanations:
-            fitted = () if self.spread is None else self.spread.names
-            own = values(one.model)
-            found |= dict.fromkeys(name for name in (*fitted, *_usual(self, one.model)) if own.get(name))
-        return tuple(found)
+        best = self.model.parameters
+        rivals = [rival.model.parameters for rival in self.explanations[1:]]
+        names = dict.fromkeys(name for name in best if any(rival.get(name) != best[name] for rival in rivals))
+        fitted = () if self.spread is None else self.spread.names
+        for explanation in self.explanations:
+            own = values(explanation.model)
+            names |= dict.fromkeys(name for name in (*fitted, *_usual(self, explanation.model)) if own.get(name))
+        return tuple(names)
 
     def identity(self) -> str:
         """Returns a text that differs if the drawn robots differ."""
@@ -111,7 +111,7 @@ class Robot:
     model: Model
     devices: Mapping[str, float] | None
     seed: int
-    explanation: str = field(default="")
+    explanation: str = ""
 
 
 def read(model: Model, path: Path, shares: Mapping[str, float]) -> Allowed:
@@ -124,14 +124,9 @@ def read(model: Model, path: Path, shares: Mapping[str, float]) -> Allowed:
     Raises:
         InputError: a file beside model.toml is no result of calibrate or discover, or belongs to another model.
     """
-    for name in SOURCES:
-        beside = path.with_name(name)
-        if beside.is_file():
-            return _read(model, beside, shares)
-    return Allowed((Explanation(model.name, model),), None, shares)
-
-
-def _read(model: Model, file: Path, shares: Mapping[str, float]) -> Allowed:
+    file = next((path.with_name(name) for name in SOURCES if path.with_name(name).is_file()), None)
+    if file is None:
+        return Allowed((Explanation(model.name, model),), None, shares)
     try:
         given = json.loads(file.read_text(encoding="utf-8"))
         spread = spread_of(given["spread"]) if given.get("spread") is not None else None

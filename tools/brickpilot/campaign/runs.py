@@ -177,16 +177,15 @@ _STREAM = zlib.crc32(b"robots")  # larger than any run's number, so that no othe
 
 
 @dataclass(frozen=True)
-class Block:
-    """The runs start..stop - 1 of a campaign: the argument of a part.
+class RunsOfPart:
+    """Successive runs of a campaign, from run `start` on: the argument of a part.
 
     Attributes:
-        shares: (runs, inputs drawn): see `designs.shares`.
+        shares: (runs, inputs drawn): see `designs.drawn_shares`.
     """
 
     campaign: Campaign
     start: int
-    stop: int
     shares: Array
 
 
@@ -201,7 +200,7 @@ class Run:
 
 
 def part_size(campaign: Campaign) -> int:
-    """Returns the number of runs in a part; it depends only on the campaign, so that a table's bytes do, too."""
+    """Returns the number of runs in a part. It depends only on the campaign, and so do the bytes of the table."""
     most = LINK_PART_RUNS if campaign.over_a_link else PART_RUNS
     return min(most, -(-runs(campaign) // _LEAST_PARTS))
 
@@ -210,21 +209,21 @@ def parts(campaign: Campaign) -> Iterator[Part]:
     """Yields the parts of a campaign in order; their keys sort in the same order."""
     shares = designs.drawn_shares(campaign)
     for start in range(0, runs(campaign), part_size(campaign)):
-        yield Part(f"{start:07}", _block(campaign, start, shares))
+        yield Part(f"{start:07}", _runs_of_part(campaign, start, shares))
 
 
-def _block(campaign: Campaign, start: int, shares: Callable[[int, int], Array]) -> Block:
+def _runs_of_part(campaign: Campaign, start: int, shares: Callable[[int, int], Array]) -> RunsOfPart:
     """Returns the part that begins with run `start`; `shares`: see `designs.drawn_shares`."""
     stop = min(start + part_size(campaign), runs(campaign))
-    return Block(campaign, start, stop, shares(start, stop))
+    return RunsOfPart(campaign, start, shares(start, stop))
 
 
-def fly(block: Block) -> pa.Table:
+def fly(part: RunsOfPart) -> pa.Table:
     """Flies the runs of a part and returns a row for each: number, inputs, figures; a missing number is null."""
-    flown = list(planned(block))
+    flown = list(planned(part))
     figures = rows([run.plan for run in flown])
-    whole = [{INDEX: run.index} | _inputs(block.campaign, run) | row for run, row in zip(flown, figures, strict=True)]
-    columns = schema(block.campaign)
+    whole = [{INDEX: run.index} | _inputs(part.campaign, run) | row for run, row in zip(flown, figures, strict=True)]
+    columns = schema(part.campaign)
     arrays = [pa.array([row[field.name] for row in whole], field.type, from_pandas=True) for field in columns]
     return pa.Table.from_arrays(arrays, schema=columns)
 
@@ -232,14 +231,14 @@ def fly(block: Block) -> pa.Table:
 def one(campaign: Campaign, index: int) -> Run:
     """Returns one run. The whole part that holds it is drawn, so it equals the campaign's run to the last bit."""
     place = index % part_size(campaign)
-    block = _block(campaign, index - place, designs.drawn_shares(campaign))
-    return list(planned(block))[place]
+    part = _runs_of_part(campaign, index - place, designs.drawn_shares(campaign))
+    return list(planned(part))[place]
 
 
-def planned(block: Block) -> Iterator[Run]:
+def planned(part: RunsOfPart) -> Iterator[Run]:
     """Yields the runs of a part."""
-    campaign = block.campaign
-    for index, given in enumerate(drawn(campaign, block.shares), block.start):
+    campaign = part.campaign
+    for index, given in enumerate(drawn(campaign, part.shares), part.start):
         robot = None
         if campaign.robots is not None:  # the runs of a design's block have one robot
             [robot] = robots.draw(campaign.robots, campaign.seed, _STREAM, [designs.block(campaign, index)])

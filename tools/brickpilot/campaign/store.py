@@ -1,9 +1,9 @@
 """The folder of a campaign: each part as a file, until all of them are merged into one table.
 
 A part is written beside its place and then renamed, so that a part is never incomplete. Its name, KEY.CRC32.parquet,
-contains the checksum of its bytes: so a file damaged by a power cut is found and made again. The bytes depend on the
-table alone, not on time or host. The folder also holds the versions of this program and of its libraries, because a
-result may depend on them.
+holds the checksum of its bytes. So a part that a power cut has damaged is found, and its runs are flown again. The
+bytes depend on the table alone, not on time or host. The folder also holds the versions of this program and of its
+libraries, because a result may depend on them.
 """
 
 from __future__ import annotations

@@ -83,8 +83,7 @@ def sensitivity_indices(campaign: Campaign, inputs: Mapping[str, Array], figure:
 
     Args:
         inputs: drawn input -> values (runs,); texts as numbers, NaN where the run lacks the input's effect or fault.
-        figure: (runs,); NaN where a run does not have the figure. If a design compares runs with one another, a block
-            with a missing figure is left out.
+        figure: (runs,); NaN where a run does not have the figure. A block that lacks a figure is left out.
 
     Raises:
         InputError: SALib is not installed.
@@ -163,8 +162,8 @@ def rate(success: NDArray[np.bool_], blocks: NDArray[np.int64]) -> dict[str, Any
 
     Args:
         success: (runs,).
-        blocks: (runs,), see `designs.block`. Runs of a block are correlated, so the effective number of runs is
-            smaller: the number of independent runs whose share has the variance among blocks (Kish's effective size).
+        blocks: (runs,), see `designs.block`. Runs of a block are correlated. So the interval is that of a smaller
+            number of independent runs, whose share has the same variance (Kish's effective size).
     """
     count, of = int(success.sum()), len(success)
     share = count / of
@@ -175,7 +174,7 @@ def rate(success: NDArray[np.bool_], blocks: NDArray[np.int64]) -> dict[str, Any
 
 
 def _effective(success: NDArray[np.bool_], blocks: NDArray[np.int64]) -> float:
-    """Returns the number of independent runs with the same information; if all runs end alike, the number of blocks."""
+    """Returns Kish's effective number of runs; if all runs end alike, the number of blocks."""
     _, codes = np.unique(blocks, return_inverse=True)
     members, hits = np.bincount(codes), np.bincount(codes, weights=success)
     number, of, share = len(members), len(success), float(success.mean())
