@@ -43,9 +43,14 @@ def dask_crew(function: Function, scheduler: str) -> Iterator[DaskCrew]:
     """Yields the workers of the scheduler at this address, which call `function`.
 
     Raises:
-        InputError: nothing answers there, no worker comes, or a worker has another version.
+        InputError: the library is not installed, nothing answers there, no worker comes, or one has another version.
     """
-    _import_distributed(scheduler)
+    try:
+        import distributed  # noqa: F401  (makes the loggers that `_quiet` silences)
+    except ImportError:
+        raise InputError(
+            "needs the library distributed: pip install 'brickpilot[cluster]'", field=_field(scheduler)
+        ) from None
     with _quiet(), _client(scheduler) as client:
         crew = DaskCrew(function, scheduler, client)
         crew.wait_for_workers()
@@ -168,20 +173,6 @@ class DaskCrew:
 
 def _field(scheduler: str) -> str:
     return f"--scheduler {scheduler}"
-
-
-def _import_distributed(scheduler: str) -> None:
-    """Imports the library, which also creates its loggers.
-
-    Raises:
-        InputError: it is not installed.
-    """
-    try:
-        import distributed  # noqa: F401
-    except ImportError:
-        raise InputError(
-            "needs the library distributed: pip install 'brickpilot[cluster]'", field=_field(scheduler)
-        ) from None
 
 
 def _client(scheduler: str) -> Any:

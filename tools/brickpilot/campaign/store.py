@@ -131,7 +131,12 @@ class Parts:
         """
         with self._open as opened, _one_line(self.folder):
             (self.folder / _PARTS).mkdir(parents=True, exist_ok=True)
-            opened.enter_context(_locked(self.folder))
+            try:
+                opened.enter_context(filelock.FileLock(self.folder / ".lock", blocking=False))
+            except filelock.Timeout:
+                raise InputError(
+                    "another campaign is writing here: wait for it, or name another folder", file=self.folder
+                ) from None
             self._claim()
             self._look_through()
             self._open = opened.pop_all()
@@ -250,15 +255,6 @@ def _groups(tables: Iterable[pa.Table]) -> Iterator[pa.Table]:
             waiting = []
     if waiting:
         yield pa.concat_tables(waiting).combine_chunks()
-
-
-@contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    try:
-        with filelock.FileLock(folder / ".lock", blocking=False):
-            yield
-    except filelock.Timeout:
-        raise InputError("another campaign is writing here: wait for it, or name another folder", file=folder) from None
 
 
 @contextmanager

@@ -25,17 +25,8 @@ import can
 from brickpilot.compiled import interface
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.hil.checkout import AVR_TARGETS, BRICK_PROGRAM, checkout, script_output
-from brickpilot.link.links import (
-    CAN_KINDS,
-    CanLink,
-    Link,
-    LinkGoneError,
-    Message,
-    StreamLink,
-    open_bus,
-    open_serial,
-    open_tcp,
-)
+from brickpilot.link import links
+from brickpilot.link.links import Link, LinkGoneError, Message
 from brickpilot.link.lnp import InfraredLink
 from brickpilot.link.session import REPLY_S
 from brickpilot.link.tower import Tower
@@ -74,14 +65,14 @@ def open_link(spec: str) -> Link:
     """
     kind, _, rest = spec.partition(":")
     if kind == "serial" and rest:
-        return open_serial(spec, rest)
+        return links.open_serial(spec, rest)
     if kind == "tcp" and rest:
-        return open_tcp(spec, rest)
+        return links.open_tcp(spec, rest)
     if kind == INFRARED and rest:
         return InfraredLink(Tower(rest))
     name, _, channel = rest.partition(":")
-    if kind == "can" and name in CAN_KINDS and channel and name != "virtual":
-        return CanLink(open_bus(spec, name, channel))
+    if kind == "can" and name in links.CAN_KINDS and channel and name != "virtual":
+        return links.CanLink(links.open_bus(spec, name, channel))
     raise InputError(f"is no link; known links: {', '.join(FORMS)}", field=f"--link {spec}")
 
 
@@ -126,9 +117,9 @@ def both_ends(spec: str, trace: Path | None = None, image: Path | None = None) -
             elif spec in IN_PROCESS:
                 kind = spec.partition(":")[2]
                 channel = f"brickpilot-{os.getpid()}-{time.monotonic_ns()}" if kind == "virtual" else None
-                thread = BrickThread(open_bus(spec, kind, channel))
+                thread = BrickThread(links.open_bus(spec, kind, channel))
                 stack.callback(thread.stop)
-                link, restart = CanLink(open_bus(spec, kind, channel)), thread.restart
+                link, restart = links.CanLink(links.open_bus(spec, kind, channel)), thread.restart
             else:
                 link = open_link(spec)
             stack.callback(link.close)
@@ -382,4 +373,4 @@ def start_h8(target: str, trace: Path | None = None, image: Path | None = None) 
             stderr=subprocess.DEVNULL,
             env=os.environ | ({} if trace is None else {"H8SIM_TRACE": str(trace)}),
         )
-    return process, StreamLink(ours)
+    return process, links.StreamLink(ours)
