@@ -27,7 +27,7 @@ MORRIS_EDGE = 0.025
 def drawn_shares(campaign: Campaign) -> Callable[[int, int], Array]:
     """Returns a function that gives the shares of the runs start..stop - 1, (runs, inputs drawn), each 0..1.
 
-    Some designs draw the shares run by run; the shares of the others are made here for all runs.
+    The designs monte_carlo and grid draw run by run. The other designs draw all runs here.
     """
     if campaign.design == "monte_carlo":
         return partial(_independent, campaign)

@@ -3,7 +3,7 @@
 The sensitivity says which inputs a figure depends on: SALib's indices, each with its 95 % interval.
 
 - `saltelli`: Sobol indices, of first order and total (Saltelli et al. 2010, Comput. Phys. Commun. 181).
-  The compared runs share their noise, so an input's interaction with the noise counts as an effect of the input.
+  The compared runs have the same noise. So if an input changes the effect of the noise, this counts for the input.
 - `morris`: mu*, the mean size of an input's elementary effects (Campolongo et al. 2007, Environ. Model. Softw. 22).
 - Independent draws: indices of first order by RBD-FAST (Tarantola et al. 2006, Reliab. Eng. Syst. Saf. 91). An input
   that matters only together with another one has no index.

@@ -110,12 +110,12 @@ def shared(path: Path) -> Path:
 
 
 DEATHS = 3
-"""The campaign ends if a part has ended this number of workers; one may die by chance or by a lack of memory."""
+"""The campaign ends if a part has ended this number of workers. One worker may die by chance or by a lack of memory."""
 
 _STOP_S = 2.0  # s: time for a process to end by itself; then it is killed
 _ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
-# "spawn" starts a fresh Python: a copy of this process would hold the locks of its threads, of BLAS and Arrow too.
+# "spawn" starts a new Python. A forked process would also get locks that the threads of BLAS or Arrow hold here.
 _CONTEXT = multiprocessing.get_context("spawn")
 
 
@@ -215,7 +215,7 @@ class LocalCrew:
 
 
 def _end(number: int, frame: object) -> None:
-    """Ends this process by an exception, so that each `with` is left, with a shell's status for a signal."""
+    """Ends this process by an exception, so that each `with` closes; the exit status is a shell's for the signal."""
     sys.exit(128 + number)
 
 

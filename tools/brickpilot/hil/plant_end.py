@@ -1,8 +1,8 @@
 """The plant's end of a link: the C plant, its sensor readings as messages, its motors, and the injected faults.
 
 The [[faults]] of a scenario act on messages, on sensors, and on the plant or the brick. Their random numbers are
-seeded. Faults of messages act above the transport, so they are the same on every transport; the CRC of a message, not
-the checksum of a transport, has to detect them.
+seeded. Faults of messages act above the transport, so they are the same on every transport. The CRC of a message has
+to detect them, because the checksum of a transport does not cover them.
 """
 
 from __future__ import annotations

@@ -242,7 +242,7 @@ class Tally:
 
 
 class SimulatedRcx:
-    """A brick with brickOS and no program, for the duration of a `with` block. Time passes only in `run` and `bring`.
+    """A brick with brickOS and no program, which is on during a `with` block. Time passes only in `run` and `bring`.
 
     Attributes:
         ms: simulated time since the brick was switched on.
