@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import re
 import subprocess
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ import numpy as np
 from brickpilot.constants import STEP_MS
 from brickpilot.errors import SimulationError
 from brickpilot.hil import avr_flight
-from brickpilot.hil.avr_flight import AvrRobot, avr_image, check_avr_sensors
+from brickpilot.hil.avr_flight import AvrRobot, avr_image
 from brickpilot.hil.checkout import AVR_TARGETS
 from brickpilot.hil.linked_flight import Progress
 from brickpilot.vehicle import flight, scenario
@@ -100,6 +101,32 @@ def _functions(image: Image) -> tuple[list[str], list[tuple[int, int]]]:
     return list(parts), functions
 
 
+class Profile:
+    """Counts the cycles of a program's parts from its creation on: see `bp_avr_profile`.
+
+    Args:
+        functions: (entry address, part) of each function.
+        vectors_end: the first address behind the interrupts' vectors.
+        room: the number of control steps that are kept.
+    """
+
+    def __init__(self, robot: AvrRobot, functions: Sequence[tuple[int, int]], vectors_end: int, room: int) -> None:
+        self._robot = robot
+        given = robot.ffi.new("bp_avr_function[]", list(functions))
+        self._rows = robot.ffi.new("bp_avr_costs[]", room)
+        if robot.library.bp_avr_profile(robot.brick, given, len(given), vectors_end, self._rows, room):
+            raise ValueError("too many functions or parts")
+
+    def counted(self) -> tuple[NDArray[np.int64], int]:
+        """Returns the cycles of each control step so far, and the largest stack in bytes.
+
+        The cycles have the shape (steps, parts + 2): the parts, the interrupts, and all time outside sleep.
+        """
+        report = self._robot.tell()
+        rows = np.frombuffer(self._robot.ffi.buffer(self._rows), dtype=np.uintc).reshape(len(self._rows), -1)
+        return rows[: report.profiled].astype(np.int64), int(report.stack)
+
+
 def mission(target: str, duration: float | None, progress: Progress) -> AvrBudget:
     """Flies the packaged mission with the image of `target` and counts the cost of its control periods.
 
@@ -119,14 +146,14 @@ def mission(target: str, duration: float | None, progress: Progress) -> AvrBudge
     if duration is not None:
         flown = dataclasses.replace(flown, duration=duration)
     sensors = AVR_TARGETS[target].sensors[0]
-    check_avr_sensors(target, sensors)
     plan = flight.plan(flown, rcx(), profile="coupled", sensors=sensors, seed=0)
+    profile: list[Profile] = []
     counted: list[tuple[NDArray[np.int64], int]] = []
 
     def look(robot: AvrRobot, step: int) -> None:
         if step == 0:
-            robot.profile(functions, image.vectors_end, plan.steps)
-        counted[:] = [robot.profiled()]
+            profile.append(Profile(robot, functions, image.vectors_end, plan.steps))
+        counted[:] = [profile[0].counted()]
 
     done = avr_flight.fly(plan, target, elf, telemetry_every=TELEMETRY_EVERY, progress=progress, each_step=look)
     if done.broke_off is not None:

@@ -304,7 +304,7 @@ def _fly(count: int, jobs: int) -> _Flown:
         flown_by,
         _plans(count + 1),
         keep=keep,
-        workers=workers.local(jobs),
+        workers=workers.Local(jobs),
         progress=engine.Progress(lambda *_: None, total=count + 1),
     )
     return _Flown(moments[-1][0] - moments[0][0], moments[-1][1] - moments[0][1])

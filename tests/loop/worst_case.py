@@ -18,7 +18,7 @@ import json
 import random
 import sys
 from collections.abc import Iterator
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from brickpilot.constants import STEP_MS, STEP_S
@@ -32,11 +32,10 @@ from brickpilot.link.links import Message, encode_frame
 from brickpilot.link.lnp import InfraredLink
 from brickpilot.link.messages import book
 from brickpilot.link.session import REALTIME, Session
-from brickpilot.link.tower import Tower
 from brickpilot.vehicle import flight, scenario
 from brickpilot.vehicle.model import rcx
 from brickpilot.vehicle.settings import Setting, settings
-from lab.avr_budget import PERIOD, Image
+from lab.avr_budget import PERIOD, Image, Profile
 from numpy.typing import NDArray
 
 FULL_BYTES, A_MESSAGE_BYTES = 40, 14
@@ -111,7 +110,7 @@ def avr_cycles(target: str, seconds: float, seed: int) -> NDArray[np.int64]:
     elf = avr_image(target)
     image, asked = Image.of(elf), requests(drawn)
     with open_robot(plan, elf, AVR_TARGETS[target].chip, log, motors) as robot:
-        robot.profile([(image.at["loop_tick"], 0)], image.vectors_end, len(log))
+        profile = Profile(robot, [(image.at["loop_tick"], 0)], image.vectors_end, len(log))
         if seed % 2:
             line = _InSteps(robot)
             begin(Session(line, target, clock=lambda: line.now_s), drawn)
@@ -126,7 +125,7 @@ def avr_cycles(target: str, seconds: float, seed: int) -> NDArray[np.int64]:
             robot.send_bytes(sent)
             robot.fly()
             robot.receive(0.0)
-        return robot.profiled()[0][:, -1]
+        return profile.counted()[0][:, -1]
 
 
 def rcx_ticks_ms(target: str, seconds: float, seed: int) -> NDArray[np.float64]:
@@ -139,7 +138,7 @@ def rcx_ticks_ms(target: str, seconds: float, seed: int) -> NDArray[np.float64]:
         brick.convert(319, 512, 512, 512)
         rcx_flight.start(brick, rcx_flight.build(sensors))
         if seed % 2:
-            begin(Session(InfraredLink(cast(Tower, rcx_flight._Line(brick))), target), drawn)
+            begin(Session(InfraredLink(rcx_flight._Line(brick)), target), drawn)
         brick.watched()
         waiting = b""
         for step in range(round(seconds / STEP_S)):

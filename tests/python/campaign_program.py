@@ -22,7 +22,7 @@ def main(folder: Path, where: str, *, slow: bool = False) -> None:
 
     `slow` makes each part last longer, so that a signal can arrive; the written bytes are the same.
     """
-    crew = workers.local(int(where)) if where.isdecimal() else workers.cluster(where)
+    crew = workers.Local(int(where)) if where.isdecimal() else workers.Cluster(where)
     with Parts(folder, {"seeds": len(KEYS)}) as kept:
         done = kept.done()
         engine.run(

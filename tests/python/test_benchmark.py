@@ -290,7 +290,7 @@ def test_a_worker_without_the_files_of_a_set_says_so(tmp_path) -> None:
     task = sets.Task("s", "mujoco", 0, folder=tmp_path / "s")
     work = blind_test.Work(None, 1)
     with pytest.raises(InputError, match=r"/s: is missing on the worker \S+: each worker needs the same files$"):
-        blind_test.run([task], tmp_path, work=work, workers=workers.local(1), progress=lambda *_: None)
+        blind_test.run([task], tmp_path, work=work, workers=workers.Local(1), progress=lambda *_: None)
 
 
 def refused(*arguments, cwd) -> str:

@@ -51,7 +51,7 @@ def results(
 
     parts = (Part(str(number), argument) for number, argument in enumerate(arguments))
     progress = Progress(lambda *_: None, 1)
-    engine.run(function, parts, keep=keep, workers=workers.cluster(address), progress=progress)
+    engine.run(function, parts, keep=keep, workers=workers.Cluster(address), progress=progress)
     return kept
 
 
@@ -101,7 +101,7 @@ def test_a_cluster_gives_the_bytes_of_a_local_worker(cluster: Cluster, tmp_path:
 def test_the_benchmark_with_measured_data_runs_on_a_cluster(cluster: Cluster, tmp_path: Path) -> None:
     motor_set(tmp_path / "sets")
     found = []
-    for where in (workers.Here(), workers.cluster(cluster.address)):
+    for where in (workers.Here(), workers.Cluster(cluster.address)):
         kept: dict[str, Any] = {}
         work = real_run.Work(discover=False, peers=PEERS[1:2])
         path = tmp_path / "results.json"

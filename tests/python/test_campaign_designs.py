@@ -9,10 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from brickpilot.campaign import designs, file, runs, summary, variables
+from brickpilot.campaign import designs, file, inputs, runs, summary
 from brickpilot.campaign.file import Campaign
-from brickpilot.campaign.inputs import Input
-from brickpilot.campaign.variables import Distribution
+from brickpilot.campaign.inputs import Distribution, Input
 from brickpilot.errors import InputError
 from numpy.typing import NDArray
 from scipy import stats
@@ -169,10 +168,8 @@ def test_morris_refuses_a_list_that_it_would_not_fly_whole(tmp_path: Path) -> No
 
 
 def test_no_two_names_of_inputs_share_their_random_numbers() -> None:
-    names = [f"{kind}.{name}" for kind, known in variables.ranges().items() for name in known]
-    names += [
-        f"effect.{effect}.{name}" for effect, known in variables.effects().items() for name in (*known, variables.ON)
-    ]
+    names = [f"{kind}.{name}" for kind, known in inputs.ranges().items() for name in known]
+    names += [f"effect.{effect}.{name}" for effect, known in inputs.effects().items() for name in (*known, inputs.ON)]
     names += ["scenario", "sensors", "route", "design", "robots"]
     keys = {zlib.crc32(name.encode()) for name in names}
     assert len(keys) == len(names) > 300

@@ -31,7 +31,7 @@ def results(function: Callable[[Any], Any], arguments: Iterator[Any] | list[Any]
         kept[part.key] = result
 
     parts = (Part(f"p{number:05}", argument) for number, argument in enumerate(arguments))
-    engine.run(function, parts, keep=keep, workers=workers.local(jobs), progress=silent())
+    engine.run(function, parts, keep=keep, workers=workers.Local(jobs), progress=silent())
     return kept
 
 
@@ -42,7 +42,7 @@ def test_each_part_is_done_once_and_told() -> None:
         campaign_parts.squared,
         [Part(str(number), number) for number in range(20)],
         keep=lambda part, result: kept.update({part.key: result}),
-        workers=workers.local(2),
+        workers=workers.Local(2),
         progress=Progress(lambda *one: told.append(one), 25, done=5, what="flights"),
     )
     assert kept == {str(number): number * number for number in range(20)}
@@ -69,7 +69,7 @@ def test_few_parts_are_in_flight_at_a_time() -> None:
         nonlocal kept
         kept += 1
 
-    engine.run(campaign_parts.squared, parts(), keep=keep, workers=workers.local(2), progress=silent())
+    engine.run(campaign_parts.squared, parts(), keep=keep, workers=workers.Local(2), progress=silent())
     assert kept == 200
     assert ahead <= 2 * 2  # parts at work, or finished but not kept yet
 
@@ -81,7 +81,7 @@ def test_a_worker_that_is_killed_loses_nothing(tmp_path: Path) -> None:
 
 
 def test_a_worker_that_is_killed_between_two_parts_is_replaced() -> None:
-    crew = workers.local(1).crew(campaign_parts.process)
+    crew = workers.Local(1).crew(campaign_parts.process)
     with crew as ready:
         ready.give(Part("a", None))
         (first,) = ready.wait()
@@ -140,7 +140,7 @@ def test_an_error_of_keep_stops_the_workers() -> None:
 
     with pytest.raises(OSError, match="full"):
         engine.run(
-            campaign_parts.process, [Part("a", 0), Part("b", 0)], keep=keep, workers=workers.local(1), progress=silent()
+            campaign_parts.process, [Part("a", 0), Part("b", 0)], keep=keep, workers=workers.Local(1), progress=silent()
         )
     with pytest.raises(ProcessLookupError):
         os.kill(pids[0], 0)

@@ -22,7 +22,6 @@ from brickpilot.link import lnp
 from brickpilot.link.lnp import InfraredLink
 from brickpilot.link.messages import book
 from brickpilot.link.session import REALTIME, Session
-from brickpilot.link.tower import Tower
 from brickpilot.vehicle import flight, scenario
 from brickpilot.vehicle.model import rcx
 from rcx_kernel import PROGRAMS, SYSTEM_TASKS, TASKS
@@ -56,7 +55,7 @@ def copy_of(brick: SimulatedRcx, folder: Path) -> SimulatedRcx:
 
 def session(brick: SimulatedRcx) -> Session:
     """Returns a host's session over the infrared line of a simulated brick."""
-    return Session(InfraredLink(cast(Tower, rcx_flight._Line(brick))), "infrared")
+    return Session(InfraredLink(rcx_flight._Line(brick)), "infrared")
 
 
 def answers(brick: SimulatedRcx) -> bool:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import junitparser
 import pytest
-from brickpilot.hil import brick_process, ends, fly
+from brickpilot.hil import ends, fly
 from brickpilot.link.session import REALTIME
 from brickpilot.report import flight_text
 from brickpilot.vehicle import flight_figures
@@ -98,7 +98,7 @@ def test_a_name_with_signs_of_xml_is_text() -> None:
 @pytest.mark.realtime
 def test_a_late_tick_has_a_fault_of_its_own() -> None:
     """The brick stops for longer than its watchdog allows, but not long enough to count as silent."""
-    process, address = brick_process.start_brick("--pty")
+    process, address = ends.start_brick("--pty")
 
     def stall(done: int, _steps: int, _text: str) -> None:
         if done == 300:
@@ -110,7 +110,7 @@ def test_a_late_tick_has_a_fault_of_its_own() -> None:
     wanted = plan(duration=6.0)
     flown = fly.fly(ends.Ends(link, None), "x", wanted, pace=REALTIME, telemetry_every=5, progress=stall)
     link.close()
-    brick_process.end_brick(process)
+    ends.end_brick(process)
     assert flown.flight.log["fault"][-1] == LATE
     figures = flight_figures.summary(flown.flight)
     assert figures["fault"] == flight_figures.LATE

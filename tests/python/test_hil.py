@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 from brickpilot.cli import main
 from brickpilot.errors import InputError
-from brickpilot.hil import brick_process, ends, fly
+from brickpilot.hil import ends, fly
 from brickpilot.link.messages import book
 from brickpilot.link.session import LOCKSTEP, REALTIME, Session
 from brickpilot.vehicle import flight, flight_figures, scenario
@@ -192,7 +192,7 @@ def test_a_manoeuvre_is_refused_as_it_needs_no_controller(tmp_path: Path, capsys
 @pytest.mark.parametrize("spec", ["serial:pty", "tcp", "can:slcan"])
 def test_a_brick_that_dies_leaves_the_robot_with_its_motors_off(spec: str, tmp_path: Path) -> None:
     wanted = plan(duration=12.0)
-    process, address = brick_process.start_brick(ends.STARTED[spec])
+    process, address = ends.start_brick(ends.STARTED[spec])
     link = ends.open_link(address)
 
     def kill(done: int, _steps: int, _text: str) -> None:
@@ -202,7 +202,7 @@ def test_a_brick_that_dies_leaves_the_robot_with_its_motors_off(spec: str, tmp_p
 
     flown = fly.fly(ends.Ends(link, None), spec, wanted, pace=LOCKSTEP, telemetry_every=10, progress=kill)
     link.close()
-    brick_process.end_brick(process)
+    ends.end_brick(process)
     assert flown.broke_off is not None
     assert flown.safe_stops == 1
     last = int(np.flatnonzero(flown.flight.motors.any(axis=1))[-1])
@@ -331,10 +331,10 @@ def test_a_command_without_meaning_in_its_mode_is_refused(session: Session) -> N
 
 
 def test_two_flights_can_use_the_same_brick_in_turn() -> None:
-    process, address = brick_process.start_brick("--pty")
+    process, address = ends.start_brick("--pty")
     wanted = plan(duration=3.0)
     streams = [over(address, wanted).flight.motors for _ in range(2)]
-    brick_process.end_brick(process)
+    ends.end_brick(process)
     assert np.array_equal(*streams)
     assert np.array_equal(streams[0], flight.fly(wanted).motors)
 

@@ -30,7 +30,7 @@ def flown(both: AbstractContextManager[Ends], plan: flight.Plan) -> fly.HilFligh
 
 def test_a_flight_without_faults_is_that_in_process():
     plan = planned()
-    over = flown(fly.memory_ends(), plan)
+    over = flown(ends.memory_ends(), plan)
     assert (over.flight.motors == flight.fly(plan).motors).all()
     row = runs.row(plan)
     assert row["waypoints_reached"] == 1
@@ -46,7 +46,7 @@ def test_faults_do_the_same_as_over_a_serial_line():
         Fault("drop", 3.0, 4.0, 0.002),
         Fault("missing_sensor", 3.5, 4.0, sensor="imu"),
     )
-    both = [flown(opened, plan) for opened in (fly.memory_ends(), ends.both_ends("serial:pty"))]
+    both = [flown(opened, plan) for opened in (ends.memory_ends(), ends.both_ends("serial:pty"))]
     hashes = {flight_figures.motor_hash(one.flight) for one in both}
     assert len(hashes) == 1
     assert hashes != {flight_figures.motor_hash(flight.fly(plan))}
@@ -56,7 +56,7 @@ def test_faults_do_the_same_as_over_a_serial_line():
 def test_silence_costs_time_of_the_link_and_none_of_the_clock():
     plan = planned(Fault("disconnect", 2.0, 6.0))
     began = time.process_time()
-    lost = flown(fly.memory_ends(), plan)
+    lost = flown(ends.memory_ends(), plan)
     assert time.process_time() - began < 2.0  # without the waits, 4 of 0.25 s and 670 of 3 ms; holds at 1 GHz, too
     row = runs.row(plan)
     assert (row["success"], row["cause"]) == (False, "the link was lost")

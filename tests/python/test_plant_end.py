@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from brickpilot.hil import brick_process
+from brickpilot.hil import ends
 from brickpilot.link import links
 from brickpilot.link.messages import book, dbc_path
 
@@ -23,11 +23,11 @@ ROUTE_MM = [(800, 0), (800, -800), (0, 0)]
 
 @pytest.fixture
 def device() -> Iterator[str]:
-    process, address = brick_process.start_brick("--pty")
+    process, address = ends.start_brick("--pty")
     try:
         yield address.removeprefix("serial:")
     finally:
-        brick_process.end_brick(process)
+        ends.end_brick(process)
 
 
 def parts() -> dict[str, Any]:

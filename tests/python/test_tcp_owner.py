@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 from brickpilot.errors import InputError
-from brickpilot.hil.brick_process import PROGRAM, end_brick, start_brick
+from brickpilot.hil.checkout import BRICK_PROGRAM
+from brickpilot.hil.ends import end_brick, start_brick
 from brickpilot.link.links import LinkGoneError, open_tcp
 from brickpilot.link.session import REALTIME, Session
 from command import brickpilot
@@ -68,7 +69,7 @@ def guarded(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
 
 def refused(options: str, environment: dict[str, str]) -> str:
     """Returns what the brick says when it refuses to start."""
-    command = [PROGRAM, *options.split()]
+    command = [BRICK_PROGRAM, *options.split()]
     done = subprocess.run(command, capture_output=True, text=True, timeout=10, check=False, env=environment)
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1

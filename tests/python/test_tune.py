@@ -51,7 +51,7 @@ def test_the_same_seed_gives_the_same_gains_on_processes_and_another_seed_others
 ) -> None:
     options = {"robots": tuned.ROBOTS, "judges": 20, "budget": tuner.Budget(11, None), "show": lambda *_: None}
     firmware = {**defaults("coupled"), **poor.problem.start}
-    here, there = (tune(poor.problem, firmware, who, **options) for who in (tuned.Here(), workers.local(2)))
+    here, there = (tune(poor.problem, firmware, who, **options) for who in (tuned.Here(), workers.Local(2)))
     assert to_json(here) == to_json(there)
     other = dataclasses.replace(poor.problem, seed=1)
     assert to_json(tune(other, firmware, tuned.Here(), **options))["gains"] != to_json(here)["gains"]

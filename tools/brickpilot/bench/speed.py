@@ -2,9 +2,9 @@
 
 One peer is the packaged robot as a text-book ODE for SciPy's `solve_ivp`, at equal accuracy. The equations
 are those of the plant's profile `coupled` (eq. 2, 5, 12 to 14), written here from the paper. `loosest` finds the
-largest tolerance with the accuracy of the plant, which has steps of 0.3 ms and 3 ms, so that both have the same
-accuracy. `METHODS` are SciPy's fastest methods here: LSODA if inputs are held, faster by 1.6 times or more, and RK23 if
-the solver restarts in each step, with half of RK45's evaluations.
+largest tolerance with the accuracy of the plant, which has steps of 0.3 ms and 3 ms. `METHODS` are SciPy's fastest
+methods here. If inputs are held, LSODA is faster than the others by 1.6 times or more. If the solver restarts in each
+step, RK23 needs half of RK45's evaluations.
 """
 
 from __future__ import annotations
@@ -106,22 +106,22 @@ def _many(model: Model, lanes: int) -> float:
     inputs = 6 * np.sin(np.outer(time_s, [1.0, 1.7])) + 3
     mass = model.parameters["mass"]
     robots = [dataclasses.replace(model, parameters={**model.parameters, "mass": mass + 0.01 * i}) for i in range(16)]
-    jobs = [(one, plant.OpenLoopRun(time_s, inputs)) for one in robots]
+    jobs = [(robot, plant.OpenLoopRun(time_s, inputs)) for robot in robots]
     plant.simulate(jobs, signals=("yaw_rate", "wheel_speed_left", "wheel_speed_right"), lanes=lanes)
     return 16 * float(time_s[-1])
 
 
 def _side_by_side(model: Model) -> dict[str, Figure]:
     """Returns the plant's speed for many runs together on one core, compared with the same runs one at a time."""
-    found = {}
+    figures = {}
     rubs = next(one.name for one in catalogue.effects() if one.mechanism == "bearing" and not one.variant_of)
     dry = dataclasses.replace(model, effects={**model.effects, rubs: {}})
     for name, one in (("plant_lanes", model), ("plant_lanes_dry", dry)):
         rates = _best({lanes: partial(_many, one, count) for lanes, count in _LANES.items()}, 9)
         alone, many = (rates[lanes] for lanes in _LANES)
         peer = f"the same 16 runs one at a time, {alone / MOTOR_STEP_S:.2e} motor steps/s"
-        found[name] = Figure(many / MOTOR_STEP_S, "motor steps/s", peer, many / alone, this_machine())
-    return found
+        figures[name] = Figure(many / MOTOR_STEP_S, "motor steps/s", peer, many / alone, this_machine())
+    return figures
 
 
 _MUJOCO_ROBOT = f"""
@@ -222,15 +222,15 @@ def control_law() -> tuple[dict[str, LawFigure], list[str]]:
         return {}, [str(error)]
     if done.returncode != 0:
         raise SimulationError("the control law could not be measured")
-    told = json.loads(done.stdout)
-    return {name: LawFigure(**figure) for name, figure in told["figures"].items()}, told["missing"]
+    law = json.loads(done.stdout)
+    return {name: LawFigure(**figure) for name, figure in law["figures"].items()}, law["missing"]
 
 
-def lines(found: Mapping[str, Figure], laws: Mapping[str, LawFigure]) -> Iterator[str]:
+def lines(figures: Mapping[str, Figure], laws: Mapping[str, LawFigure]) -> Iterator[str]:
     """Yields both tables as text: first the machine, then each ratio, followed by its measured values."""
-    yield f"on {next(iter(found.values())).machine}; both sides of a ratio were measured in this run"
-    for name, one in found.items():
-        yield f"{one.ratio:8.1f} x  {name}: {one.value:.0f} {one.unit}, beside {one.peer}"
+    yield f"on {next(iter(figures.values())).machine}; both sides of a ratio were measured in this run"
+    for name, figure in figures.items():
+        yield f"{figure.ratio:8.1f} x  {name}: {figure.value:.0f} {figure.unit}, beside {figure.peer}"
     for name, law in laws.items():
         yield f"{law.ratio:8.2f} x  {name}: {law.value:.0f} {law.unit} (at most {law.most}), beside {law.peer}"
         cost = f"{law.ratio * law.value:.0f} (at most {law.peer_most})"
@@ -311,7 +311,7 @@ def solve(model: Model, manoeuvre: Manoeuvre, tolerance: float, method: Any) -> 
         method: a method of `solve_ivp`.
     """
     slope = slope_of(model)
-    state, found = [0.0] * STATES, []
+    state, states = [0.0] * STATES, []
     for index, (left, right) in enumerate(manoeuvre.voltages.tolist()):
         times = (index * manoeuvre.held + np.arange(manoeuvre.held + 1)) * STEP_S
         solved: Any = solve_ivp(
@@ -326,9 +326,9 @@ def solve(model: Model, manoeuvre: Manoeuvre, tolerance: float, method: Any) -> 
             first_step=_FIRST_STEP if manoeuvre.held == 1 else None,
         )
         rows = solved.y.T if manoeuvre.held > 1 else solved.y.T[-1:]
-        found.append(rows)
+        states.append(rows)
         state = rows[-1].tolist()
-    return np.concatenate(found)
+    return np.concatenate(states)
 
 
 def simulate_plant(model: Model, manoeuvre: Manoeuvre) -> Array:
@@ -363,16 +363,16 @@ def loosest(model: Model, manoeuvre: Manoeuvre) -> list[SolverSetting]:
     """
     exact = solve(model, manoeuvre, _EXACT, "LSODA")[:, 5:]
     plant_m = float(np.abs(simulate_plant(model, manoeuvre) - exact).max())
-    found = []
+    settings = []
     for method in METHODS:
         for tolerance in TOLERANCES:
             scipy_m = float(np.abs(solve(model, manoeuvre, tolerance, method)[:, 5:] - exact).max())
             if scipy_m <= plant_m:
-                found.append(SolverSetting(method, tolerance, plant_m, scipy_m))
+                settings.append(SolverSetting(method, tolerance, plant_m, scipy_m))
                 break
         else:
             raise SimulationError(f"no tolerance of SciPy's {method} errs by {plant_m:.1e} m at most")
-    return found
+    return settings
 
 
 def this_machine() -> str:
@@ -382,9 +382,9 @@ def this_machine() -> str:
 
 def processor() -> str:
     """Returns the name of the processor, from Linux or Python's platform module."""
-    told = Path("/proc/cpuinfo")
-    named = re.search(r"^model name\s*: (.+)$", told.read_text(), re.MULTILINE) if told.exists() else None
-    return named[1].strip() if named else platform.processor() or platform.machine()
+    cpuinfo = Path("/proc/cpuinfo")
+    model = re.search(r"^model name\s*: (.+)$", cpuinfo.read_text(), re.MULTILINE) if cpuinfo.exists() else None
+    return model[1].strip() if model else platform.processor() or platform.machine()
 
 
 def cores() -> int:
@@ -394,7 +394,7 @@ def cores() -> int:
 
 def compiler() -> str:
     """Returns the compiler's name and version, which it writes into the plant's library."""
-    told = re.search(rb"GCC: (\([^)\0]*\) [\d.]+)|(?:Apple )?clang version [\d.]+", compiled.library().read_bytes())
-    if told is None:
+    mark = re.search(rb"GCC: (\([^)\0]*\) [\d.]+)|(?:Apple )?clang version [\d.]+", compiled.library().read_bytes())
+    if mark is None:
         return "a compiler that does not tell its name"
-    return f"gcc {told[1].decode()}" if told[1] else told[0].decode()
+    return f"gcc {mark[1].decode()}" if mark[1] else mark[0].decode()

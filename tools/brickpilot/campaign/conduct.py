@@ -12,13 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.campaign import designs, engine, runs
-from brickpilot.campaign.engine import Part, Workers
+from brickpilot.campaign.engine import Workers
 from brickpilot.campaign.file import Campaign
 from brickpilot.campaign.file import runs as count_of
-from brickpilot.campaign.inputs import Input
+from brickpilot.campaign.inputs import Value
 from brickpilot.campaign.store import Parts
 from brickpilot.campaign.summary import Table, summary
-from brickpilot.campaign.variables import Value
 from brickpilot.data.whole_files import write_whole
 from brickpilot.errors import InputError
 from brickpilot.report import campaign_page
@@ -48,24 +47,19 @@ def conduct(
     with Parts(folder, identity) as parts:
         done = parts.done()
         left = (part for part in runs.parts(campaign) if part.key not in done)
-
-        def keep(part: Part, rows: Any) -> None:
-            parts.write(part.key, rows)
-
         what = f"parts of {runs.part_size(campaign)} runs or fewer"
         progress = engine.Progress(show, total=len(keys), done=len(done), what=what)
         if len(done) < len(keys):
-            engine.run(runs.fly, left, keep=keep, workers=workers, progress=progress)
+            engine.run(
+                runs.fly, left, keep=lambda part, rows: parts.write(part.key, rows), workers=workers, progress=progress
+            )
         parts.merge(keys, folder / TABLE)
         table = Table(folder / TABLE)
-        found = summary(campaign, table)
-        write_whole(folder / SUMMARY, json.dumps(found, indent=2, allow_nan=False) + "\n")
-        drawn = histograms(table, found["figures"]), scatters(campaign, table, found["sensitivity"])
-        write_whole(folder / PAGE, campaign_page.page(found, *drawn, command))
-    return found
-
-
-Ticks = dict[str, Any]
+        results = summary(campaign, table)
+        write_whole(folder / SUMMARY, json.dumps(results, indent=2, allow_nan=False) + "\n")
+        plots = histograms(table, results["figures"]), scatters(campaign, table, results["sensitivity"])
+        write_whole(folder / PAGE, campaign_page.page(results, *plots, command))
+    return results
 
 
 @dataclass(frozen=True)
@@ -81,7 +75,7 @@ class Replayed:
     inputs: dict[str, Value | None]
     flight: flight.Flight
     figures: dict[str, Any]
-    ticks: Ticks | None
+    ticks: dict[str, Array] | None
 
 
 def replay(campaign: Campaign, index: int) -> Replayed:
@@ -95,21 +89,17 @@ def replay(campaign: Campaign, index: int) -> Replayed:
         last = count_of(campaign) - 1
         raise InputError(f"the campaign has the runs 0 to {last}", field=f"--replay {index}")
     run = runs.one(campaign, index)
-    given = dict(run.drawn) | runs.of_robot(campaign, run)
+    ticks = None
     if run.plan.scenario.faults:
-        found = _over_a_link(run, given)
+        from brickpilot.hil import fly  # needs more libraries than a flight without a link
+
+        linked = fly.fly_alone(run.plan)
+        flown, figures, ticks = linked.flight, linked.figures(fly.MEMORY, "lockstep"), linked.ticks.columns()
     else:
         flown = flight.fly(run.plan)
-        found = Replayed(given, flown, flight_figures.summary(flown), None)
-    found.figures["failure"] = flight_figures.failure(found.figures)
-    return found
-
-
-def _over_a_link(run: runs.Run, given: dict[str, Any]) -> Replayed:
-    from brickpilot.hil import fly
-
-    flown = fly.fly_alone(run.plan)
-    return Replayed(given, flown.flight, flown.figures(fly.MEMORY, "lockstep"), flown.ticks.columns())
+        figures = flight_figures.summary(flown)
+    figures["failure"] = flight_figures.failure(figures)
+    return Replayed(dict(run.drawn) | runs.of_robot(campaign, run), flown, figures, ticks)
 
 
 SHOWN = (
@@ -130,7 +120,7 @@ _BARS = 40
 def histograms(table: Table, figures: Mapping[str, Mapping[str, Any]]) -> list[Histogram]:
     """Returns the distributions of the runs' figures, separately for success and failure."""
     success = table.numbers("success") > 0
-    found = []
+    plots = []
     for name in SHOWN:
         values = table.numbers(name)
         known = np.isfinite(values)
@@ -139,30 +129,25 @@ def histograms(table: Table, figures: Mapping[str, Mapping[str, Any]]) -> list[H
         low, high = np.quantile(values[known], _DRAWN_OUT)
         edges = np.linspace(low, high if high > low else low + abs(low) * 1e-3 + 1e-9, _BARS + 1)
         inside = np.clip(values, edges[0], edges[-1])
-        counts = [np.histogram(inside[known & chosen], edges)[0] for chosen in (success, ~success)]
-        found.append(Histogram(name, figures[name]["unit"], edges, *(one.astype(np.float64) for one in counts)))
-    return found
+        counts = (np.histogram(inside[known & chosen], edges)[0].astype(np.float64) for chosen in (success, ~success))
+        plots.append(Histogram(name, figures[name]["unit"], edges, *counts))
+    return plots
 
 
 def scatters(campaign: Campaign, table: Table, sensitivity: Mapping[str, Any] | None) -> list[Scatter]:
     """Returns each figure against its strongest inputs, for the first `MOST_DOTS` runs."""
     if sensitivity is None:
         return []
-    inputs = {one.name: one for one in campaign.drawn}
+    units = {input_.name: input_.unit for input_ in campaign.drawn}
     success = table.numbers("success")[:MOST_DOTS] > 0
-    found = []
+    plots = []
     for figure, indices in sensitivity["figures"].items():
         if figure == "success":
             continue
-        values = table.numbers(figure)[:MOST_DOTS]
-        for index in indices[:STRONGEST]:
-            one = inputs[index["input"]]
-            x = table.numbers(one.name)[:MOST_DOTS]
-            found.append(_scatter(figure, one, x, values, success))
-    return found
-
-
-def _scatter(figure: str, one: Input, x: Array, values: Array, success: NDArray[np.bool_]) -> Scatter:
-    known = np.isfinite(x) & np.isfinite(values)
-    order = np.argsort(x[known], kind="stable")
-    return Scatter(figure, one.name, one.unit, x[known][order], values[known][order], success[known][order])
+        y = table.numbers(figure)[:MOST_DOTS]
+        for name in [index["input"] for index in indices[:STRONGEST]]:
+            x = table.numbers(name)[:MOST_DOTS]
+            order = np.argsort(x, kind="stable")
+            order = order[np.isfinite(x[order]) & np.isfinite(y[order])]
+            plots.append(Scatter(figure, name, units[name], x[order], y[order], success[order]))
+    return plots

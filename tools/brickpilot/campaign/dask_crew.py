@@ -1,7 +1,7 @@
 """The workers of a Dask scheduler, which call a function on parts.
 
-If a worker dies, Dask itself gives its part to another one. Each worker compares its versions with those of this
-process before each part, because it may have joined after the first comparison.
+If a worker dies, Dask gives its part to another worker. A worker may join at any time, so each worker compares its
+versions with those of this process before each part.
 """
 
 from __future__ import annotations
@@ -15,9 +15,8 @@ import uuid
 import warnings
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from queue import Empty, SimpleQueue
-from types import TracebackType
 from typing import Any
 
 from brickpilot.campaign import store
@@ -30,44 +29,57 @@ CONNECT_S = 5.0
 WORKERS_S = 10.0
 """s: time to wait for the first worker."""
 ALONE_S = 60.0
-"""s: time without any worker after which a campaign ends, as a queue may replace workers that it stopped."""
+"""s: a campaign that has no worker for this time ends. A queue may need a minute to replace workers that it stopped."""
 
 _LOOK_S = 2.0  # s between two counts of the workers
 _AHEAD = 2  # number of parts given to each thread of a worker: one runs, one waits
 
 _ONE_AT_A_TIME = threading.Lock()
+"""The threads of a worker take turns, because BLAS or the function may not be safe in several threads."""
+
+
+@contextmanager
+def dask_crew(function: Function, scheduler: str) -> Iterator[DaskCrew]:
+    """Yields the workers of the scheduler at this address, which call `function`.
+
+    Raises:
+        InputError: the library is not installed, nothing answers there, no worker comes, or one has another version.
+    """
+    try:
+        import distributed  # noqa: F401  (makes the loggers that `_quiet` silences)
+    except ImportError:
+        raise InputError(
+            "needs the library distributed: pip install 'brickpilot[cluster]'", field=_field(scheduler)
+        ) from None
+    with _quiet(), _client(scheduler) as client:
+        crew = DaskCrew(function, scheduler, client)
+        crew.wait_for_workers()
+        crew.compare_versions()
+        try:
+            yield crew
+        finally:
+            crew.cancel()
 
 
 class DaskCrew:
-    """The workers of a scheduler, as a context manager."""
+    """The workers of a scheduler; made by `dask_crew`."""
 
-    def __init__(self, function: Function, scheduler: str) -> None:
+    def __init__(self, function: Function, scheduler: str, client: Any) -> None:
         self._function = function
         self._scheduler = scheduler
+        self._client = client
         self._name = f"brickpilot-{uuid.uuid4().hex[:8]}"
         self._finished: SimpleQueue[Any] = SimpleQueue()
         self._flying: dict[str, tuple[Part, Any]] = {}
         self._threads = 0
         self._looked = self._worked = time.monotonic()
-        self._open = ExitStack()
 
-    def __enter__(self) -> DaskCrew:
-        with self._open as opened:
-            _import_distributed(self._scheduler)
-            opened.enter_context(_quiet())
-            self._client = opened.enter_context(_client(self._scheduler))
-            self._wait_for_workers()
-            self._compare_versions()
-            self._open = opened.pop_all()
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+    def cancel(self) -> None:
+        """Cancels the parts that are not finished."""
         futures = [future for _, future in self._flying.values()]
         self._flying.clear()
-        if futures and kind is not None and self._client.status == "running":
+        if futures and self._client.status == "running":
             self._client.cancel(futures)
-        del futures
-        self._open.close()
 
     def room(self) -> int:
         return max(_AHEAD * self._threads, 1) - len(self._flying)
@@ -133,7 +145,7 @@ class DaskCrew:
     def _gone(self) -> WorkFailedError:
         return WorkFailedError(f"the Dask scheduler {self._scheduler} is gone; the parts that are done stay")
 
-    def _wait_for_workers(self) -> None:
+    def wait_for_workers(self) -> None:
         try:
             self._client.wait_for_workers(1, timeout=WORKERS_S)
         except TimeoutError:
@@ -143,7 +155,7 @@ class DaskCrew:
             ) from None
         self._look()
 
-    def _compare_versions(self) -> None:
+    def compare_versions(self) -> None:
         """Compares the versions of all workers with those of this process, before anything is run on them.
 
         The scheduler only forwards parts, so it may load any version of this program.
@@ -153,28 +165,14 @@ class DaskCrew:
             self._client.run_on_scheduler(store.versions_here)
         except Exception as error:  # whatever its import may raise
             raise InputError(f"the scheduler cannot load this brickpilot: {error}", field=field) from None
-        for address, found in sorted(self._client.run(store.versions_here, on_error="return").items()):
-            if not isinstance(found, Versions):
-                raise InputError(f"worker {address} cannot load this brickpilot: {found}", field=field)
-            _check_versions(address, found, store.versions_here(), self._scheduler)
+        for address, versions in sorted(self._client.run(store.versions_here, on_error="return").items()):
+            if not isinstance(versions, Versions):
+                raise InputError(f"worker {address} cannot load this brickpilot: {versions}", field=field)
+            _check_versions(address, versions, store.versions_here(), self._scheduler)
 
 
 def _field(scheduler: str) -> str:
     return f"--scheduler {scheduler}"
-
-
-def _import_distributed(scheduler: str) -> None:
-    """Imports the library, which also creates its loggers.
-
-    Raises:
-        InputError: it is not installed.
-    """
-    try:
-        import distributed  # noqa: F401
-    except ImportError:
-        raise InputError(
-            "needs the library distributed: pip install 'brickpilot[cluster]'", field=_field(scheduler)
-        ) from None
 
 
 def _client(scheduler: str) -> Any:
@@ -190,8 +188,7 @@ def _client(scheduler: str) -> Any:
             aside.submit(lambda: asyncio.run(asyncio.wait_for(_greet(scheduler), CONNECT_S))).result()
         return Client(scheduler, timeout=CONNECT_S, set_as_default=False)
     except Exception as error:  # another program's answer may raise any error
-        message = f"no Dask scheduler answers there within {CONNECT_S:g} s"
-        raise InputError(message, field=_field(scheduler)) from error
+        raise InputError(f"no Dask scheduler answers there within {CONNECT_S:g} s", field=_field(scheduler)) from error
 
 
 async def _greet(scheduler: str) -> None:
@@ -202,23 +199,20 @@ async def _greet(scheduler: str) -> None:
     await greeted.close()
 
 
-def _check_versions(worker: str, found: Versions, wanted: Versions, scheduler: str) -> None:
-    if differences := found.differences(wanted):
+def _check_versions(worker: str, versions: Versions, wanted: Versions, scheduler: str) -> None:
+    if differences := versions.differences(wanted):
         raise InputError(
             f"worker {worker} has {differences}: install the same package on each worker", field=_field(scheduler)
         )
 
 
 def _called(wanted: Versions, scheduler: str, task: bytes) -> Any:
-    """Returns what the function of a pickled task returns. Runs on the worker.
-
-    If a worker has several threads, they take turns, because BLAS or the function may not be safe for several.
-    """
-    found = store.versions_here()
-    if found != wanted:
+    """Returns what the function of a pickled task returns. Runs on the worker."""
+    versions = store.versions_here()
+    if versions != wanted:
         from distributed import get_worker
 
-        _check_versions(get_worker().address, found, wanted, scheduler)
+        _check_versions(get_worker().address, versions, wanted, scheduler)
     with _ONE_AT_A_TIME:
         function, argument = pickle.loads(task)
         return function(argument)

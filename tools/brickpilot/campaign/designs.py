@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.campaign.file import Campaign, runs
+from brickpilot.campaign.file import Campaign
 from brickpilot.errors import InputError
 
 Array = NDArray[np.float64]
@@ -27,7 +27,7 @@ MORRIS_EDGE = 0.025
 def drawn_shares(campaign: Campaign) -> Callable[[int, int], Array]:
     """Returns a function that gives the shares of the runs start..stop - 1, (runs, inputs drawn), each 0..1.
 
-    Some designs draw the shares run by run; the shares of the others are made here for all runs.
+    The designs monte_carlo and grid draw run by run. The other designs draw all runs here.
     """
     if campaign.design == "monte_carlo":
         return partial(_independent, campaign)
@@ -39,7 +39,7 @@ def drawn_shares(campaign: Campaign) -> Callable[[int, int], Array]:
 
 def problem(campaign: Campaign) -> dict[str, Any]:
     """Returns the inputs in SALib's form; SALib samples and analyses their shares."""
-    names = [one.name for one in campaign.drawn]
+    names = [input_.name for input_ in campaign.drawn]
     return {"num_vars": len(names), "names": names, "bounds": [[0.0, 1.0]] * len(names)}
 
 
@@ -49,8 +49,7 @@ def block(campaign: Campaign, index: int) -> int:
     Some designs compare runs that differ in one input. Such a group of runs is a block, so that nothing else differs.
     In other designs each run is a block.
     """
-    size = {"saltelli": len(campaign.drawn) + 2, "morris": len(campaign.drawn) + 1}.get(campaign.design, 1)
-    return index // size
+    return index // campaign.block_runs
 
 
 def stream(campaign: Campaign, number: int, purpose: str) -> np.random.Generator:
@@ -61,30 +60,27 @@ def stream(campaign: Campaign, number: int, purpose: str) -> np.random.Generator
 
 def noise_seed(campaign: Campaign, index: int) -> int:
     """Returns the seed of a run's sensors and of its faults, 0..2^63 - 1."""
-    words = np.random.SeedSequence(campaign.seed, spawn_key=(block(campaign, index),)).generate_state(1, np.uint64)
-    return int(words[0]) >> 1
-
-
-def levels(campaign: Campaign, index: int) -> tuple[int, ...]:
-    """Returns the level of each axis of a grid in a run: the repeats change first, then the last axis."""
-    axes = [one.levels for one in campaign.drawn if one.listed]
-    return tuple(int(one) for one in np.unravel_index(index // campaign.count, axes))
+    drawn = np.random.SeedSequence(campaign.seed, spawn_key=(block(campaign, index),)).generate_state(1, np.uint64)
+    return int(drawn[0]) >> 1
 
 
 def _independent(campaign: Campaign, start: int, stop: int) -> Array:
-    names = [one.name for one in campaign.drawn]
+    names = [input_.name for input_ in campaign.drawn]
     drawn = [[stream(campaign, index, name).random() for name in names] for index in range(start, stop)]
     return np.array(drawn).reshape(stop - start, len(names))
 
 
 def _grid(campaign: Campaign, start: int, stop: int) -> Array:
-    """Returns the middle of each level of the axes; inputs that are no axis are drawn for each run."""
-    found = _independent(campaign, start, stop)
-    axes = [(column, one.levels) for column, one in enumerate(campaign.drawn) if one.listed]
-    for row, index in enumerate(range(start, stop)):
-        for (column, count), level in zip(axes, levels(campaign, index), strict=True):
-            found[row, column] = (level + 0.5) / count
-    return found
+    """Returns the middle of each level of the axes; inputs that are no axis are drawn for each run.
+
+    The repeats of a point come one after the other, then the level of the last axis changes.
+    """
+    shares = _independent(campaign, start, stop)
+    levels = {column: input_.levels for column, input_ in enumerate(campaign.drawn) if input_.distribution.listed}
+    points = np.unravel_index(np.arange(start, stop) // campaign.count, tuple(levels.values()))
+    for (column, count), level in zip(levels.items(), points, strict=True):
+        shares[:, column] = (level + 0.5) / count
+    return shares
 
 
 def _whole(campaign: Campaign) -> Array:
@@ -102,17 +98,13 @@ def _whole(campaign: Campaign) -> Array:
 
 
 def _by_salib(campaign: Campaign, seed: int) -> Array:
-    sample: Any
     if campaign.design == "saltelli":
         sample = salib("sample.sobol").sample
-        found = sample(problem(campaign), campaign.count, calc_second_order=False, seed=seed)
-    else:
-        _check_levels(campaign)
-        sample = salib("sample.morris").sample
-        found = sample(problem(campaign), campaign.count, num_levels=MORRIS_LEVELS, seed=seed)
-        found = MORRIS_EDGE + (1.0 - 2.0 * MORRIS_EDGE) * found
-    assert found.shape == (runs(campaign), len(campaign.drawn))
-    return np.asarray(found)
+        return np.asarray(sample(problem(campaign), campaign.count, calc_second_order=False, seed=seed))
+    _check_levels(campaign)
+    sample = salib("sample.morris").sample
+    levels = sample(problem(campaign), campaign.count, num_levels=MORRIS_LEVELS, seed=seed)
+    return np.asarray(MORRIS_EDGE + (1.0 - 2.0 * MORRIS_EDGE) * levels)
 
 
 def made_by(campaign: Campaign) -> str:
@@ -126,11 +118,13 @@ def made_by(campaign: Campaign) -> str:
 def _check_levels(campaign: Campaign) -> None:
     """Refuses a list of values if Morris's levels do not reach all of them."""
     shares = np.linspace(MORRIS_EDGE, 1.0 - MORRIS_EDGE, MORRIS_LEVELS)
-    for one in campaign.drawn:
-        reached = len(set(one.distribution.at(shares).tolist()))
-        if one.distribution.kind == "choice" and reached < one.levels:
-            said = f"morris would fly {reached} of its {one.levels} values alone; saltelli flies all"
-            raise InputError(said, field=f"vary.{one.name}")
+    for input_ in campaign.drawn:
+        reached = len(set(input_.distribution.at(shares).tolist()))
+        if input_.distribution.kind == "choice" and reached < input_.levels:
+            raise InputError(
+                f"morris would fly {reached} of its {input_.levels} values alone; saltelli flies all",
+                field=f"vary.{input_.name}",
+            )
 
 
 def salib(module: str) -> Any:

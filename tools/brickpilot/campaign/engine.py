@@ -3,7 +3,7 @@
     def flown(seed: int) -> dict[str, float]: ...            # at the top of a module
 
     parts = (Part(f"{seed:06}", seed) for seed in range(100_000))
-    run(flown, parts, keep=keep, workers=workers.local(2), progress=Progress(show, total=100_000))
+    run(flown, parts, keep=keep, workers=workers.Local(2), progress=Progress(show, total=100_000))
 
 A part is taken from the generator when a worker is free, so only a few parts are in memory. The result of a
 part must depend on its argument alone; then no result depends on the number of workers, their order or their failures.
@@ -66,7 +66,7 @@ class Workers(Protocol):
     """The place where a campaign runs."""
 
     def crew(self, function: Function) -> AbstractContextManager[Crew]:
-        """Returns the workers that will call `function`; they stop, or forget `function`, at the end of the `with`.
+        """Returns the workers that will call `function`. At the end of the `with` they stop, or forget `function`.
 
         Raises:
             InputError: the workers cannot be reached, or have another version.
@@ -110,9 +110,9 @@ def run(
 
     Args:
         function: defined at the top of a module that the workers can import.
-        parts: drawn one by one; a few for each worker are in flight at a time.
+        parts: taken one by one; each worker has only a few at a time.
         keep: called in this process with each part and its result, in the order in which they finish.
-        workers: `workers.local` or `workers.cluster`.
+        workers: `workers.Local`, `workers.Cluster` or `workers.Here`.
 
     Raises:
         InputError: the workers cannot be reached, or are not of this version.
@@ -126,8 +126,8 @@ def run(
         while flying:
             ready = crew.wait()
             flying += _fill(crew, left) - len(ready)  # before results are kept, so that no worker waits for the disk
-            for one in ready:
-                keep(one.part, one.result)
+            for done in ready:
+                keep(done.part, done.result)
                 finished += 1
                 progress.after(finished)
 

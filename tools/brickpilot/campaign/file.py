@@ -38,20 +38,21 @@
     rate = { distribution = "uniform", low = 0, high = 0.5 }
     chance = 0.5                  # probability that a run has the fault
 
-`ranges` and `effects` of `variables.py` list what `[vary]` takes.
+`ranges` and `effects` of `inputs.py` list what `[vary]` takes.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import hashlib
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from brickpilot import __version__
-from brickpilot.campaign import inputs, robots, variables
+from brickpilot.campaign import inputs, robots
 from brickpilot.campaign.inputs import Input
 from brickpilot.campaign.robots import Allowed
 from brickpilot.constants import STEP_S
@@ -70,11 +71,9 @@ COUNTS = {
 """Design -> the key that states its size."""
 
 MOST_RUNS = 1_000_000
-DEFAULT_RUNS = 1000
 _KEYS = ("name", "design", "seed", "scenario", "sensors", "profile", "model", "gains", "compensation", "robots")
 ROBOTS = ("model", "data")
 """The source of all values that `[vary]` does not state: the model, or robots drawn from those that the data allow."""
-_POWERS_OF_TWO = ("sobol", "saltelli")
 
 
 @dataclass(frozen=True)
@@ -118,12 +117,17 @@ class Campaign:
     @property
     def drawn(self) -> tuple[Input, ...]:
         """The inputs in which runs differ: the dimensions of the design."""
-        return tuple(one for one in self.inputs if one.varies)
+        return tuple(input_ for input_ in self.inputs if input_.distribution.varies)
+
+    @property
+    def block_runs(self) -> int:
+        """The number of runs in a block: see `designs.block`."""
+        return {"saltelli": len(self.drawn) + 2, "morris": len(self.drawn) + 1}.get(self.design, 1)
 
     @property
     def over_a_link(self) -> bool:
         """Whether runs may have faults, which need a link."""
-        return bool(self.faults) or any(one.faults for one in self.scenarios)
+        return bool(self.faults) or any(scenario_.faults for scenario_ in self.scenarios)
 
     def identity(self) -> str:
         """Returns a hash that differs if the results may differ; it covers the files' contents, not their names."""
@@ -152,10 +156,14 @@ def load(
             toml.refuse(("campaign", name), f"does not belong to {design}, which takes {COUNTS[design]}")
     toml.known_keys(("campaign",), head, (*_KEYS, COUNTS[design]), ("name",))
     scenarios, sensors = _scenarios(toml, head), _choices(toml, head, "sensors", scenario.SENSORS)
-    found = [inputs.labelled("scenario", [one.name for one in scenarios]), inputs.labelled("sensors", sensors)]
-    found += inputs.parse(toml, sensors)
+    chosen = [inputs.labelled("scenario", [one.name for one in scenarios]), inputs.labelled("sensors", sensors)]
+    varied = inputs.parse(toml, sensors)
     faults, of_faults = inputs.faults(toml, min(one.duration for one in scenarios))
-    made = Campaign(
+    files = {
+        key: toml.file_beside(("campaign", key), head[key]) for key in ("model", "gains", "compensation") if key in head
+    }
+    robot = model.load(files["model"]) if "model" in files else model.rcx()
+    campaign = Campaign(
         name=toml.file_name(("campaign", "name"), head["name"]),
         design=design,
         count=_count(toml, head, design, count),
@@ -163,60 +171,56 @@ def load(
         scenarios=scenarios,
         sensors=sensors,
         profile=toml.choice(("campaign", "profile"), head["profile"], scenario.PROFILES) if "profile" in head else None,
-        model=model.load(_beside(toml, head, "model")) if "model" in head else model.rcx(),
-        gains=gains.load(_beside(toml, head, "gains")) if "gains" in head else None,
-        compensation=compensation.load(_beside(toml, head, "compensation")) if "compensation" in head else None,
-        inputs=tuple(one for one in (*found, *of_faults) if one is not None),
+        model=robot,
+        gains=gains.load(files["gains"]) if "gains" in files else None,
+        compensation=compensation.load(files["compensation"]) if "compensation" in files else None,
+        inputs=tuple(one for one in (*chosen, *varied, *of_faults) if one is not None),
         faults=faults,
         box=_box(toml),
-        robots=_robots(toml, head, shares),
+        robots=_robots(toml, head, robot, files.get("model"), shares),
     )
-    _check(toml, made)
-    return made
+    _check(toml, campaign)
+    return campaign
 
 
-def _beside(toml: TomlFile, head: Mapping[str, Any], key: str) -> Path:
-    """Returns the path of a file in the folder of the campaign file."""
-    return toml.file_beside(("campaign", key), head[key])
-
-
-def _robots(toml: TomlFile, head: Mapping[str, Any], shares: Mapping[str, float] | None) -> Allowed | None:
-    """Returns the robots that the data allow; None: the file does not ask for them."""
+def _robots(
+    toml: TomlFile, head: Mapping[str, Any], model: Model, file: Path | None, shares: Mapping[str, float] | None
+) -> Allowed | None:
+    """Returns the robots that the data allow; None: the campaign file does not ask for them; `file`: the model's."""
     if toml.choice(("campaign", "robots"), head.get("robots", ROBOTS[0]), ROBOTS) == ROBOTS[0]:
         return None
-    if "model" not in head:
+    if file is None:
         toml.refuse(("campaign", "robots"), "needs campaign.model: a file that calibrate or discover wrote")
     if shares is None:
         raise ValueError("shares are needed to draw robots")
-    path = _beside(toml, head, "model")
-    return dataclasses.replace(robots.read(model.load(path), path, shares), devices=variables.devices())
+    return dataclasses.replace(robots.read(model, file, shares), devices=inputs.devices())
 
 
 def _choices(toml: TomlFile, head: Mapping[str, Any], key: str, known: tuple[str, ...]) -> tuple[str, ...]:
     """Returns the value of a key, or the values of its list; the default, `known[0]`, if the key is absent."""
     given = head.get(key, known[0])
     values = given if isinstance(given, list) else [given]
-    if not values or len({str(one) for one in values}) < len(values):
+    if not values or len({str(value) for value in values}) < len(values):
         toml.refuse(("campaign", key), "needs a value, or a list of values that differ")
-    return tuple(toml.choice(("campaign", key), one, known) for one in values)
+    return tuple(toml.choice(("campaign", key), value, known) for value in values)
 
 
 def _scenarios(toml: TomlFile, head: Mapping[str, Any]) -> tuple[Scenario, ...]:
     given = head.get("scenario", "mission")
     names = given if isinstance(given, list) else [given]
-    found = []
+    scenarios = []
     for name in names:
         text = toml.text(("campaign", "scenario"), name)
         packaged = scenario.packaged()
         if text not in packaged and not (toml.path.parent / text).exists():
             known = ", ".join(packaged)
             toml.refuse(("campaign", "scenario"), f"{text!r} is no file, and no scenario of that name; known: {known}")
-        found.append(scenario.load(packaged.get(text) or toml.file_beside(("campaign", "scenario"), text)))
-        if found[-1].kind != "mission":
+        scenarios.append(scenario.load(packaged.get(text) or toml.file_beside(("campaign", "scenario"), text)))
+        if scenarios[-1].kind != "mission":
             toml.refuse(("campaign", "scenario"), f"{text!r} is a manoeuvre; a campaign flies missions")
-    if not found or len({one.name for one in found}) < len(found):
+    if not scenarios or len({one.name for one in scenarios}) < len(scenarios):
         toml.refuse(("campaign", "scenario"), "needs a scenario, or a list of scenarios with different names")
-    return tuple(found)
+    return tuple(scenarios)
 
 
 def _whole(toml: TomlFile, key: tuple[str, str], value: Any, low: int, high: int) -> int:
@@ -229,12 +233,12 @@ def _whole(toml: TomlFile, key: tuple[str, str], value: Any, low: int, high: int
 
 def _count(toml: TomlFile, head: Mapping[str, Any], design: str, given: int | None) -> int:
     key = ("campaign", COUNTS[design])
-    preset = 1 if design == "grid" else DEFAULT_RUNS
+    preset = 1 if design == "grid" else 1000
     if design not in ("monte_carlo", "latin_hypercube", "grid") and key[1] not in head and given is None:
         toml.refuse(key, "is missing")
     value = head.get(key[1], preset) if given is None else given
     count = _whole(toml, key, value, 1, MOST_RUNS)
-    if design in _POWERS_OF_TWO and count & (count - 1):
+    if design in ("sobol", "saltelli") and count & (count - 1):
         below = 1 << (count.bit_length() - 1)
         toml.refuse(key, f"{count} is not a power of two, as {design} needs; {below} and {2 * below} are")
     return count
@@ -246,8 +250,8 @@ def _box(toml: TomlFile) -> Box | None:
     table = toml.table(("route",), toml.data["route"])
     needed = ("waypoints", "x_m", "y_m")
     toml.known_keys(("route",), table, (*needed, "least_leg_m", "duration_s"), needed)
-    whole = variables.Range(1, 32, "", whole=True)
-    waypoints = variables.parse_distribution(toml, ("route", "waypoints"), table["waypoints"], whole)
+    whole = inputs.Range(1, 32, "", whole=True)
+    waypoints = inputs.parse_distribution(toml, ("route", "waypoints"), table["waypoints"], whole)
     if waypoints.varies:
         toml.refuse(("route", "waypoints"), "needs one whole number")
     x, y = (_ends(toml, name, table[name]) for name in ("x_m", "y_m"))
@@ -263,37 +267,32 @@ def _ends(toml: TomlFile, name: str, value: object) -> tuple[float, float]:
     key = ("route", name)
     if not isinstance(value, list) or len(value) != 2:
         toml.refuse(key, "needs [from, to]")
-    far = inputs.far()
-    low, high = (toml.number(key, one, -far, far, "m") for one in value)
+    possible = inputs.ranges()["start"]["x_m"]
+    low, high = (toml.number(key, end, possible.low, possible.high, "m") for end in value)
     if high - low < 0.1:
         toml.refuse(key, "needs a box of 0.1 m or more")
     return low, high
 
 
-def _check(toml: TomlFile, made: Campaign) -> None:
+def _check(toml: TomlFile, campaign: Campaign) -> None:
     """Refuses a campaign that no design can fly."""
-    if made.model.vehicle == "motor":
+    if campaign.model.vehicle == "motor":
         toml.refuse(("campaign", "model"), "is a motor, but a campaign flies a diff_drive or skid_steer")
-    axes = [one for one in made.drawn if one.listed]
-    if made.design == "grid" and not axes:
+    axes = [input_ for input_ in campaign.drawn if input_.distribution.listed]
+    if campaign.design == "grid" and not axes:
         toml.refuse(("vary",), "a grid needs a list of values, as gain.heading_kp = [10, 12, 14]")
-    if made.design not in ("monte_carlo", "grid") and not made.drawn:
-        toml.refuse(("vary",), f"has nothing that varies, and {made.design} draws only that")
-    total = runs(made)
+    if campaign.design not in ("monte_carlo", "grid") and not campaign.drawn:
+        toml.refuse(("vary",), f"has nothing that varies, and {campaign.design} draws only that")
+    total = runs(campaign)
     if total > MOST_RUNS:
-        key = ("campaign", COUNTS[made.design]) if made.design != "grid" else ("vary",)
+        key = ("campaign", COUNTS[campaign.design]) if campaign.design != "grid" else ("vary",)
         toml.refuse(key, f"would be {total} runs, more than {MOST_RUNS}")
-    if made.profile == "paper" and made.compensation is not None:
+    if campaign.profile == "paper" and campaign.compensation is not None:
         raise InputError("needs the profile coupled", file=toml.path, field="campaign.compensation")
 
 
 def runs(campaign: Campaign) -> int:
     """Returns how many runs the campaign has."""
-    inputs_drawn = len(campaign.drawn)
     if campaign.design == "grid":
-        total = campaign.count
-        for one in campaign.drawn:
-            total *= one.levels if one.listed else 1
-        return total
-    per_count = {"saltelli": inputs_drawn + 2, "morris": inputs_drawn + 1}.get(campaign.design, 1)
-    return campaign.count * per_count
+        return campaign.count * math.prod(input_.levels for input_ in campaign.drawn if input_.distribution.listed)
+    return campaign.count * campaign.block_runs

@@ -15,7 +15,8 @@ import dataclasses
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -75,14 +76,14 @@ class Allowed:
     @property
     def open(self) -> tuple[str, ...]:
         """The values in which robots differ, "mass" or "effect.parameter"; an explanation may lack some of them."""
-        first = self.model.parameters
-        others = [one.model.parameters for one in self.explanations[1:]]
-        found = dict.fromkeys(name for name, value in first.items() if any(one.get(name) != value for one in others))
-        for one in self.explanations:
-            fitted = () if self.spread is None else self.spread.names
-            own = values(one.model)
-            found |= dict.fromkeys(name for name in (*fitted, *_usual(self, one.model)) if own.get(name))
-        return tuple(found)
+        best = self.model.parameters
+        rivals = [rival.model.parameters for rival in self.explanations[1:]]
+        names = dict.fromkeys(name for name in best if any(rival.get(name) != best[name] for rival in rivals))
+        fitted = () if self.spread is None else self.spread.names
+        for explanation in self.explanations:
+            own = values(explanation.model)
+            names |= dict.fromkeys(name for name in (*fitted, *_usual(self, explanation.model)) if own.get(name))
+        return tuple(names)
 
     def identity(self) -> str:
         """Returns a text that differs if the drawn robots differ."""
@@ -110,7 +111,7 @@ class Robot:
     model: Model
     devices: Mapping[str, float] | None
     seed: int
-    explanation: str = field(default="")
+    explanation: str = ""
 
 
 def read(model: Model, path: Path, shares: Mapping[str, float]) -> Allowed:
@@ -123,14 +124,9 @@ def read(model: Model, path: Path, shares: Mapping[str, float]) -> Allowed:
     Raises:
         InputError: a file beside model.toml is no result of calibrate or discover, or belongs to another model.
     """
-    for name in SOURCES:
-        beside = path.with_name(name)
-        if beside.is_file():
-            return _read(model, beside, shares)
-    return Allowed((Explanation(model.name, model),), None, shares)
-
-
-def _read(model: Model, file: Path, shares: Mapping[str, float]) -> Allowed:
+    file = next((path.with_name(name) for name in SOURCES if path.with_name(name).is_file()), None)
+    if file is None:
+        return Allowed((Explanation(model.name, model),), None, shares)
     try:
         given = json.loads(file.read_text(encoding="utf-8"))
         spread = spread_of(given["spread"]) if given.get("spread") is not None else None
@@ -151,14 +147,14 @@ def _rivals(model: Model, given: Mapping[str, Any]) -> list[Explanation]:
     """Returns the explanations that an ambiguous verdict lists beside the best one."""
     if given.get("verdict") != "ambiguous":
         return []
-    found = []
-    for one in (rival for effect in given["effects"] for rival in effect["equivalents"]):
-        if one.get("nominal"):
-            parameters = {**model.parameters, **_numbers(one["nominal"])}
-            effects = {name: _numbers(table) for name, table in one["effects"].items()}
+    explanations = []
+    for rival in (rival for effect in given["effects"] for rival in effect["equivalents"]):
+        if rival.get("nominal"):
+            parameters = {**model.parameters, **_numbers(rival["nominal"])}
+            effects = {name: _numbers(table) for name, table in rival["effects"].items()}
             other = dataclasses.replace(model, parameters=parameters, effects=effects, basis={})
-            found.append(Explanation(str(one["name"]), other))
-    return found
+            explanations.append(Explanation(str(rival["name"]), other))
+    return explanations
 
 
 def _numbers(table: Mapping[str, Any]) -> dict[str, float]:
@@ -182,7 +178,7 @@ def _draw(allowed: Allowed, seeds: np.random.SeedSequence, place: int) -> Robot:
     devices = None if allowed.devices is None else _powered_on(allowed.devices, random)
     for _ in range(_TRIES):
         drawn = _unmeasured(allowed, chosen.model, random) | _fitted(allowed, chosen.model, random)
-        if all(low <= drawn[name] <= high for name, (low, high) in _ranges(chosen.model, drawn).items()):
+        if all(_possible(name, value) for name, value in drawn.items()):
             return Robot(
                 place, dataclasses.replace(with_values(chosen.model, drawn), basis={}), devices, noise, chosen.name
             )
@@ -201,11 +197,11 @@ def _fitted(allowed: Allowed, model: Model, random: np.random.Generator) -> dict
         return {}
     own = values(model)
     moved = allowed.spread.at(_root(allowed.spread) @ random.normal(size=len(allowed.spread.names)))
-    found = {}
+    drawn = {}
     for name, at, unit in zip(allowed.spread.names, allowed.spread.values, allowed.spread.units, strict=True):
         if name in own:
-            found[name] = own[name] * (moved[name] / at) if unit is None else own[name] + (moved[name] - at)
-    return found
+            drawn[name] = own[name] * (moved[name] / at) if unit is None else own[name] + (moved[name] - at)
+    return drawn
 
 
 def _root(spread: Spread) -> Array:
@@ -237,9 +233,15 @@ def values(model: Model) -> dict[str, float]:
     return presets | {f"{effect}.{name}": v for effect, table in model.effects.items() for name, v in table.items()}
 
 
-def _ranges(model: Model, values: Mapping[str, float]) -> dict[str, tuple[float, float]]:
-    """Returns the physical range of each value that is not 0; the vehicle lacks a part whose value is 0."""
-    infos = {info.name: info for info in catalogue.parameters()}
-    for effect in model.effects:
-        infos |= {f"{effect}.{info.name}": info for info in catalogue.effect(effect).parameters}
-    return {name: (infos[name].minimum, infos[name].maximum) for name, value in values.items() if value != 0}
+@cache
+def infos() -> Mapping[str, catalogue.ParameterInfo]:
+    """Returns "mass" or "effect.parameter" -> its range and unit in the catalogue."""
+    table = {info.name: info for info in catalogue.parameters()}
+    for effect in catalogue.effects():
+        table |= {f"{effect.name}.{info.name}": info for info in effect.parameters}
+    return table
+
+
+def _possible(name: str, value: float) -> bool:
+    """Returns whether a value is in its physical range, or 0: the vehicle lacks a part whose value is 0."""
+    return value == 0 or infos()[name].minimum <= value <= infos()[name].maximum

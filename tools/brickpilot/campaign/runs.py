@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -13,12 +13,11 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from brickpilot import catalogue
-from brickpilot.campaign import designs, robots, variables
+from brickpilot.campaign import designs, inputs, robots
 from brickpilot.campaign.engine import Part
 from brickpilot.campaign.file import Box, Campaign, runs
+from brickpilot.campaign.inputs import ON, Drawn
 from brickpilot.campaign.robots import Robot
-from brickpilot.campaign.variables import ON, Drawn
 from brickpilot.errors import SimulationError
 from brickpilot.vehicle import flight, flight_figures, plant
 from brickpilot.vehicle.scenario import Scenario
@@ -60,16 +59,19 @@ UNITS = {
 WORDS = ("cause", "final_mode", "fault", "motor_stream_sha256")
 """The figures that are texts."""
 
-TRUTHS = ("success", "reached_all")
-COUNTS = (
-    "waypoints_reached", "waypoints_total", "overshoots", "saturated_surge_steps", "saturated_yaw_steps", "seed",
-)  # fmt: skip
+_COUNTS = ("waypoints_reached", "waypoints_total", "overshoots", "saturated_surge_steps", "saturated_yaw_steps", "seed")
+_TYPES: Mapping[str, type] = {
+    **dict.fromkeys(WORDS, str),
+    **dict.fromkeys(("success", "reached_all"), bool),
+    **dict.fromkeys(_COUNTS, int),
+}
+"""Figure -> type, of the figures that are no float."""
 
 
 def row(plan: flight.Plan) -> Row:
     """Flies one mission and returns its figures: see `rows`."""
-    [found] = rows([plan])
-    return found
+    [figures_of_run] = rows([plan])
+    return figures_of_run
 
 
 def rows(plans: Sequence[flight.Plan]) -> list[Row]:
@@ -86,13 +88,13 @@ def rows(plans: Sequence[flight.Plan]) -> list[Row]:
         InputError: the plant refuses the model.
         SimulationError: a flight cannot begin, for example because the firmware refuses its route.
     """
-    found: dict[int, Row] = {}
+    unlinked: dict[int, Row] = {}
     alone = [index for index, plan in enumerate(plans) if not plan.scenario.faults]
     for first in range(0, len(alone), plant.MOST_LANES):
         group = alone[first : first + plant.MOST_LANES]
         flown = flight.fly_many([plans[index] for index in group], _LOGGED)
-        found |= {index: _row(plans[index], one) for index, one in zip(group, flown, strict=True)}
-    return [found[index] if index in found else _linked_row(plan) for index, plan in enumerate(plans)]
+        unlinked |= {index: _row(plans[index], result) for index, result in zip(group, flown, strict=True)}
+    return [unlinked[index] if index in unlinked else _linked_row(plan) for index, plan in enumerate(plans)]
 
 
 def _row(plan: flight.Plan, flown: flight.Flight | SimulationError) -> Row:
@@ -100,11 +102,11 @@ def _row(plan: flight.Plan, flown: flight.Flight | SimulationError) -> Row:
         return figures(flown)
     if flown.status != _E_DIVERGED:
         raise flown
-    return diverged(plan)
+    return _diverged(plan)
 
 
 def _linked_row(plan: flight.Plan) -> Row:
-    from brickpilot.hil import fly
+    from brickpilot.hil import fly  # needs more libraries than a flight without a link
 
     try:
         return over_a_link(fly.fly_alone(plan))
@@ -117,29 +119,22 @@ def figures(flown: flight.Flight) -> Row:
     route, end = flight_figures.route_figures(flown), flight_figures.final_figures(flown)
     reached_all = route["waypoints_reached"] == route["waypoints_total"]
     cause = _cause(reached_all, end)
-    return {
+    row = {
+        **route,
+        **end,
         "success": not cause,
         "cause": cause,
         "reached_all": reached_all,
-        "waypoints_reached": route["waypoints_reached"],
-        "waypoints_total": route["waypoints_total"],
-        "time_s": _number(route["reached_at_s"][-1]),
-        "cross_track_rms_m": _number(route["cross_track_rms_m"]),
-        "cross_track_max_m": _number(route["cross_track_max_m"]),
-        "heading_rms_rad": _number(route["heading_rms_rad"]),
+        "time_s": route["reached_at_s"][-1],
         "closest_approach_max_m": max(route["closest_approach_m"]),
-        "position_estimate_error_m": _number(route["position_estimate_error_m"]),
-        "overshoots": end["overshoots"],
         "saturated_surge_steps": end["saturated_steps"]["surge"],
         "saturated_yaw_steps": end["saturated_steps"]["yaw"],
         "charge_c": float(flown.log["charge_c"][-1]),
         "duty_travel": float(np.abs(np.diff(flown.motors.astype(np.int32), axis=0)).sum() / 32767),
-        "ended_at_s": _number(end["ended_at_s"]),
-        "final_mode": end["final_mode"],
-        "fault": end["fault"],
         "seed": flown.plan.seed,
         "motor_stream_sha256": flight_figures.motor_hash(flown),
     }
+    return {name: math.nan if row[name] is None else row[name] for name in UNITS}
 
 
 def over_a_link(flown: HilFlight) -> Row:
@@ -150,23 +145,11 @@ def over_a_link(flown: HilFlight) -> Row:
     return row | {"success": False, "cause": flown.broke_off.split(":")[0].split(",")[0]}
 
 
-def diverged(plan: flight.Plan) -> Row:
+def _diverged(plan: flight.Plan) -> Row:
     """Returns the row of a flight whose simulation diverged."""
-    unknown: Row = {name: math.nan for name in UNITS}
-    return unknown | {
-        "success": False,
-        "cause": DIVERGED,
-        "reached_all": False,
-        "waypoints_reached": 0,
-        "waypoints_total": len(plan.scenario.waypoints),
-        "overshoots": 0,
-        "saturated_surge_steps": 0,
-        "saturated_yaw_steps": 0,
-        "final_mode": "",
-        "fault": "",
-        "seed": plan.seed,
-        "motor_stream_sha256": "",
-    }
+    unknown: Row = {name: _TYPES[name]() if name in _TYPES else math.nan for name in UNITS}
+    known: Row = {"cause": DIVERGED, "waypoints_total": len(plan.scenario.waypoints), "seed": plan.seed}
+    return unknown | known
 
 
 def _cause(reached_all: bool, end: Mapping[str, Any]) -> str:
@@ -174,10 +157,6 @@ def _cause(reached_all: bool, end: Mapping[str, Any]) -> str:
     if end["fault"] != "none":
         return f"fault: {end['fault']}"
     return "" if reached_all else _CAUSES[end["final_mode"]]
-
-
-def _number(value: float | None) -> float:
-    return math.nan if value is None else value
 
 
 PART_RUNS = 100
@@ -192,29 +171,27 @@ _TRIES = 1000
 INDEX = "run"
 _ROUTE_LENGTH = "route.length_m"
 _ROUTE = "route.waypoints_m"
-_PURPOSE = "route"
 _ROBOT = "robot."
 _EXPLANATION = "robot.explanation"
 _STREAM = zlib.crc32(b"robots")  # larger than any run's number, so that no other draw has this key
 
 
 @dataclass(frozen=True)
-class Block:
-    """The runs start..stop - 1 of a campaign: the argument of a part.
+class RunsOfPart:
+    """Successive runs of a campaign, from run `start` on: the argument of a part.
 
     Attributes:
-        shares: (runs, inputs drawn): see `designs.shares`.
+        shares: (runs, inputs drawn): see `designs.drawn_shares`.
     """
 
     campaign: Campaign
     start: int
-    stop: int
     shares: Array
 
 
 @dataclass(frozen=True)
 class Run:
-    """One run: its number, its inputs, and the plan of its flight."""
+    """One run: its number, its inputs, the plan of its flight, and its robot; None: that of the campaign's model."""
 
     index: int
     drawn: Drawn
@@ -223,65 +200,65 @@ class Run:
 
 
 def part_size(campaign: Campaign) -> int:
-    """Returns the number of runs in a part; it depends only on the campaign, so that a table's bytes do, too."""
+    """Returns the number of runs in a part. It depends only on the campaign, and so do the bytes of the table."""
     most = LINK_PART_RUNS if campaign.over_a_link else PART_RUNS
     return min(most, -(-runs(campaign) // _LEAST_PARTS))
 
 
 def parts(campaign: Campaign) -> Iterator[Part]:
     """Yields the parts of a campaign in order; their keys sort in the same order."""
-    total, size, shares = runs(campaign), part_size(campaign), designs.drawn_shares(campaign)
-    for start in range(0, total, size):
-        stop = min(start + size, total)
-        yield Part(f"{start:07}", Block(campaign, start, stop, shares(start, stop)))
+    shares = designs.drawn_shares(campaign)
+    for start in range(0, runs(campaign), part_size(campaign)):
+        yield Part(f"{start:07}", _runs_of_part(campaign, start, shares))
 
 
-def fly(block: Block) -> pa.Table:
-    """Flies the runs of a part and returns a row for each: number, inputs, figures."""
-    flown = list(planned(block))
+def _runs_of_part(campaign: Campaign, start: int, shares: Callable[[int, int], Array]) -> RunsOfPart:
+    """Returns the part that begins with run `start`; `shares`: see `designs.drawn_shares`."""
+    stop = min(start + part_size(campaign), runs(campaign))
+    return RunsOfPart(campaign, start, shares(start, stop))
+
+
+def fly(part: RunsOfPart) -> pa.Table:
+    """Flies the runs of a part and returns a row for each: number, inputs, figures; a missing number is null."""
+    flown = list(planned(part))
     figures = rows([run.plan for run in flown])
-    found = [{INDEX: run.index} | _inputs(block.campaign, run) | row for run, row in zip(flown, figures, strict=True)]
-    return table(block.campaign, found)
+    whole = [{INDEX: run.index} | _inputs(part.campaign, run) | row for run, row in zip(flown, figures, strict=True)]
+    columns = schema(part.campaign)
+    arrays = [pa.array([row[field.name] for row in whole], field.type, from_pandas=True) for field in columns]
+    return pa.Table.from_arrays(arrays, schema=columns)
 
 
 def one(campaign: Campaign, index: int) -> Run:
     """Returns one run. The whole part that holds it is drawn, so it equals the campaign's run to the last bit."""
-    size = part_size(campaign)
-    start = index - index % size
-    stop = min(start + size, runs(campaign))
-    block = Block(campaign, start, stop, designs.drawn_shares(campaign)(start, stop))
-    return next(run for run in planned(block) if run.index == index)
+    place = index % part_size(campaign)
+    part = _runs_of_part(campaign, index - place, designs.drawn_shares(campaign))
+    return list(planned(part))[place]
 
 
-def planned(block: Block) -> Iterator[Run]:
+def planned(part: RunsOfPart) -> Iterator[Run]:
     """Yields the runs of a part."""
-    campaign = block.campaign
-    values = drawn(campaign, block.shares)
-    for index, given in zip(range(block.start, block.stop), values, strict=True):
-        robot = _robot(campaign, index)
+    campaign = part.campaign
+    for index, given in enumerate(drawn(campaign, part.shares), part.start):
+        robot = None
+        if campaign.robots is not None:  # the runs of a design's block have one robot
+            [robot] = robots.draw(campaign.robots, campaign.seed, _STREAM, [designs.block(campaign, index)])
         yield Run(index, given, _plan(campaign, index, given, robot), robot)
 
 
-def _robot(campaign: Campaign, index: int) -> Robot | None:
-    """Returns the robot of a run, which the runs of a block share; None: all runs have the model's values."""
-    if campaign.robots is None:
-        return None
-    return robots.draw(campaign.robots, campaign.seed, _STREAM, [designs.block(campaign, index)])[0]
-
-
-def drawn(campaign: Campaign, shares: Array) -> list[dict[str, variables.Value]]:
+def drawn(campaign: Campaign, shares: Array) -> list[dict[str, inputs.Value]]:
     """Returns the inputs of runs, including fixed ones; `shares`: (runs, drawn inputs) the drawn numbers, 0..1."""
-    columns, at = {}, 0
-    for one in campaign.inputs:
-        columns[one.name] = one.values(shares[:, at] if one.varies else np.zeros(len(shares)))
-        at += one.varies
+    varying, fixed = iter(shares.T), np.zeros(len(shares))
+    columns = {}
+    for input_ in campaign.inputs:
+        columns[input_.name] = input_.values(next(varying) if input_.distribution.varies else fixed)
     return [{name: column[row] for name, column in columns.items()} for row in range(len(shares))]
 
 
 def _plan(campaign: Campaign, index: int, given: Drawn, robot: Robot | None) -> flight.Plan:
-    scenario = next(one for one in campaign.scenarios if one.name == given.get("scenario", campaign.scenarios[0].name))
+    name = given.get("scenario", campaign.scenarios[0].name)
+    scenario = next(scenario for scenario in campaign.scenarios if scenario.name == name)
     if campaign.box is not None:
-        scenario = _routed(campaign, index, scenario, given)
+        scenario = _routed(campaign, campaign.box, index, scenario, given)
     plan = flight.plan(
         scenario,
         campaign.model if robot is None else robot.model,
@@ -289,19 +266,17 @@ def _plan(campaign: Campaign, index: int, given: Drawn, robot: Robot | None) -> 
         sensors=str(given.get("sensors", campaign.sensors[0])),
         seed=designs.noise_seed(campaign, index),
         compensation=campaign.compensation,
-        gains=variables.tuned(campaign.gains, given),
+        gains=inputs.tuned(campaign.gains, given),
     )
     if robot is not None and plan.sensors != "ideal":
         plan = dataclasses.replace(plan, devices=robot.devices)
-    return variables.applied(plan, given, campaign.faults)
+    return inputs.applied(plan, given, campaign.faults)
 
 
-def _routed(campaign: Campaign, index: int, scenario: Scenario, given: Drawn) -> Scenario:
+def _routed(campaign: Campaign, box: Box, index: int, scenario: Scenario, given: Drawn) -> Scenario:
     """Returns the scenario with a route that is drawn for this run."""
-    box: Box | None = campaign.box
-    assert box is not None
     start = (float(given.get("start.x_m", scenario.start[0])), float(given.get("start.y_m", scenario.start[1])))
-    dice = designs.stream(campaign, designs.block(campaign, index), _PURPOSE)
+    dice = designs.stream(campaign, designs.block(campaign, index), "route")
     points = [start]
     while len(points) <= box.waypoints:
         for _ in range(_TRIES):
@@ -314,17 +289,17 @@ def _routed(campaign: Campaign, index: int, scenario: Scenario, given: Drawn) ->
 
 def _inputs(campaign: Campaign, run: Run) -> dict[str, Any]:
     """Returns the inputs of a run as columns; inputs of an effect or a fault that the run lacks are blank."""
-    found: dict[str, Any] = dict(run.drawn) | of_robot(campaign, run)
+    columns: dict[str, Any] = dict(run.drawn) | of_robot(campaign, run)
     for name, value in run.drawn.items():
         if name.endswith(f".{ON}") and value is False:
             base = name.removesuffix(ON)
-            found |= {other: None for other in found if other.startswith(base) and other != name}
+            columns |= {other: None for other in columns if other.startswith(base) and other != name}
     if campaign.box is not None:
         scenario = run.plan.scenario
         corners = np.array([scenario.start[:2], *scenario.waypoints])
-        found[_ROUTE_LENGTH] = float(np.hypot(*np.diff(corners, axis=0).T).sum())
-        found[_ROUTE] = "; ".join(f"{x:g} {y:g}" for x, y in scenario.waypoints)
-    return found
+        columns[_ROUTE_LENGTH] = float(np.hypot(*np.diff(corners, axis=0).T).sum())
+        columns[_ROUTE] = "; ".join(f"{x:g} {y:g}" for x, y in scenario.waypoints)
+    return columns
 
 
 def of_robot(campaign: Campaign, run: Run) -> dict[str, Any]:
@@ -332,39 +307,28 @@ def of_robot(campaign: Campaign, run: Run) -> dict[str, Any]:
     if run.robot is None:
         return {}
     own = robots.values(run.plan.model)
-    found: dict[str, Any] = {f"{_ROBOT}{name}": own.get(name) for name in _left_open(campaign)}
-    return found | {_EXPLANATION: run.robot.explanation}
+    columns: dict[str, Any] = {f"{_ROBOT}{name}": own.get(name) for name in _left_open(campaign)}
+    return columns | {_EXPLANATION: run.robot.explanation}
 
 
 def _left_open(campaign: Campaign) -> list[str]:
-    assert campaign.robots is not None
-    given = {one.name for one in campaign.inputs}
-    return [name for name in campaign.robots.open if not {f"parameter.{name}", f"effect.{name}"} & given]
+    if campaign.robots is None:
+        return []
+    stated = {input_.name for input_ in campaign.inputs}
+    return [name for name in campaign.robots.open if not {f"parameter.{name}", f"effect.{name}"} & stated]
 
 
 def schema(campaign: Campaign) -> pa.Schema:
     """Returns the columns of the table, each with its unit."""
     columns = [(INDEX, pa.int64(), "")]
-    for one in campaign.inputs:
-        kind = pa.string() if one.labels else pa.bool_() if one.chance is not None else pa.float64()
-        columns.append((one.name, kind, one.unit))
+    for input_ in campaign.inputs:
+        kind = pa.string() if input_.labels else pa.bool_() if input_.chance is not None else pa.float64()
+        columns.append((input_.name, kind, input_.unit))
     if campaign.box is not None:
         columns += [(_ROUTE_LENGTH, pa.float64(), "m"), (_ROUTE, pa.string(), "")]
     if campaign.robots is not None:
-        units = {info.name: info.unit for info in catalogue.parameters()}
-        for effect in catalogue.effects():
-            units |= {f"{effect.name}.{info.name}": info.unit for info in effect.parameters}
-        columns += [(f"{_ROBOT}{name}", pa.float64(), units[name]) for name in _left_open(campaign)]
+        columns += [(f"{_ROBOT}{name}", pa.float64(), robots.infos()[name].unit) for name in _left_open(campaign)]
         columns.append((_EXPLANATION, pa.string(), ""))
-    columns += [(name, _KINDS.get(name, pa.float64()), unit) for name, unit in UNITS.items()]
+    kinds = {str: pa.string(), bool: pa.bool_(), int: pa.int64(), float: pa.float64()}
+    columns += [(name, kinds[_TYPES.get(name, float)], unit) for name, unit in UNITS.items()]
     return pa.schema([pa.field(name, kind, metadata={"unit": unit}) for name, kind, unit in columns])
-
-
-_KINDS = dict.fromkeys(WORDS, pa.string()) | dict.fromkeys(TRUTHS, pa.bool_()) | dict.fromkeys(COUNTS, pa.int64())
-
-
-def table(campaign: Campaign, rows: list[dict[str, Any]]) -> pa.Table:
-    """Returns rows as a table; a missing number is null."""
-    columns = schema(campaign)
-    arrays = [pa.array([row[field.name] for row in rows], field.type, from_pandas=True) for field in columns]
-    return pa.Table.from_arrays(arrays, schema=columns)

@@ -1,9 +1,9 @@
 """The folder of a campaign: each part as a file, until all of them are merged into one table.
 
 A part is written beside its place and then renamed, so that a part is never incomplete. Its name, KEY.CRC32.parquet,
-contains the checksum of its bytes: so a file damaged by a power cut is found and made again. The bytes depend on the
-table alone, not on time or host. The folder also holds the versions of this program and of its libraries, because a
-result may depend on them.
+holds the checksum of its bytes. So a part that a power cut has damaged is found, and its runs are flown again. The
+bytes depend on the table alone, not on time or host. The folder also holds the versions of this program and of its
+libraries, because a result may depend on them.
 """
 
 from __future__ import annotations
@@ -32,9 +32,6 @@ import pyarrow.parquet as pq
 import brickpilot
 from brickpilot.errors import InputError, WorkFailedError
 
-_COMPILED = (".so", ".dylib", ".dll")
-_DIGITS = 12
-
 
 @dataclass(frozen=True)
 class Versions:
@@ -58,31 +55,30 @@ class Versions:
 
     def differences(self, other: Versions) -> str:
         """Returns the differences as text, own version first: "brickpilot 0.1.0, not 0.2.0"; empty if there is none."""
-        pairs = [(one.name, getattr(self, one.name), getattr(other, one.name)) for one in dataclasses.fields(self)]
-        return "; ".join(f"{name} {mine}, not {theirs}" for name, mine, theirs in pairs if mine != theirs)
+        mine, theirs = dataclasses.asdict(self), dataclasses.asdict(other)
+        return "; ".join(f"{name} {mine[name]}, not {theirs[name]}" for name in mine if mine[name] != theirs[name])
 
 
 @cache
 def versions_here() -> Versions:
     """Returns the versions of this process."""
     files = sorted(path for path in Path(brickpilot.__file__).parent.rglob("*") if path.is_file())
+    libraries = {name: version(name) for name in ("numpy", "scipy", "pyarrow")}
     return Versions(
         brickpilot=brickpilot.__version__,
         code=_hash([path for path in files if path.suffix in (".py", ".toml")]),
-        plant=_hash([path for path in files if path.suffix in _COMPILED]),
+        plant=_hash([path for path in files if path.suffix in (".so", ".dylib", ".dll")]),
         python=".".join(platform.python_version_tuple()[:2]),
-        numpy=version("numpy"),
-        scipy=version("scipy"),
-        pyarrow=version("pyarrow"),
+        **libraries,
     )
 
 
 def _hash(files: list[Path]) -> str:
     """Returns the hash of files, with their names."""
-    found = hashlib.sha256()
+    total = hashlib.sha256()
     for path in files:
-        found.update(path.name.encode() + b"\0" + hashlib.sha256(path.read_bytes()).digest())
-    return found.hexdigest()[:_DIGITS]
+        total.update(path.name.encode() + b"\0" + hashlib.sha256(path.read_bytes()).digest())
+    return total.hexdigest()[:12]
 
 
 ROWS = 16_384
@@ -135,7 +131,12 @@ class Parts:
         """
         with self._open as opened, _one_line(self.folder):
             (self.folder / _PARTS).mkdir(parents=True, exist_ok=True)
-            opened.enter_context(_locked(self.folder))
+            try:
+                opened.enter_context(filelock.FileLock(self.folder / ".lock", blocking=False))
+            except filelock.Timeout:
+                raise InputError(
+                    "another campaign is writing here: wait for it, or name another folder", file=self.folder
+                ) from None
             self._claim()
             self._look_through()
             self._open = opened.pop_all()
@@ -208,8 +209,8 @@ class Parts:
         text = json.dumps(self._campaign, sort_keys=True, allow_nan=False)
         mine = {"campaign": hashlib.sha256(text.encode()).hexdigest(), "versions": here}
         try:
-            found = json.loads(path.read_text(encoding="utf-8"))
-            theirs, made_by = found["campaign"], Versions(**found["versions"])
+            content = json.loads(path.read_text(encoding="utf-8"))
+            theirs, made_by = content["campaign"], Versions(**content["versions"])
         except FileNotFoundError:
             with _written_beside(path) as file:
                 file.write((json.dumps(mine, indent=1) + "\n").encode())
@@ -249,20 +250,11 @@ def _groups(tables: Iterable[pa.Table]) -> Iterator[pa.Table]:
     waiting: list[pa.Table] = []
     for table in tables:
         waiting.append(table)
-        if sum(one.num_rows for one in waiting) >= ROWS:
+        if sum(table.num_rows for table in waiting) >= ROWS:
             yield pa.concat_tables(waiting).combine_chunks()
             waiting = []
     if waiting:
         yield pa.concat_tables(waiting).combine_chunks()
-
-
-@contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    try:
-        with filelock.FileLock(folder / ".lock", blocking=False):
-            yield
-    except filelock.Timeout:
-        raise InputError("another campaign is writing here: wait for it, or name another folder", file=folder) from None
 
 
 @contextmanager

@@ -3,7 +3,7 @@
 The sensitivity says which inputs a figure depends on: SALib's indices, each with its 95 % interval.
 
 - `saltelli`: Sobol indices, of first order and total (Saltelli et al. 2010, Comput. Phys. Commun. 181).
-  The compared runs share their noise, so an input's interaction with the noise counts as an effect of the input.
+  The compared runs have the same noise. So if an input changes the effect of the noise, this counts for the input.
 - `morris`: mu*, the mean size of an input's elementary effects (Campolongo et al. 2007, Environ. Model. Softw. 22).
 - Independent draws: indices of first order by RBD-FAST (Tarantola et al. 2006, Reliab. Eng. Syst. Saf. 91). An input
   that matters only together with another one has no index.
@@ -64,11 +64,11 @@ class Index:
 
     def to_json(self) -> dict[str, Any]:
         """Returns the index with its interval."""
-        found = {"input": self.input, "index": self.value, "ci95": [self.value - self.half, self.value + self.half]}
+        numbers = {"input": self.input, "index": self.value, "ci95": [self.value - self.half, self.value + self.half]}
         if self.total is not None and self.total_half is not None:
             ends = [self.total - self.total_half, self.total + self.total_half]
-            found |= {"total": self.total, "total_ci95": ends}
-        return found
+            numbers |= {"total": self.total, "total_ci95": ends}
+        return numbers
 
 
 def sensitivity_method(campaign: Campaign) -> str | None:
@@ -83,58 +83,47 @@ def sensitivity_indices(campaign: Campaign, inputs: Mapping[str, Array], figure:
 
     Args:
         inputs: drawn input -> values (runs,); texts as numbers, NaN where the run lacks the input's effect or fault.
-        figure: (runs,); NaN where a run does not have the figure. If a design compares runs with one another, a block
-            with a missing figure is left out.
+        figure: (runs,); NaN where a run does not have the figure. A block that lacks a figure is left out.
 
     Raises:
         InputError: SALib is not installed.
     """
-    kept = _known(campaign, figure)
+    kept, least = np.isfinite(figure), LEAST_RUNS
+    if campaign.block_runs > 1:
+        kept = np.repeat(kept.reshape(-1, campaign.block_runs).all(axis=1), campaign.block_runs)
+        least = 4 * campaign.block_runs
     values = figure[kept]
-    if len(values) < _least(campaign) or np.ptp(values) == 0:
+    if len(values) < least or np.ptp(values) == 0:
         return []
     # SALib uses random numbers only for the intervals. Its printed notes are suppressed: only `cli` may print.
     with contextlib.redirect_stdout(io.StringIO()), np.errstate(all="ignore"):
-        found = _analysed(campaign, inputs, kept, values)
-    sound = [one for one in found if math.isfinite(one.value) and math.isfinite(one.half)]
-    return sorted(sound, key=lambda one: (-(one.value if one.total is None else one.total), one.input))
-
-
-def _least(campaign: Campaign) -> int:
-    block = len(campaign.drawn) + (2 if campaign.design == "saltelli" else 1)
-    return 4 * block if campaign.design in ("saltelli", "morris") else LEAST_RUNS
-
-
-def _known(campaign: Campaign, figure: Array) -> NDArray[np.bool_]:
-    known = np.isfinite(figure)
-    if campaign.design in ("saltelli", "morris"):
-        size = len(campaign.drawn) + (2 if campaign.design == "saltelli" else 1)
-        known = np.repeat(known.reshape(-1, size).all(axis=1), size)
-    return np.asarray(known)
+        indices = _analysed(campaign, inputs, kept, values)
+    sound = [index for index in indices if math.isfinite(index.value) and math.isfinite(index.half)]
+    return sorted(sound, key=lambda index: (-(index.value if index.total is None else index.total), index.input))
 
 
 def _analysed(campaign: Campaign, inputs: Mapping[str, Array], kept: NDArray[np.bool_], values: Array) -> list[Index]:
-    problem, names = designs.problem(campaign), [one.name for one in campaign.drawn]
+    problem = designs.problem(campaign)
+    names = problem["names"]
     if campaign.design == "saltelli":
-        found = designs.salib("analyze.sobol").analyze(problem, values, calc_second_order=False, seed=0)
-        rows = zip(names, found["S1"], found["S1_conf"], found["ST"], found["ST_conf"], strict=True)
-        return [Index(name, *map(float, row)) for name, *row in rows]
-    if campaign.design == "morris":
+        keys: tuple[str, ...] = ("S1", "S1_conf", "ST", "ST_conf")
+        analysis = designs.salib("analyze.sobol").analyze(problem, values, calc_second_order=False, seed=0)
+    elif campaign.design == "morris":
+        keys = ("mu_star", "mu_star_conf")
         shares = designs.drawn_shares(campaign)(0, len(kept))[kept]
         levels = (shares - designs.MORRIS_EDGE) / (1.0 - 2.0 * designs.MORRIS_EDGE)
         analyse = designs.salib("analyze.morris").analyze
-        found = analyse(problem, levels, values, num_levels=designs.MORRIS_LEVELS, seed=0)
-        return [
-            Index(name, float(a), float(b))
-            for name, a, b in zip(names, found["mu_star"], found["mu_star_conf"], strict=True)
-        ]
-    columns = np.column_stack([inputs[name][kept] for name in names])
-    if np.isnan(columns).any():
-        # A parameter of an effect that is off has no value. A substitute value would act like the switch and get its
-        # index.
-        columns = designs.drawn_shares(campaign)(0, len(kept))[kept]
-    found = designs.salib("analyze.rbd_fast").analyze(problem, columns, values, seed=0)
-    return [Index(name, float(a), float(b)) for name, a, b in zip(names, found["S1"], found["S1_conf"], strict=True)]
+        analysis = analyse(problem, levels, values, num_levels=designs.MORRIS_LEVELS, seed=0)
+    else:
+        keys = ("S1", "S1_conf")
+        columns = np.column_stack([inputs[name][kept] for name in names])
+        if np.isnan(columns).any():
+            # A parameter of an effect that is off has no value. A number in its place would act like the effect's
+            # switch, and would get the switch's index.
+            columns = designs.drawn_shares(campaign)(0, len(kept))[kept]
+        analysis = designs.salib("analyze.rbd_fast").analyze(problem, columns, values, seed=0)
+    rows = zip(names, *(analysis[key] for key in keys), strict=True)
+    return [Index(name, *map(float, numbers)) for name, *numbers in rows]
 
 
 WORST = 10
@@ -173,8 +162,8 @@ def rate(success: NDArray[np.bool_], blocks: NDArray[np.int64]) -> dict[str, Any
 
     Args:
         success: (runs,).
-        blocks: (runs,), see `designs.block`. Runs of a block are correlated, so the effective number of runs is
-            smaller: the number of independent runs whose share has the variance among blocks (Kish's effective size).
+        blocks: (runs,), see `designs.block`. Runs of a block are correlated. So the interval is that of a smaller
+            number of independent runs, whose share has the same variance (Kish's effective size).
     """
     count, of = int(success.sum()), len(success)
     share = count / of
@@ -185,7 +174,7 @@ def rate(success: NDArray[np.bool_], blocks: NDArray[np.int64]) -> dict[str, Any
 
 
 def _effective(success: NDArray[np.bool_], blocks: NDArray[np.int64]) -> float:
-    """Returns the number of independent runs with the same information; if all runs end alike, the number of blocks."""
+    """Returns Kish's effective number of runs; if all runs end alike, the number of blocks."""
     _, codes = np.unique(blocks, return_inverse=True)
     members, hits = np.bincount(codes), np.bincount(codes, weights=success)
     number, of, share = len(members), len(success), float(success.mean())
@@ -198,15 +187,16 @@ def _effective(success: NDArray[np.bool_], blocks: NDArray[np.int64]) -> float:
 def summary(campaign: Campaign, table: Table) -> dict[str, Any]:
     """Returns the content of `summary.json`; lengths in m, times in s, angles in rad."""
     success = table.numbers("success") > 0
-    causes = Counter(one for one in table.column("cause").to_pylist() if one)
+    blocks = np.arange(len(success)) // campaign.block_runs
+    causes = Counter(cause for cause in table.column("cause").to_pylist() if cause)
     return {
         "name": campaign.name,
         "design": campaign.design,
         "runs": len(success),
         "seed": campaign.seed,
         "version": __version__,
-        "success": rate(success, _blocks(campaign, len(success))),
-        "by_choice": _by_choice(campaign, table, success),
+        "success": rate(success, blocks),
+        "by_choice": _by_choice(campaign, table, success, blocks),
         "causes": dict(sorted(causes.items(), key=lambda one: (-one[1], one[0]))),
         "figures": _figures(table),
         "worst": _worst(table),
@@ -214,25 +204,18 @@ def summary(campaign: Campaign, table: Table) -> dict[str, Any]:
     }
 
 
-def _by_choice(campaign: Campaign, table: Table, success: NDArray[np.bool_]) -> dict[str, dict[str, Any]]:
+def _by_choice(
+    campaign: Campaign, table: Table, success: NDArray[np.bool_], blocks: NDArray[np.int64]
+) -> dict[str, dict[str, Any]]:
     """Returns input -> value -> success rate, for inputs with few values."""
-    found: dict[str, dict[str, Any]] = {}
-    blocks = _blocks(campaign, len(success))
-    for one in campaign.drawn:
-        if one.distribution.kind != "choice" or one.levels > MOST_CHOICES:
+    rates: dict[str, dict[str, Any]] = {}
+    for input_ in campaign.drawn:
+        if input_.distribution.kind != "choice" or input_.levels > MOST_CHOICES:
             continue
-        column = table.column(one.name).to_pandas()
-        groups = {value: (column == value).to_numpy(dtype=bool) for value in _order(column.dropna().unique())}
-        found[one.name] = {_text(value): rate(success[group], blocks[group]) for value, group in groups.items()}
-    return found
-
-
-def _blocks(campaign: Campaign, count: int) -> NDArray[np.int64]:
-    return np.array([designs.block(campaign, index) for index in range(count)])
-
-
-def _order(values: Any) -> list[Any]:
-    return sorted(values.tolist())
+        column = table.column(input_.name).to_pandas()
+        groups = {value: (column == value).to_numpy(dtype=bool) for value in sorted(column.dropna().unique().tolist())}
+        rates[input_.name] = {_text(value): rate(success[group], blocks[group]) for value, group in groups.items()}
+    return rates
 
 
 def _text(value: Any) -> str:
@@ -243,19 +226,19 @@ def _text(value: Any) -> str:
 
 def _figures(table: Table) -> dict[str, dict[str, Any]]:
     """Returns figure -> unit, number of runs with this figure, mean, sd and quantiles."""
-    found = {}
+    figures = {}
     for name, unit in runs.UNITS.items():
         if name in _NO_DISTRIBUTION or name in runs.WORDS:
             continue
         values = table.numbers(name)
         values = values[np.isfinite(values)]
         if not len(values):
-            found[name] = {"unit": unit, "known": 0}
+            figures[name] = {"unit": unit, "known": 0}
             continue
         quantiles = np.quantile(values, list(QUANTILES.values()))
-        found[name] = {"unit": unit, "known": len(values), "mean": float(values.mean()), "sd": float(values.std())}
-        found[name] |= dict(zip(QUANTILES, map(float, quantiles), strict=True))
-    return found
+        figures[name] = {"unit": unit, "known": len(values), "mean": float(values.mean()), "sd": float(values.std())}
+        figures[name] |= dict(zip(QUANTILES, map(float, quantiles), strict=True))
+    return figures
 
 
 def _worst(table: Table) -> list[dict[str, Any]]:
@@ -275,12 +258,12 @@ def _sensitivity(campaign: Campaign, table: Table) -> dict[str, Any] | None:
     method = sensitivity_method(campaign)
     if method is None:
         return None
-    inputs = {one.name: table.numbers(one.name) for one in campaign.drawn}
+    inputs = {input_.name: table.numbers(input_.name) for input_ in campaign.drawn}
     try:
-        found = {
-            name: [one.to_json() for one in sensitivity_indices(campaign, inputs, table.numbers(name))]
+        indices = {
+            name: [input_.to_json() for input_ in sensitivity_indices(campaign, inputs, table.numbers(name))]
             for name in EXPLAINED_FIGURES
         }
     except InputError as error:
         return {"method": str(error), "figures": {}}
-    return {"method": method, "figures": found}
+    return {"method": method, "figures": indices}

@@ -35,11 +35,7 @@ _ADDRESS = re.compile(r"(tcp|tls)://([^\s/:]+|\[[0-9a-f:]+\]):\d{1,5}")
 
 @dataclass(frozen=True)
 class Local:
-    """Processes of this machine.
-
-    Attributes:
-        jobs: the number of processes, 1 or more.
-    """
+    """`jobs` processes of this machine, 1 or more. They start when they get their first parts."""
 
     jobs: int
 
@@ -49,21 +45,26 @@ class Local:
 
 @dataclass(frozen=True)
 class Cluster:
-    """The workers of a Dask scheduler.
+    """The workers of the Dask scheduler at an address, ``tcp://HOST:PORT``.
 
-    Attributes:
-        scheduler: the scheduler's address.
+    Raises:
+        InputError: `scheduler` is no such address.
     """
 
     scheduler: str
 
+    def __post_init__(self) -> None:
+        if not _ADDRESS.fullmatch(self.scheduler):
+            raise InputError(
+                "needs the address of a Dask scheduler, tcp://HOST:PORT", field=f"--scheduler {self.scheduler}"
+            )
+
     def crew(self, function: Function) -> AbstractContextManager[Crew]:
-        from brickpilot.campaign.dask_crew import DaskCrew
+        from brickpilot.campaign.dask_crew import dask_crew
 
-        return DaskCrew(function, self.scheduler)
+        return dask_crew(function, self.scheduler)
 
 
-@dataclass(frozen=True)
 class Here:
     """This process, which runs the parts one after the other; the parts need not be picklable."""
 
@@ -88,29 +89,13 @@ class _HereCrew:
         return [Finished(part, self._function(part.argument))]
 
 
-def local(jobs: int) -> Local:
-    """Returns `jobs` processes of this machine. They start when they get their first parts."""
-    return Local(jobs)
-
-
-def cluster(scheduler: str) -> Cluster:
-    """Returns the workers of a Dask scheduler, as ``tcp://HOST:PORT``.
-
-    Raises:
-        InputError: `scheduler` is no such address.
-    """
-    if not _ADDRESS.fullmatch(scheduler):
-        raise InputError("needs the address of a Dask scheduler, tcp://HOST:PORT", field=f"--scheduler {scheduler}")
-    return Cluster(scheduler)
-
-
 def chosen(jobs: int, scheduler: str | None) -> Local | Cluster:
     """Returns the workers that the options name; a scheduler takes precedence.
 
     Raises:
         InputError: the scheduler's address is not valid.
     """
-    return local(jobs) if scheduler is None else cluster(scheduler)
+    return Local(jobs) if scheduler is None else Cluster(scheduler)
 
 
 def shared(path: Path) -> Path:
@@ -125,12 +110,12 @@ def shared(path: Path) -> Path:
 
 
 DEATHS = 3
-"""The campaign ends if a part has ended this number of workers; one may die by chance or by a lack of memory."""
+"""The campaign ends if a part has ended this number of workers. One worker may die by chance or by a lack of memory."""
 
 _STOP_S = 2.0  # s: time for a process to end by itself; then it is killed
 _ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
-# "spawn" starts a fresh Python: a copy of this process would hold the locks of its threads, of BLAS and Arrow too.
+# "spawn" starts a new Python. A forked process would also get locks that the threads of BLAS or Arrow hold here.
 _CONTEXT = multiprocessing.get_context("spawn")
 
 
@@ -165,11 +150,7 @@ class LocalCrew:
             if worker.part is not None:
                 worker.process.terminate()
         for worker in self._workers:
-            worker.process.join(_STOP_S)
-            if worker.process.is_alive():
-                worker.process.kill()
-                worker.process.join()
-        self._workers.clear()
+            _wait_for_end(worker)
         if not self._had_handler:
             signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
@@ -183,16 +164,15 @@ class LocalCrew:
         try:
             worker.pipe.send((self._function, part.argument))
         except (BrokenPipeError, ConnectionResetError):  # it died while it had nothing to do
-            self._workers.remove(_buried(worker))
+            self._forget(worker)
             self.give(part)
 
     def wait(self) -> Sequence[Finished]:
         while True:
             busy = [worker for worker in self._workers if worker.part is not None]
-            events = set(wait([one for worker in busy for one in (worker.pipe, worker.process.sentinel)]))
+            events = set(wait([event for worker in busy for event in (worker.pipe, worker.process.sentinel)]))
             heard = [worker for worker in busy if events & {worker.pipe, worker.process.sentinel}]
-            finished = [one for one in map(self._heard, heard) if one is not None]
-            if finished:
+            if finished := [part for part in map(self._heard, heard) if part is not None]:
                 return finished
 
     def _started(self) -> _Worker:
@@ -207,15 +187,19 @@ class LocalCrew:
 
     def _heard(self, worker: _Worker) -> Finished | None:
         """Returns a worker's answer, or gives its part again if it died."""
+        assert worker.part is not None
         part = worker.part
-        assert part is not None
         try:
             if not worker.process.is_alive() and not worker.pipe.poll():
                 raise EOFError  # the worker is dead, but a child of it holds the pipe open
             done, answer = worker.pipe.recv()
         except (EOFError, OSError):  # the end of the pipe, also in the middle of an answer
-            self._workers.remove(_buried(worker))
-            self._count_death(part, worker.process.exitcode)
+            self._forget(worker)
+            self._deaths[part.key] += 1
+            if self._deaths[part.key] == DEATHS:
+                raise WorkFailedError(
+                    f"part {part.key} ended its worker {DEATHS} times, last by {_how(worker.process.exitcode)}"
+                ) from None
             self.give(part)
             return None
         worker.part = None
@@ -223,25 +207,24 @@ class LocalCrew:
             raise answer
         return Finished(part, answer)
 
-    def _count_death(self, part: Part, exitcode: int | None) -> None:
-        self._deaths[part.key] += 1
-        if self._deaths[part.key] == DEATHS:
-            raise WorkFailedError(f"part {part.key} ended its worker {DEATHS} times, last by {_how(exitcode)}")
+    def _forget(self, worker: _Worker) -> None:
+        """Removes a dead worker."""
+        self._workers.remove(worker)
+        worker.pipe.close()
+        _wait_for_end(worker)
 
 
 def _end(number: int, frame: object) -> None:
-    """Ends this process by an exception, so that each `with` is left, with a shell's status for a signal."""
+    """Ends this process by an exception, so that each `with` closes; the exit status is a shell's for the signal."""
     sys.exit(128 + number)
 
 
-def _buried(worker: _Worker) -> _Worker:
-    """Waits for a worker's end, kills it if it still runs, and returns it."""
-    worker.pipe.close()
+def _wait_for_end(worker: _Worker) -> None:
+    """Waits `_STOP_S` for the end of a worker, then kills it."""
     worker.process.join(_STOP_S)
     if worker.process.is_alive():
         worker.process.kill()
         worker.process.join()
-    return worker
 
 
 def _how(exitcode: int | None) -> str:

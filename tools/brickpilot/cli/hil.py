@@ -182,7 +182,7 @@ def brick(options: tuple[str, ...]) -> None:
     the link that `brickpilot hil --link` takes. An address that other machines reach needs a token of 16 to 64 bytes
     in the environment variable BRICKPILOT_TOKEN, here and where the link is opened.
     """
-    from brickpilot.hil.brick_process import PROGRAM
+    from brickpilot.hil.checkout import BRICK_PROGRAM
 
     sys.stdout.flush()
-    os.execv(PROGRAM, [str(PROGRAM), *options])
+    os.execv(BRICK_PROGRAM, [str(BRICK_PROGRAM), *options])

@@ -16,12 +16,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import can
 import numpy as np
 
 from brickpilot import __version__
 from brickpilot.errors import InputError
 from brickpilot.export.run_read import TIME, Array, Run, unit
-from brickpilot.hil.traffic_log import Timed, read_timed
+from brickpilot.hil import traffic_log
 from brickpilot.link.messages import book
 
 
@@ -217,7 +218,7 @@ def read_traffic(file: Path) -> tuple[list[Topic], list[Sample]]:
     Raises:
         InputError: the file cannot be read, is no log of CAN traffic, or holds no message.
     """
-    messages = read_timed(file)
+    messages = traffic_log.read(file)
     if not messages:
         raise InputError("holds no message", file=file)
     samples = _samples(messages)
@@ -230,21 +231,21 @@ def read_traffic(file: Path) -> tuple[list[Topic], list[Sample]]:
     return found, samples
 
 
-def _samples(messages: Sequence[Timed]) -> list[Sample]:
+def _samples(messages: Sequence[can.Message]) -> list[Sample]:
     """Returns one sample for each frame. If the clock was set back, the last time is repeated until it is passed."""
-    first, latest, found = messages[0].time_s, 0, []
+    first, latest, found = messages[0].timestamp, 0, []
     for one in messages:
-        latest = max(latest, round((one.time_s - first) * 1e9))
+        latest = max(latest, round((one.timestamp - first) * 1e9))
         topic, values = _decoded(one)
-        found.append(Sample(topic, latest, values | {"received": int(one.received)}))
+        found.append(Sample(topic, latest, values | {"received": int(one.is_rx)}))
     return found
 
 
-def _decoded(one: Timed) -> tuple[str, dict[str, Any]]:
-    layout = book().by_id.get(one.identifier)
+def _decoded(one: can.Message) -> tuple[str, dict[str, Any]]:
+    layout = book().by_id.get(one.arbitration_id)
     if layout is None or len(one.data) != 8:
-        return UNKNOWN, {"id": one.identifier, "data": binascii.hexlify(one.data).decode()}
-    values: Any = book().database.decode_message(one.identifier, one.data, decode_choices=False)
+        return UNKNOWN, {"id": one.arbitration_id, "data": binascii.hexlify(one.data).decode()}
+    values: Any = book().database.decode_message(one.arbitration_id, bytes(one.data), decode_choices=False)
     return f"/link/{layout.name}", dict(values)
 
 

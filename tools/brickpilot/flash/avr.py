@@ -107,22 +107,22 @@ def flash(
     return Delivered(size, time.monotonic() - began)
 
 
-def _explain(said: str, part: Part, port: str, baud: int) -> None:
+def _explain(message: str, part: Part, port: str, baud: int) -> None:
     """Raises the error that avrdude's message means."""
-    words = said.lower()
-    if "signature" in words and ("expected" in words or "invalid" in words):
-        found = re.search(r"probably (?:\w+: )?(\w+)", said)
-        other = f", probably {found[1]}" if found else ""
+    text = message.lower()
+    if "signature" in text and ("expected" in text or "invalid" in text):
+        guess = re.search(r"probably (?:\w+: )?(\w+)", message)
+        other = f", probably {guess[1]}" if guess else ""
         raise InputError(f"the board has another chip than {part.name}{other}", field=f"--port {port}")
-    if any(text in words for text in _BUSY):
+    if any(phrase in text for phrase in _BUSY):
         raise InputError("is in use, or may not be opened by this user", field=f"--port {port}")
-    if any(text in words for text in _NO_PORT):
+    if any(phrase in text for phrase in _NO_PORT):
         raise InputError("cannot be opened: is it a serial port, and is the board plugged in?", field=f"--port {port}")
-    if any(text in words for text in _SILENT):
+    if any(phrase in text for phrase in _SILENT):
         raise TimeoutError(
             f"{port}: no boot loader answers at {baud} baud: is it this board, with --part and --baud of its kind?"
         )
-    if "verification" in words or "mismatch" in words:
+    if "verification" in text or "mismatch" in text:
         raise WorkFailedError(f"{port}: what was read back differs from the image: flash again, with a shorter cable")
-    last = [line.strip() for line in said.splitlines() if line.strip() and "Thank you" not in line]
+    last = [line.strip() for line in message.splitlines() if line.strip() and "Thank you" not in line]
     raise WorkFailedError(f"{port}: avrdude failed: {last[-1] if last else 'without a word'}")

@@ -27,6 +27,9 @@ END = 0xEE5E
 KNOCK = b"Do you byte, when I knock?\0"
 """The ROM starts an image only if this string, with its zero byte, is below SUMMED_END."""
 
+MAGIC = b"brickOS\0"
+"""The beginning of a program's file."""
+
 _ADDRESS_BYTES = {"1": 2, "2": 3, "3": 4}
 _ENTRY_BYTES = {"9": 2, "8": 3, "7": 4}
 
@@ -64,14 +67,11 @@ def _record(line: str, file: Path, number: int) -> tuple[str, bytes]:
     return line[1], content[1:-1]
 
 
-def _lines(file: Path) -> list[str]:
+def _content(file: Path) -> bytes:
     try:
-        text = file.read_bytes()
+        return file.read_bytes()
     except OSError as error:
         raise InputError(error.strerror or "cannot be read", file=file) from None
-    if text.startswith(b"brickOS\0"):
-        raise InputError("is a brickOS program and needs the suffix .lx; a firmware image is S-records", file=file)
-    return text.decode("latin-1").splitlines()
 
 
 def read_firmware(file: Path) -> Image:
@@ -80,70 +80,64 @@ def read_firmware(file: Path) -> Image:
     Raises:
         InputError: the file is no valid image; the message names the line if there is one.
     """
-    memory = _Memory(file)
-    for number, line in enumerate((text.strip() for text in _lines(file)), 1):
+    text = _content(file)
+    if text.startswith(MAGIC):
+        raise InputError("is a brickOS program and needs the suffix .lx; a firmware image is S-records", file=file)
+    memory = bytearray(END - START)
+    written = bytearray(END - START)  # 1 where a line has written
+    entry: int | None = None
+    for number, line in enumerate(text.decode("latin-1").splitlines(), 1):
+        line = line.strip()
         if line.startswith("$$"):
             raise InputError(
                 "holds a program: S-records with symbols. Convert them to .lx with makelx", file=file, line=number
             )
-        if line:
-            memory.take(line, number)
-    return _checked(memory)
-
-
-class _Memory:
-    """The brick's memory for firmware, filled by the lines of `file`."""
-
-    def __init__(self, file: Path) -> None:
-        self.file = file
-        self.data = bytearray(END - START)
-        self.written = bytearray(END - START)  # 1 where a line has written
-        self.entry: int | None = None
-
-    def take(self, line: str, number: int) -> None:
-        """Writes one S-record into the memory."""
-        kind, content = _record(line, self.file, number)
-        if self.entry is not None:
-            raise InputError("stands behind the S-record that ends the image", file=self.file, line=number)
+        if not line:
+            continue
+        kind, content = _record(line, file, number)
+        if entry is not None:
+            raise InputError("stands behind the S-record that ends the image", file=file, line=number)
         width = _ADDRESS_BYTES.get(kind) or _ENTRY_BYTES.get(kind) or 0
         if len(content) < width:
-            raise InputError("is too short for an address", file=self.file, line=number)
+            raise InputError("is too short for an address", file=file, line=number)
         address, data = int.from_bytes(content[:width], "big"), content[width:]
         if kind in _ENTRY_BYTES:
-            self.entry = address
+            entry = address
         elif kind in _ADDRESS_BYTES and data:
-            self._write(address, data, number)
-
-    def _write(self, address: int, data: bytes, number: int) -> None:
-        if address < START or address + len(data) > END:
-            raise InputError(
-                f"0x{address:04X}..0x{address + len(data) - 1:04X} is outside the RCX's memory for firmware, "
-                f"0x{START:04X}..0x{END - 1:04X}",
-                file=self.file,
-                line=number,
-            )
-        place = slice(address - START, address - START + len(data))
-        if any(self.written[place]):
-            raise InputError(
-                f"writes to 0x{address:04X}, where an earlier line wrote already", file=self.file, line=number
-            )
-        self.data[place] = data
-        self.written[place] = b"\1" * len(data)
+            place = _place(address, len(data), file, number)
+            if any(written[place]):
+                raise InputError(
+                    f"writes to 0x{address:04X}, where an earlier line wrote already", file=file, line=number
+                )
+            memory[place] = data
+            written[place] = b"\1" * len(data)
+    return _checked(file, bytes(memory), bytes(written), entry)
 
 
-def _checked(memory: _Memory) -> Image:
+def _place(address: int, size: int, file: Path, number: int) -> slice:
+    """Returns where the data of a line belong in the memory for firmware."""
+    if address < START or address + size > END:
+        raise InputError(
+            f"0x{address:04X}..0x{address + size - 1:04X} is outside the RCX's memory for firmware, "
+            f"0x{START:04X}..0x{END - 1:04X}",
+            file=file,
+            line=number,
+        )
+    return slice(address - START, address - START + size)
+
+
+def _checked(file: Path, memory: bytes, written: bytes, entry: int | None) -> Image:
     """Returns the image if it obeys the rules of the ROM."""
-    file, entry = memory.file, memory.entry
-    if not any(memory.written):
+    if not any(written):
         raise InputError("holds no data", file=file)
     if entry is None:
         raise InputError("is cut short: its end record (S9) is missing", file=file)
-    first, past = START + memory.written.index(1), START + memory.written.rindex(1) + 1
+    first, past = START + written.index(1), START + written.rindex(1) + 1
     if first != START:
         raise InputError(f"starts at 0x{first:04X}; the ROM loads and starts firmware at 0x{START:04X}", file=file)
     if not START <= entry < past:
         raise InputError(f"has its entry at 0x{entry:04X}, outside its data", file=file)
-    image = Image(bytes(memory.data[: past - START]), entry)
+    image = Image(memory[: past - START], entry)
     if KNOCK not in image.data[: SUMMED_END - START]:
         raise InputError(
             f'lacks "{KNOCK[:-1].decode()}" below 0x{SUMMED_END:04X}, which the ROM needs to start it', file=file
@@ -151,7 +145,6 @@ def _checked(memory: _Memory) -> Image:
     return image
 
 
-MAGIC = b"brickOS\0"
 VERSION = 0
 ROOM = 0x7000
 """The size of the RCX's memory in bytes. Only the brick knows how much of it is free beside its kernel."""
@@ -192,10 +185,7 @@ def read_program(file: Path) -> Program:
     Raises:
         InputError: the file is no valid program; the message names the fault.
     """
-    try:
-        content = file.read_bytes()
-    except OSError as error:
-        raise InputError(error.strerror or "cannot be read", file=file) from None
+    content = _content(file)
     if not content.startswith(MAGIC):
         raise InputError('is no brickOS program: it does not begin with "brickOS"', file=file)
     body = content[len(MAGIC) :]

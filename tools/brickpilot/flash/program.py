@@ -18,11 +18,11 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from typing import Protocol, TypeVar
 
 from brickpilot.errors import InputError
 from brickpilot.flash.image_files import Program
 from brickpilot.link import lnp
+from brickpilot.link.tower import Tower
 
 Progress = Callable[[int, int, str], None]
 """Called with (bytes arrived, all bytes, text)."""
@@ -57,22 +57,6 @@ _SILENT = 6
 """Number of failed tries in a row after which the program may be complete, instead of a bad line."""
 
 
-T = TypeVar("T")
-
-
-class Line(Protocol):
-    """The line to a brick: a `link.tower.Tower`, or a simulated one."""
-
-    @property
-    def device(self) -> str: ...
-
-    def exchange(
-        self, packet: bytes, find: Callable[[bytes], T | None], reply_bytes: int, patience: float = 1.0
-    ) -> T | None: ...
-
-    def lost(self, done: str = "") -> TimeoutError: ...
-
-
 class Loader:
     """Speaks to the loader of a brick.
 
@@ -81,17 +65,17 @@ class Loader:
         host: the brick's LNP address, 0..15.
     """
 
-    def __init__(self, tower: Line, host: int = 0) -> None:
+    def __init__(self, tower: Tower, host: int = 0) -> None:
         self._tower = tower
         self._host = host
 
     def alive(self, tries: int = TRIES_PRESENT) -> bool:
         """Returns whether brickOS replies. The request sets the brick's address to its present value."""
-        return self._ask(bytes([SET_HOST, self._host]), tries) is not None
+        return self._exchange(bytes([SET_HOST, self._host]), 1, tries=tries) is not None
 
     def delete(self, slot: int) -> bool:
         """Deletes the program in `slot`, 0..7. Returns False if the brick did not acknowledge it."""
-        return self._ask(bytes([DELETE, slot]), TRIES_PRESENT) is not None
+        return self._exchange(bytes([DELETE, slot]), 1, tries=TRIES_PRESENT) is not None
 
     def run(self, slot: int) -> None:
         """Starts the program in `slot`.
@@ -99,7 +83,7 @@ class Loader:
         Raises:
             TimeoutError: the brick did not acknowledge the start.
         """
-        if self._ask(bytes([RUN, slot]), TRIES_PRESENT, patience=4) is None:
+        if self._exchange(bytes([RUN, slot]), 1, patience=4, tries=TRIES_PRESENT) is None:
             raise TimeoutError(
                 f"{self._tower.device}: the program is on the brick, but the brick did not confirm its start"
             )
@@ -168,18 +152,17 @@ class Loader:
             replies += self.alive(1)
         return replies >= ROUNDS // 2
 
-    def _ask(self, command: bytes, tries: int, patience: float = 1.0) -> bytes | None:
-        for _ in range(tries):
-            reply = self._exchange(command, 1, patience)
-            if reply is not None:
-                return reply
-        return None
-
-    def _exchange(self, command: bytes, reply_length: int, patience: float = 1.0) -> bytes | None:
+    def _exchange(self, command: bytes, reply_length: int, patience: float = 1.0, tries: int = 1) -> bytes | None:
+        """Sends a command up to `tries` times. Returns the data of its acknowledgement, or None."""
         here, brick = lnp.address(HOST), lnp.address(self._host)
 
         def acknowledged(received: bytes) -> bytes | None:
             data = lnp.find(received, here, brick)
             return data if data is not None and data[0] == ACKNOWLEDGE else None
 
-        return self._tower.exchange(lnp.packet(command, brick, here), acknowledged, 5 + reply_length, patience)
+        packet = lnp.packet(command, brick, here)
+        for _ in range(tries):
+            reply = self._tower.exchange(packet, acknowledged, 5 + reply_length, patience)
+            if reply is not None:
+                return reply
+        return None

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import dataclasses
 import shutil
-import subprocess
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -23,7 +22,7 @@ from brickpilot.constants import RCX, STEP_S
 from brickpilot.data.toml_file import TomlFile
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.hil import fly as over_a_link
-from brickpilot.hil.checkout import AVR_TARGETS, checkout
+from brickpilot.hil.checkout import AVR_TARGETS, checkout, script_output
 from brickpilot.hil.ends import Ends
 from brickpilot.hil.linked_flight import LinkedFlight, Progress
 from brickpilot.hil.plant_end import BROWN_OUT_MV
@@ -35,16 +34,11 @@ from brickpilot.vehicle.scenario import AVR_KINDS, MESSAGE_KINDS, Fault
 REPLY_S = 2.0
 """s of simulated time in which a reply has to come."""
 
-START_EVERY = 20
-"""The number of steps without a reply after which the command to start is sent again."""
-
 RESET_STEPS = round(2.5 / STEP_S)
 """Steps from a reset to the flight's end. An image that wrongly drives by itself begins to drive after 2 s."""
 
 MOST_PULSES_PER_S = 20_000.0
 """False pulses per s at a rotation sensor if `encoder_noise` has a rate of 1."""
-
-Wrap = Callable[[Link], Link]
 
 
 def fly(
@@ -57,7 +51,7 @@ def fly(
     settings: Mapping[str, int] = MappingProxyType({}),
     trace: Path | None = None,
     scales: Mapping[str, float] = MappingProxyType({}),
-    wrap: Wrap = lambda link: link,
+    wrap: Callable[[Link], Link] = lambda link: link,
     each_step: Callable[[AvrRobot, int], None] = lambda _robot, _step: None,
 ) -> over_a_link.HilFlight:
     """Flies the plan on simavr. The same arguments give the same bits.
@@ -101,12 +95,11 @@ def _fly(run: LinkedFlight, robot: AvrRobot, each_step: Callable[[AvrRobot, int]
         run.faulty.step = run.step
         for fault in run.plan.scenario.faults:
             _act(robot, fault, run.step)
-        if run.step >= run.plan.start_step and not run.started and (run.step - run.plan.start_step) % START_EVERY == 0:
-            run.link.send([run.session.command_message("start")])
+        if start := run.start_due():
+            run.link.send(start)
         each_step(robot, run.step)
         robot.fly()
-        for message in run.link.receive(0.0):
-            run.take(*message)
+        run.receive(0.0)
         if robot.tell().resets > resets and run.broke_off is None:
             run.break_off("the brick was reset by its watchdog or its brown-out detector", run.step)
             run.safe_stops += 1
@@ -118,17 +111,15 @@ def _fly(run: LinkedFlight, robot: AvrRobot, each_step: Callable[[AvrRobot, int]
 
 def _act(robot: AvrRobot, fault: Fault, step: int) -> None:
     """Begins a fault of the brick at its first step, and ends it at the step after its last one."""
-    if not (fault.begins(step) or fault.ends(step)):
+    if fault.kind not in (*AVR_KINDS, "brown_out") or not (fault.begins(step) or fault.ends(step)):
         return
-    acts = fault.begins(step)
-    if fault.kind == "brown_out":
-        robot.fault("BATTERY", BROWN_OUT_MV * 1e-3 if acts else 0.0)
-    elif fault.kind == "overrun":
-        robot.fault("LINE_OVERRUN", fault.rate if acts else 0.0)
-    elif fault.kind == "encoder_noise":
-        robot.fault("ENCODER_NOISE", fault.rate * MOST_PULSES_PER_S if acts else 0.0)
-    elif fault.kind in AVR_KINDS:
-        robot.fault(fault.kind.upper(), 1.0 if acts else 0.0)
+    name = {"brown_out": "BATTERY", "overrun": "LINE_OVERRUN"}.get(fault.kind, fault.kind.upper())
+    sizes = {
+        "brown_out": BROWN_OUT_MV * 1e-3,
+        "overrun": fault.rate,
+        "encoder_noise": fault.rate * MOST_PULSES_PER_S,
+    }
+    robot.fault(name, sizes.get(fault.kind, 1.0) if fault.begins(step) else 0.0)
 
 
 def _check_plan(plan: flight.Plan, target: str) -> None:
@@ -164,24 +155,14 @@ def avr_image(target: str) -> Path:
     Raises:
         InputError: no checkout is in this folder or above it, the compiler is missing, or the build fails.
     """
-    script = "firmware/targets/avr/build"
     field = f"--target {target}"
     root = checkout(field)
     if shutil.which("avr-gcc") is None:
         raise InputError("needs the compiler: sudo apt-get install gcc-avr avr-libc", field=field)
     build = AVR_TARGETS[target].build
-    out = root / f"build/avr-{'-'.join(build)}"
-    done = subprocess.run([root / script, out, *build], stdout=subprocess.DEVNULL, check=False)
-    if done.returncode != 0:
-        raise InputError(f"{script} failed", field=field)
-    return out / "brickpilot.elf"
-
-
-def check_avr_sensors(target: str, sensors: str) -> None:
-    """Raises InputError if the target's brick cannot have these sensors."""
-    has = AVR_TARGETS[target].sensors
-    if sensors not in has:
-        raise InputError(f"{target} flies with {' or '.join(has)}", field=f"--sensors {sensors}")
+    folder = root / f"build/avr-{'-'.join(build)}"
+    script_output("firmware/targets/avr/build", str(folder), *build, field=field)
+    return folder / "brickpilot.elf"
 
 
 class AvrRobot:
@@ -189,11 +170,12 @@ class AvrRobot:
 
     Attributes:
         damaged: number of refused frames from the brick.
+        ffi, library, brick: for those calls of `brickpilot_avr.h` that are no method here.
     """
 
     def __init__(self, ffi: Any, library: Any, brick: Any) -> None:
         self.damaged = 0
-        self._ffi, self._library, self._brick = ffi, library, brick
+        self.ffi, self.library, self.brick = ffi, library, brick
         self._report = ffi.new("bp_avr_report *")
         self._room = ffi.new("unsigned char[]", OUT_ROOM)
         self._rest = b""
@@ -206,7 +188,7 @@ class AvrRobot:
 
     def send_bytes(self, data: bytes) -> None:
         """Puts any bytes on the line. Bytes without room are lost."""
-        self._library.bp_avr_send(self._brick, data, len(data))
+        self.library.bp_avr_send(self.brick, data, len(data))
 
     def receive(self, timeout: float) -> list[Message]:
         """Returns the received messages; waits up to `timeout` s of simulated time for the first one."""
@@ -217,10 +199,10 @@ class AvrRobot:
         return self._come()
 
     def _come(self) -> list[Message]:
-        size = self._library.bp_avr_receive(self._brick, self._room, OUT_ROOM)
+        size = self.library.bp_avr_receive(self.brick, self._room, OUT_ROOM)
         if size == 0:
             return []
-        *blocks, self._rest = (self._rest + bytes(self._ffi.buffer(self._room, size))).split(b"\0")
+        *blocks, self._rest = (self._rest + bytes(self.ffi.buffer(self._room, size))).split(b"\0")
         messages = [decode_frame(block) for block in blocks if block]
         self.damaged += messages.count(None)
         return [message for message in messages if message is not None]
@@ -234,7 +216,7 @@ class AvrRobot:
         Raises:
             SimulationError: the plant's state diverges.
         """
-        self._check(self._library.bp_avr_wait(self._brick, motor_steps))
+        self._check(self.library.bp_avr_wait(self.brick, motor_steps))
 
     def fly(self) -> None:
         """Flies one control step and logs it.
@@ -242,7 +224,7 @@ class AvrRobot:
         Raises:
             SimulationError: the plant's state diverges.
         """
-        self._check(self._library.bp_avr_fly(self._brick))
+        self._check(self.library.bp_avr_fly(self.brick))
 
     def _check(self, status: int) -> None:
         if status:
@@ -250,43 +232,21 @@ class AvrRobot:
 
     def fault(self, name: str, value: float) -> None:
         """Sets a fault of `brickpilot_avr.h`, such as MAIN_HELD; 0 ends it."""
-        number = getattr(self._library, f"BP_AVR_{name}")
-        if self._library.bp_avr_fault(self._brick, number, value):
+        number = getattr(self.library, f"BP_AVR_{name}")
+        if self.library.bp_avr_fault(self.brick, number, value):
             raise ValueError(f"{name}: {value}")
 
     def tell(self) -> Any:
         """Returns what has happened since power-on, as a `bp_avr_report`."""
-        self._library.bp_avr_tell(self._brick, self._report)
+        self.library.bp_avr_tell(self.brick, self._report)
         return self._report
-
-    def profile(self, functions: Sequence[tuple[int, int]], vectors_end: int, room: int) -> None:
-        """Starts to count the cycles of the program's parts: see `bp_avr_profile`.
-
-        Args:
-            functions: (entry address, part) of each function.
-            vectors_end: the first address behind the interrupts' vectors.
-            room: the number of control steps that are kept.
-        """
-        given = self._ffi.new("bp_avr_function[]", list(functions))
-        self._rows = self._ffi.new("bp_avr_costs[]", room)
-        if self._library.bp_avr_profile(self._brick, given, len(given), vectors_end, self._rows, room):
-            raise ValueError("too many functions or parts")
-
-    def profiled(self) -> tuple[NDArray[np.int64], int]:
-        """Returns the cycles of each control step since `profile`, and the largest stack in bytes.
-
-        The cycles have the shape (steps, parts + 2): the parts, the interrupts, and all time outside sleep.
-        """
-        told = self.tell()
-        rows = np.frombuffer(self._ffi.buffer(self._rows), dtype=np.uintc).reshape(len(self._rows), -1)
-        return rows[: told.profiled].astype(np.int64), int(told.stack)
 
     def read(self, address: int, count: int) -> bytes:
         """Returns bytes of the processor's memory."""
-        room = self._ffi.new("unsigned char[]", count)
-        if self._library.bp_avr_read(self._brick, address, room, count):
+        room = self.ffi.new("unsigned char[]", count)
+        if self.library.bp_avr_read(self.brick, address, room, count):
             raise ValueError(f"no memory at {address}")
-        return bytes(self._ffi.buffer(room))
+        return bytes(self.ffi.buffer(room))
 
 
 def avr_interface() -> tuple[Any, Any]:
@@ -336,7 +296,11 @@ def open_robot(
         where = ffi.NULL if trace is None else str(trace).encode()
         brick = library.bp_avr_open(ffi.cast("bp_flight *", asked), str(image).encode(), chip.encode(), where, status)
         if brick == ffi.NULL:
-            _refuse(int(status[0]), plan, image, trace)
+            if status[0] == -23:
+                raise InputError("cannot be written", file=trace)
+            if status[0] in _TROUBLE:
+                raise InputError(_TROUBLE[status[0]], file=image)
+            raise SimulationError(f"{plan.scenario.name}: the simulation does not start, status {status[0]}")
         try:
             robot = AvrRobot(ffi, library, brick)
             for name, per_count in scales.items():
@@ -346,12 +310,3 @@ def open_robot(
             yield robot
         finally:
             library.bp_avr_close(brick)
-
-
-def _refuse(status: int, plan: flight.Plan, image: Path, trace: Path | None) -> None:
-    """Raises the error for the status of a robot that does not start."""
-    if status == -23:
-        raise InputError("cannot be written", file=trace)
-    if status in _TROUBLE:
-        raise InputError(_TROUBLE[status], file=image)
-    raise SimulationError(f"{plan.scenario.name}: the simulation does not start, status {status}")

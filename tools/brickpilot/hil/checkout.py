@@ -1,7 +1,7 @@
 """Finds the firmware's sources, in a checkout of the project or in the package, and runs a checkout's scripts.
 
-The images of `firmware/targets/avr` that can be flown are listed here too: this module needs no library of a link, so
-that `bench` can list them.
+The images of `firmware/targets/avr` that can be flown, and the program that `brickpilot brick` runs, are listed here
+because this module needs no library of a link.
 """
 
 from __future__ import annotations
@@ -16,6 +16,9 @@ from brickpilot.errors import InputError
 
 _MARK = "firmware/targets/h8sim/build"
 _PACKED = Path(__file__).parents[1] / "sources"
+
+BRICK_PROGRAM = Path(__file__).parents[1] / "brick"
+"""A brick as a process of this machine, with a pseudo-terminal or a TCP port as its end of the link."""
 
 
 def checkout(field: str | None = None) -> Path:

@@ -1,17 +1,20 @@
 """Opens the plant's end of a link. If the link names a brick on this machine, starts it at the other end.
 
-A brick is a process, a thread at one end of a CAN bus, or a program on the simulator of the RCX's processor.
+A brick is a process, a thread at one end of a CAN bus, the far end of a link in memory, or a program on the simulator
+of the RCX's processor.
 """
 
 from __future__ import annotations
 
 import os
+import select
+import signal
 import socket
 import subprocess
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -21,9 +24,9 @@ import can
 
 from brickpilot.compiled import interface
 from brickpilot.errors import InputError, SimulationError
-from brickpilot.hil.brick_process import end_brick, restart_brick, start_brick, wait_for_end
-from brickpilot.hil.checkout import checkout, script_output
-from brickpilot.link.links import CAN_KINDS, CanLink, Link, LinkGoneError, StreamLink, open_bus, open_serial, open_tcp
+from brickpilot.hil.checkout import AVR_TARGETS, BRICK_PROGRAM, checkout, script_output
+from brickpilot.link import links
+from brickpilot.link.links import Link, LinkGoneError, Message
 from brickpilot.link.lnp import InfraredLink
 from brickpilot.link.session import REPLY_S
 from brickpilot.link.tower import Tower
@@ -40,11 +43,10 @@ FORMS = (*STARTED, *IN_PROCESS, "serial:PORT", "tcp:HOST:PORT", "can:slcan:PORT"
 
 
 def claim_priority() -> bool:
-    """Requests real-time priority (sched(7), SCHED_FIFO) for this thread and its children.
+    """Requests real-time priority (sched(7), SCHED_FIFO) for this thread and its children; returns whether it has it.
 
-    Returns False if the request is refused, or the system (macOS, Windows) has no such call.
-
-    With this priority, other programs delay fewer ticks. Both ends sleep between their ticks.
+    With this priority, other programs delay fewer ticks. Both ends sleep between their ticks. macOS and Windows have no
+    such call.
     """
     if not hasattr(os, "sched_setscheduler"):
         return False
@@ -63,14 +65,14 @@ def open_link(spec: str) -> Link:
     """
     kind, _, rest = spec.partition(":")
     if kind == "serial" and rest:
-        return open_serial(spec, rest)
+        return links.open_serial(spec, rest)
     if kind == "tcp" and rest:
-        return open_tcp(spec, rest)
+        return links.open_tcp(spec, rest)
     if kind == INFRARED and rest:
         return InfraredLink(Tower(rest))
     name, _, channel = rest.partition(":")
-    if kind == "can" and name in CAN_KINDS and channel and name != "virtual":
-        return CanLink(open_bus(spec, name, channel))
+    if kind == "can" and name in links.CAN_KINDS and channel and name != "virtual":
+        return links.CanLink(links.open_bus(spec, name, channel))
     raise InputError(f"is no link; known links: {', '.join(FORMS)}", field=f"--link {spec}")
 
 
@@ -102,38 +104,107 @@ def both_ends(spec: str, trace: Path | None = None, image: Path | None = None) -
     Raises:
         InputError: the link is unknown or cannot be opened.
     """
-    process: subprocess.Popen[bytes] | None = None
-    simulator: subprocess.Popen[bytes] | None = None
-    thread: BrickThread | None = None
-    link: Link | None = None
     restart: Callable[[], None] | None = None
     try:
-        if spec in STARTED:
-            process, address = start_brick(STARTED[spec])
-            link = open_link(address)
-            restart = partial(restart_brick, process)
-        elif spec in H8SIM_TARGETS:
-            simulator, link = start_h8(spec, trace, image)
-        elif spec in IN_PROCESS:
-            kind = spec.partition(":")[2]
-            channel = f"brickpilot-{os.getpid()}-{time.monotonic_ns()}" if kind == "virtual" else None
-            thread = BrickThread(open_bus(spec, kind, channel))
-            restart = thread.restart
-            link = CanLink(open_bus(spec, kind, channel))
-        else:
-            link = open_link(spec)
-        yield Ends(link, restart, H8SIM_REPLY_S if spec in H8SIM_TARGETS else REPLY_S)
+        with ExitStack() as stack:  # closes the link first, then ends the brick
+            if spec in STARTED:
+                process, address = start_brick(STARTED[spec])
+                stack.callback(end_brick, process)
+                link, restart = open_link(address), partial(restart_brick, process)
+            elif spec in H8SIM_TARGETS:
+                process, link = start_h8(spec, trace, image)
+                stack.callback(wait_for_end, process)
+            elif spec in IN_PROCESS:
+                kind = spec.partition(":")[2]
+                channel = f"brickpilot-{os.getpid()}-{time.monotonic_ns()}" if kind == "virtual" else None
+                thread = BrickThread(links.open_bus(spec, kind, channel))
+                stack.callback(thread.stop)
+                link, restart = links.CanLink(links.open_bus(spec, kind, channel)), thread.restart
+            else:
+                link = open_link(spec)
+            stack.callback(link.close)
+            yield Ends(link, restart, H8SIM_REPLY_S if spec in H8SIM_TARGETS else REPLY_S)
     except LinkGoneError as error:
         raise SimulationError(f"{spec}: {error}") from error
-    finally:
-        if link is not None:
-            link.close()
-        if thread is not None:
-            thread.stop()
-        if process is not None:
-            end_brick(process)
-        if simulator is not None:
-            wait_for_end(simulator)
+
+
+def start_brick(options: str) -> tuple[subprocess.Popen[bytes], str]:
+    """Starts a brick as a process and returns the process and its link. It ends when its standard input closes.
+
+    Raises:
+        InputError: the package was built where there is no such process, as on Windows and macOS.
+    """
+    if not BRICK_PROGRAM.exists():
+        raise InputError(
+            "this system has no brick as a process; take can:virtual or a brick of your own", field="--link"
+        )
+    process = subprocess.Popen(
+        [BRICK_PROGRAM, *options.split(), "--until-eof"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0
+    )
+    assert process.stdout is not None
+    ready = select.select([process.stdout], [], [], 5.0)[0]
+    address = process.stdout.readline().decode().strip() if ready else ""
+    if not address:
+        end_brick(process)
+        raise SimulationError(f"{BRICK_PROGRAM.name} {options}: the brick did not start")
+    return process, address
+
+
+def end_brick(process: subprocess.Popen[bytes]) -> None:
+    """Ends a brick: closes its standard input and waits."""
+    assert process.stdin is not None
+    assert process.stdout is not None
+    process.stdin.close()
+    wait_for_end(process)
+    process.stdout.close()
+
+
+def wait_for_end(process: subprocess.Popen[bytes]) -> None:
+    """Waits up to 2 s for the end of a process, then kills it."""
+    try:
+        process.wait(2.0)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+
+
+def restart_brick(process: subprocess.Popen[bytes]) -> None:
+    """Restarts a brick by SIGUSR1 and waits until it prints a line."""
+    assert process.stdout is not None
+    process.send_signal(signal.SIGUSR1)
+    if select.select([process.stdout], [], [], 2.0)[0]:
+        process.stdout.readline()
+
+
+class _Brick:
+    """The firmware as a brick in this process."""
+
+    def __init__(self) -> None:
+        ffi: Any
+        ffi, self._library = interface("brickpilot_brick")
+        self._ffi = ffi
+        self._identifier, self._data = ffi.new("unsigned int *"), ffi.new("unsigned char[8]")
+        self._payload = ffi.buffer(self._data)
+        self.restart()
+
+    def restart(self) -> None:
+        """Switches the brick off and on."""
+        self._brick = self._ffi.gc(self._library.bp_brick_new(), self._library.bp_brick_free)
+
+    def advance(self, now_us: int) -> int:
+        """Lets the brick work until this time, us. Returns the time, us, until it has work again."""
+        return int(self._library.bp_brick_time(self._brick, now_us))
+
+    def take(self, identifier: int, data: bytes) -> None:
+        """Hands a message to the brick."""
+        self._library.bp_brick_take(self._brick, identifier, data, len(data))
+
+    def given(self) -> list[Message]:
+        """Returns the messages that the brick has sent since the last call."""
+        messages = []
+        while (size := self._library.bp_brick_give(self._brick, self._identifier, self._data)) >= 0:
+            messages.append((self._identifier[0], self._payload[:size]))
+        return messages
 
 
 class BrickThread:
@@ -151,29 +222,25 @@ class BrickThread:
         self._thread.start()
 
     def _run(self) -> None:
-        ffi: Any
-        ffi, library = interface("brickpilot_brick")
-        brick = ffi.gc(library.bp_brick_new(), library.bp_brick_free)
-        identifier, data = ffi.new("unsigned int *"), ffi.new("unsigned char[8]")
+        brick = _Brick()
         while not self._ended.is_set():
             if self._restart.is_set():
-                brick = ffi.gc(library.bp_brick_new(), library.bp_brick_free)
+                brick.restart()
                 self._restart.clear()
-            wait_us = library.bp_brick_time(brick, time.monotonic_ns() // 1000)
-            self._send(library, brick, identifier, data, ffi)
+            wait_us = brick.advance(time.monotonic_ns() // 1000)
+            self._send(brick.given())
             try:
                 message = self._bus.recv(min(wait_us * 1e-6, 0.1))
             except (can.CanError, OSError):
                 return
             if message is None or message.is_extended_id or message.is_remote_frame or message.is_fd:
                 continue
-            library.bp_brick_take(brick, message.arbitration_id, bytes(message.data), len(message.data))
-            self._send(library, brick, identifier, data, ffi)
+            brick.take(message.arbitration_id, bytes(message.data))
+            self._send(brick.given())
 
-    def _send(self, library: Any, brick: Any, identifier: Any, data: Any, ffi: Any) -> None:
-        while (size := library.bp_brick_give(brick, identifier, data)) >= 0:
-            payload = bytes(ffi.buffer(data, size))
-            self._bus.send(can.Message(arbitration_id=identifier[0], data=payload, is_extended_id=False, check=False))
+    def _send(self, messages: Sequence[Message]) -> None:
+        for identifier, data in messages:
+            self._bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False, check=False))
 
     def restart(self) -> None:
         """Switches the brick off and on, and returns when it runs again."""
@@ -188,11 +255,64 @@ class BrickThread:
         self._bus.shutdown()
 
 
-H8SIM = "h8sim"
-"""The firmware on the simulator of the RCX's processor, linked by its standard input and output."""
+class MemoryLink:
+    """The plant's end of a link in memory. The brick at the other end runs in this thread.
 
-H8SIM_TARGETS = {H8SIM: None, "h8sim:imu": "imu", "h8sim:rotation": "rotation"}
-"""Target -> the sensors for which it is built (firmware/targets/rcx/flags); None: built like a host's brick."""
+    The link has its own time, which passes only while the host waits for a message. So a flight in lockstep depends
+    only on its plan, even on a busy machine, and waiting costs no real time.
+    """
+
+    def __init__(self) -> None:
+        self.damaged = 0
+        self._brick = _Brick()
+        self._now_us = 0
+        self._received: list[Message] = []
+        self._brick.advance(0)
+
+    def restart(self) -> None:
+        """Switches the brick off and on. Messages that it had sent are lost."""
+        self._brick.restart()
+        self._received.clear()
+        self._brick.advance(self._now_us)
+
+    def clock(self) -> float:
+        """Returns the time of this link, s."""
+        return self._now_us * 1e-6
+
+    def send(self, messages: Sequence[Message]) -> None:
+        """Hands messages to the brick, which replies at once."""
+        for message in messages:
+            self._brick.take(*message)
+            self._received += self._brick.given()
+
+    def receive(self, timeout: float) -> list[Message]:
+        """Returns the received messages; if there are none, waits up to `timeout` s of the link's time."""
+        until = self._now_us + max(round(timeout * 1e6), 1)
+        while not self._received and self._now_us < until:
+            wait_us = self._brick.advance(self._now_us)
+            self._received += self._brick.given()
+            if not self._received:
+                self._now_us = min(self._now_us + max(wait_us, 1), until)
+        received, self._received = self._received, []
+        return received
+
+    def close(self) -> None:
+        """Discards what the brick has sent."""
+        self._received.clear()
+
+
+@contextmanager
+def memory_ends() -> Iterator[Ends]:
+    """Opens the plant's end of a link in memory, with a newly switched-on brick at the other end."""
+    link = MemoryLink()
+    yield Ends(link, link.restart, clock=link.clock)
+
+
+H8SIM_TARGETS = {"h8sim": None, "h8sim:imu": "imu", "h8sim:rotation": "rotation"}
+"""The firmware on the simulator of the RCX's processor, linked by its standard input and output.
+
+Target -> the sensors for which it is built (firmware/targets/rcx/flags); None: built like a host's brick.
+"""
 
 H8SIM_REPLY_S = 10.0
 """s to wait for a reply: a simulated instruction takes microseconds, and the simulator needs seconds to start."""
@@ -224,6 +344,10 @@ def h8_simulator(target: str, image: Path | None = None) -> tuple[str, str]:
 
 def check_sensors(target: str, sensors: str) -> None:
     """Raises InputError if the target's brick cannot have these sensors."""
+    if target in AVR_TARGETS and sensors not in AVR_TARGETS[target].sensors:
+        raise InputError(
+            f"{target} flies with {' or '.join(AVR_TARGETS[target].sensors)}", field=f"--sensors {sensors}"
+        )
     if H8SIM_TARGETS.get(target) is not None and sensors == "ideal":
         raise InputError(
             f"a brick has no ideal sensors; {target} flies with imu or imu+encoders", field=f"--sensors {sensors}"
@@ -249,4 +373,4 @@ def start_h8(target: str, trace: Path | None = None, image: Path | None = None) 
             stderr=subprocess.DEVNULL,
             env=os.environ | ({} if trace is None else {"H8SIM_TRACE": str(trace)}),
         )
-    return process, StreamLink(ours)
+    return process, links.StreamLink(ours)

@@ -1,17 +1,11 @@
-"""Flies a mission over a link: in lockstep, one step for each reply, or in real time.
-
-For a link in memory, the brick runs in this thread, without the system's lines and clock. The link's time passes only
-while the host waits for a message. So a flight in lockstep depends only on its plan, even on a busy machine, and
-waiting costs no real time.
-"""
+"""Flies a mission over a link: in lockstep, one step for each reply, or in real time."""
 
 from __future__ import annotations
 
 import contextlib
 import dataclasses
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
@@ -19,16 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.compiled import interface
 from brickpilot.constants import SILENT_S, STEP_MS, STEP_S
 from brickpilot.errors import InputError
-from brickpilot.hil.ends import Ends
+from brickpilot.hil.ends import Ends, memory_ends
 from brickpilot.hil.linked_flight import LOST, LinkedFlight, Progress, Ticks, board_told
 from brickpilot.hil.plant_end import PlantEnd, open_plant
-from brickpilot.link.links import LinkGoneError, Message
+from brickpilot.link.links import LinkGoneError
 from brickpilot.link.session import LOCKSTEP, REALTIME, NoReplyError, Session
 from brickpilot.vehicle import flight, flight_figures
-from brickpilot.vehicle.flight import Plan
 from brickpilot.vehicle.gains import check_pairs
 from brickpilot.vehicle.scenario import AVR_KINDS
 from brickpilot.vehicle.settings import settings as known_settings
@@ -92,11 +84,11 @@ def prepare(
     """
     session.open(plan.controller, pace)
     cruise = {"cruise": known_settings()["cruise"].raw(plan.cruise)} if plan.cruise > 0 else {}
-    chosen = {**flight.written(plan), **settings}
-    check_pairs(chosen, lambda name: cruise[name] if name in cruise else session.read(name))
+    written = flight.written(plan)
+    check_pairs({**written, **settings}, lambda name: cruise[name] if name in cruise else session.read(name))
     if telemetry_every is not None:
         session.write("telemetry_every", telemetry_every)
-    for name, raw in (*cruise.items(), *flight.written(plan).items(), *settings.items()):
+    for name, raw in (*cruise.items(), *written.items(), *settings.items()):
         session.write(name, raw)
     session.upload([(round(x * 1e3), round(y * 1e3)) for x, y in plan.scenario.waypoints])
     session.resets.begin()
@@ -150,8 +142,7 @@ def _drain(run: LinkedFlight) -> None:
     until = clock() + 0.1
     with contextlib.suppress(LinkGoneError):  # the flight is over, and the log repeats the last report
         while run.telemetry.newest_step < last and (left := until - clock()) > 0:
-            for message in run.link.receive(left):
-                run.take(*message)
+            run.receive(left)
     run.count()
     run.step = last + 1
 
@@ -162,8 +153,7 @@ def _fly_realtime(run: LinkedFlight, end: PlantEnd) -> None:
     while run.step < run.plan.steps and run.over_for() < REST_STEPS:
         due = began + run.step * STEP_MS * 1e-3
         while (left := due - time.perf_counter()) > 0:
-            for message in run.link.receive(left):
-                run.take(*message)
+            run.receive(left)
         run.late += -left > STEP_MS * 1e-3
         run.begin_step()
         end.sense()
@@ -171,9 +161,7 @@ def _fly_realtime(run: LinkedFlight, end: PlantEnd) -> None:
             _coast(run, end, run.step + GIVE_UP_STEPS)
             return
         run.sent_sequence = run.session.next_sequence()
-        messages = end.messages(run.sent_sequence)
-        if run.step >= run.plan.start_step and not run.started and (run.step - run.plan.start_step) % 20 == 0:
-            messages.insert(0, run.session.command_message("start"))
+        messages = [*run.start_due(), *end.messages(run.sent_sequence)]
         run.recorder.sent(run.step, run.sent_sequence)
         run.link.send(messages)
         silent = run.step - run.commanded_at > LOST_STEPS
@@ -267,68 +255,7 @@ MEMORY = "memory"
 """The name of the link in error messages."""
 
 
-class MemoryLink:
-    """The plant's end of a link in memory, with the brick at the other end."""
-
-    def __init__(self) -> None:
-        self.damaged = 0
-        ffi: Any
-        ffi, self._library = interface("brickpilot_brick")
-        self._ffi = ffi
-        self._identifier, self._data = ffi.new("unsigned int *"), ffi.new("unsigned char[8]")
-        self._payload = ffi.buffer(self._data)
-        self._now_us = 0
-        self._come: list[Message] = []
-        self.restart()
-
-    def restart(self) -> None:
-        """Switches the brick off and on. Messages that it had sent are lost."""
-        self._brick = self._ffi.gc(self._library.bp_brick_new(), self._library.bp_brick_free)
-        self._come.clear()
-        self._library.bp_brick_time(self._brick, self._now_us)
-
-    def clock(self) -> float:
-        """Returns the time of this link, s."""
-        return self._now_us * 1e-6
-
-    def send(self, messages: Sequence[Message]) -> None:
-        """Hands messages to the brick, which replies at once."""
-        take, brick = self._library.bp_brick_take, self._brick
-        for identifier, data in messages:
-            take(brick, identifier, data, len(data))
-            self._collect()
-
-    def receive(self, timeout: float) -> list[Message]:
-        """Returns the received messages; if there are none, waits up to `timeout` s of the link's time."""
-        until = self._now_us + max(round(timeout * 1e6), 1)
-        while not self._come and self._now_us < until:
-            wait_us = self._library.bp_brick_time(self._brick, self._now_us)
-            self._collect()
-            self._now_us = self._now_us if self._come else min(self._now_us + max(wait_us, 1), until)
-        come, self._come = self._come, []
-        return come
-
-    def _collect(self) -> None:
-        give, brick, identifier, data = self._library.bp_brick_give, self._brick, self._identifier, self._data
-        while (size := give(brick, identifier, data)) >= 0:
-            self._come.append((identifier[0], self._payload[:size]))
-
-    def close(self) -> None:
-        """Ends the brick."""
-        self._come.clear()
-
-
-@contextmanager
-def memory_ends() -> Iterator[Ends]:
-    """Opens the plant's end of a link in memory, with a newly switched-on brick at the other end."""
-    link = MemoryLink()
-    try:
-        yield Ends(link, link.restart, clock=link.clock)
-    finally:
-        link.close()
-
-
-def fly_alone(plan: Plan) -> HilFlight:
+def fly_alone(plan: flight.Plan) -> HilFlight:
     """Flies a plan over a link in memory in lockstep, with its scenario's faults and telemetry in every step.
 
     Raises:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from brickpilot.constants import STEP_MS, STEP_S
 from brickpilot.hil.ends import Ends
 from brickpilot.hil.plant_end import FaultyLink, PlantEnd, controller_restarts
-from brickpilot.link.links import Link
+from brickpilot.link.links import Link, Message
 from brickpilot.link.messages import book
 from brickpilot.link.session import LOCKSTEP, Session
 from brickpilot.vehicle import flight
@@ -21,11 +21,14 @@ from brickpilot.vehicle import flight
 Array = NDArray[np.float64]
 
 SEQUENCE_AT = 4
-"""Index of the sequence number's byte in MOTORS; the tick is the next byte."""
+"""Index of the sequence number's byte in SYNC and MOTORS; in MOTORS, the tick is the next byte."""
 
 LOST = "the link was lost"
 RESET = "the brick was reset: it restarted, or took an OPEN that this session has not sent"
 """The reasons why a flight ends early."""
+
+START_EVERY = 20
+"""The number of steps without a reply after which the command to start is sent again."""
 
 MISSION_ENDED = {2, 3}
 """The modes "arrived" and "fault", which only a reset can end."""
@@ -42,11 +45,10 @@ class LinkedFlight:
         self.reply_s = reply_s
         self.faulty = FaultyLink(ends.link, plan.scenario.faults, plan.seed)
         self.link: Link = self.faulty if plan.scenario.faults else ends.link
-        link = self.link
         self.plan = plan
         self.lockstep = pace == LOCKSTEP
         self.progress = progress
-        self.session = Session(link, spec, self.take, reply_s, ends.clock)
+        self.session = Session(self.link, spec, self.take, reply_s, ends.clock)
         self.telemetry = Telemetry()
         self.step = 0
         self.late = 0
@@ -82,6 +84,18 @@ class LinkedFlight:
         elif identifier in self._reports and len(data) == 8:
             layout = book().by_id[identifier]
             setattr(self, self._reports[identifier], dict(zip(layout.names, layout.unpack(data), strict=True)))
+
+    def receive(self, timeout: float) -> None:
+        """Handles the messages that have come; waits up to `timeout` s for the first one."""
+        for message in self.link.receive(timeout):
+            self.take(*message)
+
+    def start_due(self) -> list[Message]:
+        """Returns the command to start if it has to be sent in this step: it is repeated until the brick replies."""
+        waited = self.step - self.plan.start_step
+        if self.started or waited < 0 or waited % START_EVERY:
+            return []
+        return [self.session.command_message("start")]
 
     def break_off(self, why: str, step: int) -> None:
         """Stores why the flight ends early, and at which step."""
@@ -131,7 +145,9 @@ class LinkedFlight:
     def end_step(self) -> None:
         """Ends a step of the flight and begins the next."""
         self.count()
-        self._show()
+        if self.step % 100 == 0:
+            mode = ("idle", "run", "arrived", "fault")[self.telemetry.mode]
+            self.progress(self.step, self.plan.steps, f"{mode}, waypoint {self.telemetry.waypoint + 1}")
         self.step += 1
 
     def count(self) -> None:
@@ -142,13 +158,8 @@ class LinkedFlight:
         stops = self.safe_stops + self.heartbeat.get("aborted", 0)
         self.recorder.count(self.step, self.late + self.heartbeat.get("late_ticks", 0), lost, refused, stops)
 
-    def _show(self) -> None:
-        if self.step % 100 == 0:
-            mode = ("idle", "run", "arrived", "fault")[self.telemetry.mode]
-            text = f"{mode}, waypoint {self.telemetry.waypoint + 1}"
-            self.progress(self.step, self.plan.steps, text)
-
     def lost_frames(self) -> int:
+        """Returns the number of missing replies and of damaged or incomplete frames, at both ends."""
         at_brick = self.faults.get("bad", 0) + self.faults.get("incomplete", 0) + self.faults.get("lost", 0)
         return self.without_reply + self.link.damaged + at_brick
 
@@ -193,15 +204,14 @@ class Telemetry:
 
     def __init__(self) -> None:
         self._layouts = {layout.id: layout for name, layout in book().by_name.items() if name.startswith("TELEMETRY_")}
-        self._names = {layout.id: layout.name for layout in self._layouts.values()}
         self._rows: dict[str, tuple[list[int], list[tuple[int, ...]]]] = {
-            name: ([], []) for name in self._names.values()
+            layout.name: ([], []) for layout in self._layouts.values()
         }
         self._choices = {
             message.name: [
-                (self._layouts[message.frame_id].names.index(one.name), len(one.choices))
-                for one in message.signals
-                if one.choices
+                (self._layouts[message.frame_id].names.index(signal.name), len(signal.choices))
+                for signal in message.signals
+                if signal.choices
             ]
             for message in book().database.messages
             if message.frame_id in self._layouts
@@ -244,26 +254,21 @@ class Telemetry:
 
     def columns(self, steps: int) -> dict[str, Array]:
         """Returns each of COLUMNS with shape (steps,): 0 before the first report, then the last report."""
-        found = {}
+        columns = {}
         for column, (message, signal) in COLUMNS.items():
             at, rows = self._rows[message]
-            layout = book().by_name[message]
-            found[column] = _held(at, [row[layout.names.index(signal)] for row in rows], steps)
-            found[column] = found[column] * book().scale(message, signal)
-        return found
+            index = book().by_name[message].names.index(signal)
+            columns[column] = _held(at, [row[index] for row in rows], steps) * book().scale(message, signal)
+        return columns
 
 
 def _held(at: list[int], values: list[int], steps: int) -> Array:
-    column = np.zeros(steps)
-    if not at:
-        return column
-    newest = np.full(steps, -1)
-    inside = np.asarray(at) < steps
-    newest[np.asarray(at)[inside]] = np.flatnonzero(inside)
-    newest = np.maximum.accumulate(newest)
-    known = newest >= 0
-    column[known] = np.asarray(values, dtype=np.float64)[newest[known]]
-    return column
+    """Returns for each step the value that was reported last: (steps,); `at`: the step of each value."""
+    reports = np.array(at, dtype=int)
+    newest = np.zeros(steps, dtype=int)  # place of the newest report in `values`, from 1 on; 0: none
+    inside = reports < steps
+    newest[reports[inside]] = 1 + np.flatnonzero(inside)
+    return np.array([0, *values], dtype=np.float64)[np.maximum.accumulate(newest)]
 
 
 TROUBLES = ("late_ticks", "lost_frames", "refused_frames", "safe_stops")

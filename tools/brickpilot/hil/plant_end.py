@@ -1,8 +1,8 @@
 """The plant's end of a link: the C plant, its sensor readings as messages, its motors, and the injected faults.
 
 The [[faults]] of a scenario act on messages, on sensors, and on the plant or the brick. Their random numbers are
-seeded. Faults of messages act above the transport, so they are the same on every transport; the CRC of a message, not
-the checksum of a transport, has to detect them.
+seeded. Faults of messages act above the transport, so they are the same on every transport. The CRC of a message has
+to detect them, because the checksum of a transport does not cover them.
 """
 
 from __future__ import annotations
@@ -54,26 +54,26 @@ class PlantEnd:
 
     def messages(self, sequence: int) -> list[Message]:
         """Returns the readings as a set of messages with this sequence number."""
-        now, by = self._sensed, self._layouts
+        now = self._sensed
         tick = now.time_ms & 255
         parts: list[Message] = []
+
+        def add(name: str, *values: int) -> None:
+            layout = self._layouts[name]
+            parts.append((layout.id, layout.pack(*values, sequence, tick)))
+
         if now.imu_status == OK:
-            layout = by["IMU"]
-            data = layout.pack(now.accel_surge_mm_s2, now.accel_sway_mm_s2, now.yaw_rate_mrad_s, sequence, tick)
-            parts.append((layout.id, data))
+            add("IMU", now.accel_surge_mm_s2, now.accel_sway_mm_s2, now.yaw_rate_mrad_s)
         if now.rotation_status == OK:
-            layout = by["ROTATION"]
-            parts.append((layout.id, layout.pack(now.rotation_left, now.rotation_right, sequence, tick)))
+            add("ROTATION", now.rotation_left, now.rotation_right)
         if now.battery_status == OK:
-            layout = by["BATTERY"]
-            parts.append((layout.id, layout.pack(now.battery_mv, sequence, tick)))
+            add("BATTERY", now.battery_mv)
         if now.reference_status == OK:
-            heading = now.heading_bam16 - ((now.heading_bam16 & 0x8000) << 1)
-            x, y, turn = by["REFERENCE_X"], by["REFERENCE_Y"], by["REFERENCE_TURN"]
-            parts.append((x.id, x.pack(now.x_um, heading, sequence, tick)))
-            parts.append((y.id, y.pack(now.y_um, now.speed_mm_s_q4, sequence, tick)))
-            parts.append((turn.id, turn.pack(now.true_yaw_rate_mrad_s, sequence, tick)))
-        sync = by["SYNC"]
+            heading = now.heading_bam16 - ((now.heading_bam16 & 0x8000) << 1)  # as a signed number
+            add("REFERENCE_X", now.x_um, heading)
+            add("REFERENCE_Y", now.y_um, now.speed_mm_s_q4)
+            add("REFERENCE_TURN", now.true_yaw_rate_mrad_s)
+        sync = self._layouts["SYNC"]
         status = (now.imu_status, now.rotation_status, now.battery_status, now.reference_status)
         head = sync.pack(now.time_ms, sequence, *status, 0)
         crc = set_crc(head, [data for _, data in parts])
@@ -135,7 +135,7 @@ class _Direction:
             passed = [message]
             for fault in self._faults:
                 if fault.acts(step):
-                    passed = [each for one in passed for each in self._hit(fault, one)]
+                    passed = [later for earlier in passed for later in self._hit(fault, earlier)]
             out += passed
             due = [message for left, message in self._held if left <= 1]
             self._held = [(left - 1, message) for left, message in self._held if left > 1]

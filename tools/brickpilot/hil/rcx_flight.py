@@ -22,13 +22,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.constants import ACCEL_RANGE, GYRO_RANGE, STEP_MS, STEP_S
-from brickpilot.errors import InputError, SimulationError
+from brickpilot.errors import SimulationError
 from brickpilot.flash import image_files
 from brickpilot.flash.program import Loader
 from brickpilot.flash.program import Tally as Packets
 from brickpilot.hil.checkout import checkout, script_output
 from brickpilot.hil.linked_flight import Progress
 from brickpilot.hil.plant_end import open_plant
+from brickpilot.link.tower import Tower
 from brickpilot.vehicle import flight
 from brickpilot.vehicle.flight_figures import Reached, waypoints_reached
 
@@ -74,18 +75,16 @@ class RcxFlight:
     tally: Tally
 
 
-class _Line:
-    """The infrared line to a simulated brick, for the loader."""
-
-    device = "the simulated RCX"
+class _Line(Tower):
+    """A tower that stands before a simulated brick."""
 
     def __init__(self, rcx: SimulatedRcx) -> None:
+        self.device = "the simulated RCX"
         self._rcx = rcx
 
     def exchange(
         self, packet: bytes, find: Callable[[bytes], T | None], reply_bytes: int, patience: float = 1.0
     ) -> T | None:
-        """Sends `packet` and returns its reply, or None if there was none."""
         self._rcx.run(PACKET_GAP_MS)
         received = b"".join(self._rcx.bring(value) for value in packet)
         for _ in range(0, round(patience * REPLY_MS), PACKET_GAP_MS):
@@ -116,11 +115,8 @@ def build(sensors: str, folder: Path | None = None) -> Image:
     Raises:
         InputError: there is no checkout, or no compiler.
     """
-    root = checkout()
-    folder = folder or root / f"build/rcx-{sensors}"
-    script = root / "firmware/targets/rcx/build"
-    if subprocess.run([script, folder, sensors], stdout=subprocess.DEVNULL, check=False).returncode != 0:
-        raise InputError(f"{script.relative_to(root)} failed")
+    folder = folder or checkout() / f"build/rcx-{sensors}"
+    script_output("firmware/targets/rcx/build", str(folder), sensors)
     listed = subprocess.run(
         ["h8300-hms-nm", folder / "brickpilot.coff"], check=True, stdout=subprocess.PIPE, text=True
     ).stdout
@@ -128,17 +124,12 @@ def build(sensors: str, folder: Path | None = None) -> Image:
     return Image(image_files.read_program(folder / "brickpilot.lx"), functions)
 
 
-def load(rcx: SimulatedRcx, program: image_files.Program) -> int:
-    """Puts a program into the brick's first slot over its infrared line. Returns the address of its text."""
+def start(rcx: SimulatedRcx, image: Image) -> None:
+    """Loads the image over the infrared line and presses Run. Then the beginnings of control steps are recorded."""
+    rcx.run(BOOT_MS)
     loader = Loader(_Line(rcx))
     loader.delete(0)
-    return loader.send(program, 0, Packets(), lambda *_: None)
-
-
-def start(rcx: SimulatedRcx, image: Image) -> None:
-    """Loads the image and presses Run. From then on the times at which control steps begin are recorded."""
-    rcx.run(BOOT_MS)
-    text = load(rcx, image.program)
+    text = loader.send(image.program, 0, Packets(), lambda *_: None)
     rcx.watch(image.functions["loop_tick"] - image.program.base + text)
     rcx.press(RUN_BUTTON)
 
@@ -251,7 +242,7 @@ class Tally:
 
 
 class SimulatedRcx:
-    """A brick with brickOS and no program, for the duration of a `with` block. Time passes only in `run` and `bring`.
+    """A brick with brickOS and no program, which is on during a `with` block. Time passes only in `run` and `bring`.
 
     Attributes:
         ms: simulated time since the brick was switched on.

@@ -5,18 +5,23 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 import can
 
 from brickpilot.errors import InputError, SimulationError
+from brickpilot.hil.linked_flight import SEQUENCE_AT
 from brickpilot.link.links import Link, Message, WrappedLink
 from brickpilot.link.messages import Layout, book
 from brickpilot.link.session import LOCKSTEP, Session
 
 SUFFIXES = (".asc", ".blf", ".log")
 """Suffixes of Vector's text and binary logs, and of candump's logs."""
+
+
+def _check_suffix(file: Path) -> None:
+    if file.suffix not in SUFFIXES:
+        raise InputError(f"needs one of the suffixes {', '.join(SUFFIXES)}", file=file)
 
 
 class RecordingLink(WrappedLink):
@@ -31,8 +36,7 @@ class RecordingLink(WrappedLink):
     """
 
     def __init__(self, link: Link, file: Path) -> None:
-        if file.suffix not in SUFFIXES:
-            raise InputError(f"needs one of the suffixes {', '.join(SUFFIXES)}", file=file)
+        _check_suffix(file)
         try:
             file.parent.mkdir(parents=True, exist_ok=True)
             self._logger = can.Logger(str(file))
@@ -63,37 +67,20 @@ class RecordingLink(WrappedLink):
         self._link.close()
 
 
-def read(file: Path) -> list[Message]:
-    """Returns the messages of a log in their order. Raises InputError as `read_timed` does."""
-    return [(message.identifier, message.data) for message in read_timed(file)]
-
-
-@dataclass(frozen=True)
-class Timed:
-    """One message of a log, with its time on the recording clock and whether the host received it."""
-
-    time_s: float
-    identifier: int
-    data: bytes
-    received: bool
-
-
-def read_timed(file: Path) -> list[Timed]:
-    """Returns the messages of a log in their order, with their times.
+def read(file: Path) -> list[can.Message]:
+    """Returns the messages of a log in their order, with their times and whether the host received them.
 
     Raises:
         InputError: the file cannot be read, has another suffix, or is no log of CAN traffic.
     """
-    if file.suffix not in SUFFIXES:
-        raise InputError(f"needs one of the suffixes {', '.join(SUFFIXES)}", file=file)
+    _check_suffix(file)
     try:
         with can.LogReader(str(file)) as reader:
-            messages = [Timed(one.timestamp, one.arbitration_id, bytes(one.data), one.is_rx) for one in reader]
+            return list(reader)
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror or error}", file=file) from error
     except Exception as error:  # a damaged file makes python-can raise errors of many types
         raise InputError(f"is no log of CAN traffic: {error}", file=file) from error
-    return messages
 
 
 @dataclass(frozen=True)
@@ -121,9 +108,6 @@ REPLIES = {
 }
 """Message of the host -> the brick's reply to it."""
 
-SEQUENCE_AT = 4
-"""Index of the sequence number's byte in SYNC and MOTORS; in the other messages the index is 0."""
-
 
 def replay(link: Link, spec: str, file: Path) -> Replayed:
     """Sends a recorded flight to a brick again and compares the motor commands.
@@ -137,7 +121,7 @@ def replay(link: Link, spec: str, file: Path) -> Replayed:
         InputError: the file cannot be read or holds no flight in lockstep with this DBC, or no brick replies.
         SimulationError: the brick stops replying.
     """
-    messages = read(file)
+    messages = [(message.arbitration_id, bytes(message.data)) for message in read(file)]
     _check_opening(messages, file)
     motors = book().by_name["MOTORS"]
     session = Session(link, spec)
@@ -181,9 +165,6 @@ def _check_opening(messages: Sequence[Message], file: Path) -> None:
 
 def _reply_to(session: Session, layout: Layout, data: bytes) -> bytes | None:
     """Waits for the reply to a message of the host that was just sent."""
-    reply, at = book().by_name[REPLIES[layout.name]], SEQUENCE_AT if layout.name == "SYNC" else 0
-    return session.wait(reply.id, partial(_is_reply, reply, at, data[at]), 1.0)
-
-
-def _is_reply(layout: Layout, at: int, sequence: int, data: bytes) -> bool:
-    return layout.sealed(data) and data[at] == sequence
+    reply = book().by_name[REPLIES[layout.name]]
+    at = SEQUENCE_AT if layout.name == "SYNC" else 0  # in all other messages, the sequence number is the first byte
+    return session.wait(reply.id, lambda answer: reply.sealed(answer) and answer[at] == data[at], 1.0)

@@ -23,9 +23,6 @@ from brickpilot.link.messages import crc16
 Message = tuple[int, bytes]
 """The id and the data of a message."""
 
-SERIAL = "serial"
-TCP = "tcp"
-CAN = "can"
 CAN_KINDS = ("slcan", "virtual", "udp_multicast", "socketcan")
 
 
@@ -148,7 +145,7 @@ class StreamLink:
             raise LinkGoneError("closed by the other end")
         *blocks, self._rest = (self._rest + chunk).split(b"\0")
         self._rest = self._rest[-64:]  # no valid frame is longer; an endless frame must not fill the memory
-        found = []
+        messages = []
         for block in blocks:
             if not block:
                 continue
@@ -160,8 +157,8 @@ class StreamLink:
             if frame is None:
                 self.damaged += 1
             else:
-                found.append(frame)
-        return found
+                messages.append(frame)
+        return messages
 
     def close(self) -> None:
         if self._fd >= 0:

@@ -96,6 +96,10 @@ class Book:
         assert choices is not None
         return {str(name): int(number) for number, name in choices.items()}
 
+    def name(self, message: str, signal: str, number: int, unknown: str = "?") -> str:
+        """Returns the name of a signal's number, or `unknown` if the DBC has none."""
+        return next((name for name, value in self.choices(message, signal).items() if value == number), unknown)
+
     def scale(self, message: str, signal: str) -> float:
         """Returns the SI value of one raw unit."""
         return float(self.database.get_message_by_name(message).get_signal_by_name(signal).scale)

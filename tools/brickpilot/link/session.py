@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 from brickpilot.errors import InputError, SimulationError
@@ -63,18 +63,18 @@ class Session:
 
     def wait(self, identifier: int, accept: Callable[[bytes], bool], timeout: float) -> bytes | None:
         """Returns the data of the first message with this id that `accept` accepts, or None after `timeout` s."""
-        found: bytes | None = None
+        reply: bytes | None = None
         until = self.now() + timeout
-        while found is None:
+        while reply is None:
             left = until - self.now()
             if left <= 0:
                 return None
             for frame_id, data in self.link.receive(left):
-                if found is None and frame_id == identifier and accept(data):
-                    found = data
+                if reply is None and frame_id == identifier and accept(data):
+                    reply = data
                 else:
                     self.other(frame_id, data)
-        return found
+        return reply
 
     def _request(self, request: str, reply: str, values: Sequence[int], tries: int = TRIES) -> dict[str, int]:
         """Sends a request up to `tries` times and returns the signals of its reply."""
@@ -103,20 +103,17 @@ class Session:
         except NoReplyError:
             seconds = round(self.now() - began)
             raise InputError(f"no brick has replied for {seconds} s", field=f"--link {self.spec}") from None
-        named = {number: name for name, number in self._book.choices("HELLO", "status").items()}
-        status = named.get(hello["status"], f"status {hello['status']}")
+        status = self._book.name("HELLO", "status", hello["status"], f"status {hello['status']}")
+        reasons = {
+            "protocol_differs": f"the brick speaks protocol {hello['protocol']}, this program {self._book.protocol}; "
+            "use the same version at both ends",
+            "dbc_differs": f"the brick was built with another brickpilot.dbc (CRC {hello['dbc']:04X}, here "
+            f"{self._book.crc:04X}); use the same version at both ends",
+            "no_such_profile": f"the brick has no constants for the profile {profile}",
+            "no_such_pace": f"the brick cannot run in {pace}",
+        }
         if status != "ok":
-            raise InputError(
-                {
-                    "protocol_differs": f"the brick speaks protocol {hello['protocol']}, this program "
-                    f"{self._book.protocol}; use the same version at both ends",
-                    "dbc_differs": f"the brick was built with another brickpilot.dbc (CRC {hello['dbc']:04X}, here "
-                    f"{self._book.crc:04X}); use the same version at both ends",
-                    "no_such_profile": f"the brick has no constants for the profile {profile}",
-                    "no_such_pace": f"the brick cannot run in {pace}",
-                }.get(status, f"the brick refuses: {status}"),
-                field=f"--link {self.spec}",
-            )
+            raise InputError(reasons.get(status, f"the brick refuses: {status}"), field=f"--link {self.spec}")
         self.resets.opened(self.repeated - before)
 
     def parameters(self) -> tuple[str, ...]:
@@ -147,13 +144,8 @@ class Session:
 
     def _check(self, status: int, field: str, value: object) -> None:
         if status:
-            reason = (
-                "",
-                "is unknown to the brick",
-                f"{value} is out of range",
-                "cannot change while the robot drives",
-            )[status]
-            raise InputError(reason, field=field)
+            reasons = ("is unknown to the brick", f"{value} is out of range", "cannot change while the robot drives")
+            raise InputError(reasons[status - 1], field=field)
 
     def upload(self, waypoints: Sequence[tuple[int, int]]) -> None:
         """Sends a route in mm. The brick accepts the whole route, or keeps the old route.
@@ -167,13 +159,8 @@ class Session:
             reply = self._request("WAYPOINT_REQUEST", "WAYPOINT", (index, 1, x, y))
             self._check(reply["status"], f"waypoint {index}", f"({x}, {y}) mm")
         crc = crc16(b"".join(struct.pack("<hh", x, y) for x, y in waypoints))
-        reply = self._request("ROUTE_REQUEST", "ROUTE", (len(waypoints), 1, crc))
-        self._check_route(reply)
-
-    def _check_route(self, reply: Mapping[str, int]) -> None:
-        if reply["status"]:
-            names = {number: name for name, number in self._book.choices("ROUTE", "status").items()}
-            raise InputError(f"the brick refuses it: {names.get(reply['status'], '?')}", field="route")
+        if status := self._request("ROUTE_REQUEST", "ROUTE", (len(waypoints), 1, crc))["status"]:
+            raise InputError(f"the brick refuses it: {self._book.name('ROUTE', 'status', status)}", field="route")
 
     def route(self) -> list[tuple[int, int]]:
         """Returns the route that the brick holds, in mm."""
@@ -189,12 +176,12 @@ class Session:
         """
         reply = self._request("MODE_COMMAND", "MODE_REPLY", (self._book.choices("MODE_COMMAND", "command")[name],))
         if reply["status"]:
-            modes = {number: mode for mode, number in self._book.choices("MODE_REPLY", "mode").items()}
-            raise InputError(f"has no meaning in mode {modes[reply['mode']]}", field=name)
+            mode = self._book.name("MODE_REPLY", "mode", reply["mode"])
+            raise InputError(f"has no meaning in mode {mode}", field=name)
 
     def command_message(self, name: str) -> Message:
         """Returns the command as a message, for callers that cannot wait for the reply."""
-        layout: Layout = self._book.by_name["MODE_COMMAND"]
+        layout = self._book.by_name["MODE_COMMAND"]
         return layout.id, layout.seal(self.next_sequence(), self._book.choices("MODE_COMMAND", "command")[name])
 
 

@@ -120,7 +120,7 @@ class Tower:
 
     @staticmethod
     def _behind_echo(packet: bytes, received: bytearray) -> bytes:
-        """Returns the bytes after the echo; if the echo is damaged, also its last bytes, because some may be lost."""
+        """Returns the bytes after the echo. A damaged echo may be too short, so its last bytes are returned as well."""
         if received.startswith(packet):
             return bytes(received[len(packet) :])
         return bytes(received[max(0, len(packet) - 4 - len(packet) // 50) :])

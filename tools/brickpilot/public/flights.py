@@ -13,7 +13,7 @@ from brickpilot.firmware import simulate
 from brickpilot.firmware.simulate import OwnImage
 from brickpilot.hil import avr_flight, ends
 from brickpilot.hil import fly as hil_fly
-from brickpilot.hil.avr_flight import avr_image, check_avr_sensors
+from brickpilot.hil.avr_flight import avr_image
 from brickpilot.hil.ends import check_sensors
 from brickpilot.hil.fly import HilFlight
 from brickpilot.hil.linked_flight import Progress
@@ -97,7 +97,7 @@ def _plan(request: FlightRequest, session: Session) -> Plan:
     """Returns the plan of the flight, after a check that the brick can have the plan's sensors."""
     if session.image is None:
         plan = request.plan()
-        (check_avr_sensors if session.avr else check_sensors)(session.spec, plan.sensors)
+        check_sensors(session.spec, plan.sensors)
         return plan
     request.choices()  # checks that the scenario is given once
     scenario = request.scenario_name or request.scenario_file
