@@ -10,10 +10,11 @@ from pathlib import Path
 def files_without_a_row(room: Path) -> list[str]:
     """Returns one line for each file that is an importer without a row, or that nothing in the room uses.
 
-    An importer is a file with a public function `import_...`. Other files have to be imported by one in the room.
+    An importer is a file with a public function `import_...`. Other files have to be imported by one in the room, or
+    are named by a row.
     """
     trees = {path.stem: ast.parse(path.read_text(encoding="utf-8")) for path in sorted(room.glob("*.py"))}
-    listed = set(re.findall(r"brickpilot\.importers\.(\w+):", (room / "__init__.py").read_text(encoding="utf-8")))
+    listed = set(re.findall(r"""(?:kind|module)="(\w+)",""", (room / "__init__.py").read_text(encoding="utf-8")))
     used = {
         node.module.rpartition(".")[2]
         for tree in trees.values()

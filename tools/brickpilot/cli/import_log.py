@@ -13,8 +13,7 @@ import click
 
 from brickpilot.cli.terminal import as_json, import_kinds, progress_shown, wiring_lines
 from brickpilot.errors import InputError
-from brickpilot.importers import IMPORTERS
-from brickpilot.importers.registry import Importer, Option, all_options, importer_and_files, kinds_with
+from brickpilot.importers import IMPORTERS, Importer, Option, all_options, importer_and_files, kinds_with
 
 if TYPE_CHECKING:
     from brickpilot.importers.channels import Listed
@@ -110,8 +109,6 @@ def _show(made: Imported, as_json: bool) -> None:
 
 def _show_list(importer: Importer, files: Sequence[Path], as_json: bool) -> None:
     """Prints the channels of each file."""
-    if not importer.reader:
-        raise InputError(f"does not work with {importer.kind}", field="--list")
     found = {file: importer.contents(file) for file in files}
     if as_json:
         rows = [{"file": str(file), "kind": importer.kind, **asdict(one)} for file, one in found.items()]
