@@ -9,8 +9,7 @@ import pytest
 from brickpilot.data.dataset import motor_inputs
 from brickpilot.data.reading import read
 from brickpilot.errors import InputError
-from brickpilot.importers.formula import FormulaError, Place, Scaling, parse_formula
-from brickpilot.importers.mapping import parse_mapping
+from brickpilot.importers.mapping import FormulaError, Place, Scaling, parse_formula, parse_mapping
 from brickpilot.importers.matlab import import_matlab
 from brickpilot.importers.table import import_table
 from scipy.io import savemat

@@ -13,9 +13,8 @@ import other_logs as logs
 import pytest
 from brickpilot.data.reading import read
 from brickpilot.errors import InputError
-from brickpilot.importers import IMPORTERS
+from brickpilot.importers import IMPORTERS, kind_of
 from brickpilot.importers.channels import contents
-from brickpilot.importers.registry import kind_of
 from command import brickpilot
 from other_logs import STAMP, new_log, write_json
 from scipy.io import savemat

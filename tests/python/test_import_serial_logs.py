@@ -9,7 +9,7 @@ import pytest
 from brickpilot.data.reading import read
 from brickpilot.data.rows import CsvFormat, read_columns
 from brickpilot.errors import InputError
-from brickpilot.importers.formula import Place
+from brickpilot.importers.mapping import Place
 from brickpilot.importers.table import import_table
 from brickpilot.importers.table_log import resets, unwrap
 from brickpilot.importers.text_table import read_table

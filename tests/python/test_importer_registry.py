@@ -12,8 +12,7 @@ from pathlib import Path
 import brickpilot
 import pytest
 from brickpilot.cli.import_log import import_command
-from brickpilot.importers import IMPORTERS
-from brickpilot.importers.registry import Importer, Option
+from brickpilot.importers import IMPORTERS, Importer, Option
 from click.testing import CliRunner
 from importer_rows import files_without_a_row
 
@@ -42,7 +41,6 @@ def import_lines(files, out, *, nominal=None, name=None, vehicle):
 ROW = """
     Importer(
         kind="lines",
-        function="brickpilot.importers.lines:import_lines",
         help="Lines of three numbers.",
         example="lines log.txt --vehicle motor --out bench",
         options=(VEHICLE,),
@@ -60,8 +58,9 @@ def test_each_row_names_a_function_that_takes_its_options() -> None:
         assert row.example.startswith(f"{row.kind} "), row.kind
 
 
-def test_kinds_and_functions_are_in_the_table_once() -> None:
-    assert len({row.kind for row in IMPORTERS}) == len({row.function for row in IMPORTERS}) == len(IMPORTERS)
+def test_kinds_and_files_are_in_the_table_once() -> None:
+    modules = {row.module or row.kind for row in IMPORTERS}
+    assert len({row.kind for row in IMPORTERS}) == len(modules) == len(IMPORTERS)
 
 
 def test_every_file_of_the_room_has_a_row_or_serves_one() -> None:
@@ -103,7 +102,7 @@ def test_one_file_and_one_row_make_an_importer(tmp_path: Path) -> None:
 
 def test_an_option_of_a_row_of_its_own_reaches_the_function(monkeypatch: pytest.MonkeyPatch) -> None:
     rate = Option("beat", "--beat", "Beats per second.", metavar="HZ", required=True)
-    row = Importer("beats", "beats:import_beats", "Beats.", "beats log --beat 5 --out bench", (rate,))
+    row = Importer("beats", "Beats.", "beats log --beat 5 --out bench", (rate,))
     given: dict[str, object] = {}
 
     class Made:

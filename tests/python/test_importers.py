@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from brickpilot.data.reading import read
 from brickpilot.errors import InputError
-from brickpilot.importers.formula import Place
-from brickpilot.importers.mapping import parse_mapping, parse_nominal
+from brickpilot.importers.mapping import Place, parse_mapping, parse_nominal
 from brickpilot.importers.matlab import import_matlab
 from brickpilot.importers.table import import_table
 from brickpilot.importers.text_table import read_table

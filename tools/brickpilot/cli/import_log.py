@@ -12,8 +12,7 @@ import click
 
 from brickpilot.cli.terminal import as_json, import_kinds, progress_shown, show, wiring_lines, with_options
 from brickpilot.errors import InputError
-from brickpilot.importers import IMPORTERS
-from brickpilot.importers.registry import Importer, Option, all_options, importer_and_files, kinds_with
+from brickpilot.importers import IMPORTERS, Importer, Option, all_options, importer_and_files, kinds_with
 
 if TYPE_CHECKING:
     from brickpilot.importers.channels import Listed
@@ -80,8 +79,6 @@ def _click_option(option: Option, importers: Sequence[Importer]) -> Any:
 
 def _show_list(importer: Importer, files: Sequence[Path], as_json: bool) -> None:
     """Prints the channels of each file."""
-    if not importer.reader:
-        raise InputError(f"does not work with {importer.kind}", field="--list")
     contents = {file: importer.contents(file) for file in files}
     rows = [{"file": str(file), "kind": importer.kind, **asdict(listed)} for file, listed in contents.items()]
     lines = []

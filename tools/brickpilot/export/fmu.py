@@ -20,11 +20,11 @@ from collections.abc import Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
 
-from brickpilot.catalogue import PROFILE_CODES, VEHICLE_CODES
+from brickpilot.catalogue import PROFILE_CODES, VEHICLE_CODES, effects_of
 from brickpilot.data import whole_files
 from brickpilot.errors import WorkFailedError, disk_named
 from brickpilot.export import fmu_description
-from brickpilot.export.fmu_description import Variable, effect_names, variables
+from brickpilot.export.fmu_description import Variable, variables
 from brickpilot.vehicle.model import Model
 
 VERSIONS = ("2.0", "3.0")
@@ -69,11 +69,9 @@ def _content(model: Model, version: str) -> dict[str, bytes]:
     token = _token(sources, robot_table(model, "", rows))
     sources[ROBOT] = robot_table(model, token, rows).encode()
     compiled = sorted(name for name in sources if name.endswith(".c"))
-    description = fmu_description.description(model, version, identifier(model), token, rows)
+    description = fmu_description.description(model, version, identifier(model), token, rows, compiled)
     content = {f"sources/{name}": text for name, text in sources.items()}
-    if version == "2.0":
-        description = fmu_description.add_sources(description, compiled)
-    else:
+    if version == "3.0":
         content["sources/buildDescription.xml"] = fmu_description.build_description(identifier(model), compiled)
     licence = metadata.distribution("brickpilot").read_text("licenses/LICENSE")
     if licence:
@@ -90,6 +88,7 @@ def _token(sources: Mapping[str, bytes], table: str) -> str:
 
 
 def _compiled(content: Mapping[str, bytes]) -> bytes:
+    """Returns the library of the FMU's sources for this machine."""
     with tempfile.TemporaryDirectory() as folder, disk_named(folder):
         for name, text in content.items():
             path = Path(folder, name)
@@ -124,8 +123,8 @@ def robot_table(model: Model, token: str, variables: Sequence[Variable]) -> str:
         f'    {{FMU_{one.kind}, "{one.name}", {one.effect}, {one.index}, {one.start.hex()}}}, /* {one.start!r} */'
         for one in variables
     ]
-    effects = effect_names(model)
-    names = ", ".join(f'"{name}"' for name in effects) or "NULL"
+    effects = effects_of(model.effects)
+    names = ", ".join(f'"{effect.name}"' for effect in effects) or "NULL"
     return "\n".join(
         [
             '#include "fmi/fmu.h"',
@@ -166,7 +165,9 @@ def compile_library(sources: Path, library: Path) -> None:
     Raises:
         WorkFailedError: there is no compiler, or it fails.
     """
-    compiler = os.environ.get("CC") or next((name for name in _compilers() if shutil.which(name)), None)
+    of_python = (sysconfig.get_config_var("CC") or "").split()[:1]  # without its options
+    known = (name for name in [*of_python, "cc", "gcc", "clang"] if shutil.which(name))
+    compiler = os.environ.get("CC") or next(known, None)
     if compiler is None:
         raise WorkFailedError(
             "an FMU needs a C compiler, such as gcc or clang; --sources-only makes one without a binary"
@@ -181,9 +182,3 @@ def compile_library(sources: Path, library: Path) -> None:
     if done.returncode != 0:
         first = next((line for line in done.stderr.splitlines() if "error" in line), "no message")
         raise WorkFailedError(f"the C compiler {compiler} failed: {first.strip()}")
-
-
-def _compilers() -> list[str]:
-    """Returns the compilers to try; the first is that of this Python, without its options."""
-    own = (sysconfig.get_config_var("CC") or "").split()
-    return [*own[:1], "cc", "gcc", "clang"]

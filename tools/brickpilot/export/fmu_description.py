@@ -17,8 +17,6 @@ from brickpilot import __version__, catalogue
 from brickpilot.constants import MOTOR_STEP_S, STEP_S
 from brickpilot.vehicle.model import Model, output_names, unit_on
 
-INPUTS = frozenset({"VOLTAGE", "FLOATS"})
-
 # Parameters that determine the kind of vehicle: with other values it would have other outputs.
 _NATURE = frozenset({"force_per_volt", "torque_per_volt"})
 
@@ -44,25 +42,25 @@ _MEANS = {
     "sway": "true speed to the right",
 }
 
-# Field of bp_state, its place in it, unit of a vehicle and of a linear motor, meaning.
+# Fields of bp_state in their order: name, unit, meaning.
 _STATE = (
-    ("x", 0, "m", "position of the axle's middle along x"),
-    ("y", 1, "m", "position of the axle's middle along y, to the right"),
-    ("heading", 2, "rad", "heading, clockwise seen from above"),
-    ("surge", 3, "m/s", "speed ahead; counts if both wheel speeds are 0"),
-    ("sway", 4, "m/s", "speed to the right; 0 unless tyres slide"),
-    ("yaw_rate", 5, "rad/s", "yaw rate; counts if both wheel speeds are 0"),
-    ("current_left", 6, "A", "current of the left motor"),
-    ("current_right", 7, "A", "current of the right motor"),
-    ("wheel_speed_left", 8, "rad/s", "speed of the left wheel"),
-    ("wheel_speed_right", 9, "rad/s", "speed of the right wheel"),
-    ("wheel_angle_left", 10, "rad", "angle of the left wheel"),
-    ("wheel_angle_right", 11, "rad", "angle of the right wheel"),
-    ("age", 12, "s", "time since power-on"),
-    ("charge", 13, "C", "charge drawn from the battery since power-on"),
-    ("heat_left", 14, "K", "windings of the left motor above their surroundings"),
-    ("heat_right", 15, "K", "windings of the right motor above their surroundings"),
-    ("rest", 16, "s", "time at rest before the start, in which the windings cool"),
+    ("x", "m", "position of the axle's middle along x"),
+    ("y", "m", "position of the axle's middle along y, to the right"),
+    ("heading", "rad", "heading, clockwise seen from above"),
+    ("surge", "m/s", "speed ahead; counts if both wheel speeds are 0"),
+    ("sway", "m/s", "speed to the right; 0 unless tyres slide"),
+    ("yaw_rate", "rad/s", "yaw rate; counts if both wheel speeds are 0"),
+    ("current_left", "A", "current of the left motor"),
+    ("current_right", "A", "current of the right motor"),
+    ("wheel_speed_left", "rad/s", "speed of the left wheel"),
+    ("wheel_speed_right", "rad/s", "speed of the right wheel"),
+    ("wheel_angle_left", "rad", "angle of the left wheel"),
+    ("wheel_angle_right", "rad", "angle of the right wheel"),
+    ("age", "s", "time since power-on"),
+    ("charge", "C", "charge drawn from the battery since power-on"),
+    ("heat_left", "K", "windings of the left motor above their surroundings"),
+    ("heat_right", "K", "windings of the right motor above their surroundings"),
+    ("rest", "s", "time at rest before the start, in which the windings cool"),
 )
 _MOTOR_STATE = {
     "current_left": "current",
@@ -121,17 +119,10 @@ def variables(model: Model) -> list[Variable]:
     ]
 
 
-def effect_names(model: Model) -> list[str]:
-    """Returns the effects that are on, in the table's order."""
-    return [one.name for one in catalogue.effects_of(model.effects)]
-
-
 def _inputs(model: Model) -> list[Variable]:
-    sides = (
-        [("", "the motor")]
-        if model.vehicle == "motor"
-        else [("_left", "the left motor"), ("_right", "the right motor")]
-    )
+    sides = [("_left", "the left motor"), ("_right", "the right motor")]
+    if model.vehicle == "motor":
+        sides = [("", "the motor")]
     volts = [
         Variable("VOLTAGE", f"voltage{end}", k, f"commanded to {motor}; 0 shorts it, NaN lets it float", "V")
         for k, (end, motor) in enumerate(sides)
@@ -179,50 +170,54 @@ def _effects(model: Model) -> list[Variable]:
 
 
 def _initial(model: Model) -> list[Variable]:
-    if model.vehicle != "motor":
-        return [Variable("INITIAL", f"initial.{name}", at, text, unit) for name, at, unit, text in _STATE]
     linear = model.parameters.get("force_per_volt", 0.0) > 0
     units = {"rad/s": "m/s", "rad": "m"} if linear else {}
-    return [
-        Variable("INITIAL", f"initial.{_MOTOR_STATE[name]}", at, text.replace("the left motor", "the motor")
-                 .replace("the left wheel", "the motor"), units.get(unit, unit))
-        for name, at, unit, text in _STATE
-        if name in _MOTOR_STATE
-    ]  # fmt: skip
+    found = []
+    for place, (name, unit, meaning) in enumerate(_STATE):
+        if model.vehicle != "motor":
+            found.append(Variable("INITIAL", f"initial.{name}", place, meaning, unit))
+        elif name in _MOTOR_STATE:
+            meaning = meaning.replace("the left motor", "the motor").replace("the left wheel", "the motor")
+            found.append(Variable("INITIAL", f"initial.{_MOTOR_STATE[name]}", place, meaning, units.get(unit, unit)))
+    return found
 
 
-_BASE = {
-    "kilogram": "kg",
-    "meter": "m",
-    "second": "s",
-    "ampere": "A",
-    "kelvin": "K",
-    "radian": "rad",
-}
+_BASE = {"kilogram": "kg", "meter": "m", "second": "s", "ampere": "A", "kelvin": "K", "radian": "rad"}
 _SECONDS = 10.0
 
 
-def description(model: Model, version: str, identifier: str, token: str, variables: Sequence[Variable]) -> bytes:
+def description(
+    model: Model, version: str, identifier: str, token: str, variables: Sequence[Variable], sources: Sequence[str]
+) -> bytes:
     """Returns modelDescription.xml.
 
     Args:
         version: version of FMI, ``2.0`` or ``3.0``.
         identifier: the model's identifier, which is the name of its library.
         token: the token that the C layer compares.
+        variables: the result of `variables`.
+        sources: the C files, which FMI 2.0 lists here and FMI 3.0 in `build_description`.
     """
-    root = Xml.Element("fmiModelDescription")
-    root.attrib.update(
-        {
-            "fmiVersion": version,
-            "modelName": model.name,
-            "guid" if version == "2.0" else "instantiationToken": token,
-            "description": f"{model.vehicle.replace('_', ' ')}, profile {model.profile}, by Brickpilot",
-            "license": "MIT",
-            "generationTool": f"brickpilot {__version__}",
-            "variableNamingConvention": "structured",
-        }
-    )
-    _co_simulation(root, version, identifier)
+    is_2 = version == "2.0"
+    head = {
+        "fmiVersion": version,
+        "modelName": model.name,
+        "guid" if is_2 else "instantiationToken": token,
+        "description": f"{model.vehicle.replace('_', ' ')}, profile {model.profile}, by Brickpilot",
+        "license": "MIT",
+        "generationTool": f"brickpilot {__version__}",
+        "variableNamingConvention": "structured",
+    }
+    root = Xml.Element("fmiModelDescription", head)
+    able = {"modelIdentifier": identifier, "canHandleVariableCommunicationStepSize": "true"}
+    able["canGetAndSetFMUstate" if is_2 else "canGetAndSetFMUState"] = "true"
+    if is_2:
+        able["canNotUseMemoryManagementFunctions"] = "true"
+    simulation = Xml.SubElement(root, "CoSimulation", able)
+    if is_2:
+        files = Xml.SubElement(simulation, "SourceFiles")
+        for source in sources:
+            Xml.SubElement(files, "File", name=source)
     _units(root, sorted({one.unit for one in variables if one.unit}))
     categories = Xml.SubElement(root, "LogCategories")
     Xml.SubElement(categories, "Category", name="logStatusError", description="why a call failed")
@@ -231,8 +226,8 @@ def description(model: Model, version: str, identifier: str, token: str, variabl
     shown = [(number, one) for number, one in enumerate(variables) if one.shown]
     of_all = Xml.SubElement(root, "ModelVariables")
     for number, one in shown:
-        (_variable_2 if version == "2.0" else _variable_3)(of_all, number, one)
-    _structure(root, version, shown)
+        _variable(of_all, is_2, number, one)
+    _structure(root, is_2, shown)
     return _text(root)
 
 
@@ -251,25 +246,6 @@ def _text(root: Xml.Element) -> bytes:
     Xml.indent(root)
     text: bytes = Xml.tostring(root, encoding="utf-8", xml_declaration=True)
     return text + b"\n"
-
-
-def _co_simulation(root: Xml.Element, version: str, identifier: str) -> None:
-    state = "canGetAndSetFMUstate" if version == "2.0" else "canGetAndSetFMUState"
-    able = {"modelIdentifier": identifier, "canHandleVariableCommunicationStepSize": "true", state: "true"}
-    if version == "2.0":
-        able["canNotUseMemoryManagementFunctions"] = "true"
-    Xml.SubElement(root, "CoSimulation", able)
-
-
-def add_sources(description: bytes, sources: Sequence[str]) -> bytes:
-    """Returns modelDescription.xml of FMI 2.0 with the list of source files, which FMI 3.0 has elsewhere."""
-    root = Xml.fromstring(description)
-    simulation = root.find("CoSimulation")
-    assert simulation is not None
-    files = Xml.SubElement(simulation, "SourceFiles")
-    for source in sources:
-        Xml.SubElement(files, "File", name=source)
-    return _text(root)
 
 
 @cache
@@ -299,50 +275,37 @@ def _units(root: Xml.Element, units: Sequence[str]) -> None:
 def _causality(one: Variable) -> dict[str, str]:
     if one.kind == "TIME":
         return {"causality": "independent", "variability": "continuous"}
-    if one.kind in INPUTS:
+    if one.kind in ("VOLTAGE", "FLOATS"):
         return {"causality": "input", "variability": "continuous" if one.kind == "VOLTAGE" else "discrete"}
     if one.kind == "OUTPUT":
         return {"causality": "output", "variability": "continuous", "initial": "calculated"}
     return {"causality": "parameter", "variability": "fixed", "initial": "exact"}
 
 
-def _numbers(one: Variable) -> dict[str, str]:
-    """Returns unit, range and start of a real variable."""
-    found = {"unit": one.unit}
-    if one.minimum is not None and one.maximum is not None:
-        found |= {"min": repr(one.minimum), "max": repr(one.maximum)}
-    if one.kind not in ("TIME", "OUTPUT"):
-        found["start"] = repr(one.start)
-    return found
-
-
-def _variable_2(parent: Xml.Element, number: int, one: Variable) -> None:
-    head = {"name": one.name, "valueReference": str(number), "description": one.meaning, **_causality(one)}
-    variable = Xml.SubElement(parent, "ScalarVariable", head)
-    if one.kind == "FLOATS":
-        Xml.SubElement(variable, "Boolean", start="false")
-    else:
-        Xml.SubElement(variable, "Real", _numbers(one))
-
-
-def _variable_3(parent: Xml.Element, number: int, one: Variable) -> None:
+def _variable(parent: Xml.Element, is_2: bool, number: int, one: Variable) -> None:
     head = {"name": one.name, "valueReference": str(number), "description": one.meaning, **_causality(one)}
     if one.kind == "FLOATS":
-        Xml.SubElement(parent, "Boolean", {**head, "start": "false"})
+        kind, values = "Boolean", {"start": "false"}
     else:
-        Xml.SubElement(parent, "Float64", {**head, **_numbers(one)})
+        kind, values = "Real" if is_2 else "Float64", {"unit": one.unit}
+        if one.minimum is not None and one.maximum is not None:
+            values |= {"min": repr(one.minimum), "max": repr(one.maximum)}
+        if one.kind not in ("TIME", "OUTPUT"):
+            values["start"] = repr(one.start)
+    if is_2:
+        Xml.SubElement(Xml.SubElement(parent, "ScalarVariable", head), kind, values)
+    else:
+        Xml.SubElement(parent, kind, head | values)
 
 
-def _structure(root: Xml.Element, version: str, shown: Sequence[tuple[int, Variable]]) -> None:
+def _structure(root: Xml.Element, is_2: bool, shown: Sequence[tuple[int, Variable]]) -> None:
     """Lists the outputs, by index in FMI 2.0 and by value reference in FMI 3.0."""
     structure = Xml.SubElement(root, "ModelStructure")
     outputs = [(place, number) for place, (number, one) in enumerate(shown, 1) if one.kind == "OUTPUT"]
-    if version == "2.0":
-        for name in ("Outputs", "InitialUnknowns"):
-            group = Xml.SubElement(structure, name)
-            for place, _ in outputs:
+    for name in ("Output", "InitialUnknown"):
+        group = Xml.SubElement(structure, f"{name}s") if is_2 else structure
+        for place, number in outputs:
+            if is_2:
                 Xml.SubElement(group, "Unknown", index=str(place))
-    else:
-        for name in ("Output", "InitialUnknown"):
-            for _, number in outputs:
-                Xml.SubElement(structure, name, valueReference=str(number))
+            else:
+                Xml.SubElement(group, name, valueReference=str(number))

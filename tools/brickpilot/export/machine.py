@@ -10,12 +10,15 @@ such as battery sag or gyro bias, has no counterpart in the simulators. The writ
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Container, Mapping
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from xml.etree import ElementTree as Xml
 
 from brickpilot import catalogue
 from brickpilot.errors import InputError
 from brickpilot.vehicle.model import Model
+
+SIDES = ("left", "right")
 
 Pair = tuple[float, float]
 
@@ -71,11 +74,12 @@ class RobotFile:
     left_out: tuple[str, ...]
 
 
-def nominal(model: Model) -> Machine:
-    """Returns the robot without its effects."""
-    values = catalogue.presets(model.vehicle) | dict(model.parameters)
-    air = 0.5 * values["air_density"] * values["drag_area"]
-    return Machine(values, values["mass"], values["yaw_inertia"], air=air)
+def robot_file(root: Xml.Element, head: str, left_out: Sequence[str]) -> RobotFile:
+    """Returns the file of an XML tree, which begins with the comment `head` and a line for each part left out."""
+    remarks = "\n     ".join([head, "Not in this file:", *(f"  {line}" for line in left_out)]).replace("--", "- -")
+    root.insert(0, Xml.Comment(f"{remarks} "))
+    Xml.indent(root)
+    return RobotFile(Xml.tostring(root, encoding="unicode") + "\n", tuple(left_out))
 
 
 def radii(machine: Machine) -> Pair:
@@ -92,6 +96,39 @@ def losses(machine: Machine) -> Pair:
         for radius, more in zip(radii(machine), machine.viscous, strict=True)
     )
     return left, right
+
+
+def chassis(machine: Machine, wheel: float, across: float = 0.0) -> tuple[float, Pair, float]:
+    """Returns mass, centre of mass and yaw inertia of the robot without its wheels, so that the whole has its values.
+
+    The centre of mass is ahead and to the left of the axle's middle. If the wheels alone have more inertia than the
+    robot, the chassis has none, or a negative one.
+
+    Args:
+        machine: the robot.
+        wheel: kg, the mass of a wheel.
+        across: kg m^2, the inertia of a wheel about its vertical.
+    """
+    mass = machine.mass - 2 * wheel
+    com_ahead, com_right = machine.com
+    ahead, left = com_ahead * machine.mass / mass, -com_right * machine.mass / mass
+    of_wheels = 2 * (across + wheel * (machine.values["half_track"] ** 2 + com_ahead**2 + com_right**2))
+    inertia = machine.yaw_inertia - of_wheels - mass * ((ahead - com_ahead) ** 2 + (left + com_right) ** 2)
+    return mass, (ahead, left), inertia
+
+
+def bench(machine: Machine) -> tuple[bool, float, float]:
+    """Returns whether a motor's load slides, because the input commands a force; its inertia; and its damping.
+
+    Inertia and damping are in kg m^2 and N m s/rad; of a load that slides, in kg and N s/m.
+    """
+    values = machine.values
+    linear = values["force_per_volt"] > 0
+    lever = 1.0 if linear else values["wheel_radius"]
+    inertia = (0.0 if linear else values["wheel_inertia"]) + machine.mass * lever**2
+    weight = machine.mass * values["gravity"] * values["rolling_friction"] * lever**2
+    damping = values["viscous_friction"] + weight + machine.viscous[0] + machine.body_drag * lever**2
+    return linear, inertia, damping
 
 
 Values = Mapping[str, float]
@@ -113,20 +150,22 @@ def tell(model: Model, holds: Container[str] = _EVERYTHING) -> tuple[Machine, li
     if model.vehicle == "skid_steer":
         message = "is a skid_steer, whose four contacts MJCF and URDF files cannot say here; an FMU can (export fmu)"
         raise InputError(message, file=model.name, field="vehicle")
-    machine, untold = nominal(model), []
+    values = catalogue.presets(model.vehicle) | dict(model.parameters)
+    air = 0.5 * values["air_density"] * values["drag_area"]
+    machine, untold = Machine(values, values["mass"], values["yaw_inertia"], air=air), []
     for effect in catalogue.effects_of(model.effects):
         presets = {info.name: info.preset for info in effect.parameters}
         act = _TOLD.get(effect.name)
         changed = act(machine, presets | dict(model.effects[effect.name])) if act else None
-        if changed is None or any(one not in holds for one in _differing(machine, changed)):
+        if changed is None or any(
+            field.name not in holds
+            for field in fields(Machine)
+            if getattr(machine, field.name) != getattr(changed, field.name)
+        ):
             untold.append(effect.name)
         else:
             machine = changed
     return machine, untold
-
-
-def _differing(one: Machine, other: Machine) -> list[str]:
-    return [field.name for field in fields(Machine) if getattr(one, field.name) != getattr(other, field.name)]
 
 
 def _more(pair: Pair, left: float, right: float) -> Pair:

@@ -92,7 +92,7 @@ POSES = {"/pose": "true", "/pose_estimate": "estimate"}
 """Topic of poses -> prefix of its columns' names in the log."""
 
 _POSE_EVERY = 10  # rows from one pose to the next: 33 poses a second
-_FRAME, _ROBOT = "map", "robot"
+_FRAME = "map"
 _VECTOR = {"type": "object", "properties": {axis: {"type": "number"} for axis in "xyz"}}
 _TURN = {"type": "object", "properties": {axis: {"type": "number"} for axis in "xyzw"}}
 _TIME = {"type": "object", "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}}}
@@ -140,29 +140,60 @@ def run_topics(run: Run) -> list[Topic]:
     return [*found, Topic("/tf", _TRANSFORM_SCHEMA, {})]
 
 
-def run_samples(run: Run) -> Iterator[Sample]:
-    """Yields every message of a run, in the order of time."""
-    of_ticks = {name: fields for name, fields in groups(run).items() if name == "/ticks"}
-    of_log = {name: fields for name, fields in groups(run).items() if name not in of_ticks}
-    signals_of = [*_rows(run.log[TIME], of_log), *_rows(run.ticks.get(TIME, np.empty(0)), of_ticks)]
-    yield from sorted([*_paths(run), *signals_of, *_poses(run)], key=lambda one: one.time_ns)
+def run_samples(run: Run) -> list[Sample]:
+    """Returns every message of a run, in the order of time.
+
+    A whole track is one message at the start, so that the 3D panel always shows it.
+    """
+    samples = []
+    tracks = _tracks(run)
+    for name, track in tracks.items():
+        start = track[0][0] if track else 0.0
+        poses = [pose for _, pose in track]
+        samples.append(Sample(f"{name}_path", _ns(start), _in_frame(start) | {"poses": poses}))
+    for topic, fields in groups(run).items():
+        times = (run.ticks if topic == "/ticks" else run.log)[TIME]
+        samples += _rows(topic, times, fields)
+    for name, track in tracks.items():
+        for time, pose in track:
+            samples.append(Sample(name, _ns(time), _in_frame(time) | {"pose": pose}))
+            if name == "/pose":
+                frames = {"parent_frame_id": _FRAME, "child_frame_id": "robot"}
+                moved = {"translation": pose["position"], "rotation": pose["orientation"]}
+                samples.append(Sample("/tf", _ns(time), {"timestamp": _stamp(time), **frames, **moved}))
+    return sorted(samples, key=lambda sample: sample.time_ns)
 
 
 def _ns(time: float) -> int:
     return round(time * 1e9)
 
 
-def _rows(times: Array, fields_of: Mapping[str, Mapping[str, Array]]) -> Iterator[Sample]:
-    """Yields a message for each row of each topic. A value that is not finite is null, because JSON has no NaN."""
-    for topic, fields in fields_of.items():
-        rows = np.column_stack(list(fields.values())).tolist()
-        for time, row in zip(times.tolist(), rows, strict=True):
-            pairs = zip(fields, row, strict=True)
-            yield Sample(topic, _ns(time), {name: value if math.isfinite(value) else None for name, value in pairs})
-
-
 def _stamp(time: float) -> dict[str, int]:
     return dict(zip(("sec", "nsec"), divmod(_ns(time), 10**9), strict=True))
+
+
+def _in_frame(time: float) -> dict[str, Any]:
+    return {"timestamp": _stamp(time), "frame_id": _FRAME}
+
+
+def _rows(topic: str, times: Array, fields: Mapping[str, Array]) -> Iterator[Sample]:
+    """Yields a message for each row of a topic. A value that is not finite is null, because JSON has no NaN."""
+    rows = np.column_stack(list(fields.values())).tolist()
+    for time, row in zip(times.tolist(), rows, strict=True):
+        pairs = zip(fields, row, strict=True)
+        yield Sample(topic, _ns(time), {name: value if math.isfinite(value) else None for name, value in pairs})
+
+
+def _tracks(run: Run) -> dict[str, list[tuple[float, dict[str, Any]]]]:
+    """Returns topic -> (time, pose) of every tenth row, for each topic of poses."""
+    tracks = {}
+    for name, head in POSES.items():
+        if f"{head}_heading_rad" in run.log:
+            columns = [run.log[key] for key in (TIME, f"{head}_x_m", f"{head}_y_m", f"{head}_heading_rad")]
+            rows = np.column_stack(columns)[::_POSE_EVERY]
+            known = rows[np.isfinite(rows).all(axis=1)].tolist()
+            tracks[name] = [(time, _pose(x, y, heading)) for time, x, y, heading in known]
+    return tracks
 
 
 def _pose(x: float, y: float, heading: float) -> dict[str, Any]:
@@ -170,50 +201,21 @@ def _pose(x: float, y: float, heading: float) -> dict[str, Any]:
     return {"position": {"x": x, "y": -y, "z": 0.0}, "orientation": turn}
 
 
-def _tracks(run: Run) -> Iterator[tuple[str, list[tuple[float, dict[str, Any]]]]]:
-    """Yields each topic of poses with (time, pose) of every tenth row."""
-    for name, head in POSES.items():
-        if f"{head}_heading_rad" in run.log:
-            columns = [run.log[key] for key in (TIME, f"{head}_x_m", f"{head}_y_m", f"{head}_heading_rad")]
-            rows = np.column_stack(columns)[::_POSE_EVERY]
-            known = rows[np.isfinite(rows).all(axis=1)].tolist()
-            yield name, [(time, _pose(x, y, heading)) for time, x, y, heading in known]
-
-
-def _poses(run: Run) -> Iterator[Sample]:
-    for name, track in _tracks(run):
-        for time, pose in track:
-            yield Sample(name, _ns(time), {"timestamp": _stamp(time), "frame_id": _FRAME, "pose": pose})
-            if name == "/pose":
-                frames = {"parent_frame_id": _FRAME, "child_frame_id": _ROBOT}
-                moved = {"translation": pose["position"], "rotation": pose["orientation"]}
-                yield Sample("/tf", _ns(time), {"timestamp": _stamp(time), **frames, **moved})
-
-
-def _paths(run: Run) -> Iterator[Sample]:
-    """Yields each whole track once, at the start, so that the 3D panel always shows it."""
-    for name, track in _tracks(run):
-        start = track[0][0] if track else 0.0
-        poses = [pose for _, pose in track]
-        yield Sample(f"{name}_path", _ns(start), {"timestamp": _stamp(start), "frame_id": _FRAME, "poses": poses})
-
-
 UNKNOWN = "/link/unknown"
 """The topic of damaged frames, and of frames that the DBC does not describe."""
 
-_UNKNOWN_SCHEMA = {
-    "title": "brickpilot.link.unknown",
-    "type": "object",
-    "properties": {
-        "id": {"type": "integer"},
-        "data": {"type": "string", "description": "hexadecimal"},
-        "received": {"type": "integer", "description": "1: from the brick, 0: to it"},
-    },
+_UNKNOWN_FIELDS = {
+    "id": {"type": "integer"},
+    "data": {"type": "string", "description": "hexadecimal"},
+    "received": {"type": "integer", "description": "1: from the brick, 0: to it"},
 }
+_UNKNOWN_SCHEMA = {"title": "brickpilot.link.unknown", "type": "object", "properties": _UNKNOWN_FIELDS}
 
 
 def read_traffic(file: Path) -> tuple[list[Topic], list[Sample]]:
     """Returns the topics and the messages of a recording. Times count from its first message, in ns.
+
+    If the clock was set back, the last time is repeated until it is passed.
 
     Raises:
         InputError: the file cannot be read, is no log of CAN traffic, or holds no message.
@@ -221,7 +223,11 @@ def read_traffic(file: Path) -> tuple[list[Topic], list[Sample]]:
     messages = traffic_log.read(file)
     if not messages:
         raise InputError("holds no message", file=file)
-    samples = _samples(messages)
+    latest, samples = 0, []
+    for message in messages:
+        latest = max(latest, _ns(message.timestamp - messages[0].timestamp))
+        topic, values = _decoded(message)
+        samples.append(Sample(topic, latest, values | {"received": int(message.is_rx)}))
     named = {sample.topic for sample in samples}
     found = [Topic(UNKNOWN, _UNKNOWN_SCHEMA, {})] if UNKNOWN in named else []
     for layout in book().database.messages:
@@ -229,16 +235,6 @@ def read_traffic(file: Path) -> tuple[list[Topic], list[Sample]]:
             units = {signal.name: signal.unit or "1" for signal in layout.signals}
             found.append(signals(f"/link/{layout.name}", units | {"received": "1"}))
     return found, samples
-
-
-def _samples(messages: Sequence[can.Message]) -> list[Sample]:
-    """Returns one sample for each frame. If the clock was set back, the last time is repeated until it is passed."""
-    first, latest, found = messages[0].timestamp, 0, []
-    for one in messages:
-        latest = max(latest, round((one.timestamp - first) * 1e9))
-        topic, values = _decoded(one)
-        found.append(Sample(topic, latest, values | {"received": int(one.is_rx)}))
-    return found
 
 
 def _decoded(one: can.Message) -> tuple[str, dict[str, Any]]:
@@ -316,7 +312,7 @@ def _scene(topics: Sequence[str]) -> dict[str, Any]:
     }
     grid = {"layerId": "foxglove.Grid", "visible": True, "frameLocked": True, "size": 6, "divisions": 12}
     camera = {"distance": 5, "perspective": False, "phi": 0, "thetaOffset": 90, "target": [0, 0, 0]}
-    return {"fixedFrame": "map", "topics": shown, "layers": {"grid": grid}, "cameraState": camera}
+    return {"fixedFrame": _FRAME, "topics": shown, "layers": {"grid": grid}, "cameraState": camera}
 
 
 def _layout(panels: Mapping[str, Any]) -> str:

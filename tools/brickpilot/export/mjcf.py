@@ -12,11 +12,10 @@ from xml.etree import ElementTree as Xml
 
 from brickpilot.constants import MOTOR_STEP_S
 from brickpilot.errors import InputError
-from brickpilot.export.machine import Machine, RobotFile, losses, radii, tell
+from brickpilot.export.machine import SIDES, Machine, RobotFile, bench, chassis, losses, radii, robot_file, tell
 from brickpilot.vehicle.model import Model
 
-SIDES = ("left", "right")
-
+_HEAD = "Made by Brickpilot. It needs MuJoCo 3.8 or newer. y is to the left, yaw counter-clockwise."
 _AIR_M = 1e-3  # radius of the ball on which the air's drag acts: too small to have an added mass
 _WHEEL_SHARE = 1e-4  # mass of a wheel's body as a share of the robot's; its inertia is the joint's armature
 _FIRM = "0.9999 0.9999 0.001"
@@ -35,28 +34,18 @@ def write(model: Model) -> RobotFile:
     machine, untold = tell(model)
     left_out = [*untold, *_combinations(model, machine), _FLOATS]
     root = Xml.Element("mujoco", model=model.name)
-    root.append(Xml.Comment(_remarks(left_out)))
     Xml.SubElement(root, "compiler", angle="radian")
     _option(root, model, machine)
     world = Xml.SubElement(root, "worldbody")
     if model.vehicle == "motor":
-        _bench(world, model, machine)
+        _bench(world, machine)
     else:
         _robot(world, machine)
         _contacts(root)
     sides = SIDES[:1] if model.vehicle == "motor" else SIDES
     _actuators(root, machine, sides)
     _sensors(root, model, machine, sides)
-    Xml.indent(root)
-    return RobotFile(Xml.tostring(root, encoding="unicode") + "\n", tuple(left_out))
-
-
-def _remarks(left_out: Sequence[str]) -> str:
-    lines = [
-        "Made by Brickpilot. It needs MuJoCo 3.8 or newer. y is to the left, yaw counter-clockwise.",
-        "Not in this file:",
-    ]
-    return "\n     ".join([*lines, *(f"  {line}" for line in left_out)]).replace("--", "- -") + " "
+    return robot_file(root, _HEAD, left_out)
 
 
 def _combinations(model: Model, machine: Machine) -> list[str]:
@@ -112,11 +101,11 @@ def _joint(
 def _robot(world: Xml.Element, machine: Machine) -> None:
     values, wheels = machine.values, radii(machine)
     wheel_mass, track = _WHEEL_SHARE * machine.mass, values["half_track"]
-    chassis = machine.mass - 2 * wheel_mass
-    ahead, left = machine.com[0] * machine.mass / chassis, -machine.com[1] * machine.mass / chassis
-    turning = _chassis_inertia(machine, chassis, wheel_mass, (ahead, left))
+    mass, centre, inertia = chassis(machine, wheel_mass)
+    if inertia <= 0:
+        raise InputError("is too small for the mass of the wheels", field="parameters.yaw_inertia")
     Xml.SubElement(world, "geom", _unfelt("floor", "plane", "0 0 1"))
-    body = _body(world, "chassis", "0 0 0", chassis, [turning] * 3, _text(ahead, left, 0))
+    body = _body(world, "chassis", "0 0 0", mass, [inertia] * 3, _text(*centre, 0))
     for name, axis in (("x", "1 0 0"), ("y", "0 1 0"), ("z", "0 0 1")):
         _joint(body, name, "slide", axis, machine.body_drag if name != "z" else 0)
     _joint(body, "yaw", "hinge", "0 0 1", machine.yaw_drag, machine.yaw_dry)
@@ -142,20 +131,6 @@ def _unfelt(name: str, kind: str, size: str) -> dict[str, str]:
     return {"name": name, "type": kind, "size": size, "contype": "0", "conaffinity": "0"}
 
 
-def _chassis_inertia(machine: Machine, chassis: float, wheel: float, centre: tuple[float, float]) -> float:
-    """Returns the chassis' inertia for which the whole robot has its yaw inertia about its centre of mass.
-
-    Raises:
-        InputError: the two wheels alone have more inertia.
-    """
-    ahead, right = machine.com
-    of_wheels = 2 * wheel * (machine.values["half_track"] ** 2 + ahead**2 + right**2)
-    found = machine.yaw_inertia - of_wheels - chassis * ((centre[0] - ahead) ** 2 + (centre[1] + right) ** 2)
-    if found <= 0:
-        raise InputError("is too small for the mass of the wheels", field="parameters.yaw_inertia")
-    return found
-
-
 def _contacts(root: Xml.Element) -> None:
     """Adds the contacts of wheels and floor. Two steps are the least time constant that MuJoCo accepts."""
     contact = Xml.SubElement(root, "contact")
@@ -164,18 +139,12 @@ def _contacts(root: Xml.Element) -> None:
         Xml.SubElement(contact, "pair", {"geom1": "floor", "geom2": side, **firm, "solimp": _FIRM})
 
 
-def _bench(world: Xml.Element, model: Model, machine: Machine) -> None:
+def _bench(world: Xml.Element, machine: Machine) -> None:
     """Adds a motor and its load: one joint, which turns, or slides if the input commands a force."""
-    values = machine.values
-    linear = values["force_per_volt"] > 0
-    lever = 1.0 if linear else values["wheel_radius"]
-    inertia = (0.0 if linear else values["wheel_inertia"]) + machine.mass * lever**2
+    linear, inertia, damping = bench(machine)
     tiny = 1e-6 * inertia
-    mass = tiny if linear else inertia
-    body = _body(world, "load", "0 0 0", mass, [tiny] * 3, "0 0 0")
-    weight = machine.mass * values["gravity"] * values["rolling_friction"] * lever**2
-    drag = values["viscous_friction"] + weight + machine.viscous[0] + machine.body_drag * lever**2
-    _joint(body, "left", "slide" if linear else "hinge", "0 0 1", drag, machine.dry[0], inertia - tiny)
+    body = _body(world, "load", "0 0 0", tiny if linear else inertia, [tiny] * 3, "0 0 0")
+    _joint(body, "left", "slide" if linear else "hinge", "0 0 1", damping, machine.dry[0], inertia - tiny)
     Xml.SubElement(body, "geom", _unfelt("load", "cylinder", "0.02 0.01"))
 
 

@@ -10,11 +10,10 @@ from collections.abc import Sequence
 from xml.etree import ElementTree as Xml
 
 from brickpilot.errors import InputError
-from brickpilot.export.machine import Machine, RobotFile, losses, radii, tell
+from brickpilot.export.machine import SIDES, Machine, RobotFile, bench, chassis, losses, radii, robot_file, tell
 from brickpilot.vehicle.model import Model
 
-SIDES = ("left", "right")
-
+_HEAD = "Made by Brickpilot. SI; y is to the left, yaw counter-clockwise."
 _HOLDS = frozenset({"mass", "yaw_inertia", "com", "rim", "limit", "flux", "gain", "dry", "viscous", "imu"})
 _WHEEL_SHARE = 1e-2  # mass of each wheel as a share of the robot's
 _ELECTRIC = "motors: their resistance, inductance and constants stand in the limits of effort and velocity alone"
@@ -35,18 +34,11 @@ def write(model: Model) -> RobotFile:
     left_out += [_FLOOR] if model.vehicle != "motor" else []
     left_out += [_PAPER] if model.profile == "paper" else []
     root = Xml.Element("robot", name=model.name)
-    root.append(Xml.Comment(_remarks(left_out)))
     if model.vehicle == "motor":
-        _bench(root, model, machine)
+        _bench(root, machine)
     else:
         _robot(root, machine)
-    Xml.indent(root)
-    return RobotFile(Xml.tostring(root, encoding="unicode") + "\n", tuple(left_out))
-
-
-def _remarks(left_out: Sequence[str]) -> str:
-    lines = ["Made by Brickpilot. SI; y is to the left, yaw counter-clockwise.", "Not in this file:"]
-    return "\n     ".join([*lines, *(f"  {line}" for line in left_out)]).replace("--", "- -") + " "
+    return robot_file(root, _HEAD, left_out)
 
 
 def _text(*numbers: float) -> str:
@@ -86,14 +78,11 @@ def _robot(root: Xml.Element, machine: Machine) -> None:
     axle = sum(wheels) / 2
     wheel, spin = _WHEEL_SHARE * machine.mass, values["wheel_inertia"]
     across = spin / 2
-    base = machine.mass - 2 * wheel
-    ahead, left = machine.com[0] * machine.mass / base, -machine.com[1] * machine.mass / base
-    around = 2 * (across + wheel * (track**2 + machine.com[0] ** 2 + machine.com[1] ** 2))
-    turning = machine.yaw_inertia - around - base * ((ahead - machine.com[0]) ** 2 + (left + machine.com[1]) ** 2)
-    if turning <= 0:
+    mass, centre, inertia = chassis(machine, wheel, across)
+    if inertia <= 0:
         raise InputError("is too small beside the inertia of the wheels", field="parameters.yaw_inertia")
     Xml.SubElement(root, "link", name="base_footprint")
-    body = _link(root, "base_link", base, [turning] * 3, (ahead, left, 0))
+    body = _link(root, "base_link", mass, [inertia] * 3, (*centre, 0))
     _shape(body, "0 0 0", "box", size=_text(2.4 * track, 1.4 * track, 0.6 * track))
     _joint(root, "base", "fixed", "base_footprint", "base_link", (0, 0, axle))
     for k, (side, y) in enumerate(zip(SIDES, (track, -track), strict=True)):
@@ -122,19 +111,15 @@ def _limits(joint: Xml.Element, machine: Machine, k: int, damping: float) -> Non
     Xml.SubElement(joint, "dynamics", damping=_text(damping), friction=_text(machine.dry[k]))
 
 
-def _bench(root: Xml.Element, model: Model, machine: Machine) -> None:
+def _bench(root: Xml.Element, machine: Machine) -> None:
     """Adds a motor and its load: a joint that turns, or slides if the input commands a force."""
-    values = machine.values
-    linear = values["force_per_volt"] > 0
-    lever = 1.0 if linear else values["wheel_radius"]
-    inertia = (0.0 if linear else values["wheel_inertia"]) + machine.mass * lever**2
-    weight = machine.mass * values["gravity"] * values["rolling_friction"] * lever**2
+    linear, inertia, damping = bench(machine)
     Xml.SubElement(root, "link", name="base_link")
-    load = _link(root, "load", inertia, [inertia] * 3) if linear else _link(root, "load", 1.0, [inertia] * 3)
+    load = _link(root, "load", inertia if linear else 1.0, [inertia] * 3)
     _shape(load, "0 0 0", "cylinder", radius="0.02", length="0.02")
     joint = _joint(root, "load_joint", "prismatic" if linear else "continuous", "base_link", "load", (0, 0, 0))
     Xml.SubElement(joint, "axis", xyz="0 0 1")
-    _limits(joint, machine, 0, values["viscous_friction"] + weight + machine.viscous[0])
+    _limits(joint, machine, 0, damping)
     if linear:
         limit = joint.find("limit")
         assert limit is not None

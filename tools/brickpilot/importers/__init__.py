@@ -6,8 +6,100 @@ help and its checks of options from these rows.
 
 from __future__ import annotations
 
+import importlib
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
 from brickpilot.constants import VEHICLES
-from brickpilot.importers.registry import Importer, Option
+from brickpilot.errors import InputError
+
+if TYPE_CHECKING:
+    from brickpilot.importers.channels import Contents
+    from brickpilot.importers.writer import Imported
+
+
+@dataclass(frozen=True)
+class Option:
+    """An option of `brickpilot import` that only some importers take.
+
+    Attributes:
+        keyword: the argument's name in the importers' functions.
+        flag: the option on the command line, e.g. ``--map``.
+        help: for the user, in one or two sentences. The command adds the kinds of log that take the option.
+        metavar: the name of its value in the help; empty for a choice or a switch.
+        choices: the values allowed; empty: any text.
+        default: the value if the user does not give the option. False: the option is a switch.
+        repeatable: whether the importers get a tuple of all values given.
+        required: whether each importer with this option needs it.
+        unless: the keyword of an option that makes this one unnecessary.
+    """
+
+    keyword: str
+    flag: str
+    help: str
+    metavar: str = ""
+    choices: tuple[str, ...] = ()
+    default: str | bool | None = None
+    repeatable: bool = False
+    required: bool = False
+    unless: str = ""
+
+
+@dataclass(frozen=True)
+class Importer:
+    """One kind of log.
+
+    Attributes:
+        kind: name of the kind of log on the command line.
+        help: the files that the importer reads, in one sentence.
+        module: its file in this folder; empty: the file is named as the kind. It has one of these functions, or both:
+            ``read(file)`` returns a `channels.Log` for ``--list``; and ``import_KIND`` is called as
+            ``import_KIND(files, out, nominal=..., name=..., **options)``, with one keyword for each of `options`, and
+            returns `writer.Imported`. Without the second, `chosen.SignalImporter` makes a data set of the log.
+        suffixes: the endings of its files, e.g. ``.csv``, or the name of a file in the folder of a log, e.g.
+            ``metadata.yaml``.
+        example: the arguments of one call, after ``brickpilot import``.
+        options: the options that it takes besides ``--out``, ``--nominal`` and ``--name``.
+        reports_progress: whether ``import_KIND`` also takes `progress`, which it calls with (done, total, text).
+    """
+
+    kind: str
+    help: str
+    example: str
+    options: tuple[Option, ...] = ()
+    suffixes: tuple[str, ...] = ()
+    module: str = ""
+    reports_progress: bool = False
+
+    def _functions(self) -> Any:
+        """Imports the module; the readers of this kind of log are loaded only then."""
+        return importlib.import_module(f"brickpilot.importers.{self.module or self.kind}")
+
+    def contents(self, file: Path) -> Contents:
+        """Reads a whole file, and returns what it holds.
+
+        Raises:
+            InputError: the file cannot be read, or this kind of log has no list.
+        """
+        from brickpilot.importers.channels import contents
+
+        module = self._functions()
+        if not hasattr(module, "read"):
+            raise InputError(f"does not work with {self.kind}", field="--list")
+        return contents(module.read(file))
+
+    def load(self) -> Callable[..., Imported]:
+        """Returns the function that makes a data set of files."""
+        module = self._functions()
+        if hasattr(module, f"import_{self.kind}"):
+            function: Callable[..., Imported] = getattr(module, f"import_{self.kind}")
+            return function
+        from brickpilot.importers.chosen import channel_importer
+
+        return channel_importer(module.read)
+
 
 MAP = Option(
     "mapping",
@@ -18,14 +110,7 @@ MAP = Option(
     metavar="SIGNAL=FORMULA[:UNIT]",
     repeatable=True,
 )
-VEHICLE = Option(
-    "vehicle",
-    "--vehicle",
-    "The kind of vehicle.",
-    choices=VEHICLES,
-    required=True,
-    unless="guessed",
-)
+VEHICLE = Option("vehicle", "--vehicle", "The kind of vehicle.", choices=VEHICLES, required=True, unless="guessed")
 FRAME = Option(
     "frame", "--frame", "The frame of sway and yaw; the default is the one that wheels and yaw show, or else FRD.",
     choices=("FRD", "FLU"),
@@ -50,12 +135,9 @@ INPUTS = Option(
     "columns that --map names.", metavar="FILE",
 )  # fmt: skip
 INPUT_TIMING = Option(
-    "input_timing",
-    "--input-timing",
-    "The inputs between two rows; for unknown, check and discover find which of the two it is.",
-    choices=("held", "linear", "unknown"),
-    default="held",
-)
+    "input_timing", "--input-timing", "The inputs between two rows; for unknown, check and discover find which of the "
+    "two it is.", choices=("held", "linear", "unknown"), default="held",
+)  # fmt: skip
 AS_WIRED = Option(
     "as_wired", "--as-wired", "Keeps channels that look swapped, reversed or scaled wrongly: notes name them.",
     default=False,
@@ -69,16 +151,12 @@ CHANNELS = (MAP, VEHICLE, FRAME, AS_WIRED, RATE, SPLIT, CUT)
 IMPORTERS = (
     Importer(
         kind="wpilib",
-        function="brickpilot.importers.wpilib:import_wpilib",
-        reader="brickpilot.importers.wpilib:read",
         suffixes=(".json",),
         help="JSON files of WPILib SysId and of the older frc-characterization.",
         example="wpilib linear.json angular.json --out drivetrain",
     ),
     Importer(
         kind="matlab",
-        function="brickpilot.importers.matlab:import_matlab",
-        reader="brickpilot.importers.matlab:read",
         suffixes=(".mat",),
         help="MATLAB .mat files, v4 to v7.3.",
         example="matlab DATA.mat --vehicle motor --map time=t --map voltage=vir --map position=qm --out axis",
@@ -86,8 +164,6 @@ IMPORTERS = (
     ),
     Importer(
         kind="table",
-        function="brickpilot.importers.table:import_table",
-        reader="brickpilot.importers.text_table:read_columns",
         suffixes=(".csv", ".tsv", ".txt", ".log", ".dat"),
         help="Tables of numbers in text files: CSV, blanks, tabs, serial logs.",
         example="table log.csv --guess --split rests --out bench",
@@ -95,8 +171,6 @@ IMPORTERS = (
     ),
     Importer(
         kind="wpilog",
-        function="brickpilot.importers.wpilog:import_wpilog",
-        reader="brickpilot.importers.wpilog:read",
         suffixes=(".wpilog",),
         help="Logs of robots with WPILib.",
         example="wpilog FRC.wpilog --vehicle motor --map voltage=/arm/volts --map angle=/arm/angle:rotation --out arm",
@@ -104,8 +178,6 @@ IMPORTERS = (
     ),
     Importer(
         kind="mcap",
-        function="brickpilot.importers.mcap:import_mcap",
-        reader="brickpilot.importers.mcap:read",
         suffixes=(".mcap",),
         help="MCAP files with messages of ROS 2 or JSON.",
         example="mcap drive.mcap --vehicle motor --map duty=/duty.data --map speed=/joints.velocity[0] --out wheel",
@@ -113,8 +185,6 @@ IMPORTERS = (
     ),
     Importer(
         kind="rosbag",
-        function="brickpilot.importers.rosbag:import_rosbag",
-        reader="brickpilot.importers.rosbag:read",
         suffixes=(".bag", ".db3", "metadata.yaml"),
         help="Bags of ROS 2, a folder each, and of ROS 1.",
         example="rosbag rosbag2_drive --vehicle motor --map duty=/duty.data --map speed=/wheel.data --out wheel",
@@ -122,8 +192,6 @@ IMPORTERS = (
     ),
     Importer(
         kind="ulog",
-        function="brickpilot.importers.ulog:import_ulog",
-        reader="brickpilot.importers.ulog:read",
         suffixes=(".ulg", ".ulog"),
         help="Logs of PX4.",
         example="ulog log.ulg --vehicle motor --map duty=actuator_motors.control[0] "
@@ -132,8 +200,6 @@ IMPORTERS = (
     ),
     Importer(
         kind="dataflash",
-        function="brickpilot.importers.dataflash:import_dataflash",
-        reader="brickpilot.importers.dataflash:read",
         suffixes=(".bin",),
         help="Dataflash logs of ArduPilot.",
         example="dataflash 12.BIN --vehicle motor --map 'duty=(RCOU.C1-1500)/400' --map speed=RPM.rpm1:rpm --out wheel",
@@ -141,8 +207,6 @@ IMPORTERS = (
     ),
     Importer(
         kind="parquet",
-        function="brickpilot.importers.parquet:import_parquet",
-        reader="brickpilot.importers.parquet:read",
         suffixes=(".parquet", ".pq"),
         help="Tables in Parquet files.",
         example="parquet drive.parquet --vehicle motor --map time=t --map voltage=u --map speed=w:rpm --out bench",
@@ -150,16 +214,82 @@ IMPORTERS = (
     ),
     Importer(
         kind="flight",
-        function="brickpilot.importers.flight_log:import_flight",
+        module="flight_log",
         suffixes=("summary.json",),
         help="Run folders of `brickpilot run` and `hil`: what a host sees of a flight, without the plant's own truth.",
         example="flight runs/square runs/slalom --out flown",
     ),
     Importer(
         kind="rcx",
-        function="brickpilot.importers.rcx:import_rcx",
         help="The recording that an RCX holds, through the tower at a serial port.",
         example="rcx /dev/ttyUSB0 --out bench",
         reports_progress=True,
     ),
 )
+
+
+def kind_of(file: Path, importers: Iterable[Importer]) -> str | None:
+    """Returns the kind of log, from a file's ending or from the files in a folder; None: an unknown kind."""
+    for row in importers:
+        if file.suffix.lower() in row.suffixes or (
+            file.is_dir() and any((file / one).is_file() for one in row.suffixes)
+        ):
+            return row.kind
+    return None
+
+
+def importer_and_files(
+    words: Sequence[str], kind: str | None, importers: Sequence[Importer]
+) -> tuple[Importer, list[Path]]:
+    """Returns the importer of the kind that the user names, or else of the first file's ending; and the files.
+
+    Raises:
+        InputError: the kind is neither named nor known by the ending, or no file is given.
+    """
+    rows = {row.kind: row for row in importers}
+    files = [Path(word) for word in words]
+    if kind is None and words[0] in rows:
+        kind, files = words[0], files[1:]
+    if not files:
+        raise InputError("no file to import", field="FILE")
+    kind = kind or kind_of(files[0], importers)
+    if kind is None:
+        raise InputError(f"no kind of log is known by this ending; name one: {', '.join(rows)}", file=files[0])
+    return rows[kind], files
+
+
+def all_options(importers: Sequence[Importer]) -> list[Option]:
+    return list(dict.fromkeys(option for row in importers for option in row.options))
+
+
+def kinds_with(option: Option, importers: Iterable[Importer]) -> str:
+    """Returns the kinds of log that take `option`, as words: "matlab and table"."""
+    *most, last = [row.kind for row in importers if option in row.options]
+    return f"{', '.join(most)} and {last}" if most else last
+
+
+def options_taken(importer: Importer, importers: Sequence[Importer], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Returns keyword -> value of the options that `importer` takes; options that are not given have their defaults.
+
+    A given option without a default, or a given switch, must be one of the importer's; other given options may be
+    ignored.
+
+    Raises:
+        InputError: a given option belongs to other kinds of log, a needed option is missing, or there is no such
+            option.
+    """
+    known = {option.keyword for option in all_options(importers)}
+    for keyword in given:
+        if keyword not in known:
+            raise InputError(f"is no option of an importer: {', '.join(sorted(known))}", field=keyword)
+    asked: dict[str, Any] = {one.keyword: () if one.repeatable else one.default for one in all_options(importers)}
+    asked.update(given)
+    for option in all_options(importers):
+        value = asked[option.keyword]
+        if option not in importer.options and option.default in (None, False) and value:
+            message = f"works only with {kinds_with(option, importers)}; a log of kind {importer.kind} describes itself"
+            raise InputError(message, field=option.flag)
+        spared = any(one.keyword == option.unless and asked[one.keyword] for one in importer.options)
+        if option in importer.options and option.required and not value and not spared:
+            raise InputError(f"is needed to import {importer.kind}", field=option.flag)
+    return {option.keyword: asked[option.keyword] for option in importer.options}

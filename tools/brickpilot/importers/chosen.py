@@ -17,28 +17,26 @@ import numpy as np
 from brickpilot.data.signals import SIGNALS, Frame, Vehicle
 from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
-from brickpilot.importers import table_log
 from brickpilot.importers.channels import Channel, Log, Reader, Vector, in_order
-from brickpilot.importers.formula import Formula, FormulaError, Place, Scaling
-from brickpilot.importers.mapping import Mapped, Source, common_scalings, parse_mapping, read_formulas
-from brickpilot.importers.split import parse_split
-from brickpilot.importers.table import runs_of
+from brickpilot.importers.mapping import (
+    Formula,
+    FormulaError,
+    Place,
+    Signals,
+    Source,
+    common_scalings,
+    parse_mapping,
+    read_formulas,
+    scalings_of,
+)
+from brickpilot.importers.split import parse_split, runs_of
 from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out, run_names, write
 
 _NEAREST = 4  # largest number of names that an error proposes
 _ALIKE = 0.4  # least similarity of a proposed name, by difflib
 
 
-@dataclass(frozen=True)
-class Read:
-    """The content of one log: its signals on common rows, their units (signal -> unit), and notes."""
-
-    signals: Mapped
-    units: Mapping[str, str]
-    notes: Sequence[str] = ()
-
-
-SignalReader = Callable[[Path, Mapping[str, Source], float | None, bool], Read]
+SignalReader = Callable[[Path, Mapping[str, Source], float | None, bool], Signals]
 """Reads the signals of a file: (file, signal -> source, rate, cut); see `SignalImporter` for rate and cut."""
 
 
@@ -101,15 +99,10 @@ class SignalImporter:
         for file, log in zip(files, logs, strict=True):
             if log.units != units:
                 raise InputError(f"states other units than {files[0]}; give them in --map", file=file)
-        notes: list[str] = []
         if self.is_whole:
-            runs = [NewRun(run, log.signals.columns) for run, log in zip(names, logs, strict=True)]
+            runs, notes = [NewRun(run, log.columns) for run, log in zip(names, logs, strict=True)], list[str]()
         else:
-            clock = {"time": Source("time", units["time"])}
-            whole = [
-                table_log.Log(file, one.signals, (), tuple(one.notes)) for file, one in zip(files, logs, strict=True)
-            ]
-            runs, notes = runs_of(whole, clock, spans, names)
+            runs, notes = runs_of(logs, spans, names)
         new = NewDataset(
             name or out.resolve().name,
             vehicle,
@@ -118,7 +111,7 @@ class SignalImporter:
             runs,
             nominal or {},
             notes,
-            common_scalings([log.signals for log in logs], files),
+            common_scalings(logs),
             sources=sources,
             as_wired=as_wired,
         )
@@ -137,53 +130,40 @@ def _rate(text: str | None) -> float | None:
     return rate
 
 
-def _signals(read: Reader, file: Path, sources: Mapping[str, Source], rate: float | None, cut: bool) -> Read:
+def _signals(read: Reader, file: Path, sources: Mapping[str, Source], rate: float | None, cut: bool) -> Signals:
     log = read(file, [source.text for source in sources.values()])
     if log.cut and not cut:
         raise InputError("ends inside a record; --cut reads it up to there", file=file)
     formulas = _formulas(log, read, sources)
     chosen, notes = {}, list(log.notes)
     for signal, formula in formulas.items():
-        channels = {place: _channel(log, place) for place in formula.places}
+        channels = {place: log.channels[log.aliases.get(str(place), str(place))] for place in formula.places}
         chosen[signal] = _value(file, signal, formula, channels, notes)
     units = {signal: unit_of(file, signal, formulas[signal], one, sources[signal]) for signal, one in chosen.items()}
     try:
-        made, told = columns(chosen, rate)
+        made, row_notes = columns(chosen, rate)
     except InputError as error:
         raise InputError(str(error), file=file) from error
-    scalings = {
-        signal: formula.scaling for signal, formula in formulas.items() if formula.scaling not in (None, Scaling())
-    }
-    return Read(Mapped(made, scalings), {"time": "s"} | units, notes + told)
+    return Signals(file, made, scalings_of(formulas), {"time": "s"} | units, notes + row_notes)
 
 
 def _formulas(log: Log, read: Reader, sources: Mapping[str, Source]) -> dict[str, Formula]:
     names = [*log.channels, *log.aliases]
     for signal, source in sources.items():
         try:
-            unknown = [one for one in read_formulas({signal: source}, names)[signal].places if _name(one) not in names]
+            places = read_formulas({signal: source}, names)[signal].places
+            unknown = [str(place) for place in places if str(place) not in names]
         except InputError:
             if any(name in source.text for name in names):
                 raise
-            unknown = [Place(source.text)]
+            unknown = [source.text]
         if unknown:
-            raise _unknown(log.file, _name(unknown[0]), list(read(log.file, None).channels))
+            near = difflib.get_close_matches(unknown[0], list(read(log.file, None).channels), _NEAREST, _ALIKE)
+            advice = (
+                f"the nearest are {', '.join(near)}" if near else f"`brickpilot import --list {log.file}` shows them"
+            )
+            raise InputError(f"no channel {unknown[0]!r}; {advice}", file=log.file)
     return read_formulas(sources, names)
-
-
-def _name(place: Place) -> str:
-    return place.name if place.index is None else f"{place.name}[{place.index}]"
-
-
-def _channel(log: Log, place: Place) -> Channel:
-    return log.channels[log.aliases.get(_name(place), _name(place))]
-
-
-def _unknown(file: Path, name: str, names: list[str]) -> InputError:
-    near = difflib.get_close_matches(name, names, _NEAREST, _ALIKE)
-    if near:
-        return InputError(f"no channel {name!r}; the nearest are {', '.join(near)}", file=file)
-    return InputError(f"no channel {name!r}; `brickpilot import --list {file}` shows them", file=file)
 
 
 def _value(file: Path, signal: str, formula: Formula, channels: Mapping[Place, Channel], notes: list[str]) -> Channel:

@@ -13,10 +13,10 @@ import numpy as np
 
 from brickpilot.errors import InputError
 from brickpilot.importers.channels import Channel, Log, check_file, is_wanted, libraries
-from brickpilot.importers.chosen import channel_importer
 
 _HEAD = b"\xa3\x95"
 _NUMBERS = "bBhHiIfdgcCeELMqQ"  # format characters of numbers; the others are texts and arrays
+# The log's spelling of a unit -> a data set's; empty: no unit.
 _SPELLINGS = {"deg/s": "deg/s", "m/s/s": "m/s^2", "rad/s/s": "rad/s^2", "%": "%", "UNKNOWN": ""}
 _DEFINITIONS = {"FMT", "FMTU", "UNIT", "MULT"}  # messages that describe other messages
 _MICROSECONDS = "TimeUS"
@@ -88,13 +88,5 @@ def _channels(name: str, message: _Message, structs: Mapping[str, Any]) -> Itera
     columns = np.array(message.rows, dtype=np.float64).T
     for one, values in zip(_fields(message.format), columns, strict=True):
         kind = structs[message.format.format[message.format.colhash[one]]][0]
-        yield Channel(f"{name}.{one}", np.dtype(kind).name, time, values, _unit(message.format.get_unit(one)))
-
-
-def _unit(stated: str) -> str | None:
-    """Returns a unit in a data set's form; None: the log states no unit."""
-    unit = _SPELLINGS.get(stated, stated)
-    return unit or None
-
-
-import_dataflash = channel_importer(read)
+        unit = message.format.get_unit(one)
+        yield Channel(f"{name}.{one}", np.dtype(kind).name, time, values, _SPELLINGS.get(unit, unit) or None)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from brickpilot.constants import COUNTS_PER_TURN, RCX
 from brickpilot.data.rows import CsvFormat, read_columns
+from brickpilot.data.signals import SIGNALS
 from brickpilot.data.toml_file import TomlFile
 from brickpilot.errors import InputError
 from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out, run_names, write
@@ -27,19 +28,16 @@ SUMMARY, LOG = "summary.json", "log.csv"
 _REST_S = 1.0  # time after the end of a mission that is kept; the robot rolls out
 _COUNTS = 65536  # number of values of the firmware's counters, which wrap
 _ALWAYS = {
-    "time": ("time_s", "s"),
-    "duty_left": ("left_duty", "1"),
-    "duty_right": ("right_duty", "1"),
-    "battery_voltage": ("battery_v", "V"),
-    "accel_surge": ("measured_accel_surge_m_s2", "m/s^2"),
-    "accel_sway": ("measured_accel_sway_m_s2", "m/s^2"),
-    "yaw_rate": ("measured_yaw_rate_rad_s", "rad/s"),
+    "time": "time_s",
+    "duty_left": "left_duty",
+    "duty_right": "right_duty",
+    "battery_voltage": "battery_v",
+    "accel_surge": "measured_accel_surge_m_s2",
+    "accel_sway": "measured_accel_sway_m_s2",
+    "yaw_rate": "measured_yaw_rate_rad_s",
 }
-"""Signal -> its column in the log, and the column's unit."""
-_WHEELS = {
-    "wheel_angle_left": ("measured_left_counts", "rad"),
-    "wheel_angle_right": ("measured_right_counts", "rad"),
-}
+"""Signal -> its column in the log."""
+_WHEELS = {"wheel_angle_left": "measured_left_counts", "wheel_angle_right": "measured_right_counts"}
 _SENSED = {"imu": _ALWAYS, "imu+encoders": _ALWAYS | _WHEELS}
 
 
@@ -71,11 +69,10 @@ def import_flight(
             raise InputError(message, file=folder)
         if summary["sensors"] != sensors:
             raise InputError(f"was flown with {summary['sensors']}, and {folders[0]} with {sensors}", file=folder)
-    signals = _SENSED[sensors]
-    runs = [NewRun(*one) for one in zip(names, map(_columns, folders, summaries), strict=True)]
+    runs = [NewRun(*run) for run in zip(names, map(_columns, folders, summaries), strict=True)]
     believed = {key: float(one["value"]) for key, one in TomlFile(RCX).data["parameters"].items()}
     note = "counts a turn and nominal values are those of the packaged robot"
-    units = {signal: unit for signal, (_, unit) in signals.items()}
+    units = {signal: SIGNALS[signal].unit for signal in _SENSED[sensors]}
     known = believed | dict(nominal or {})
     return write(
         NewDataset(name or out.resolve().name, "diff_drive", "FRD", units, runs, known, [note]), out, folders[0]
@@ -102,8 +99,7 @@ def _columns(folder: Path, summary: Mapping[str, Any]) -> dict[str, NDArray[np.f
     Raises:
         InputError: the log lacks a column, or is of a manoeuvre, which has no duty.
     """
-    wanted = {signal: column for signal, (column, _) in _SENSED[summary["sensors"]].items()}
-    values = read_columns(folder / LOG, wanted, CsvFormat()).values
+    values = read_columns(folder / LOG, _SENSED[summary["sensors"]], CsvFormat()).values
     if not any(np.any(values[one]) for one in ("duty_left", "duty_right")):
         raise InputError("drives no motor by its duty: it is no flight of a mission", file=folder / LOG)
     turn = 2 * math.pi / COUNTS_PER_TURN

@@ -17,8 +17,7 @@ from brickpilot.data.audit.wiring import COUNTS_A_TURN
 from brickpilot.data.signals import INPUT_SETS, SIGNALS, Vehicle
 from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
-from brickpilot.importers.formula import Place
-from brickpilot.importers.mapping import Source, parse_mapping
+from brickpilot.importers.mapping import Place, Source, parse_mapping
 from brickpilot.importers.text_table import TextTable
 
 Vector = NDArray[np.float64]
@@ -389,22 +388,19 @@ def _wheel(column: Column, driven: bool) -> Taken | str:
         unit = unit if unit in ("A", "mA") else "mA" if column.whole and column.largest > 60.0 else "A"
         return Taken(f"current{tail}", column.name, unit, f"its name; values up to {column.largest:.4g}")
     if words & (_SPEED | {"v"}):
-        kind = _kind(unit, {"rpm": "speed", "rad/s": "speed", "deg/s": "speed", "rotation/s": "speed",
-                            "m/s": "velocity", "mm/s": "velocity", "cm/s": "velocity"})  # fmt: skip
-        if kind is None:
+        if unit not in _RATES | {"m/s", "mm/s", "cm/s"}:
             return f"the unit of a speed is not told; state it with --map {wheel}speed{tail}={column.name}:UNIT"
-        return Taken(f"{wheel}{kind}{tail}", column.name, str(unit), "its name, with its unit")
+        kind = "speed" if unit in _RATES else "velocity"
+        return Taken(f"{wheel}{kind}{tail}", column.name, unit, "its name, with its unit")
     if words & {"angle", "ang", "theta", "phi"}:
         unit = unit or ("deg" if column.largest > 50.0 else "rad")
         return Taken(f"{wheel}angle{tail}", column.name, unit, f"its name; values up to {column.largest:.4g}")
     if words & {"pos", "position", "dist", "distance", "travel"}:
-        kind = _kind(unit, {"m": "travel", "mm": "travel", "cm": "travel", "deg": "angle", "rad": "angle"})
-        if kind is None:
+        if unit not in ("m", "mm", "cm", "deg", "rad"):
             return f"the unit of a position is not told; state it with --map SIGNAL={column.name}:UNIT"
-        signal = f"wheel_{kind}{tail}" if column.side else {"travel": "position", "angle": "angle"}[kind]
-        return Taken(signal, column.name, str(unit), "its name, with its unit")
+        is_angle = unit in ("deg", "rad")
+        signal = ("wheel_angle" if is_angle else "wheel_travel") + tail
+        if not column.side:
+            signal = "angle" if is_angle else "position"
+        return Taken(signal, column.name, unit, "its name, with its unit")
     return "neither its name nor its values tell what it is"
-
-
-def _kind(unit: str | None, kinds: dict[str, str]) -> str | None:
-    return kinds.get(unit) if unit is not None else None

@@ -1,25 +1,247 @@
-"""Reads two options: the source of a signal in a log, `SIGNAL=FORMULA:UNIT`, and nominal values, `NAME=VALUE`."""
+"""Reads two options: the source of a signal in a log, `SIGNAL=FORMULA:UNIT`, and nominal values, `NAME=VALUE`.
+
+A formula over the columns of a log, such as ``encL * 1/960`` or ``(left + right) / 2``, has names of columns, numbers,
+``+ - * /`` and parentheses, and nothing else is evaluated. If the log has a column of this name, a name may contain any
+character: then ``/drive/left`` is a name, not a division.
+"""
 
 from __future__ import annotations
 
+import ast
 import difflib
 import math
+import operator
 import re
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from brickpilot.data.audit.wiring_motion import Taken
+from brickpilot.data.rows import NUMBER
 from brickpilot.data.signals import SIGNALS
 from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
-from brickpilot.importers.formula import Formula, FormulaError, Place, Scaling, parse_formula
 
 Vector = NDArray[np.float64]
+
+_LONGEST = 300  # characters: formulas are typed by hand, and Python's parser has a limited depth
+_NUMBER = NUMBER.removeprefix("[+-]?")  # a sign is an operator here
+_IDENTIFIER = r"[^\W\d]\w*(?:\.\w+)*"
+_INDEX = r"(?:\[(?P<index>\d{1,5})\])?"
+_INDEXED = re.compile(rf"(?P<name>[^\[\]]*[^\[\]\s])\s*{_INDEX}")
+_SIGNS: dict[type[ast.AST], Callable[..., Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.UAdd: operator.pos,
+    ast.USub: operator.neg,
+}
+_ALLOWED = (ast.BinOp, ast.UnaryOp, ast.Constant, ast.Name, ast.Load, *_SIGNS)
+_ALIKE = 0.8  # similarity, by difflib: above it, a text is a misspelled name such as /drive/left
+
+
+class FormulaError(ValueError):
+    """A text that is no formula. The message is for the user and does not repeat the text."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """The place of numbers in a log: a column or variable; for a matrix also the column's index from 0."""
+
+    name: str
+    index: int | None = None
+
+    def __str__(self) -> str:
+        """Returns the place as a formula names it."""
+        return self.name if self.index is None else f"{self.name}[{self.index}]"
+
+
+@dataclass(frozen=True)
+class Scaling:
+    """A linear conversion: value = scale * cell + offset."""
+
+    scale: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Formula:
+    """A formula that has been read.
+
+    Attributes:
+        text: the formula as the user wrote it.
+        places: the places in the log that the formula uses, each once, in the order of the text.
+        scaling: the linear conversion, if the formula is linear in a single place; else None.
+    """
+
+    text: str
+    places: tuple[Place, ...]
+    scaling: Scaling | None
+    _tree: ast.expr
+
+    def values(self, columns: Mapping[Place, Vector]) -> Vector:
+        """Returns the formula's value in each row.
+
+        Raises:
+            FormulaError: it divides by 0, or a value is too large for a number.
+        """
+        named = {f"_{number}": columns[place] for number, place in enumerate(self.places)}
+        with np.errstate(all="ignore"):
+            result = np.asarray(_evaluated(self._tree, named), dtype=np.float64)
+        blank = np.any([np.isnan(column) for column in named.values()], axis=0)
+        if (wrong := ~np.isfinite(result) & ~blank).any():
+            raise FormulaError(f"{self.text!r} is no number in {np.count_nonzero(wrong)} rows: it divides by 0 there")
+        return result
+
+
+def parse_formula(text: str, names: Sequence[str]) -> Formula:
+    """Returns the formula of `text`.
+
+    Args:
+        text: a name, ``name[index]``, or a formula of them.
+        names: the columns of the log. A text that equals a column's name is that name. An unknown name is no error
+            here; `Formula.places` contains it.
+
+    Raises:
+        FormulaError: the text is no formula. The message names the character.
+    """
+    text = text.strip()
+    whole = _INDEXED.fullmatch(text)
+    if text in names or (whole and whole["name"] in names):
+        known = Place(text) if text in names or not whole else Place(whole["name"], _index(whole))
+        return Formula(text, (known,), Scaling(), ast.Name("_0"))
+    try:
+        places, tree = _parsed(text, names)
+    except FormulaError:
+        if not difflib.get_close_matches(text, [name for name in names if re.search(r"\W", name)], 1, _ALIKE):
+            raise
+        places, tree = [Place(text)], ast.Name("_0")
+    if not places:
+        raise FormulaError("names no column; a fixed value stands in --nominal")
+    return Formula(text, tuple(places), _scaling(tree, len(places)), tree)
+
+
+def unknown_name(kind: str, name: str, names: Iterable[str]) -> str:
+    """Returns "no column 'encl' among ...; did you mean 'encL'?" for a name that a log does not have."""
+    known = [one for one in names if one]
+    lower = {one.lower(): one for one in reversed(known)}
+    alike = difflib.get_close_matches(name.lower(), list(lower), 1, 0.6)
+    return f"no {kind} {name!r} among {_listed(known)}" + (f"; did you mean {lower[alike[0]]!r}?" if alike else "")
+
+
+def _listed(names: Sequence[str], longest: int = 200) -> str:
+    text = ", ".join(names)
+    return text if len(text) <= longest else f"{text[:longest].rpartition(',')[0]}, ..."
+
+
+def _index(found: re.Match[str]) -> int | None:
+    return None if found["index"] is None else int(found["index"])
+
+
+def _parsed(text: str, names: Sequence[str]) -> tuple[list[Place], ast.expr]:
+    """Returns the places of a formula and its tree, in which place k is the name ``_k``."""
+    if len(text) > _LONGEST:
+        raise FormulaError(f"is longer than {_LONGEST} characters")
+    places: list[Place] = []
+    parts: list[str] = []
+    at: list[int] = []  # position in `text` of each character of the rewritten text
+    token = _tokens(names)
+    position = 0
+    while position < len(text):
+        found = token.match(text, position)
+        if not found:
+            raise FormulaError(f"{text[position]!r} at character {position + 1} is neither a column nor + - * / ( )")
+        part = found[0]
+        if found["name"]:
+            place = Place(found["name"], _index(found))
+            if place not in places:
+                places.append(place)
+            part = f"_{places.index(place)}"
+        elif found["number"]:
+            part = repr(_finite(float(part)))
+        parts.append(f"{part} ")  # the blank separates a number from a name
+        at.extend([position] * len(parts[-1]))
+        position = found.end()
+    return places, _tree("".join(parts), text, at)
+
+
+def _tokens(names: Sequence[str]) -> re.Pattern[str]:
+    """Returns the pattern of a name, a number or a sign; known names come first, the longest before the others."""
+    known = sorted((name for name in names if name and not re.fullmatch(_NUMBER, name)), key=len, reverse=True)
+    edged = [
+        ("(?<!\\w)" if name[0].isalnum() else "") + re.escape(name) + ("(?!\\w)" if name[-1].isalnum() else "")
+        for name in known
+    ]
+    return re.compile(rf"(?P<name>{'|'.join([*edged, _IDENTIFIER])}){_INDEX}|(?P<number>{_NUMBER})|[-+*/()]|\s+")
+
+
+def _tree(rewritten: str, text: str, at: Sequence[int]) -> ast.expr:
+    try:
+        tree = ast.parse(rewritten.strip(), mode="eval").body
+    except SyntaxError as error:
+        start = len(rewritten) - len(rewritten.lstrip())
+        offset = (error.offset or 1) - 1 + start
+        if not error.offset or offset >= len(at) - 1:
+            raise FormulaError("is no formula: it ends too early") from error
+        raise FormulaError(f"is no formula: wrong near {text[at[offset] :][:10]!r}") from error
+    for node in ast.walk(tree):
+        if not isinstance(node, _ALLOWED):
+            raise FormulaError("may have names of columns, numbers, + - * / and parentheses only")
+    return tree
+
+
+def _evaluated(node: ast.expr, named: Mapping[str, Any]) -> Any:
+    """Returns the value of a tree of `_ALLOWED` nodes: a float, or of the type in `named` if the tree has names.
+
+    Raises:
+        FormulaError: it divides by the constant 0, or a number in it is too large.
+    """
+    match node:
+        case ast.Name():
+            return named[node.id]
+        case ast.Constant():
+            return node.value
+        case ast.UnaryOp():
+            return _SIGNS[type(node.op)](_evaluated(node.operand, named))
+    assert isinstance(node, ast.BinOp)
+    left, right = _evaluated(node.left, named), _evaluated(node.right, named)
+    if isinstance(node.op, ast.Div) and isinstance(right, float) and right == 0.0:
+        raise FormulaError("divides by 0")
+    value = _SIGNS[type(node.op)](left, right)
+    return _finite(value) if isinstance(value, float) else value
+
+
+def _scaling(tree: ast.expr, places: int) -> Scaling | None:
+    """Returns the linear conversion of a formula with one place; None: it has several places, or is not linear.
+
+    Raises:
+        FormulaError: it divides by the constant 0, a number in it is too large, or it does not depend on its place.
+    """
+    named = [f"_{number}" for number in range(places)]
+    with np.errstate(all="ignore"):
+        try:
+            factors = _evaluated(tree, dict.fromkeys(named, Polynomial([0.0, 1.0]))).coef
+        except TypeError:  # the formula divides by a polynomial
+            _evaluated(tree, dict.fromkeys(named, np.ones(1)))  # refuses wrong constants
+            return None
+    for factor in factors:
+        _finite(factor)
+    if places == 1 and factors.size == 1:
+        raise FormulaError("does not depend on any column")
+    return Scaling(float(factors[1]), float(factors[0]) + 0.0) if places == 1 and factors.size == 2 else None
+
+
+def _finite(value: float) -> float:
+    if not math.isfinite(value):
+        raise FormulaError("a number in it is too large")
+    return value
 
 
 @dataclass(frozen=True)
@@ -27,7 +249,7 @@ class Source:
     """The source of a signal in a log.
 
     Attributes:
-        text: a column's name, ``name[index]``, or a formula (`formula`).
+        text: a column's name, ``name[index]``, or a formula.
         unit: the unit of the formula's value.
         states_unit: whether the user stated the unit; otherwise `unit` is the SI unit.
     """
@@ -38,17 +260,26 @@ class Source:
 
 
 @dataclass(frozen=True)
-class Mapped:
-    """The signals of one log.
+class Signals:
+    """The signals of one log, in the order of time.
 
     Attributes:
-        columns: signal -> its cells. A formula that is linear in one column leaves the cells as logged.
+        file: the log.
+        columns: signal -> its cells, NaN where blank; with the time. A formula that is linear in one column leaves the
+            cells as logged.
         scalings: signal -> conversion of its cells to values in the signal's unit; without signals of scale 1 and
             offset 0.
+        units: signal -> unit of its values.
+        notes: for the user, a sentence each on what was left out or changed.
+        starts: rows at which a new run has to begin, because a clock or a counter starts again.
     """
 
+    file: Path
     columns: dict[str, Vector]
     scalings: dict[str, Scaling]
+    units: Mapping[str, str]
+    notes: Sequence[str] = ()
+    starts: Sequence[int] = ()
 
 
 def parse_mapping(entries: Sequence[str], *, has_time: bool = False, partly: bool = False) -> dict[str, Source]:
@@ -99,7 +330,7 @@ def _unit_apart(text: str) -> tuple[str, str | None]:
 def read_formulas(sources: Mapping[str, Source], names: Sequence[str]) -> dict[str, Formula]:
     """Returns signal -> formula, for a log that has the columns `names`.
 
-    A formula may name an unknown column; the reader of the log refuses it later (`formula.unknown_name`).
+    A formula may name an unknown column; the reader of the log refuses it later (`unknown_name`).
 
     Raises:
         InputError: a text that is no formula.
@@ -113,42 +344,45 @@ def read_formulas(sources: Mapping[str, Source], names: Sequence[str]) -> dict[s
     return formulas
 
 
-def take(formulas: Mapping[str, Formula], column: Callable[[str, Place], Vector], file: Path) -> Mapped:
-    """Returns the signals of one log.
+def take(
+    file: Path, formulas: Mapping[str, Formula], column: Callable[[str, Place], Vector]
+) -> tuple[dict[str, Vector], dict[str, Scaling]]:
+    """Returns the columns and the scalings of `Signals`.
 
     Args:
+        file: the log, which errors name.
         formulas: the result of `read_formulas`.
         column: function that returns the cells of a place for a signal, NaN where blank, or raises an InputError.
-        file: the log, which errors name.
 
     Raises:
         InputError: a formula that has no finite value in some rows.
     """
-    columns, scalings = {}, {}
+    columns = {}
     for signal, formula in formulas.items():
         cells = {place: column(signal, place) for place in formula.places}
-        if formula.scaling is not None:
-            columns[signal] = cells[formula.places[0]]
-            if formula.scaling != Scaling():
-                scalings[signal] = formula.scaling
-            continue
         try:
-            columns[signal] = formula.values(cells)
+            columns[signal] = formula.values(cells) if formula.scaling is None else cells[formula.places[0]]
         except FormulaError as error:
             raise InputError(str(error), file=file, field=signal) from error
-    return Mapped(columns, scalings)
+    return columns, scalings_of(formulas)
 
 
-def common_scalings(logs: Sequence[Mapped], files: Sequence[Path]) -> dict[str, Scaling]:
+def scalings_of(formulas: Mapping[str, Formula]) -> dict[str, Scaling]:
+    """Returns signal -> scaling, without signals of scale 1 and offset 0."""
+    linear = {signal: formula.scaling for signal, formula in formulas.items() if formula.scaling is not None}
+    return {signal: scaling for signal, scaling in linear.items() if scaling != Scaling()}
+
+
+def common_scalings(logs: Sequence[Signals]) -> dict[str, Scaling]:
     """Returns signal -> scaling of all the logs of a data set.
 
     Raises:
         InputError: a formula has another meaning in one log, because its columns have other names.
     """
-    for log, file in zip(logs, files, strict=True):
+    for log in logs:
         if log.scalings != logs[0].scalings:
-            raise InputError(f"its columns are named otherwise than those of {files[0]}", file=file)
-    return dict(logs[0].scalings)
+            raise InputError(f"its columns are named otherwise than those of {logs[0].file}", file=log.file)
+    return logs[0].scalings
 
 
 def parse_nominal(entries: Sequence[str]) -> dict[str, float]:

@@ -6,7 +6,7 @@ A signal's place is ``VARIABLE``, or ``VARIABLE[COLUMN]`` for a column of a matr
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,29 +15,23 @@ from numpy.typing import NDArray
 
 from brickpilot.errors import InputError
 from brickpilot.importers.channels import Channel, Log
-from brickpilot.importers.chosen import Read, SignalImporter
-from brickpilot.importers.formula import Place, unknown_name
-from brickpilot.importers.mapping import Source, read_formulas, take, units_of
+from brickpilot.importers.chosen import SignalImporter
+from brickpilot.importers.mapping import Place, Signals, Source, read_formulas, take, units_of, unknown_name
 from brickpilot.importers.mat_file import load
 
 
-def _signals(file: Path, sources: Mapping[str, Source], _rate: float | None, _cut: bool) -> Read:
-    variables = load(file)
-    names = _names(variables)
-
-    def column(signal: str, place: Place) -> NDArray[np.float64]:
-        return _column(file, signal, place, variables, names)
-
-    formulas = read_formulas(sources, names)
-    samples = column("time", formulas["time"].places[0]).size
+def _signals(file: Path, sources: Mapping[str, Source], _rate: float | None, _cut: bool) -> Signals:
+    variables = _with_fields(load(file))
+    formulas = read_formulas(sources, list(variables))
+    samples = _column(file, "time", formulas["time"].places[0], variables).size
 
     def checked(signal: str, place: Place) -> NDArray[np.float64]:
-        values = column(signal, place)
+        values = _column(file, signal, place, variables)
         if values.size != samples:
             raise InputError(f"has {values.size} values where time has {samples}", file=file, field=signal)
         return values
 
-    return Read(take(formulas, checked, file), units_of(sources))
+    return Signals(file, *take(file, formulas, checked), units_of(sources))
 
 
 def read(file: Path) -> Log:
@@ -46,51 +40,36 @@ def read(file: Path) -> Log:
     Raises:
         InputError: no such file, or the file cannot be read.
     """
-    variables = load(file)
+    variables = _with_fields(load(file))
     channels, others = {}, []
-    for name in _names(variables):
+    for name, value in variables.items():
+        shape = np.shape(value)
+        is_matrix = len(shape) == 2 and min(shape) > 1
         try:
-            for place in _places(name, variables):
-                text = name if place.index is None else f"{name}[{place.index}]"
-                channels[text] = Channel(text, "matrix", None, _column(file, name, place, variables, ()))
+            for place in [Place(name, index) for index in range(shape[1])] if is_matrix else [Place(name)]:
+                values = _column(file, name, place, variables)
+                channels[str(place)] = Channel(str(place), "matrix", None, values)
         except InputError:
             others.append(name)
     notes = (f"without a vector of numbers: {', '.join(others)}",) if others else ()
     return Log(file, channels, notes=notes)
 
 
-def _places(name: str, variables: Mapping[str, Any]) -> list[Place]:
-    """Returns the place of a vector, or the places of a matrix's columns."""
-    value: Any = variables
-    for part in name.split("."):
-        value = value[part]
-    shape = np.shape(value)
-    if len(shape) == 2 and min(shape) > 1:
-        return [Place(name, index) for index in range(shape[1])]
-    return [Place(name)]
-
-
-def _names(variables: Mapping[str, Any]) -> list[str]:
-    """Returns the names of all variables; a field of a struct is ``struct.field``."""
-    names = []
+def _with_fields(variables: Mapping[str, Any]) -> dict[str, Any]:
+    """Returns name -> value of all variables and of the fields of structs, each after its struct."""
+    every = {}
     for name, value in variables.items():
-        if str(name).startswith("__"):
-            continue
-        names.append(str(name))
-        if isinstance(value, Mapping):
-            names.extend(f"{name}.{field}" for field in _names(value))
-    return names
+        if not str(name).startswith("__"):
+            every[str(name)] = value
+            if isinstance(value, Mapping):
+                every |= {f"{name}.{field}": content for field, content in _with_fields(value).items()}
+    return every
 
 
-def _column(
-    file: Path, signal: str, place: Place, variables: Mapping[str, Any], names: Sequence[str]
-) -> NDArray[np.float64]:
-    value: Any = variables
-    for part in place.name.split("."):
-        if not isinstance(value, Mapping) or part not in value:
-            raise InputError(unknown_name("variable", place.name, names), file=file, field=signal)
-        value = value[part]
-    matrix = np.asarray(value)
+def _column(file: Path, signal: str, place: Place, variables: Mapping[str, Any]) -> NDArray[np.float64]:
+    if place.name not in variables:
+        raise InputError(unknown_name("variable", place.name, variables), file=file, field=signal)
+    matrix = np.asarray(variables[place.name])
     if matrix.dtype.kind not in "fiub" or matrix.ndim not in (1, 2):
         raise InputError(f"{place.name!r} is not a vector or matrix of real numbers", file=file, field=signal)
     if place.index is not None:

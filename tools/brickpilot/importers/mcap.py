@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from pathlib import Path
-from typing import Any
 
 from brickpilot.errors import InputError
 from brickpilot.importers.channels import Log, check_file, is_wanted, libraries
-from brickpilot.importers.chosen import channel_importer
 from brickpilot.importers.ros_messages import Topic, log_of
 
 _MAGIC = b"\x89MCAP0\r\n"
@@ -38,7 +36,9 @@ def read(file: Path, texts: Collection[str] | None = None) -> Log:
                 if not is_wanted(channel.topic, texts):
                     continue
                 kind = schema.name if schema is not None else channel.message_encoding
-                if (decode := _decoder(channel.message_encoding, schema, decoders)) is None:
+                encoding = channel.message_encoding
+                decode = json.loads if encoding == "json" else decoders.decoder_for(encoding, schema)
+                if decode is None:
                     others.add(f"{channel.topic} ({kind})")
                     continue
                 topics.setdefault(channel.topic, Topic(channel.topic, kind)).add(message.log_time, decode(message.data))
@@ -47,10 +47,3 @@ def read(file: Path, texts: Collection[str] | None = None) -> Log:
         except Exception as error:  # mcap and its decompressors raise many kinds of error on a damaged file
             raise InputError(f"is a damaged MCAP file: {error}", file=file) from error
     return log_of(file, topics.values(), others, cut=cut)
-
-
-def _decoder(encoding: str, schema: Any, ros2: Any) -> Callable[[bytes], Any] | None:
-    return json.loads if encoding == "json" else ros2.decoder_for(encoding, schema)
-
-
-import_mcap = channel_importer(read)

@@ -14,28 +14,26 @@ import numpy as np
 
 from brickpilot.errors import InputError
 from brickpilot.importers.channels import Channel, Log, Vector, check_file, is_wanted, libraries
-from brickpilot.importers.chosen import Read, SignalImporter, unit_of
-from brickpilot.importers.formula import Place, unknown_name
-from brickpilot.importers.mapping import Source, read_formulas, take
+from brickpilot.importers.chosen import SignalImporter, unit_of
+from brickpilot.importers.mapping import Place, Signals, Source, read_formulas, take, unknown_name
 
 
-def _signals(file: Path, sources: Mapping[str, Source], _rate: float | None, _cut: bool) -> Read:
+def _signals(file: Path, sources: Mapping[str, Source], _rate: float | None, _cut: bool) -> Signals:
     log = read(file, [source.text for source in sources.values()])
     known = list(log.channels)
     formulas = read_formulas(sources, known)
 
     def column(signal: str, place: Place) -> Vector:
         if place.index is not None or place.name not in log.channels:
-            text = place.name if place.index is None else f"{place.name}[{place.index}]"
-            raise InputError(unknown_name("column", text, read(file).channels), file=file, field=signal)
+            raise InputError(unknown_name("column", str(place), read(file).channels), file=file, field=signal)
         return log.channels[place.name].values
 
-    mapped = take(formulas, column, file)
+    mapped = take(file, formulas, column)
     units = {
         signal: unit_of(file, signal, formula, log.channels[formula.places[0].name], sources[signal])
         for signal, formula in formulas.items()
     }
-    return Read(mapped, units)
+    return Signals(file, *mapped, units)
 
 
 def read(file: Path, texts: Collection[str] | None = None) -> Log:
@@ -73,7 +71,8 @@ def _channels(table: Any, arrow: Any) -> Iterator[Channel]:
             per_second = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}[kind.unit]
             yield Channel(field.name, str(kind), None, _floats(ticks, arrow) / per_second, "s")
         elif types.is_boolean(kind) or types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind):
-            yield Channel(field.name, str(kind), None, _floats(column, arrow), _unit(field))
+            unit = (field.metadata or {}).get(b"unit", b"").decode(errors="replace")
+            yield Channel(field.name, str(kind), None, _floats(column, arrow), unit or None)
 
 
 def _floats(column: Any, arrow: Any) -> Vector:
@@ -81,11 +80,6 @@ def _floats(column: Any, arrow: Any) -> Vector:
     if arrow.types.is_boolean(column.type):
         column = column.cast(arrow.int8())
     return np.asarray(column.cast(arrow.float64(), safe=False).to_numpy(zero_copy_only=False), dtype=np.float64)
-
-
-def _unit(field: Any) -> str | None:
-    stated = (field.metadata or {}).get(b"unit", b"").decode(errors="replace")
-    return stated or None
 
 
 import_parquet = SignalImporter(_signals)

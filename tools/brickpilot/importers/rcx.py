@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.constants import COUNTS_PER_TURN
+from brickpilot.data.signals import SIGNALS
 from brickpilot.errors import InputError
 from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out, write
 from brickpilot.link import lnp
@@ -59,13 +60,10 @@ class Manoeuvre:
     samples: int
 
     @property
-    def rests(self) -> bool:
-        return self.left == 0 and self.right == 0
-
-    @property
     def label(self) -> str:
+        """The name of its run; "": both motors rest."""
         if self.left == self.right:
-            return "forward" if self.left > 0 else "backward"
+            return "forward" if self.left > 0 else "backward" if self.left < 0 else ""
         return "spin" if self.left == -self.right else "turn"
 
 
@@ -74,22 +72,20 @@ class Description:
     """Block 0 of a recording.
 
     Attributes:
-        rotation: whether rotation sensors were logged; else two accelerometers.
         period_s: s between samples.
         samples: number of logged samples.
         late: number of samples that were taken late.
-        gyro, surge, sway: the analogue sensors; None: not logged.
+        gyro: the gyro.
+        accelerometers: those of surge and sway; None: rotation sensors were logged.
         reversed_wheels: whether the left and the right rotation sensor count backward.
         manoeuvres: the manoeuvres in order.
     """
 
-    rotation: bool
     period_s: float
     samples: int
     late: int
     gyro: Axis
-    surge: Axis | None
-    sway: Axis | None
+    accelerometers: tuple[Axis, Axis] | None
     reversed_wheels: tuple[bool, bool]
     manoeuvres: tuple[Manoeuvre, ...]
 
@@ -198,8 +194,8 @@ def describe(block: bytes, port: Path) -> Description:
     except (struct.error, IndexError, ValueError) as error:
         raise InputError("the description is not whole: run the recorder to its end", file=port) from error
     manoeuvres = tuple(Manoeuvre(left / 32768, right / 32768, count) for left, right, count in rows)
-    surge, sway = (axes[1], axes[2]) if kind == 0 else (None, None)
-    return Description(kind == 1, period_ms / 1000, samples, late, axes[0], surge, sway, wheels, manoeuvres)
+    accelerometers = (axes[1], axes[2]) if kind == 0 else None
+    return Description(period_ms / 1000, samples, late, axes[0], accelerometers, wheels, manoeuvres)
 
 
 def unpack(content: bytes) -> NDArray[np.int64]:
@@ -216,14 +212,16 @@ def dataset_of(
     """Makes a run of each manoeuvre and the rest after it. The first run also has the rest before it."""
     columns = _columns(description, samples)
     runs = [
-        NewRun(label, {"time": _times(end - begin, description.period_s), **_cut(columns, begin, end)})
+        NewRun(
+            label,
+            {
+                "time": np.arange(end - begin, dtype=np.float64) * description.period_s,
+                **{signal: values[begin:end] for signal, values in columns.items()},
+            },
+        )
         for label, begin, end in _runs(description)
     ]
-    units = {"time": "s", "duty_left": "1", "duty_right": "1", "battery_voltage": "V", "yaw_rate": "rad/s"}
-    if description.rotation:
-        units |= {"wheel_angle_left": "rad", "wheel_angle_right": "rad"}
-    else:
-        units |= {"accel_surge": "m/s^2", "accel_sway": "m/s^2"}
+    units = {signal: SIGNALS[signal].unit for signal in ("time", *columns)}
     notes = [f"{description.late} of {description.samples} samples were late"] if description.late else []
     return NewDataset(name, "diff_drive", "FRD", units, runs, nominal, notes)
 
@@ -238,14 +236,12 @@ def _columns(description: Description, samples: NDArray[np.int64]) -> dict[str, 
         "battery_voltage": battery * BATTERY_V,
         "yaw_rate": description.gyro.of(gyro),
     }
-    if description.surge is not None and description.sway is not None:
-        columns |= {"accel_surge": description.surge.of(first), "accel_sway": description.sway.of(second)}
-    else:
-        left, right = (
-            _turned(raw, mirrored) for raw, mirrored in zip((first, second), description.reversed_wheels, strict=True)
-        )
-        columns |= {"wheel_angle_left": left, "wheel_angle_right": right}
-    return columns
+    if description.accelerometers is not None:
+        surge, sway = description.accelerometers
+        return columns | {"accel_surge": surge.of(first), "accel_sway": sway.of(second)}
+    left_reversed, right_reversed = description.reversed_wheels
+    wheels = {"wheel_angle_left": _turned(first, left_reversed), "wheel_angle_right": _turned(second, right_reversed)}
+    return columns | wheels
 
 
 def _turned(raw: Vector, mirrored: bool) -> Vector:
@@ -254,21 +250,12 @@ def _turned(raw: Vector, mirrored: bool) -> Vector:
     return -angle if mirrored else angle
 
 
-def _times(count: int, period_s: float) -> Vector:
-    times: Vector = np.arange(count, dtype=np.float64) * period_s
-    return times
-
-
-def _cut(columns: Mapping[str, Vector], begin: int, end: int) -> dict[str, Vector]:
-    return {signal: values[begin:end] for signal, values in columns.items()}
-
-
 def _runs(description: Description) -> Iterator[tuple[str, int, int]]:
     """Yields the name of each run, its first sample, and the sample after its last."""
     begin = at = 0
     label = ""
     for manoeuvre in description.manoeuvres:
-        if not manoeuvre.rests:
+        if manoeuvre.label:
             if label:
                 yield label, begin, at
                 begin = at

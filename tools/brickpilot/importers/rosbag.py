@@ -7,7 +7,6 @@ from pathlib import Path
 
 from brickpilot.errors import InputError
 from brickpilot.importers.channels import Log, is_wanted, libraries
-from brickpilot.importers.chosen import channel_importer
 from brickpilot.importers.ros_messages import Topic, log_of
 
 
@@ -49,6 +48,3 @@ def _bag(file: Path) -> Path:
     if not (folder / "metadata.yaml").is_file():
         raise InputError("is no bag: there is no metadata.yaml (`ros2 bag reindex` writes one)", file=file)
     return folder
-
-
-import_rosbag = channel_importer(read)

@@ -1,11 +1,10 @@
-"""Splits one log with many manoeuvres into runs: at the rests between them, or at stated times."""
+"""Makes runs of a log's signals. A log with many manoeuvres is split at the rests between them, or at stated times."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -14,9 +13,14 @@ from numpy.typing import NDArray
 from brickpilot import catalogue
 from brickpilot.data.holdout import kind_of
 from brickpilot.data.signals import RATE_OF, SIGNALS, of_motors
+from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
+from brickpilot.importers.mapping import Scaling, Signals
+from brickpilot.importers.writer import NewRun
 
 Vector = NDArray[np.float64]
+Spans = Sequence[tuple[float, float]] | None
+"""The times in s of `--split FROM,TO`; empty without the option; None for `--split rests`."""
 
 _SHORTEST_REST_S = 0.3
 _KEPT_S = 0.5  # length of the rest before and after a manoeuvre that its run keeps
@@ -25,16 +29,8 @@ _PAUSE_S, _PAUSE_STEPS = 1.0, 20.0  # s; and 0.9-quantiles of the steps: a hole 
 _STILL = 0.05  # share of the log's fastest motion: a slower motion counts as rest
 
 
-@dataclass(frozen=True)
-class Part:
-    """Rows of a log that become a separate run."""
-
-    name: str
-    rows: slice
-
-
-def parse_split(entries: Sequence[str]) -> list[tuple[float, float]] | None:
-    """Returns the times in s of `--split FROM,TO`; empty without the option; None for `--split rests`.
+def parse_split(entries: Sequence[str]) -> Spans:
+    """Reads the values of `--split`.
 
     Raises:
         InputError: an entry of another form, or both forms at once.
@@ -55,20 +51,64 @@ def parse_split(entries: Sequence[str]) -> list[tuple[float, float]] | None:
     return spans
 
 
-def split_log(
-    time: Vector, signals: Mapping[str, Vector], starts: Sequence[int], spans: Sequence[tuple[float, float]] | None
-) -> list[Part]:
-    """Returns the runs of a log, in order; a run that is the whole log has no name.
+def runs_of(logs: Sequence[Signals], spans: Spans, names: Sequence[str]) -> tuple[list[NewRun], list[str]]:
+    """Returns the runs of logs, and notes, each of which names its file.
+
+    Args:
+        logs: the logs' signals.
+        spans: the result of `parse_split`.
+        names: for each log, the name of the run of the whole log. With several logs, the names of a log's parts begin
+            with it.
+
+    Raises:
+        InputError: a span has fewer than two rows; spans are given and a log's clock starts again; or a log has no
+            manoeuvre.
+    """
+    runs, notes = list[NewRun](), list[str]()
+    for log, name in zip(logs, names, strict=True):
+        prefix = f"{name}_" if len(logs) > 1 else ""
+        own, own_notes = _runs_of(log, spans, name, prefix)
+        runs += own
+        notes += [f"{log.file.name}: {note}" for note in (*log.notes, *own_notes)]
+    return runs, notes
+
+
+def _runs_of(log: Signals, spans: Spans, whole: str, prefix: str) -> tuple[list[NewRun], list[str]]:
+    """Returns the runs of a log, and notes; `whole`: the name of the whole log, `prefix`: of its parts' names."""
+    scalings = {name: log.scalings.get(name, Scaling()) for name in log.columns}
+    signals = {name: scalings[name].scale * cells + scalings[name].offset for name, cells in log.columns.items()}
+    time = signals.pop("time") * si_factor(log.units["time"], "s")
+    runs: list[NewRun] = []
+    before: int | None = None
+    paused = pauses(time)
+    for part, rows in _parts(time, signals, sorted({*log.starts, *paused}), spans):
+        pause = None if before is None else float(time[rows.start] - time[before])
+        gap_s = None if pause is None or pause < 0.0 else round(pause, 6)
+        cells = {name: values[rows] for name, values in log.columns.items()}
+        runs.append(NewRun(f"{prefix}{part}" if part else whole, cells, gap_s))
+        before = rows.stop - 1
+    notes = []
+    if paused and not spans:
+        longest = max(float(time[row] - time[row - 1]) for row in paused)
+        notes.append(
+            f"pauses between its rows: {len(paused)}, of {longest:.3g} s at most; a new run begins behind each"
+        )
+    if spans is None:
+        kept = sum(run.columns["time"].size for run in runs)
+        notes.append(f"it is split at its rests into {len(runs)} runs, which hold {kept} of {time.size} rows")
+    elif not spans and np.all(np.diff(time) > 0.0) and (count := len(manoeuvres(time, signals))) > 1:
+        notes.append(f"it holds {count} manoeuvres with rests between them; --split rests makes a run of each")
+    return runs, notes
+
+
+def _parts(time: Vector, signals: Mapping[str, Vector], starts: Sequence[int], spans: Spans) -> list[tuple[str, slice]]:
+    """Returns name and rows of each run of a log, in order; a run that is the whole log has no name.
 
     Args:
         time: (n,) s.
         signals: inputs and outputs, NaN where blank.
         starts: rows at which a new run has to begin.
         spans: the result of `parse_split`.
-
-    Raises:
-        InputError: a span has fewer than two rows; spans are given and the log's clock starts again; or no manoeuvre is
-            found.
     """
     if spans:
         return _stated(time, spans)
@@ -76,14 +116,13 @@ def split_log(
     pieces = [slice(start, stop) for start, stop in pairwise(bounds) if stop - start >= 2]
     if spans is not None:
         whole = len(pieces) == 1 and pieces[0] == slice(0, time.size)
-        return [Part("" if whole else f"part_{number}", piece) for number, piece in enumerate(pieces, 1)]
+        return [("" if whole else f"part_{number}", piece) for number, piece in enumerate(pieces, 1)]
     counted: Counter[str] = Counter()
     parts = []
     for piece in pieces:
         for kind, rows in manoeuvres(time[piece], {name: values[piece] for name, values in signals.items()}):
             counted[kind] += 1
-            shifted = slice(piece.start + rows.start, piece.start + rows.stop)
-            parts.append(Part(f"{kind}_{counted[kind]}", shifted))
+            parts.append((f"{kind}_{counted[kind]}", slice(piece.start + rows.start, piece.start + rows.stop)))
     if not parts:
         raise InputError("finds no manoeuvre: no input is ever other than 0", field="--split rests")
     return parts
@@ -99,7 +138,7 @@ def pauses(time: Vector) -> list[int]:
     return (np.flatnonzero(steps > max(_PAUSE_S, _PAUSE_STEPS * usual)) + 1).tolist()
 
 
-def _stated(time: Vector, spans: Sequence[tuple[float, float]]) -> list[Part]:
+def _stated(time: Vector, spans: Sequence[tuple[float, float]]) -> list[tuple[str, slice]]:
     if np.any(np.diff(time) <= 0.0):
         raise InputError("needs a log whose clock does not start again", field="--split FROM,TO")
     parts = []
@@ -108,13 +147,14 @@ def _stated(time: Vector, spans: Sequence[tuple[float, float]]) -> list[Part]:
         if last - first < 2:
             message = f"holds {last - first} rows of a log from {time[0]:.6g} to {time[-1]:.6g} s"
             raise InputError(message, field=f"--split {start:g},{end:g}")
-        parts.append(Part(f"part_{number}", slice(int(first), int(last))))
+        parts.append((f"part_{number}", slice(int(first), int(last))))
     return parts
 
 
 def manoeuvres(time: Vector, signals: Mapping[str, Vector]) -> list[tuple[str, slice]]:
     """Returns kind and rows of each manoeuvre, with up to 0.5 s of the rest before it and after it.
 
+    The kind is straight, spin or curve; for a motor, drive.
     The vehicle rests if no input drives it and it hardly moves for at least 0.3 s.
 
     Args:
@@ -128,8 +168,12 @@ def manoeuvres(time: Vector, signals: Mapping[str, Vector]) -> list[tuple[str, s
     resting = np.zeros(time.size, dtype=bool)
     for rest in rests:
         resting[rest] = True
+    half_track = catalogue.parameter("half_track").preset
     return [
-        (_kind({name: values[busy_rows] for name, values in inputs.items()}), _with_rest(time, busy_rows, rests))
+        (
+            kind_of(of_motors({name: values[busy_rows] for name, values in inputs.items()}, half_track)),
+            _with_rest(time, busy_rows, rests),
+        )
         for busy_rows in _stretches(~resting)
         if driven[busy_rows].any()
     ]
@@ -181,8 +225,3 @@ def _stretches(flags: NDArray[np.bool_]) -> list[slice]:
     """Returns the stretches of rows in which a flag is set."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
     return [slice(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
-
-
-def _kind(inputs: Mapping[str, Vector]) -> str:
-    """Returns the kind of drive: straight, spin or curve; for a motor: drive."""
-    return kind_of(of_motors(inputs, catalogue.parameter("half_track").preset))

@@ -5,23 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from brickpilot.data.input_timing import InputTiming
 from brickpilot.data.rows import DELIMITERS
 from brickpilot.data.signals import SIGNALS, Frame, Vehicle
-from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
-from brickpilot.importers.formula import Scaling
+from brickpilot.importers.channels import Channel, Log
 from brickpilot.importers.guess import Guess, guess
-from brickpilot.importers.mapping import Source, common_scalings, parse_mapping, units_of
-from brickpilot.importers.split import manoeuvres, parse_split, pauses, split_log
-from brickpilot.importers.table_log import Log, joined, read_log
+from brickpilot.importers.mapping import Place, Signals, Source, common_scalings, parse_mapping, units_of
+from brickpilot.importers.split import parse_split, runs_of
+from brickpilot.importers.table_log import joined, read_log
 from brickpilot.importers.text_table import TextTable, read_table
-from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out, run_names, write
-
-Vector = NDArray[np.float64]
+from brickpilot.importers.writer import Imported, NewDataset, check_out, run_names, write
 
 _SPELLINGS = {"tab": "\t", r"\t": "\t"}
 
@@ -77,12 +71,11 @@ def import_table(
         logs = [read_log(table, sources) for table in tables]
     else:
         logs = _joined_logs(tables, sources, read_table(Path(inputs), delimiter, header))
-    scalings = common_scalings([log.signals for log in logs], files)
-    runs, told = runs_of(logs, sources, spans, names)
-    notes = [*found.notes, *told]
+    scalings = common_scalings(logs)
+    runs, notes = runs_of(logs, spans, names)
     new = NewDataset(
-        name or out.resolve().name, found.vehicle, frame, units_of(sources), runs, nominal or {}, notes, scalings,
-        found.reasons, input_timing, sources, found.guessed, as_wired,
+        name or out.resolve().name, found.vehicle, frame, units_of(sources), runs, nominal or {},
+        [*found.notes, *notes], scalings, found.reasons, input_timing, sources, found.guessed, as_wired,
     )  # fmt: skip
     return write(new, out, files[0])
 
@@ -95,7 +88,7 @@ def _delimiter(text: str | None) -> str | None:
     return delimiter
 
 
-def _joined_logs(tables: Sequence[TextTable], sources: Mapping[str, Source], inputs: TextTable) -> list[Log]:
+def _joined_logs(tables: Sequence[TextTable], sources: Mapping[str, Source], inputs: TextTable) -> list[Signals]:
     """Returns the logs with the inputs of a table of events."""
     if len(tables) > 1:
         raise InputError("belongs to one log; import one file at a time", field="--inputs")
@@ -104,68 +97,19 @@ def _joined_logs(tables: Sequence[TextTable], sources: Mapping[str, Source], inp
     return [joined(read_log(table, measured), events) for table in tables]
 
 
-def runs_of(
-    logs: Sequence[Log],
-    sources: Mapping[str, Source],
-    spans: Sequence[tuple[float, float]] | None,
-    names: Sequence[str],
-) -> tuple[list[NewRun], list[str]]:
-    """Returns the runs of logs, and notes, each of which names its file.
+def read(file: Path) -> Log:
+    """Reads the columns that hold numbers.
 
-    Args:
-        logs: the logs' signals, with the time.
-        sources: signal -> source, for the unit of time.
-        spans: the result of `split.parse_split`.
-        names: for each log, the name of the run of the whole log. With several logs, the names of a log's parts begin
-            with it.
+    Raises:
+        InputError: no such file, or no table in it.
     """
-    runs, notes = list[NewRun](), list[str]()
-    for log, name in zip(logs, names, strict=True):
-        made, told = _runs_of(log, sources, spans, (name, f"{name}_" if len(logs) > 1 else ""))
-        runs += made
-        notes += [f"{log.file.name}: {note}" for note in (*log.notes, *told)]
-    return runs, notes
-
-
-def _runs_of(
-    log: Log, sources: Mapping[str, Source], spans: Sequence[tuple[float, float]] | None, names: tuple[str, str]
-) -> tuple[list[NewRun], list[str]]:
-    """Returns the runs of a log, and notes; `names`: the name of the whole log, and the prefix of its parts' names."""
-    columns, scalings = log.signals.columns, log.signals.scalings
-    signals = {name: _value(cells, scalings.get(name, Scaling())) for name, cells in columns.items()}
-    time = signals.pop("time") * si_factor(sources["time"].unit, "s")
-    whole, prefix = names
-    runs: list[NewRun] = []
-    before: int | None = None
-    paused = pauses(time)
-    for part in split_log(time, signals, sorted({*log.starts, *paused}), spans):
-        first, last = part.rows.start, part.rows.stop - 1
-        pause = None if before is None else float(time[first] - time[before])
-        gap_s = None if pause is None or pause < 0.0 else round(pause, 6)
-        cells = {name: values[part.rows] for name, values in columns.items()}
-        runs.append(NewRun(f"{prefix}{part.name}" if part.name else whole, cells, gap_s))
-        before = last
-    notes = []
-    if paused and not spans:
-        longest = max(float(time[row] - time[row - 1]) for row in paused)
-        notes.append(
-            f"pauses between its rows: {len(paused)}, of {longest:.3g} s at most; a new run begins behind each"
-        )
-    return runs, notes + _split_notes(log, time, signals, spans, runs)
-
-
-def _split_notes(
-    log: Log, time: Vector, signals: Mapping[str, Vector], spans: Sequence[tuple[float, float]] | None,
-    runs: Sequence[NewRun],
-) -> list[str]:  # fmt: skip
-    rows = sum(run.columns["time"].size for run in runs)
-    if spans is None:
-        return [f"it is split at its rests into {len(runs)} runs, which hold {rows} of {time.size} rows"]
-    in_order = bool(np.all(np.diff(time) > 0.0))
-    if not spans and in_order and (count := len(manoeuvres(time, signals))) > 1:
-        return [f"it holds {count} manoeuvres with rests between them; --split rests makes a run of each"]
-    return []
-
-
-def _value(cells: Vector, scaling: Scaling) -> Vector:
-    return scaling.scale * cells + scaling.offset
+    table = read_table(file)
+    channels: dict[str, Channel] = {}
+    others = []
+    for name in table.names:
+        try:
+            channels[name] = Channel(name, "number", None, table.column(name, Place(name))[0])
+        except InputError:
+            others.append(name)
+    notes = (f"without numbers: {', '.join(others)}",) if others else ()
+    return Log(file, channels, notes=(*table.notes, *notes))

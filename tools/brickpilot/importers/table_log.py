@@ -11,10 +11,8 @@ row. So a row is added if the input changes between two rows of a log; measured 
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,30 +20,13 @@ from numpy.typing import NDArray
 from brickpilot.data.signals import SIGNALS, SUMMED
 from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
-from brickpilot.importers.formula import Formula, Place, Scaling
-from brickpilot.importers.mapping import Mapped, Source, read_formulas, take
+from brickpilot.importers.mapping import Formula, Place, Scaling, Signals, Source, read_formulas, take, units_of
 from brickpilot.importers.text_table import TextTable
 
 Vector = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Log:
-    """The signals of one file.
-
-    Attributes:
-        signals: the signals in the order of time.
-        starts: rows at which a new run has to begin, because a clock or a counter starts again.
-        notes: a sentence on each thing that was left out or changed.
-    """
-
-    file: Path
-    signals: Mapped
-    starts: tuple[int, ...]
-    notes: tuple[str, ...]
-
-
-def read_log(table: TextTable, sources: Mapping[str, Source]) -> Log:
+def read_log(table: TextTable, sources: Mapping[str, Source]) -> Signals:
     """Returns the signals of a table.
 
     Raises:
@@ -62,31 +43,26 @@ def read_log(table: TextTable, sources: Mapping[str, Source]) -> Log:
     if clock.scaling is not None:
         time = cells[clock.places[0]][sound]
     else:
-        time = take({"time": clock}, lambda _, place: cells[place][sound], table.file).columns["time"]
+        time = take(table.file, {"time": clock}, lambda _, place: cells[place][sound])[0]["time"]
     order = ordered(time, lines, cut_start=not table.header)
     notes += order.notes
     rows = np.flatnonzero(sound)[order.kept]
-    signals = take(formulas, lambda _, place: cells[place][rows], table.file)
-    signals.columns["time"] = order.time[order.kept]
-    if "yaw_angle" in signals.columns:
-        notes += _unturned(signals, sources["yaw_angle"].unit, table.lines[rows])
+    lines = table.lines[rows]
+    columns, scalings = take(table.file, formulas, lambda _, place: cells[place][rows])
+    columns["time"] = order.time[order.kept]
+    if "yaw_angle" in columns:
+        scale = scalings.get("yaw_angle", Scaling()).scale
+        heading = unturn(columns["yaw_angle"], 2 * np.pi / abs(si_factor(sources["yaw_angle"].unit, "rad") * scale))
+        columns["yaw_angle"] = heading.values
+        if count := len(heading.rows):
+            notes.append(f"yaw_angle jumps by a turn {count} times: it goes on from line {lines[heading.rows[0]]}")
     starts = set(order.starts)
-    for signal, values in signals.columns.items():
-        for row in resets(values) if signal in SUMMED and signal != "yaw_angle" else ():
+    for signal in (name for name in columns if name in SUMMED and name != "yaw_angle"):
+        for row in resets(columns[signal]):
             if row not in starts:
-                notes.append(f"{signal} is set to 0 in line {table.lines[rows[row]]}: a new run begins there")
+                notes.append(f"{signal} is set to 0 in line {lines[row]}: a new run begins there")
             starts.add(row)
-    return Log(table.file, signals, tuple(sorted(starts)), tuple(notes))
-
-
-def _unturned(signals: Mapped, unit: str, lines: NDArray[np.int64]) -> list[str]:
-    """Removes jumps by a turn from the heading of `signals`, and returns notes."""
-    scale = signals.scalings.get("yaw_angle", Scaling()).scale
-    found = unturn(signals.columns["yaw_angle"], 2 * np.pi / abs(si_factor(unit, "rad") * scale))
-    signals.columns["yaw_angle"] = found.values
-    if not found.rows:
-        return []
-    return [f"yaw_angle jumps by a turn {len(found.rows)} times: it goes on from line {lines[found.rows[0]]}"]
+    return Signals(table.file, columns, scalings, units_of(sources), notes, sorted(starts))
 
 
 def _cells(
@@ -113,34 +89,28 @@ def _cells(
     return cells, sound
 
 
-def joined(log: Log, events: Log) -> Log:
+def joined(log: Signals, events: Signals) -> Signals:
     """Returns a log whose inputs come from a table of events.
 
     Raises:
         InputError: the clock of one of them starts again, so that events and rows cannot be put in one order.
     """
-    for one in (log, events):
-        time = one.signals.columns["time"]
-        if np.any(np.diff(time) <= 0.0):
-            raise InputError("its clock starts again, so that --inputs cannot be joined", file=one.file)
-    if log.signals.scalings.get("time") != events.signals.scalings.get("time"):
+    for table in (log, events):
+        if np.any(np.diff(table.columns["time"]) <= 0.0):
+            raise InputError("its clock starts again, so that --inputs cannot be joined", file=table.file)
+    if log.scalings.get("time") != events.scalings.get("time"):
         raise InputError("its time is written otherwise than that of the log", file=events.file, field="time")
-    measured = log.signals.columns["time"]
-    columns = with_events(log.signals.columns, events.signals.columns)
+    measured = log.columns["time"]
+    columns = with_events(log.columns, events.columns)
     starts = np.searchsorted(columns["time"], measured[list(log.starts)])
-    scalings = {
-        **log.signals.scalings,
-        **{name: one for name, one in events.signals.scalings.items() if SIGNALS[name].kind == "input"},
-    }
     added = columns["time"].size - measured.size
-    first = events.signals.columns["time"][0]
+    first = events.columns["time"][0]
     notes = [*log.notes, *(f"{events.file.name}: {note}" for note in events.notes)]
     notes.append(f"{added} rows are added where an input of {events.file.name} changes between two rows")
     if first > measured[0]:
         notes.append(f"before the first event of {events.file.name} the inputs are taken as 0")
-    return dataclasses.replace(
-        log, signals=Mapped(columns, scalings), starts=tuple(starts.tolist()), notes=tuple(notes)
-    )
+    units = {**log.units, **events.units}
+    return Signals(log.file, columns, {**log.scalings, **events.scalings}, units, notes, starts.tolist())
 
 
 def with_events(columns: Mapping[str, Vector], events: Mapping[str, Vector]) -> dict[str, Vector]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import re
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 from brickpilot.data.rows import CUT, DELIMITERS, NUMBER, joined, numbers, parse_rows, read_text
 from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
-from brickpilot.importers.channels import Channel, Log
-from brickpilot.importers.formula import Place, unknown_name
+from brickpilot.importers.mapping import Place, unknown_name
 
 if TYPE_CHECKING:
     import pyarrow
@@ -74,10 +73,10 @@ class TextTable:
         """
         position = self._position(signal, place)
         cells = self._cells.column(position)
-        values, wrong = numbers(cells, BLANK_WORDS)
+        values, wrong = numbers(cells, BLANKS)
         if self._decimal != "." and wrong.any():  # a file with decimal commas may also have columns with decimal points
-            with_sign = numbers(cells, BLANK_WORDS, self._decimal)
-            values, wrong = min((values, wrong), with_sign, key=lambda found: np.count_nonzero(found[1]))
+            with_commas = numbers(cells, BLANKS, self._decimal)
+            values, wrong = min((values, wrong), with_commas, key=lambda read: np.count_nonzero(read[1]))
         wrong |= np.isinf(values)
         if wrong.all() and {word.lower() for word in cells.unique().to_pylist()} <= {"true", "false"}:
             return np.array([word.lower() == "true" for word in cells.to_pylist()], dtype=np.float64), ~wrong
@@ -130,7 +129,8 @@ def read_table(file: Path, delimiter: str | None = None, header: bool = False) -
         raise InputError(empty, file=file)
     found = find_header(lines, layout, header)
     names = found[1] if found else tuple(str(number) for number in range(layout.width))
-    if found and (twice := doubled(names)):
+    twice = next((name for name, count in Counter(names).items() if name and count > 1), None)
+    if found and twice:
         raise InputError("column occurs more than once in the header", file=file, line=found[0] + 1, field=twice)
     data = (index for index, line in enumerate(lines) if is_row(layout, line) and (not found or index != found[0]))
     start = next(data, len(lines) - 1)
@@ -138,16 +138,8 @@ def read_table(file: Path, delimiter: str | None = None, header: bool = False) -
     _check_broken(file, lines, rows.size, left_out["broken lines"])
     before = [index for index in range(start) if lines[index].strip() and (not found or index != found[0])]
     notes += _notes(lines, before, left_out)
-    return TextTable(
-        file,
-        names,
-        found is not None,
-        (found[0] if found else start) + 1,
-        rows + 1,
-        tuple(notes),
-        layout.decimal,
-        cells,
-    )
+    first_line = (found[0] if found else start) + 1
+    return TextTable(file, names, found is not None, first_line, rows + 1, tuple(notes), layout.decimal, cells)
 
 
 def _rows(
@@ -203,7 +195,7 @@ def _notes(lines: Sequence[str], before: Sequence[int], left_out: dict[str, list
 _MOST_LINES = 400  # lines that are read to find the layout
 _NUMBER = re.compile(NUMBER).fullmatch
 _NAME = re.compile(r"[^\W\d][^\ufffd\x00-\x1f]{0,60}").fullmatch
-BLANK_WORDS = frozenset(
+BLANKS = frozenset(
     ["", "nan", "na", "n/a", "null", "none", "-nan", "#n/a", "<na>", "#na", "#n/a n/a", "1.#ind", "-1.#ind", "1.#qnan",
      "-1.#qnan"]
 )  # fmt: skip
@@ -235,7 +227,7 @@ class Layout:
     def is_number(self, cell: str) -> bool:
         """Returns whether a cell is a number or stands for a missing value."""
         number = cell if self.decimal == "." else cell.replace(self.decimal, ".", 1)
-        return _NUMBER(number) is not None or cell.lower() in BLANK_WORDS
+        return _NUMBER(number) is not None or cell.lower() in BLANKS
 
 
 def cells_of(line: str, delimiter: str) -> list[str]:
@@ -307,7 +299,7 @@ def find_header(lines: Sequence[str], layout: Layout, needed: bool) -> tuple[int
     """
     first = next((index for index, line in enumerate(lines) if is_row(layout, line)), len(lines))
     above = [index for index in range(first) if _names(lines[index], layout)]
-    if len(above) > 1 and above[-1] == above[-2] + 1 and _all_units(_names(lines[above[-1]], layout)):
+    if len(above) > 1 and above[-1] == above[-2] + 1 and all(map(_is_unit, _names(lines[above[-1]], layout))):
         above.pop()
     if not above:
         above = [
@@ -334,38 +326,10 @@ def _names(line: str, layout: Layout) -> tuple[str, ...]:
     return tuple(cells)
 
 
-def _all_units(cells: Sequence[str]) -> bool:
-    return all(_is_unit(cell.strip("()[] ")) for cell in cells)
-
-
 def _is_unit(cell: str) -> bool:
-    if not cell:
-        return True
+    """Returns whether a cell is blank or a unit, perhaps in parentheses."""
+    unit = cell.strip("()[] ")
     try:
-        si_factor(cell, "1")
+        return not unit or si_factor(unit, "1") > 0.0
     except ValueError as error:
         return "of another kind" in str(error)
-    return True
-
-
-def doubled(names: Sequence[str]) -> str | None:
-    """Returns a name that occurs more than once, else None."""
-    return next((name for name, count in Counter(names).items() if name and count > 1), None)
-
-
-def read_columns(file: Path, texts: Collection[str] | None = None) -> Log:
-    """Reads the columns that hold numbers; `texts` has no effect, because a text file is read whole.
-
-    Raises:
-        InputError: no such file, or no table in it.
-    """
-    table = read_table(file)
-    channels: dict[str, Channel] = {}
-    others = []
-    for name in table.names:
-        try:
-            channels[name] = Channel(name, "number", None, table.column(name, Place(name))[0])
-        except InputError:
-            others.append(name)
-    notes = (f"without numbers: {', '.join(others)}",) if others else ()
-    return Log(file, channels, notes=(*table.notes, *notes))

@@ -15,7 +15,6 @@ import numpy as np
 
 from brickpilot.errors import InputError
 from brickpilot.importers.channels import Channel, Log, check_file, is_wanted, libraries
-from brickpilot.importers.chosen import channel_importer
 
 
 def read(file: Path, texts: Collection[str] | None = None) -> Log:
@@ -58,6 +57,3 @@ def _channels(data: Any) -> Iterator[Channel]:
     for name, values in data.data.items():
         if name != "timestamp" and types.get(name) != "char":
             yield Channel(f"{topic}.{name}", types.get(name, ""), time, values.astype(np.float64))
-
-
-import_ulog = channel_importer(read)

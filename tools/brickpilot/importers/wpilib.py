@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.data.signals import Frame, Vehicle
+from brickpilot.data.signals import SIGNALS, Frame, Vehicle
 from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
 from brickpilot.importers.channels import Channel, Log
@@ -35,22 +35,6 @@ _SIZE_LIMIT = 256 * 2**20
 _LENGTHS = {"meters": "m", "feet": "ft", "inches": "in"}
 _ANGLES = {"radians": "rad", "degrees": "deg", "rotations": "rotation"}
 _WIDTHS: dict[Vehicle, tuple[int, ...]] = {"diff_drive": (10, 9), "motor": (10, 4)}
-_LINEAR_NAMES = {
-    "position_left": "wheel_travel_left", "position_right": "wheel_travel_right",
-    "velocity_left": "wheel_velocity_left", "velocity_right": "wheel_velocity_right",
-    "position": "position", "velocity": "velocity",
-}  # fmt: skip
-_ANGULAR_NAMES = {
-    "position_left": "wheel_angle_left", "position_right": "wheel_angle_right",
-    "velocity_left": "wheel_speed_left", "velocity_right": "wheel_speed_right",
-    "position": "angle", "velocity": "speed",
-}  # fmt: skip
-_UNITS = {
-    "time": "s", "voltage_left": "V", "voltage_right": "V", "voltage": "V", "battery_voltage": "V",
-    "wheel_travel_left": "m", "wheel_travel_right": "m", "wheel_velocity_left": "m/s", "wheel_velocity_right": "m/s",
-    "wheel_angle_left": "rad", "wheel_angle_right": "rad", "wheel_speed_left": "rad/s", "wheel_speed_right": "rad/s",
-    "position": "m", "velocity": "m/s", "angle": "rad", "speed": "rad/s", "yaw_angle": "rad", "yaw_rate": "rad/s",
-}  # fmt: skip
 _TEST_NAME = re.compile(r"\w[\w.+ -]{0,60}", re.ASCII).fullmatch
 _SURE = 0.8  # least correlation of gyro and wheels at which the sign of the gyro is known
 
@@ -60,13 +44,13 @@ class _Log:
     """The content of one file.
 
     Attributes:
-        names: name of a column, such as "position_left" -> signal of the data set.
+        signals: the signals of position and velocity; those of a drivetrain end in ``_left`` and ``_right``.
         per_rotation: m or rad per rotation.
         tests: name -> rows (n, width), in the order of time.
     """
 
     vehicle: Vehicle
-    names: Mapping[str, str]
+    signals: tuple[str, str]
     per_rotation: float
     tests: Mapping[str, Vector]
 
@@ -93,13 +77,14 @@ def import_wpilib(
     logs = dict(zip(run_names(files), (_read(file) for file in files), strict=True))
     first = next(iter(logs.values()))
     for file, log in zip(files, logs.values(), strict=True):
-        if log.vehicle != first.vehicle or log.names != first.names:
+        if log.vehicle != first.vehicle or log.signals != first.signals:
             raise InputError(f"is of another mechanism or another kind of unit than {files[0]}", file=file)
     notes: list[str] = []
     runs: list[NewRun] = []
     for stem, log in logs.items():
         runs += _runs(f"{stem}_" if len(logs) > 1 else "", log, notes)
-    runs, units = _shared_columns(runs, notes)
+    runs = _with_shared_columns(runs, notes)
+    units = {signal: SIGNALS[signal].unit for signal in runs[0].columns}
     frame = _frame(runs, notes) if first.vehicle == "diff_drive" else "FRD"
     return write(
         NewDataset(name or out.resolve().name, first.vehicle, frame, units, runs, nominal or {}, notes), out, files[0]
@@ -114,7 +99,7 @@ def read(file: Path) -> Log:
     """
     notes: list[str] = []
     channels = [
-        Channel(f"{run.name}.{signal}", "double", run.columns["time"], values, _UNITS[signal])
+        Channel(f"{run.name}.{signal}", "double", run.columns["time"], values, SIGNALS[signal].unit)
         for run in _runs("", _read(file), notes)
         for signal, values in run.columns.items()
         if signal != "time"
@@ -140,12 +125,11 @@ def _read(file: Path) -> _Log:
     if not tests:
         raise InputError("holds no test with rows", file=file)
     factor = si_factor(_LENGTHS[unit], "m") if unit in _LENGTHS else si_factor(_ANGLES[unit], "rad")
-    return _Log(
-        vehicle=vehicle,
-        names=_LINEAR_NAMES if unit in _LENGTHS else _ANGULAR_NAMES,
-        per_rotation=float(per_rotation) * factor,
-        tests=dict(sorted(tests.items(), key=lambda item: float(item[1][0, 0]))),
-    )
+    signals = ("position", "velocity") if unit in _LENGTHS else ("angle", "speed")
+    if vehicle == "diff_drive":
+        signals = ("wheel_travel", "wheel_velocity") if unit in _LENGTHS else ("wheel_angle", "wheel_speed")
+    in_order = dict(sorted(tests.items(), key=lambda item: float(item[1][0, 0])))
+    return _Log(vehicle, signals, float(per_rotation) * factor, in_order)
 
 
 def _json(file: Path) -> dict[str, Any]:
@@ -210,8 +194,8 @@ def _columns(run: str, rows: Vector, log: _Log, notes: list[str]) -> dict[str, V
         turning = rows[:, velocity + offset]
         voltage = rows[:, 1] * rows[:, 2] if width == 10 else rows[:, 1 + offset]
         columns[f"voltage{side}"] = _signed(run, f"voltage{side}", voltage, turning, width, notes)
-        columns[log.names[f"position{side}"]] = rows[:, position + offset] * log.per_rotation
-        columns[log.names[f"velocity{side}"]] = turning * log.per_rotation
+        columns[f"{log.signals[0]}{side}"] = rows[:, position + offset] * log.per_rotation
+        columns[f"{log.signals[1]}{side}"] = turning * log.per_rotation
     if width == 10:
         columns["battery_voltage"] = rows[:, 1]
     if log.vehicle == "diff_drive":
@@ -234,14 +218,13 @@ def _signed(run: str, signal: str, voltage: Vector, turning: Vector, width: int,
     return voltage
 
 
-def _shared_columns(runs: list[NewRun], notes: list[str]) -> tuple[list[NewRun], dict[str, str]]:
-    """Returns the runs with the signals that all of them have, without a gyro that never moves, and signal -> unit."""
+def _with_shared_columns(runs: list[NewRun], notes: list[str]) -> list[NewRun]:
+    """Returns the runs with the signals that all of them have, without a gyro that never moves."""
     shared = [name for name in runs[0].columns if all(name in run.columns for run in runs)]
     if "yaw_angle" in shared and all(np.ptp(run.columns["yaw_angle"]) == 0.0 for run in runs):
         shared = [name for name in shared if name not in {"yaw_angle", "yaw_rate"}]
         notes.append("yaw is left out: its angle never changes, so the log has no gyro")
-    kept = [NewRun(run.name, {name: run.columns[name] for name in shared}, run.gap_s) for run in runs]
-    return kept, {name: _UNITS[name] for name in shared}
+    return [NewRun(run.name, {name: run.columns[name] for name in shared}, run.gap_s) for run in runs]
 
 
 def _frame(runs: Sequence[NewRun], notes: list[str]) -> Frame:
@@ -249,8 +232,9 @@ def _frame(runs: Sequence[NewRun], notes: list[str]) -> Frame:
     if "yaw_angle" not in runs[0].columns:
         return "FLU"
     wheel = "wheel_travel" if "wheel_travel_left" in runs[0].columns else "wheel_angle"
-    turns = np.concatenate([_centred(run.columns[f"{wheel}_right"] - run.columns[f"{wheel}_left"]) for run in runs])
-    gyro = np.concatenate([_centred(run.columns["yaw_angle"]) for run in runs])
+    differences = [run.columns[f"{wheel}_right"] - run.columns[f"{wheel}_left"] for run in runs]
+    turns = np.concatenate([values - values.mean() for values in differences])
+    gyro = np.concatenate([run.columns["yaw_angle"] - run.columns["yaw_angle"].mean() for run in runs])
     size = float(np.linalg.norm(turns) * np.linalg.norm(gyro))
     correlation = float(turns @ gyro) / size if size > 0.0 else 0.0
     if abs(correlation) < _SURE:
@@ -261,7 +245,3 @@ def _frame(runs: Sequence[NewRun], notes: list[str]) -> Frame:
         f"the gyro counts {sense}: its angle follows right minus left wheel travel (correlation {correlation:.4f})"
     )
     return "FLU" if correlation > 0.0 else "FRD"
-
-
-def _centred(values: Vector) -> Vector:
-    return np.asarray(values - values.mean())

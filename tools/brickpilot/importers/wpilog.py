@@ -15,34 +15,26 @@ import numpy as np
 
 from brickpilot.errors import InputError
 from brickpilot.importers.channels import Channel, Log, check_file, is_wanted, libraries
-from brickpilot.importers.chosen import channel_importer
 
 _SCALARS = {"boolean": "getBoolean", "int64": "getInteger", "float": "getFloat", "double": "getDouble"}
 _GETTERS = _SCALARS | {f"{name}[]": f"{get}Array" for name, get in _SCALARS.items()}
 
 
 @dataclass
-class _Place:
-    """The records of an entry, or of one element of its arrays, while they are read; times in µs."""
-
-    time: list[int] = field(default_factory=list)
-    values: list[float] = field(default_factory=list)
-
-
-@dataclass
 class _Entry:
+    """The records of an entry while they are read; `samples`: of each element of its arrays, (µs, value)."""
+
     name: str
     type: str
     unit: str | None
-    places: list[_Place] = field(default_factory=list)
+    samples: list[list[tuple[int, float]]] = field(default_factory=list)
 
     def add(self, record: Any) -> None:
         value = getattr(record, _GETTERS[self.type])()
-        for number, one in enumerate(value if self.type.endswith("]") else (value,)):
-            if number == len(self.places):
-                self.places.append(_Place())
-            self.places[number].time.append(record.getTimestamp())
-            self.places[number].values.append(float(one))
+        for number, element in enumerate(value if self.type.endswith("]") else (value,)):
+            if number == len(self.samples):
+                self.samples.append([])
+            self.samples[number].append((record.getTimestamp(), float(element)))
 
 
 def read(file: Path, texts: Collection[str] | None = None) -> Log:
@@ -99,10 +91,10 @@ def _is_cut(content: bytes) -> bool:
 
 def _channels(entries: Iterable[_Entry]) -> Iterator[Channel]:
     for entry in entries:
-        for number, place in enumerate(entry.places):
+        for number, samples in enumerate(entry.samples):
             name = f"{entry.name}[{number}]" if entry.type.endswith("]") else entry.name
-            time = np.array(place.time, dtype=np.float64) / 1e6
-            yield Channel(name, entry.type, time, np.array(place.values), entry.unit)
+            time, values = np.array(samples, dtype=np.float64).T
+            yield Channel(name, entry.type, time / 1e6, values, entry.unit)
 
 
 def _unit(metadata: str) -> str | None:
@@ -113,6 +105,3 @@ def _unit(metadata: str) -> str | None:
         return None
     unit = stated.get("unit") if isinstance(stated, dict) else None
     return unit if isinstance(unit, str) and unit else None
-
-
-import_wpilog = channel_importer(read)

@@ -26,8 +26,7 @@ from brickpilot.data.reading import channels_of
 from brickpilot.data.signals import Frame, Vehicle
 from brickpilot.data.whole_files import beside
 from brickpilot.errors import InputError, disk_named
-from brickpilot.importers.formula import Scaling
-from brickpilot.importers.mapping import Source, mending
+from brickpilot.importers.mapping import Scaling, Source, mending
 
 _ROWS_AT_ONCE = 50_000  # number of rows converted to text at a time, to save memory
 _EXACT = 2.0**53  # whole numbers below it are written without a decimal point
@@ -159,8 +158,8 @@ def _written(new: NewDataset, folder: Path, out: Path, source: Path) -> tuple[Ne
     """Fills a folder with the data set. Returns the data set with its frame, and the data set that was read back."""
     try:
         with disk_named(out):
-            _fill(new, folder)
-        read_back = reading.read(folder)
+            _write_runs(new, folder)
+        read_back = _described(new, folder, out)
         if new.frame is None:
             other = _described(replace(new, frame="FLU"), folder, out) if "reference_yaw_rate" in new.units else None
             new = replace(new, **_framed(new, read_back, other))
@@ -174,7 +173,7 @@ def _written(new: NewDataset, folder: Path, out: Path, source: Path) -> tuple[Ne
 def _described(new: NewDataset, folder: Path, out: Path) -> Dataset:
     """Writes the description of runs that are already written, and reads the whole data set back."""
     with disk_named(out):
-        _describe(new, folder)
+        (folder / "dataset.toml").write_text(_description(new), encoding="utf-8", newline="\n")
     return reading.read(folder)
 
 
@@ -217,7 +216,7 @@ def _turned(one: Channels) -> Channels:
     return replace(one, outputs=outputs)
 
 
-def _fill(new: NewDataset, folder: Path) -> None:
+def _write_runs(new: NewDataset, folder: Path) -> None:
     for run in new.runs:
         columns = [run.columns[signal] for signal in new.units]
         with (folder / f"{run.name}.csv").open("w", encoding="utf-8", newline="\n") as file:
@@ -225,11 +224,6 @@ def _fill(new: NewDataset, folder: Path) -> None:
             for start in range(0, len(columns[0]), _ROWS_AT_ONCE):
                 rows = zip(*(_cells(values[start : start + _ROWS_AT_ONCE]) for values in columns), strict=True)
                 file.writelines(f"{','.join(row)}\n" for row in rows)
-    _describe(new, folder)
-
-
-def _describe(new: NewDataset, folder: Path) -> None:
-    (folder / "dataset.toml").write_text(_description(new), encoding="utf-8", newline="\n")
 
 
 def _cells(values: NDArray[np.float64]) -> list[str]:
@@ -254,8 +248,11 @@ def _description(new: NewDataset) -> str:
     document["csv"] = _inline({"delimiter": ",", "header": True})
     signals = tomlkit.table()
     for signal, unit in new.units.items():
-        entry: dict[str, object] = {"column": signal, "unit": unit}
-        signals[signal] = _inline(entry | _scaling(new.scalings.get(signal, Scaling())))
+        scaling = new.scalings.get(signal, Scaling())
+        stated = {"scale": scaling.scale, "offset": scaling.offset}
+        default = {"scale": 1.0, "offset": 0.0}
+        changed = {name: value for name, value in stated.items() if value != default[name]}
+        signals[signal] = _inline({"column": signal, "unit": unit, **changed})
         if signal in new.reasons:
             signals[signal].comment(new.reasons[signal])
     document["signals"] = signals
@@ -269,11 +266,6 @@ def _description(new: NewDataset) -> str:
         runs.append(entry)
     document["runs"] = runs
     return tomlkit.dumps(document)
-
-
-def _scaling(scaling: Scaling) -> dict[str, object]:
-    stated: dict[str, object] = {"scale": scaling.scale, "offset": scaling.offset}
-    return {name: value for name, value in stated.items() if value != getattr(Scaling(), name)}
 
 
 def _inline(values: Mapping[str, object]) -> tomlkit.items.InlineTable:

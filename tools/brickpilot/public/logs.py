@@ -19,8 +19,7 @@ from brickpilot.data.dataset import Dataset, joined
 from brickpilot.discover.finding import Finding, verdict_json
 from brickpilot.errors import InputError
 from brickpilot.fit.descent import Progress
-from brickpilot.importers import IMPORTERS
-from brickpilot.importers.registry import Importer, importer_and_files, options_taken
+from brickpilot.importers import IMPORTERS, Importer, importer_and_files, options_taken
 from brickpilot.importers.writer import Imported
 from brickpilot.public.analysis import discover
 from brickpilot.public.doors import jobs_of, seed_of
