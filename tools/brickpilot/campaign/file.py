@@ -263,7 +263,7 @@ def _ends(toml: TomlFile, name: str, value: object) -> tuple[float, float]:
     key = ("route", name)
     if not isinstance(value, list) or len(value) != 2:
         toml.refuse(key, "needs [from, to]")
-    far = inputs.far()
+    far = scenario.farthest()
     low, high = (toml.number(key, one, -far, far, "m") for one in value)
     if high - low < 0.1:
         toml.refuse(key, "needs a box of 0.1 m or more")

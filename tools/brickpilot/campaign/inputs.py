@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from brickpilot.campaign import variables
 from brickpilot.campaign.variables import ON, Distribution, Range, Value
-from brickpilot.compiled import interface
 from brickpilot.data.toml_file import Key, TomlFile
 from brickpilot.vehicle.scenario import Fault, parse_faults
 from brickpilot.vehicle.settings import settings
@@ -62,11 +61,6 @@ class Input:
         if kind == "gain":
             return [settings()[name].value(settings()[name].raw(one)) for one in found]
         return list(found)
-
-
-def far() -> float:
-    """Returns the largest coordinate of a waypoint that the firmware accepts, m."""
-    return float(interface()[1].BP_MAX_COORDINATE_M)
 
 
 def labelled(name: str, labels: Sequence[str]) -> Input | None:
