@@ -16,7 +16,8 @@ from brickpilot.constants import RCX
 from brickpilot.errors import InputError
 from brickpilot.firmware import boards, params_header, robot, simulate
 from brickpilot.vehicle import model
-from brickpilot.vehicle.coefficients import coupled, difference_inertia, motor_step
+from brickpilot.vehicle.coefficients import coupled, motor_step
+from brickpilot.vehicle.combinations import difference_inertia
 from brickpilot.vehicle.settings import plain
 from command import brickpilot
 
