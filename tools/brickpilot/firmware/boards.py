@@ -29,6 +29,7 @@ from brickpilot.hil.checkout import sources
 from brickpilot.vehicle.compensation import HIGHEST_BATTERY, HIGHEST_OWN
 from brickpilot.vehicle.fixed_point import comment
 from brickpilot.vehicle.scenario import Scenario
+from brickpilot.vehicle.settings import plain
 
 Figures = dict[str, int]
 
@@ -214,7 +215,7 @@ def _check_imu(imu: str, robot: Robot, board: Board) -> None:
 
 def of_model(robot: Robot, root: Path) -> dict[str, str]:
     """Returns header -> text of the model's formats; empty if the formats are the packaged ones."""
-    bits = params_header.voltage_bits(robot.vehicle)
+    bits = params_header.voltage_bits(plain(robot.vehicle["parameters"]))
     if bits == 0:
         return {}
     text = (root / "firmware/model/limits.h").read_text(encoding="utf-8")

@@ -145,15 +145,14 @@ def _block(
     steps: Sequence[float],
     settings: Mapping[str, Setting],
     known: Mapping[str, int],
-    in_model: Mapping[str, Any] | None = None,
+    in_model: Values,
 ) -> str:
-    """Returns the constants of a profile; `in_model`: the vehicle of the model's coefficients; None: `vehicle`."""
-    values = plain((in_model or vehicle)["parameters"])
+    """Returns the constants of a profile; `in_model`: the parameters for the model's coefficients."""
     of_hosts = plain(vehicle["rates"])["body_step"]  # only the hosts ask the model for the pose
     sets = "".join(
         f"#{'elif' if i else 'if'} STEP_MS == {step * 1e3:g}\n"
         f"static const body_coefficients_t MODEL_{profile.upper()} = "
-        f"{initialiser(body(profile, values, step, with_pose=step == of_hosts), 0)};\n"
+        f"{initialiser(body(profile, in_model, step, with_pose=step == of_hosts), 0)};\n"
         f"static const FLASH loop_config_t PARAMS_{profile.upper()} = "
         f"{initialiser(_loop(profile, vehicle, step, settings, known), 0)};\n"
         for i, step in enumerate(steps)
@@ -178,15 +177,16 @@ def render(vehicle: Mapping[str, Any], settings: Mapping[str, Setting]) -> str:
     """
     rates = plain(vehicle["rates"])
     steps = {"coupled": (rates["body_step"], rates["rcx_step"]), "paper": (rates["body_step"],)}
-    return _header("\n".join(_block(profile, vehicle, steps[profile], settings, {}) for profile in PROFILES))
+    values = plain(vehicle["parameters"])
+    return _header("\n".join(_block(profile, vehicle, steps[profile], settings, {}, values) for profile in PROFILES))
 
 
-def voltage_bits(vehicle: Mapping[str, Any]) -> int:
+def voltage_bits(values: Values) -> int:
     """Returns MOTOR_VOLTAGE_BITS of firmware/model/limits.h: 1 if the battery exceeds the model's voltages, else 0."""
-    return int(float(vehicle["parameters"]["battery_voltage"]["value"]) > VOLTAGE_LIMIT)
+    return int(values["battery_voltage"] > VOLTAGE_LIMIT)
 
 
-def with_room(vehicle: Mapping[str, Any], step: float) -> Mapping[str, Any]:
+def with_room(values: Values, step: float) -> Values:
     """Returns the vehicle for the model's coefficients: it has the same motion, and its states fit the model's formats.
 
     The inputs of the model are voltages, and its outputs are speed and yaw rate of the body. Its other states may be
@@ -201,21 +201,25 @@ def with_room(vehicle: Mapping[str, Any], step: float) -> Mapping[str, Any]:
     Raises:
         QuantisationError: no such vehicle fits.
     """
-    values = plain(vehicle["parameters"])
-    volts = dict.fromkeys(PER_VOLTAGE, 0.5 ** voltage_bits(vehicle))
+    bits = voltage_bits(values)
+    volts = dict.fromkeys(PER_VOLTAGE, 0.5**bits)
     failed: QuantisationError | None = None
     for wheel in _wheels(values["wheel_radius"]):
         turns = {name: wheel**power for name, power in PER_TURN.items()}
         for current in CURRENT_SHARES:
-            factors = _product(volts, turns, dict.fromkeys(PER_CURRENT, current))
-            tried = _times(vehicle, factors)
+            scaled = dict(values)
+            for factors in (volts, turns, dict.fromkeys(PER_CURRENT, current)):
+                scaled |= {name: scaled[name] * factor for name, factor in factors.items()}
+            top = scaled["battery_voltage"] / 2**bits * wheel_speed_per_volt(scaled)
             try:
-                _prove(plain(tried["parameters"]))
-                PROFILES["coupled"](plain(tried["parameters"]), step)
+                if top > WHEEL_SPEED_LIMIT:
+                    limit = f"{WHEEL_SPEED_LIMIT:g} is the most"
+                    raise QuantisationError(f"a wheel turns at {top:.3g} rad/s at full voltage, and {limit}")
+                PROFILES["coupled"](scaled, step)
             except QuantisationError as error:
                 failed = error
                 continue
-            return tried
+            return scaled
     raise failed or QuantisationError("a wheel has no radius")
 
 
@@ -224,28 +228,6 @@ def _wheels(radius: float) -> list[float]:
     middle = round(math.log2(math.sqrt(SMALLEST_WHEEL * LARGEST_WHEEL) / radius))
     factors = dict.fromkeys(2.0**power for power in (0, middle, middle + 1, middle - 1))
     return [factor for factor in factors if SMALLEST_WHEEL < radius * factor < LARGEST_WHEEL]
-
-
-def _product(*factors: Mapping[str, float]) -> dict[str, float]:
-    names = {name for one in factors for name in one}
-    return {name: math.prod(one.get(name, 1.0) for one in factors) for name in names}
-
-
-def _times(vehicle: Mapping[str, Any], factors: Mapping[str, float]) -> dict[str, Any]:
-    rows = {
-        name: {**vehicle["parameters"][name], "value": vehicle["parameters"][name]["value"] * factor}
-        for name, factor in factors.items()
-    }
-    return {**vehicle, "parameters": {**vehicle["parameters"], **rows}}
-
-
-def _prove(values: Values) -> None:
-    """Raises QuantisationError if a wheel's speed at full voltage exceeds the range of the model."""
-    top = values["battery_voltage"] / 2 ** int(values["battery_voltage"] > VOLTAGE_LIMIT) * wheel_speed_per_volt(values)
-    if top > WHEEL_SPEED_LIMIT:
-        raise QuantisationError(
-            f"a wheel turns at {top:.3g} rad/s at full voltage, and {WHEEL_SPEED_LIMIT:g} is the most"
-        )
 
 
 def _header(blocks: str) -> str:
@@ -287,7 +269,8 @@ def own_header(robot: Robot, step: float) -> str:
 def _made(robot: Robot, step: float) -> str:
     if not robot.value("parameters", "torque_constant") > 0:
         raise QuantisationError("the motors have no torque")
-    return _header(_block("coupled", robot.vehicle, (step,), settings(), robot.known, with_room(robot.vehicle, step)))
+    in_model = with_room(plain(robot.vehicle["parameters"]), step)
+    return _header(_block("coupled", robot.vehicle, (step,), settings(), robot.known, in_model))
 
 
 def _check_limits(robot: Robot) -> None:
