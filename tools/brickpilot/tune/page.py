@@ -143,12 +143,12 @@ def _ranges(tuned: Tuned) -> Markup:
     """Draws the ratio of each found gain to the gain before, with the searched range."""
     space = tuned.space
     base = np.array([tuned.problem.start[name] for name in space.names]) + space.offset
-    found = (np.array([tuned.found[name] for name in space.names]) + space.offset) / base
+    after = (np.array([tuned.found[name] for name in space.names]) + space.offset) / base
     low, high = ((end + space.offset) / base for end in (space.low, space.high))
     spans = list(zip(low.tolist(), high.tolist(), strict=True))
     return row_chart(
         list(space.names),
-        {"after": (AFTER, found.tolist())},
+        {"after": (AFTER, after.tolist())},
         spans,
         "gain over the gain before",
         "",

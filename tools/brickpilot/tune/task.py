@@ -53,12 +53,12 @@ class Space:
     def raw(self, coordinates: Array) -> dict[str, int]:
         """Returns the raw integers at these coordinates: rounded, within the ranges, and no pair in contradiction."""
         values = np.clip(np.exp(coordinates) - self.offset, self.low, self.high)
-        found = {name: int(value) for name, value in zip(self.names, np.rint(values), strict=True)}
+        raw = {name: int(value) for name, value in zip(self.names, np.rint(values), strict=True)}
         for less, more in AT_MOST:
-            if less in found and more in found:
-                most = settings()[less].raw(settings()[more].value(found[more]))
-                found[less] = min(found[less], most)
-        return found
+            if less in raw and more in raw:
+                most = settings()[less].raw(settings()[more].value(raw[more]))
+                raw[less] = min(raw[less], most)
+        return raw
 
     def bounds(self) -> tuple[Array, Array]:
         """Returns the least and the largest coordinate of each gain."""
