@@ -27,7 +27,7 @@ from typing import Any
 
 import numpy as np
 from brickpilot.errors import SimulationError
-from brickpilot.gen import h8_states
+from brickpilot.gen.value_headers import Cost, h8_costs
 from brickpilot.hil import ends, fly, rcx_flight
 from brickpilot.hil.rcx_flight import CLOCK_HZ
 from brickpilot.link.session import LOCKSTEP
@@ -48,7 +48,7 @@ STAGES = {
 }
 """Stage -> its functions in firmware/. The HAL's functions are "hal"; everything else in a step is "rest"."""
 
-COSTS = h8_states.load((Path(__file__).parents[2] / "hal/h8sim/states.toml").read_text(encoding="utf-8"))
+COSTS = h8_costs((Path(__file__).parents[2] / "hal/h8sim/states.toml").read_text(encoding="utf-8"))
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Memory:
     word: int
     byte: int
 
-    def states(self, cost: h8_states.Cost) -> int:
+    def states(self, cost: Cost) -> int:
         """Returns the states of an instruction with code, stack and data in this memory."""
         return (cost.code + cost.words) * self.word + cost.data_bytes * self.byte + cost.own
 

@@ -26,9 +26,8 @@ from brickpilot.constants import STEP_S
 from brickpilot.discover.prepare import SD_SHARE
 from brickpilot.firmware import simulate
 from brickpilot.firmware.robot import load
-from brickpilot.tune import robot_task
 from brickpilot.tune import task as problems
-from brickpilot.tune.tuner import rate
+from brickpilot.tune.tuner import problem, rate
 from brickpilot.vehicle import gains, scenario
 from brickpilot.vehicle.model import Model, rcx
 from hidden import folder
@@ -136,11 +135,11 @@ def route(one: Study, model: Path, file: Path) -> str:
 
 def true_flights(name: str, one: Study, model: Path, tuned: Path, mission: str | None) -> dict[str, Any]:
     """Flies the true robot before and after tuning; each flight has its own sensor noise and biases."""
-    ready = robot_task.problem(model, one.board, one.sensors, mission, SD_SHARE, STREAM)
-    devices = ready.problem.allowed.devices
+    given = problem(model, one.board, one.sensors, mission, SD_SHARE, STREAM)
+    devices = given.allowed.devices
     found: dict[str, Any] = {}
-    for how, raw in (("before", ready.problem.start), ("after", gains.load(tuned / "gains.toml").raw)):
-        flown = [fly_true(ready.problem, devices, truth(one, name), raw, seed) for seed in range(TRUE_SEEDS)]
+    for how, raw in (("before", given.start), ("after", gains.load(tuned / "gains.toml").raw)):
+        flown = [fly_true(given, devices, truth(one, name), raw, seed) for seed in range(TRUE_SEEDS)]
         own = rate(flown)
         arrived = [each for each in flown if each.success]
         found[how] = {
@@ -157,7 +156,8 @@ def fly_true(given: problems.Problem, devices: Any, model: Model, raw: problems.
     random = np.random.default_rng([STREAM, seed])
     biases = {key: float(random.normal(0.0, abs(value))) for key, value in devices.items() if "_bias" in key}
     own = Robot(seed, model, {**devices, **biases}, seed)
-    return problems.fly_plan(given.planned(own, raw))
+    [outcome] = problems.outcomes([given.planned(own, raw)])
+    return outcome
 
 
 def study(name: str, parent: Path, jobs: int, budget: str, robots: int) -> dict[str, Any]:

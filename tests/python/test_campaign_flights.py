@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from brickpilot.campaign import runs
 from brickpilot.errors import SimulationError
-from brickpilot.vehicle import flight, flight_figures, scenario_flight
+from brickpilot.vehicle import flight, flight_figures
 from brickpilot.vehicle.gains import Gains
 
 
 @pytest.fixture(scope="module")
 def plan():
-    return scenario_flight.prepare("mission", sensors="imu+encoders", seed=3)
+    return flight.plan("mission", sensors="imu+encoders", seed=3)
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from brickpilot.vehicle.model import rcx
 @pytest.mark.parametrize("step", [0.003, 0.009])
 def test_a_motor_without_inductance_has_the_current_of_its_voltage(step: float) -> None:
     values = {**rcx().parameters, "inductance": 0.0}
-    inertia = coefficients.mean_inertia(values)
+    inertia = combinations.mean_inertia(values)
     found = coefficients.motor_step(values, inertia, step)
     stiff = values["torque_constant"] / values["resistance"]
     damping = stiff * values["emf_constant"] + combinations.loss(values)

@@ -16,7 +16,8 @@ from brickpilot.constants import RCX
 from brickpilot.errors import InputError
 from brickpilot.firmware import boards, params_header, robot, simulate
 from brickpilot.vehicle import model
-from brickpilot.vehicle.coefficients import coupled, difference_inertia, motor_step
+from brickpilot.vehicle.coefficients import coupled, motor_step
+from brickpilot.vehicle.combinations import difference_inertia
 from brickpilot.vehicle.settings import plain
 from command import brickpilot
 
@@ -186,15 +187,13 @@ def test_motors_of_large_currents_are_held_with_smaller_ones_and_drive_alike(tmp
     own = robot.load(write(tmp_path, "middle", OWN["middle"]))
     with pytest.raises(ValueError, match="current may reach"):
         coupled(plain(own.vehicle["parameters"]), 0.009)
-    held = params_header.with_room(own.vehicle, 0.009)
-    factors = {name: held["parameters"][name]["value"] / own.value("parameters", name) for name in held["parameters"]}
+    values = plain(own.vehicle["parameters"])
+    held = params_header.with_room(values, 0.009)
+    factors = {name: held[name] / value for name, value in values.items()}
     assert {name for name, factor in factors.items() if factor != 1} == set(params_header.PER_CURRENT)
 
-    def top_and_lag(tables: dict[str, object]) -> tuple[float, float]:
-        motion = robot.straight(plain(tables["parameters"]))  # type: ignore[arg-type]
-        return motion.gain, motion.time
-
-    np.testing.assert_allclose(top_and_lag(dict(held)), top_and_lag(own.vehicle), rtol=1e-12)
+    scaled, motion = robot.straight(held), robot.straight(values)
+    np.testing.assert_allclose((scaled.gain, scaled.time), (motion.gain, motion.time), rtol=1e-12)
 
 
 def of_size(radius: float, volts: float) -> str:
@@ -235,9 +234,9 @@ def test_wheels_of_8_to_150_mm_and_batteries_of_2_to_28_v_have_formats(
     own = robot.load(write(tmp_path, "sized", of_size(radius, volts)))
     for step in (0.003, 0.009):
         assert header(tmp_path / "sized.toml", step)
-        held = params_header.with_room(own.vehicle, step)
-        mine, model_has = plain(own.vehicle["parameters"]), plain(held["parameters"])
-        volt = 2.0 ** params_header.voltage_bits(own.vehicle)
+        mine = plain(own.vehicle["parameters"])
+        model_has = params_header.with_room(mine, step)
+        volt = 2.0 ** params_header.voltage_bits(mine)
         for motion in (robot.straight, robot.turn):
             real, modelled = motion(mine), motion(model_has)
             np.testing.assert_allclose((modelled.gain, modelled.time), (volt * real.gain, real.time), rtol=1e-9)

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from brickpilot.errors import InputError
 from brickpilot.firmware import package, params_header, robot
-from brickpilot.vehicle import gains, scenario_flight
+from brickpilot.vehicle import flight, gains
 from brickpilot.vehicle.gains import Gains
 from brickpilot.vehicle.settings import defaults, settings
 from command import brickpilot
@@ -97,10 +97,10 @@ def written(given: Gains) -> list[str]:
 
 
 def test_a_gain_set_wins_over_the_cruise_speed_of_a_scenario() -> None:
-    plan = scenario_flight.prepare("mission", gains=TUNED)
+    plan = flight.plan("mission", gains=TUNED)
     assert plan.cruise == 5003 / 16000
     with pytest.raises(InputError, match="a manoeuvre has no controller"):
-        scenario_flight.prepare("forward_1m", gains=TUNED)
+        flight.plan("forward_1m", gains=TUNED)
 
 
 @pytest.mark.parametrize("name", OWN)

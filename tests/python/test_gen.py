@@ -21,12 +21,10 @@ from brickpilot.vehicle.coefficients import (
     VOLTAGE,
     WHEEL_SPEED,
     Coefficients,
-    difference_inertia,
-    loss,
-    mean_inertia,
     motor_step,
     paper,
 )
+from brickpilot.vehicle.combinations import difference_inertia, loss, mean_inertia
 from brickpilot.vehicle.fixed_point import QuantisationError, Scale, integer, scale, scale16
 from brickpilot.vehicle.settings import settings
 from numpy.typing import NDArray

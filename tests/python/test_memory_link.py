@@ -13,12 +13,11 @@ from brickpilot.hil import ends, fly
 from brickpilot.hil.ends import Ends
 from brickpilot.link.session import LOCKSTEP
 from brickpilot.vehicle import flight, flight_figures
-from brickpilot.vehicle import scenario_flight as simulated
 from brickpilot.vehicle.scenario import Fault
 
 
 def planned(*faults: Fault, seconds: float = 6.0) -> flight.Plan:
-    plan = simulated.prepare("mission", sensors="imu+encoders", seed=5)
+    plan = flight.plan("mission", sensors="imu+encoders", seed=5)
     scenario = dataclasses.replace(plan.scenario, faults=faults)
     return dataclasses.replace(plan, scenario=scenario, steps=round(seconds / 0.003))
 

@@ -52,7 +52,7 @@ page: str = bp.to_html(finding)
         "brickpilot.fit.comparison",
         "brickpilot.public.analysis",
         "brickpilot.public.logs",
-        "brickpilot.vehicle.scenario_flight",
+        "brickpilot.vehicle.flight_figures",
     ],
 )
 def test_the_examples_of_the_docstrings_run(module: str) -> None:

@@ -37,7 +37,7 @@ NAMED = {
     "hil/fly.py",  # what a flight needs
     "public/flights.py",  # an argument of the same name
     "public/making.py",  # the cruise speed that the image has
-    "tune/robot_task.py",  # a scenario's cruise
+    "tune/tuner.py",  # a scenario's cruise
     "tune/task.py",  # the gains that are tuned, and their ranges
     "vehicle/gains.py",  # pairs of gains: one may not exceed the other
     "vehicle/flight.py",  # a scenario's cruise

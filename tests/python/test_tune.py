@@ -50,15 +50,14 @@ def test_the_same_seed_gives_the_same_gains_on_processes_and_another_seed_others
     poor: tuned.Tuned, tmp_path: Path
 ) -> None:
     options = {"robots": tuned.ROBOTS, "judges": 20, "budget": tuner.Budget(11, None), "show": lambda *_: None}
-    firmware = {**defaults("coupled"), **poor.problem.start}
-    here, there = (tune(poor.problem, firmware, who, **options) for who in (tuned.Here(), workers.Local(2)))
+    here, there = (tune(poor.problem, who, **options) for who in (tuned.Here(), workers.Local(2)))
     assert to_json(here) == to_json(there)
     other = dataclasses.replace(poor.problem, seed=1)
-    assert to_json(tune(other, firmware, tuned.Here(), **options))["gains"] != to_json(here)["gains"]
+    assert to_json(tune(other, tuned.Here(), **options))["gains"] != to_json(here)["gains"]
 
 
 def test_all_sets_of_a_generation_are_flown_by_the_same_robots_and_the_next_by_others(tmp_path: Path) -> None:
-    given = tuned.ready(tmp_path).problem
+    given = tuned.ready(tmp_path)
     with tuner.flyer(given, tuned.Here(), lambda _: None) as fly:
         one, other = fly.fly([given.start, given.start], tuner.SEARCH, range(10))
         assert one == other
@@ -70,13 +69,11 @@ def test_all_sets_of_a_generation_are_flown_by_the_same_robots_and_the_next_by_o
 
 def test_gains_that_are_not_better_are_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     given = tuned.ready(tmp_path)
-    worse = {**given.problem.start, "heading_kp": 90, "heading_ki": 0, "pivot": 15000}
+    worse = {**given.start, "heading_kp": 90, "heading_ki": 0, "pivot": 15000}
     monkeypatch.setattr("brickpilot.tune.tuner.search", lambda *_: tuner.Searched(worse, ()))
-    kept = tune(
-        given.problem, given.firmware, tuned.Here(), robots=4, judges=20, budget=tuned.BUDGET, show=lambda *_: None
-    )
+    kept = tune(given, tuned.Here(), robots=4, judges=20, budget=tuned.BUDGET, show=lambda *_: None)
     assert kept.kept_start
-    assert dict(kept.gains) == dict(given.problem.start)
+    assert dict(kept.gains) == given.start
     assert kept.judged.is_worse_in_success
     assert "The gains found are not better beyond chance, so the gains before are kept." in page(kept, "again")
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from brickpilot.campaign.engine import Crew, Finished, Function, Part
 from brickpilot.discover.prepare import SD_SHARE
-from brickpilot.tune import robot_task
-from brickpilot.tune.tuner import Budget, Tuned, tune
+from brickpilot.tune.task import Problem
+from brickpilot.tune.tuner import PACKAGED, Budget, Tuned, problem, tune
 from brickpilot.vehicle import model
 from brickpilot.vehicle.model import rcx
 from pages import HOSTILE
@@ -51,19 +51,24 @@ class Here:
         yield Inline(function)
 
 
-def ready(folder: Path, name: str = "bench", seed: int = 0) -> robot_task.Ready:
+def ready(folder: Path, name: str = "bench", seed: int = 0) -> Problem:
     """Returns the problem of the packaged robot and its mission, with the usual sd of each kind of value."""
     (folder / "short.toml").write_text(SHORT)
     model.save(dataclasses.replace(rcx(), name=name), folder / "model.toml")
     route = str(folder / "short.toml")
-    return robot_task.problem(folder / "model.toml", robot_task.PACKAGED, "imu+encoders", route, SD_SHARE, seed)
+    return problem(folder / "model.toml", PACKAGED, "imu+encoders", route, SD_SHARE, seed)
 
 
 @cache
 def poor(folder: Path) -> Tuned:
     """Returns a tuning with start gains by which many robots turn too late to reach the second waypoint."""
     given = ready(folder, HOSTILE)
-    start = {**given.problem.start, "heading_kp": 90, "heading_ki": 0, "pivot": 15000}
-    problem = dataclasses.replace(given.problem, start=start)
-    firmware = {**given.firmware, **start}
-    return tune(problem, firmware, Here(), robots=ROBOTS, judges=JUDGES, budget=BUDGET, show=lambda *_: None)
+    firmware = {**given.firmware, "heading_kp": 90, "heading_ki": 0, "pivot": 15000}
+    return tune(
+        dataclasses.replace(given, firmware=firmware),
+        Here(),
+        robots=ROBOTS,
+        judges=JUDGES,
+        budget=BUDGET,
+        show=lambda *_: None,
+    )

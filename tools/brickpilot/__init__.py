@@ -79,11 +79,11 @@ if TYPE_CHECKING:
     from brickpilot.readiness.data_check import Check
     from brickpilot.report.notebook import to_html, to_text
     from brickpilot.report.why_page import Why
+    from brickpilot.vehicle.flight_figures import Flown, fly
     from brickpilot.vehicle.model import Model, rcx
     from brickpilot.vehicle.model import load as load_model
     from brickpilot.vehicle.model import save as save_model
     from brickpilot.vehicle.plant import OpenLoopRun, simulate
-    from brickpilot.vehicle.scenario_flight import Flown, fly
 
 __version__ = "0.1.0"
 
@@ -94,7 +94,7 @@ _NAMES = {
     "Comparison": "brickpilot.fit.comparison:Comparison",
     "Dataset": "brickpilot.data.reading:Dataset",
     "Finding": "brickpilot.discover.finding:Finding",
-    "Flown": "brickpilot.vehicle.scenario_flight:Flown",
+    "Flown": "brickpilot.vehicle.flight_figures:Flown",
     "InputError": "brickpilot.errors:InputError",
     "Model": "brickpilot.vehicle.model:Model",
     "OpenLoopRun": "brickpilot.vehicle.plant:OpenLoopRun",
@@ -105,7 +105,7 @@ _NAMES = {
     "compare": "brickpilot.public.analysis:compare",
     "discover_effects": "brickpilot.public.analysis:discover",  # the older name of discover
     "effects": "brickpilot.catalogue:effects",
-    "fly": "brickpilot.vehicle.scenario_flight:fly",
+    "fly": "brickpilot.vehicle.flight_figures:fly",
     "import_log": "brickpilot.public.logs:import_log",
     "load_model": "brickpilot.vehicle.model:load",
     "rcx": "brickpilot.vehicle.model:rcx",

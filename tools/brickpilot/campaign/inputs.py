@@ -23,7 +23,7 @@ from brickpilot.constants import RCX
 from brickpilot.data.toml_file import Key, TomlFile
 from brickpilot.vehicle import gains
 from brickpilot.vehicle.flight import Plan
-from brickpilot.vehicle.scenario import AVR_KINDS, FAULT_KINDS, Fault, parse_faults
+from brickpilot.vehicle.scenario import AVR_KINDS, FAULT_KINDS, Fault, farthest, parse_faults
 from brickpilot.vehicle.settings import plain, settings
 
 Array = NDArray[np.float64]
@@ -215,7 +215,7 @@ def devices() -> Mapping[str, float]:
 @cache
 def ranges() -> Mapping[str, Mapping[str, Range]]:
     """Returns kind -> name -> range of all inputs of `[vary]`: parameter, sensor, gain and start."""
-    far = float(interface()[1].BP_MAX_COORDINATE_M)
+    far = farthest()
     tuned = {
         name: Range(gain.value(gain.low), gain.value(gain.high), "" if gain.format.unit == "1" else gain.format.unit)
         for name, gain in gains.tunable().items()

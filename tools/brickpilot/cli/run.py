@@ -27,9 +27,9 @@ def run(request: FlightRequest, out: str | None, as_json: bool) -> None:
     """
     from brickpilot.public.doors import command_line
     from brickpilot.report import run_folder, run_page
-    from brickpilot.vehicle import scenario_flight
+    from brickpilot.vehicle import flight_figures
 
-    flown = scenario_flight.fly(request.scenario, **request.choices())
+    flown = flight_figures.fly(request.scenario, **request.choices())
     figures, plan = flown.figures, flown.flight.plan
     chosen = plan.scenario
     command = command_line("run", request.scenario, **request.options(plan))

@@ -15,7 +15,7 @@ import re
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -26,8 +26,10 @@ from brickpilot.errors import InputError, WorkFailedError
 from brickpilot.firmware import params_header
 from brickpilot.firmware.robot import Robot
 from brickpilot.hil.checkout import sources
+from brickpilot.vehicle.compensation import HIGHEST_BATTERY, HIGHEST_OWN
 from brickpilot.vehicle.fixed_point import comment
 from brickpilot.vehicle.scenario import Scenario
+from brickpilot.vehicle.settings import plain
 
 Figures = dict[str, int]
 
@@ -44,7 +46,7 @@ class Board:
         build: the script that makes the image in a folder.
         wiring: header of the port with the sensors' scales; empty: there is no such header.
         images: patterns of a build's files that are kept.
-        sizes: function that returns the image's sizes in bytes from the folder of a build.
+        sizes: names of the image's sizes in bytes, and the pattern of their numbers in the build's brickpilot.txt.
         flashes: the command that puts the image on the board at the serial port PORT; empty: there is no such command.
         flown: the file of a build that `hil --image` flies; empty: there is none.
         library: whether the sources are also written as an Arduino library.
@@ -57,7 +59,7 @@ class Board:
     build: str
     wiring: str
     images: tuple[str, ...]
-    sizes: Callable[[Path], Figures]
+    sizes: tuple[tuple[str, ...], str]
     flashes: str
     flown: str = ""
     library: bool = False
@@ -72,8 +74,8 @@ def flags_of(board: Board, sensors: str, root: Path) -> list[str]:
 
 def step_of(flags: list[str]) -> float:
     """Returns the control step in s that the flags define; the default is `STEP_S`."""
-    found = next((re.fullmatch(r"-DSTEP_MS=(\d+)", flag) for flag in flags if flag.startswith("-DSTEP_MS=")), None)
-    return int(found[1]) / 1e3 if found else STEP_S
+    steps = [int(flag.removeprefix("-DSTEP_MS=")) for flag in flags if flag.startswith("-DSTEP_MS=")]
+    return steps[0] / 1e3 if steps else STEP_S
 
 
 def build(board: Board, sensors: str, headers: Path, folder: Path, root: Path) -> Figures:
@@ -83,7 +85,10 @@ def build(board: Board, sensors: str, headers: Path, folder: Path, root: Path) -
         WorkFailedError: the build fails; its last line says why.
     """
     run([str(root / board.build), str(folder), *board.sensors[sensors]], root, {"OWN_HEADERS": str(headers)})
-    return board.sizes(folder)
+    names, pattern = board.sizes
+    numbers = re.search(pattern, (folder / "brickpilot.txt").read_text(), re.MULTILINE | re.DOTALL)
+    assert numbers is not None
+    return dict(zip(names, map(int, numbers.groups()), strict=True))
 
 
 def run(command: list[str], root: Path, environment: Mapping[str, str] | None = None) -> str:
@@ -96,34 +101,9 @@ def run(command: list[str], root: Path, environment: Mapping[str, str] | None = 
         command, cwd=root, env={**os.environ, **(environment or {})}, capture_output=True, text=True, check=False
     )
     if done.returncode != 0:
-        said = [line for line in (done.stdout + done.stderr).splitlines() if line.strip()]
-        raise WorkFailedError(f"{Path(command[0]).relative_to(root)} failed: {said[-1] if said else 'it said nothing'}")
+        lines = [line for line in (done.stdout + done.stderr).splitlines() if line.strip()] or ["it said nothing"]
+        raise WorkFailedError(f"{Path(command[0]).relative_to(root)} failed: {lines[-1]}")
     return done.stdout
-
-
-def _rcx_sizes(folder: Path) -> Figures:
-    text = (folder / "brickpilot.txt").read_text()
-    linked = re.search(r"^linked +(\d+) +(\d+) +(\d+)", text, re.MULTILINE)
-    left = re.search(r"stacks and tasks (\d+), of (\d+): (\d+) bytes left", text)
-    assert linked is not None
-    assert left is not None
-    names = ("text", "data", "variables", "stacks", "memory", "left")
-    return dict(zip(names, map(int, (*linked.groups(), *left.groups())), strict=True))
-
-
-def _avr_sizes(folder: Path) -> Figures:
-    text = (folder / "brickpilot.txt").read_text()
-    flash = re.search(r"^flash: (\d+) of (\d+) bytes", text, re.MULTILINE)
-    ram = re.search(r"^RAM: (\d+) of (\d+) bytes", text, re.MULTILINE)
-    assert flash is not None
-    assert ram is not None
-    names = ("flash", "flash_of_chip", "ram", "ram_of_chip")
-    return dict(zip(names, map(int, (*flash.groups(), *ram.groups())), strict=True))
-
-
-def _host_sizes(folder: Path) -> Figures:
-    *_, last = (folder / "brickpilot.txt").read_text().split("\n")[:-1]
-    return dict(zip(("text", "data", "variables"), map(int, last.split()[1:]), strict=True))
 
 
 RCX = Board(
@@ -134,7 +114,10 @@ RCX = Board(
     build="firmware/targets/rcx/build",
     wiring="rcx/board.h",
     images=("*.lx", "*.srec", "*.h8sim", "*.txt", "*.map"),
-    sizes=_rcx_sizes,
+    sizes=(
+        ("text", "data", "variables", "stacks", "memory", "left"),
+        r"^linked +(\d+) +(\d+) +(\d+).*?stacks and tasks (\d+), of (\d+): (\d+) bytes left",
+    ),
     flashes="brickpilot flash rcx brickpilot.lx --tty PORT",
     flown="brickpilot.h8sim",
 )
@@ -149,7 +132,10 @@ def _avr(name: str, chip: str, both: str) -> Board:
         build="firmware/targets/avr/build",
         wiring="avr/board.h",
         images=("*.hex", "*.elf", "*.txt", "*.map"),
-        sizes=_avr_sizes,
+        sizes=(
+            ("flash", "flash_of_chip", "ram", "ram_of_chip"),
+            r"^flash: (\d+) of (\d+) bytes.*?^RAM: (\d+) of (\d+) bytes",
+        ),
         flashes=f"brickpilot flash avr brickpilot.hex --part {chip} --port PORT",
         flown="brickpilot.elf",
         library=True,
@@ -164,7 +150,7 @@ TEMPLATE = Board(
     build="firmware/targets/template/build",
     wiring="",
     images=("brickpilot", "*.txt"),
-    sizes=_host_sizes,
+    sizes=(("text", "data", "variables"), r"^\S+ +(\d+) +(\d+) +(\d+)\n\Z"),
     flashes="",
 )
 
@@ -184,7 +170,6 @@ _COUNTS = re.compile(r"\d+ edges a turn of the wheel|16 counts per turn, geared 
 _BITS = re.compile(r"(#define MOTOR_VOLTAGE_BITS )\d+")
 _BATTERY = re.compile(r"(#define BOARD_BATTERY_FULL_MV )(\d+)")
 _IMU = re.compile(r"(#define BOARD_IMU )BOARD_ANALOGUE\b")
-LIMITS = "model/limits.h"
 ANALOGUE = "analogue"
 IMUS = {ANALOGUE: "BOARD_ANALOGUE", "mpu6050": "BOARD_MPU6050", "lsm6ds": "BOARD_LSM6DS"}
 """An Arduino's IMU -> its name in board.h."""
@@ -201,11 +186,12 @@ def write_headers(
         InputError: a format cannot hold a value; the board does not have the IMU; or a range exceeds that of the IMU.
     """
     _check_imu(imu, robot, board)
+    maker = comment(f"Made by `brickpilot firmware` of robot.toml, for {robot.model.name}.")
     texts = {
-        "app/params_gen.h": _named(params_header.own_header(robot, step), robot),
+        "app/params_gen.h": f"{maker}\n{params_header.own_header(robot, step)}",
         "app/mission.h": _mission(mission),
+        **of_model(robot, root),
     }
-    texts |= of_model(robot, root)
     if board.wiring:
         texts[board.wiring] = _IMU.sub(
             rf"\g<1>{IMUS[imu]}", _wiring((root / "hal" / board.wiring).read_text(encoding="utf-8"), robot)
@@ -229,15 +215,11 @@ def _check_imu(imu: str, robot: Robot, board: Board) -> None:
 
 def of_model(robot: Robot, root: Path) -> dict[str, str]:
     """Returns header -> text of the model's formats; empty if the formats are the packaged ones."""
-    bits = params_header.voltage_bits(robot.vehicle)
+    bits = params_header.voltage_bits(plain(robot.vehicle["parameters"]))
     if bits == 0:
         return {}
-    text = (root / "firmware" / LIMITS).read_text(encoding="utf-8")
-    return {LIMITS: _BITS.sub(rf"\g<1>{bits}", text)}
-
-
-def _named(constants: str, robot: Robot) -> str:
-    return f"{comment(f'Made by `brickpilot firmware` of robot.toml, for {robot.model.name}.')}\n{constants}"
+    text = (root / "firmware/model/limits.h").read_text(encoding="utf-8")
+    return {"model/limits.h": _BITS.sub(rf"\g<1>{bits}", text)}
 
 
 def _mission(mission: Scenario) -> str:
@@ -264,13 +246,13 @@ def _wiring(text: str, robot: Robot) -> str:
     """
     counts = {axis: 2 * robot.value("sensors", "imu", name) * MILLI / 1024 for axis, name in _RANGES.items()}
     q8 = {axis: round(count * 256) for axis, count in counts.items()}
-    found = set(_AXIS.findall(text)) | set(_PER_COUNT_Q8.findall(text))
-    if len(found) != len(_RANGES) or max(q8.values()) > 65535:
+    axes = {*_AXIS.findall(text), *_PER_COUNT_Q8.findall(text)}
+    if len(axes) != len(_RANGES) or max(q8.values()) > 65535:
         raise InputError("has no scales that can be written for another robot", file="board.h")
     text = _with_battery(text, robot)
     turn = f"{robot.value('sensors', 'encoder', 'counts_per_turn'):g} counts a turn of the wheel"
-    text, said = _COUNTS.subn(turn, text)
-    if not said:
+    text, places = _COUNTS.subn(turn, text)
+    if not places:
         raise InputError("does not say how many counts a turn of the wheel has", file="board.h")
     text = _AXIS.sub(lambda axis: f"{axis[1]}{q8[axis[2]] // 256}, {q8[axis[2]] % 256}{axis[3]}", text)
     return _PER_COUNT_Q8.sub(lambda axis: f"{axis[1]}{q8[axis[2]]}", text)
@@ -279,11 +261,11 @@ def _wiring(text: str, robot: Robot) -> str:
 def _with_battery(text: str, robot: Robot) -> str:
     """Returns the header with a voltage range that includes this robot's charged battery."""
     nominal = robot.value("parameters", "battery_voltage")
-    found = _BATTERY.search(text)
-    measured = int(found[2]) / MILLI if found else params_header.RCX_BATTERY
-    if nominal / params_header.BATTERY_MOST * params_header.VOLTAGE_MOST <= measured:
+    stated = _BATTERY.search(text)
+    measured = int(stated[2]) / MILLI if stated else HIGHEST_BATTERY
+    if nominal / params_header.BATTERY_MOST * HIGHEST_OWN <= measured:
         return text
-    if found is None:
+    if stated is None:
         robot.toml.refuse(
             ("parameters", "battery_voltage"), f"{nominal:g} V is more than this board measures: {measured:g} V charged"
         )
@@ -319,10 +301,7 @@ def closed_loop(robot: Robot, board: Board, sensors: str) -> ClosedLoop:
         InputError: the firmware's sources are not there; a value that a format cannot hold.
     """
     flags = flags_of(board, sensors, sources())
-    constants = {
-        "app/params_gen.h": params_header.own_header(robot, step_of(flags)),
-        **of_model(robot, sources()),
-    }
+    constants = {"app/params_gen.h": params_header.own_header(robot, step_of(flags)), **of_model(robot, sources())}
     return ClosedLoop(tuple(constants.items()), tuple(flag for flag in flags if flag.startswith("-D")))
 
 

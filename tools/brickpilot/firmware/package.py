@@ -12,7 +12,7 @@ import json
 import re
 import shutil
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -53,7 +53,7 @@ here=$(cd "$(dirname "$0")" && pwd)
 own=$(mktemp -d) # a path without spaces, for the compiler's flags
 trap 'rm -rf "$own"' EXIT
 cp -r "$here/include/." "$own"
-OWN_HEADERS=$own "$1/{build}" "${{2:-$here/image}}" {words}
+OWN_HEADERS=$own "$1/{build}" "${{2:-$here/image}}" {arguments}
 """
 
 
@@ -105,28 +105,20 @@ def make(order: Order, folder: Path) -> Made:
         constants = [flag for flag in flags if flag.startswith("-D")]
         sizes = boards.build(board, order.sensors, work / HEADERS, work / "image", root)
         flown = simulate.fly_own(root, work / HEADERS, constants, plan, work)
-        for path in (found for pattern in board.images for found in sorted((work / "image").glob(pattern))):
+        for path in (path for pattern in board.images for path in sorted((work / "image").glob(pattern))):
             shutil.copyfile(path, folder / path.name)
         shutil.copytree(work / HEADERS, folder / HEADERS)
-        _write_sources(board, root, work / HEADERS, constants, folder)
+        if board.library:
+            write_library(root, work / HEADERS, constants, folder / "arduino" / NAME)
+        if not board.flags:
+            write_sources(root, work / HEADERS, constants, "template", folder / "src")
+            (folder / "Makefile").write_text(_MAKEFILE, encoding="utf-8")
     (folder / "robot.toml").write_text(vehicle_file(robot), encoding="utf-8")
-    _write_recipe(board, order.sensors, folder)
-    return Made(sizes, flown, plan, step)
-
-
-def _write_sources(board: Board, root: Path, own: Path, constants: list[str], folder: Path) -> None:
-    if board.library:
-        write_library(root, own, constants, folder / "arduino" / NAME)
-    if not board.flags:
-        write_sources(root, own, constants, "template", folder / "src")
-        (folder / "Makefile").write_text(_MAKEFILE, encoding="utf-8")
-
-
-def _write_recipe(board: Board, sensors: str, folder: Path) -> None:
     wiring = f"{board.wiring} is the wiring, app/ holds " if board.wiring else "app/ holds "
-    text = _BUILD.format(wiring=wiring, build=board.build, words=" ".join(board.sensors[sensors]))
-    (folder / "build.sh").write_text(text, encoding="utf-8")
+    recipe = _BUILD.format(wiring=wiring, build=board.build, arguments=" ".join(board.sensors[order.sensors]))
+    (folder / "build.sh").write_text(recipe, encoding="utf-8")
     (folder / "build.sh").chmod(0o755)
+    return Made(sizes, flown, plan, step)
 
 
 def files_of(board: Board) -> set[str]:
@@ -138,13 +130,12 @@ def files_of(board: Board) -> set[str]:
 
 def vehicle_file(robot: Robot) -> str:
     """Returns the text of robot.toml: every value from which the firmware is made, with unit and basis."""
-    document = tomlkit.document()
-    document.add(
-        tomlkit.comment("The robot as its firmware knows it, SI units. `basis`: stated, the packaged robot's, or")
-    )
-    document.add(
-        tomlkit.comment("the rule by which it follows from the packaged robot's (tools/brickpilot/firmware/robot.py).")
-    )
+    document: Any = tomlkit.document()
+    for line in (
+        "The robot as its firmware knows it, SI units. `basis`: stated, the packaged robot's, or",
+        "the rule by which it follows from the packaged robot's (tools/brickpilot/firmware/robot.py).",
+    ):
+        document.add(tomlkit.comment(line))
     document.update({"name": robot.model.name, "vehicle": "diff_drive", "profile": "coupled"})
     for place in (("parameters",), *OWN):
         table = tomlkit.table()
@@ -153,14 +144,11 @@ def vehicle_file(robot: Robot) -> str:
                 inline = tomlkit.inline_table()
                 inline.update({**row, "value": float(row["value"])})
                 table[name] = inline
-        _nested(document, place)[place[-1]] = table
+        above = document
+        for name in place[:-1]:
+            above = above.setdefault(name, tomlkit.table(is_super_table=True))
+        above[place[-1]] = table
     return tomlkit.dumps(document)
-
-
-def _nested(document: Any, place: tuple[str, ...]) -> Any:
-    for name in place[:-1]:
-        document = document.setdefault(name, tomlkit.table(is_super_table=True))
-    return document
 
 
 def write_figures(figures: dict[str, Any], folder: Path) -> None:
@@ -207,14 +195,25 @@ void loop() {{
 def write_library(root: Path, headers: Path, flags: Sequence[str], folder: Path) -> None:
     """Writes the library into `folder`; the arguments are those of `write_sources`."""
     version = metadata.version("brickpilot")
+    properties = {  # by Arduino's library specification
+        "name": NAME, "version": version, "author": f"{NAME} maintainers", "maintainer": f"{NAME} maintainers",
+        "sentence": f"{_SENTENCE}.", "paragraph": f"{_PARAGRAPH}.", "category": "Device Control",
+        "url": "", "architectures": "avr", "includes": f"{NAME}.h",
+    }  # fmt: skip
+    manifest = {  # by PlatformIO's library specification
+        "name": NAME, "version": version, "description": f"{_SENTENCE}. {_PARAGRAPH}.",
+        "keywords": "robot, autopilot, differential drive", "license": "MIT", "frameworks": "arduino",
+        "platforms": "atmelavr", "headers": f"{NAME}.h",
+        "examples": [{"name": "Mission", "base": "examples/Mission", "files": ["Mission.ino"]}],
+    }  # fmt: skip
     write_sources(root, headers, [*flags, f"-D{LIBRARY}"], "avr", folder / "src", entry=ENTRY)
     example = folder / "examples" / "Mission" / "Mission.ino"
     example.parent.mkdir(parents=True)
     texts = {
         folder / "src" / f"{NAME}.h": _HEADER,
         example: _SKETCH,
-        folder / "library.properties": _properties(version),
-        folder / "library.json": _manifest(version),
+        folder / "library.properties": "".join(f"{name}={value}\n" for name, value in properties.items()),
+        folder / "library.json": json.dumps(manifest, indent=2) + "\n",
         folder / "LICENSE": (root / "LICENSE").read_text(encoding="utf-8"),
         folder / "keywords.txt": f"{NAME}\tKEYWORD1\n{ENTRY}\tKEYWORD2\n",
     }
@@ -222,38 +221,23 @@ def write_library(root: Path, headers: Path, flags: Sequence[str], folder: Path)
         path.write_text(text, encoding="utf-8")
 
 
-def _properties(version: str) -> str:
-    """Returns library.properties, by Arduino's library specification."""
-    rows = {
-        "name": NAME, "version": version, "author": f"{NAME} maintainers", "maintainer": f"{NAME} maintainers",
-        "sentence": f"{_SENTENCE}.", "paragraph": f"{_PARAGRAPH}.", "category": "Device Control",
-        "url": "", "architectures": "avr", "includes": f"{NAME}.h",
-    }  # fmt: skip
-    return "".join(f"{name}={value}\n" for name, value in rows.items())
-
-
-def _manifest(version: str) -> str:
-    """Returns library.json, by PlatformIO's library specification."""
-    rows = {
-        "name": NAME,
-        "version": version,
-        "description": f"{_SENTENCE}. {_PARAGRAPH}.",
-        "keywords": "robot, autopilot, differential drive",
-        "license": "MIT",
-        "frameworks": "arduino",
-        "platforms": "atmelavr",
-        "headers": f"{NAME}.h",
-        "examples": [{"name": "Mission", "base": "examples/Mission", "files": ["Mission.ino"]}],
-    }
-    return json.dumps(rows, indent=2) + "\n"
-
-
 BUILD = "brickpilot_build.h"
 LIBRARY = "BRICKPILOT_LIBRARY"
 """Constant of a build that does not set the fuses, because the boot loaders of Arduinos cannot write fuses."""
 
+_CONSTANTS = f"""/* {BUILD}: the constants of this build. */
+#ifndef BRICKPILOT_BUILD_H
+#define BRICKPILOT_BUILD_H
+
+{{lines}}
+#ifdef __AVR__ /* core/flash.h says why */
+#pragma GCC optimize("no-ivopts")
+#endif
+
+#endif
+"""
+
 HOSTS_ONLY = ("body_pose.c", "pid_start.c")
-_WIRE = ("crc", "frame", "message")
 
 
 def write_sources(
@@ -273,9 +257,8 @@ def write_sources(
         if not {"targets", "h8"} & set(inside.parts) and path.name not in HOSTS_ONLY:
             _copy(path, folder / inside)
     _copy(root / "hal/include/hal.h", folder / "hal.h")
-    kept = [root / f"hal/wire/{name}.{end}" for name in _WIRE for end in "ch"] + [root / "hal/wire/codecs_gen.h"]
-    for path in kept:
-        _copy(path, folder / "wire" / path.name)
+    for name in ("crc.c", "crc.h", "frame.c", "frame.h", "message.c", "message.h", "codecs_gen.h"):
+        _copy(root / "hal/wire" / name, folder / "wire" / name)
     for path in (root / "hal" / port).glob("*.[ch]"):
         _copy(path, folder / port / path.name)
     for path in (root / "firmware/targets" / port).glob("*.[ch]"):
@@ -284,7 +267,9 @@ def write_sources(
     program.write_text(re.sub(r"^int main\(", f"int {entry}(", program.read_text(encoding="utf-8"), flags=re.MULTILINE))
     for path in headers.rglob("*.h"):
         _copy(path, folder / path.relative_to(headers))
-    (folder / BUILD).write_text(_constants(flags), encoding="utf-8")
+    defined = [re.fullmatch(r"-D(\w+)(?:=(.*))?", flag) for flag in flags]
+    lines = [f"#define {constant[1]} {constant[2] or 1}\n" for constant in defined if constant]
+    (folder / BUILD).write_text(_CONSTANTS.format(lines="".join(lines)), encoding="utf-8")
 
 
 def _copy(path: Path, to: Path) -> None:
@@ -293,19 +278,3 @@ def _copy(path: Path, to: Path) -> None:
         to.write_text(f'#include "{BUILD}"\n{path.read_text(encoding="utf-8")}', encoding="utf-8")
     else:
         shutil.copyfile(path, to)
-
-
-def _constants(flags: Iterable[str]) -> str:
-    defined = [re.fullmatch(r"-D(\w+)(?:=(.*))?", flag) for flag in flags]
-    lines = [f"#define {found[1]} {found[2] or 1}\n" for found in defined if found]
-    return f"""/* {BUILD}: the constants of this build. */
-#ifndef BRICKPILOT_BUILD_H
-#define BRICKPILOT_BUILD_H
-
-{"".join(lines)}
-#ifdef __AVR__ /* core/flash.h says why */
-#pragma GCC optimize("no-ivopts")
-#endif
-
-#endif
-"""

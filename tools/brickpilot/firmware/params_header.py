@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, NoReturn
 
 from brickpilot import catalogue
 from brickpilot.errors import InputError
-from brickpilot.firmware import robot
-from brickpilot.firmware.robot import Place, Robot
-from brickpilot.vehicle.coefficients import PROFILES, VOLTAGE_LIMIT, WHEEL_SPEED_LIMIT, pose, wheel_speed_per_volt
+from brickpilot.firmware.robot import Place, Robot, changed, entry
+from brickpilot.vehicle.coefficients import PROFILES, VOLTAGE_LIMIT, WHEEL_SPEED_LIMIT, body
+from brickpilot.vehicle.combinations import Values, mean_inertia, wheel_speed_per_volt
+from brickpilot.vehicle.compensation import HIGHEST_OWN
 from brickpilot.vehicle.fixed_point import QuantisationError, initialiser, integer
 from brickpilot.vehicle.settings import Setting, constants, default, plain, settings
 
@@ -41,77 +41,52 @@ PER_TURN = {"wheel_radius": 1, "emf_constant": 1, "torque_constant": 1, "viscous
 SMALLEST_WHEEL, LARGEST_WHEEL = 1 / 64, 1 / 16
 """m: for a radius between them, the model's shares of wheel speed and surge are below 1."""
 
-BATTERY_MOST, VOLTAGE_MOST = 29.0, 32.0
-"""V: largest nominal voltage of a battery, and its largest charged voltage (VOLTAGE_MAX_MV of firmware/mixer)."""
+BATTERY_MOST = 29.0
+"""V: largest nominal voltage of a battery; charged it has at most `HIGHEST_OWN`."""
 
-RCX_BATTERY = 20.0
-"""V: the largest battery voltage that the RCX can measure."""
-
-MILLIVOLTS = round(VOLTAGE_MOST * 1e3)
+MILLIVOLTS = round(HIGHEST_OWN * 1e3)
 
 SPEED_Q17_PER_TRAVEL_Q5 = 1e3 * 2**17 / (1e6 * 2**5)
-
-
-def _weight_bits(table: Mapping[str, float], name: str, high: int) -> int:
-    bits = math.log2(table[name])
-    if not bits.is_integer():
-        raise QuantisationError(f"{name}: {table[name]:g} is no power of two")
-    return integer(bits, 0, high, name)
 
 
 def _q15(share: float, name: str) -> int:
     return integer(share * 32767, 0, INT16, name)
 
 
-def _nearest_power_of_two(steps: float) -> float:
-    return 2.0 ** round(math.log2(steps))
-
-
-def _model(profile: str, values: Mapping[str, float], step: float, with_pose: bool) -> dict[str, Any]:
-    predicted = {"profile": f"BODY_{profile.upper()}", **PROFILES[profile](values, step)}
-    return {**predicted, **pose(step)} if with_pose else predicted
-
-
-def _heading(common: Mapping[str, float], gyro_range: float) -> dict[str, Any]:
+def _heading(common: Values, gyro_range: float) -> dict[str, Any]:
+    bits = math.log2(common["gyro_bias_blocks"])
+    if not bits.is_integer():
+        raise QuantisationError(f"gyro_bias_blocks: {common['gyro_bias_blocks']:g} is no power of two")
     return {
         "quiet_mrad_s": integer(common["gyro_quiet"] * 1e3, 1, INT16, "gyro_quiet"),
         "rest_speed_mm_s_q4": integer(common["rest_speed"] * 16e3, 0, INT16, "rest_speed"),
-        "slowest_weight_bits": _weight_bits(common, "gyro_bias_blocks", 7),
+        "slowest_weight_bits": integer(bits, 0, 7, "gyro_bias_blocks"),
         "blind_ms": integer(common["blind_time"] * 1e3, 0, 65000, "blind_time"),
         "gyro_full_mrad_s": integer(GYRO_FULL * gyro_range * 1e3, 1, INT16, "gyro_range"),
     }
 
 
-def _friction(profile: str, values: Mapping[str, float]) -> dict[str, Any]:
+def _friction(profile: str, values: Values) -> dict[str, Any]:
     """Returns a `friction_config_t`; `paper` learns no friction: its wheels do not roll with the body (fault 1)."""
-    radius = values["wheel_radius"]
-    inertia = values["wheel_inertia"] + values["mass"] * radius**2 / 2
-    per_acceleration = values["resistance"] * inertia / (values["torque_constant"] * radius)  # V per m/s^2, both motors
+    pull = values["torque_constant"] * values["wheel_radius"]
+    per_acceleration = values["resistance"] * mean_inertia(values) / pull  # V per m/s^2, both motors
     return {
         "mv_per_mm_s2_q10": min(round(per_acceleration * 2**10), INT16) if profile == "coupled" else 0,
         "half_track_m_q14": min(round(values["half_track"] * 2**14), INT16),
     }
 
 
-def _speed(
-    common: Mapping[str, float], own: Mapping[str, float], radius: float, counts: float, step: float
-) -> dict[str, Any]:
+def _speed(common: Values, own: Values, radius: float, counts: float, step: float) -> dict[str, Any]:
     """Returns a `speed_config_t`. The observer has a double pole at its bandwidth b: 2 b on travel, b^2 on speed."""
     band = own["observer_bandwidth"]
-    bias = {"accel_bias_time": _nearest_power_of_two(common["accel_bias_time"] / step)}
     return {
         "accel_gain_q15": _q15(own["accel_share"], "accel_share"),
-        "slowest_weight_bits": _weight_bits(bias, "accel_bias_time", 12),
+        "slowest_weight_bits": integer(round(math.log2(common["accel_bias_time"] / step)), 0, 12, "accel_bias_time"),
         "count_travel_um_q2": integer(2 * math.pi * radius / counts * 4e6, 1, UINT16, "counts_per_turn"),
         "travel_gain_q15": _q15(2 * band * step, "observer_bandwidth"),
         "speed_gain_q15": _q15(band**2 * step * SPEED_Q17_PER_TRAVEL_Q5, "observer_bandwidth"),
         "accel_filter_q15": _q15(1 - math.exp(-step / common["accel_filter_time"]), "accel_filter_time"),
     }
-
-
-def _coefficients(profile: str, vehicle: Mapping[str, Any], step: float) -> dict[str, Any]:
-    with_pose = step == float(vehicle["rates"]["body_step"]["value"])  # only the hosts ask the model for the pose
-    return _model(profile, plain(vehicle["parameters"]), step, with_pose)
 
 
 def _check_unit(setting: Setting, profile: str, entries: Mapping[str, Any]) -> None:
@@ -170,14 +145,14 @@ def _block(
     steps: Sequence[float],
     settings: Mapping[str, Setting],
     known: Mapping[str, int],
-    in_model: Mapping[str, Any] | None = None,
+    in_model: Values,
 ) -> str:
-    """Returns the constants of a profile; `in_model`: the vehicle of the model's coefficients; None: `vehicle`."""
-    held = in_model or vehicle
+    """Returns the constants of a profile; `in_model`: the parameters for the model's coefficients."""
+    of_hosts = plain(vehicle["rates"])["body_step"]  # only the hosts ask the model for the pose
     sets = "".join(
         f"#{'elif' if i else 'if'} STEP_MS == {step * 1e3:g}\n"
         f"static const body_coefficients_t MODEL_{profile.upper()} = "
-        f"{initialiser(_coefficients(profile, held, step), 0)};\n"
+        f"{initialiser(body(profile, in_model, step, with_pose=step == of_hosts), 0)};\n"
         f"static const FLASH loop_config_t PARAMS_{profile.upper()} = "
         f"{initialiser(_loop(profile, vehicle, step, settings, known), 0)};\n"
         for i, step in enumerate(steps)
@@ -202,31 +177,16 @@ def render(vehicle: Mapping[str, Any], settings: Mapping[str, Setting]) -> str:
     """
     rates = plain(vehicle["rates"])
     steps = {"coupled": (rates["body_step"], rates["rcx_step"]), "paper": (rates["body_step"],)}
-    return _header("\n".join(_block(profile, vehicle, steps[profile], settings, {}) for profile in PROFILES))
+    values = plain(vehicle["parameters"])
+    return _header("\n".join(_block(profile, vehicle, steps[profile], settings, {}, values) for profile in PROFILES))
 
 
-def render_own(
-    vehicle: Mapping[str, Any], settings: Mapping[str, Setting], step: float, known: Mapping[str, int]
-) -> str:
-    """Returns the header's text for one robot at one control step: the profile coupled alone.
-
-    Args:
-        vehicle, settings: as for `render`.
-        step: s.
-        known: parameter -> raw integer of the compensation that the constants include.
-
-    Raises:
-        QuantisationError: as `render`.
-    """
-    return _header(_block("coupled", vehicle, (step,), settings, known, with_room(vehicle, step)))
-
-
-def voltage_bits(vehicle: Mapping[str, Any]) -> int:
+def voltage_bits(values: Values) -> int:
     """Returns MOTOR_VOLTAGE_BITS of firmware/model/limits.h: 1 if the battery exceeds the model's voltages, else 0."""
-    return int(float(vehicle["parameters"]["battery_voltage"]["value"]) > VOLTAGE_LIMIT)
+    return int(values["battery_voltage"] > VOLTAGE_LIMIT)
 
 
-def with_room(vehicle: Mapping[str, Any], step: float) -> Mapping[str, Any]:
+def with_room(values: Values, step: float) -> Values:
     """Returns the vehicle for the model's coefficients: it has the same motion, and its states fit the model's formats.
 
     The inputs of the model are voltages, and its outputs are speed and yaw rate of the body. Its other states may be
@@ -241,51 +201,33 @@ def with_room(vehicle: Mapping[str, Any], step: float) -> Mapping[str, Any]:
     Raises:
         QuantisationError: no such vehicle fits.
     """
-    values = plain(vehicle["parameters"])
-    volts = dict.fromkeys(PER_VOLTAGE, 0.5 ** voltage_bits(vehicle))
+    bits = voltage_bits(values)
+    volts = dict.fromkeys(PER_VOLTAGE, 0.5**bits)
     failed: QuantisationError | None = None
     for wheel in _wheels(values["wheel_radius"]):
         turns = {name: wheel**power for name, power in PER_TURN.items()}
         for current in CURRENT_SHARES:
-            factors = _product(volts, turns, dict.fromkeys(PER_CURRENT, current))
-            tried = _times(vehicle, factors)
+            scaled = dict(values)
+            for factors in (volts, turns, dict.fromkeys(PER_CURRENT, current)):
+                scaled |= {name: scaled[name] * factor for name, factor in factors.items()}
+            top = scaled["battery_voltage"] / 2**bits * wheel_speed_per_volt(scaled)
             try:
-                _prove(plain(tried["parameters"]))
-                PROFILES["coupled"](plain(tried["parameters"]), step)
+                if top > WHEEL_SPEED_LIMIT:
+                    limit = f"{WHEEL_SPEED_LIMIT:g} is the most"
+                    raise QuantisationError(f"a wheel turns at {top:.3g} rad/s at full voltage, and {limit}")
+                PROFILES["coupled"](scaled, step)
             except QuantisationError as error:
                 failed = error
                 continue
-            return tried
+            return scaled
     raise failed or QuantisationError("a wheel has no radius")
 
 
 def _wheels(radius: float) -> list[float]:
     """Returns factors, powers of two, that bring the radius within its limits; 1 is the first if it is valid."""
     middle = round(math.log2(math.sqrt(SMALLEST_WHEEL * LARGEST_WHEEL) / radius))
-    found = [2.0**power for power in (0, middle, middle + 1, middle - 1)]
-    return [one for one in dict.fromkeys(found) if SMALLEST_WHEEL < radius * one < LARGEST_WHEEL]
-
-
-def _product(*factors: Mapping[str, float]) -> dict[str, float]:
-    names = {name for one in factors for name in one}
-    return {name: math.prod(one.get(name, 1.0) for one in factors) for name in names}
-
-
-def _times(vehicle: Mapping[str, Any], factors: Mapping[str, float]) -> dict[str, Any]:
-    rows = {
-        name: {**vehicle["parameters"][name], "value": vehicle["parameters"][name]["value"] * factor}
-        for name, factor in factors.items()
-    }
-    return {**vehicle, "parameters": {**vehicle["parameters"], **rows}}
-
-
-def _prove(values: Mapping[str, float]) -> None:
-    """Raises QuantisationError if a wheel's speed at full voltage exceeds the range of the model."""
-    top = values["battery_voltage"] / 2 ** int(values["battery_voltage"] > VOLTAGE_LIMIT) * wheel_speed_per_volt(values)
-    if top > WHEEL_SPEED_LIMIT:
-        raise QuantisationError(
-            f"a wheel turns at {top:.3g} rad/s at full voltage, and {WHEEL_SPEED_LIMIT:g} is the most"
-        )
+    factors = dict.fromkeys(2.0**power for power in (0, middle, middle + 1, middle - 1))
+    return [factor for factor in factors if SMALLEST_WHEEL < radius * factor < LARGEST_WHEEL]
 
 
 def _header(blocks: str) -> str:
@@ -305,118 +247,98 @@ def _header(blocks: str) -> str:
 READING_MOST = 32.767  # m/s^2 or rad/s: a reading of hal.h in mm/s^2 or mrad/s has 16 bits
 ROUNDING = 0.005  # largest relative rounding error of the travel per count
 COUNT_UM_Q2 = 4e6  # units per m in the format of the travel per count
-COUNT_MOST = 65535
 FLOOR = 1.0  # V: the least battery voltage that the mixer assumes
 FLOOR_AT = ("controller", "coupled", "battery_floor")
 _STEP, _FURTHEST = 2.0, 20  # factor by which a value is changed, and the number of such changes
 _BISECTIONS = 12
 
 
-@dataclass(frozen=True)
-class Limit:
-    """A value with its own range, SI."""
-
-    place: Place
-    value: float
-    low: float
-    high: float
-    unit: str
-    because: str
-
-
-def own_header(one: Robot, step: float) -> str:
-    """Returns the constants of a robot at a control step of `step` s, as C.
+def own_header(robot: Robot, step: float) -> str:
+    """Returns the constants of a robot at a control step of `step` s, as C, for the profile coupled.
 
     Raises:
         InputError: a format cannot hold a value; the message names file, line, value and range.
     """
-    _check_limits(one)
+    _check_limits(robot)
     try:
-        return _made(one, step)
+        return _made(robot, step)
     except QuantisationError as error:
-        _refuse(one, step, str(error))
+        _refuse(robot, step, str(error))
 
 
-def _made(one: Robot, step: float) -> str:
-    if not one.value("parameters", "torque_constant") > 0:
+def _made(robot: Robot, step: float) -> str:
+    if not robot.value("parameters", "torque_constant") > 0:
         raise QuantisationError("the motors have no torque")
-    return render_own(one.vehicle, settings(), step, one.known)
+    in_model = with_room(plain(robot.vehicle["parameters"]), step)
+    return _header(_block("coupled", robot.vehicle, (step,), settings(), robot.known, in_model))
 
 
-def _limits(one: Robot) -> Iterator[Limit]:
-    imu, wheel = plain(one.vehicle["sensors"]["imu"]), one.value("parameters", "wheel_radius")
-    turn = 2 * math.pi * wheel * COUNT_UM_Q2
-    battery = one.value("parameters", "battery_voltage")
-    least = FLOOR if FLOOR_AT in one.stated else FLOOR * battery / one.value(*FLOOR_AT)
-    ends = f"charged it has a tenth more, voltages end at {VOLTAGE_MOST:g} V, and battery_floor follows it"
-    yield Limit(("parameters", "battery_voltage"), battery, least, BATTERY_MOST, "V", ends)
+def _check_limits(robot: Robot) -> None:
+    """Refuses a value that is outside a range of its own."""
+
+    def check(place: Place, low: float, high: float, unit: str, because: str, value: float | None = None) -> None:
+        value = robot.value(*place) if value is None else value
+        if not low <= value <= high:
+            _out_of_range(robot, place, value, (low, high), unit, because)
+
+    battery = ("parameters", "battery_voltage")
+    least = FLOOR if FLOOR_AT in robot.stated else FLOOR * robot.value(*battery) / robot.value(*FLOOR_AT)
+    ends = f"charged it has a tenth more, voltages end at {HIGHEST_OWN:g} V, and battery_floor follows it"
+    check(battery, least, BATTERY_MOST, "V", ends)
     for name, unit in (("gyro_range", "rad/s"), ("accel_range", "m/s^2")):
-        yield Limit(("sensors", "imu", name), imu[name], 0.1, READING_MOST, unit, "a reading has 16 bits")
-    counts = one.value("sensors", "encoder", "counts_per_turn")
+        check(("sensors", "imu", name), 0.1, READING_MOST, unit, "a reading has 16 bits")
+    turn = 2 * math.pi * robot.value("parameters", "wheel_radius") * COUNT_UM_Q2
     rounded = f"a count is up to 16.4 mm, and rounded by {ROUNDING:.1%} of it at most"
-    yield Limit(("sensors", "encoder", "counts_per_turn"), counts, turn / COUNT_MOST, turn * 2 * ROUNDING, "", rounded)
-    own = constants(one.vehicle, "coupled")
+    check(("sensors", "encoder", "counts_per_turn"), turn / UINT16, turn * 2 * ROUNDING, "", rounded)
+    own = constants(robot.vehicle, "coupled")
     for setting in settings().values():
         place = ("controller", "coupled", setting.name)
-        if place in one.stated:
+        if place in robot.stated:
             low, high = setting.value(setting.low), setting.value(setting.high)
-            yield Limit(place, own[setting.name], low, high, setting.format.unit, "its format ends there")
-
-
-def _check_limits(one: Robot) -> None:
-    for limit in _limits(one):
-        if not limit.low <= limit.value <= limit.high:
-            unit = "" if limit.unit == "1" else limit.unit
-            _out_of_range(one, limit.place, limit.value, (limit.low, limit.high), unit, limit.because)
+            check(place, low, high, setting.format.unit, "its format ends there", own[setting.name])
 
 
 def _out_of_range(
-    one: Robot, place: Place, value: float, range_: tuple[float, float], unit: str, because: str
+    robot: Robot, place: Place, value: float, range_: tuple[float, float], unit: str, because: str
 ) -> NoReturn:
     low, high = range_
-    one.toml.refuse(place, f"{value:.4g} is outside {low:.3g}..{high:.3g} {unit}".rstrip() + f": {because}")
+    shown = "" if unit == "1" else unit
+    robot.toml.refuse(place, f"{value:.4g} is outside {low:.3g}..{high:.3g} {shown}".rstrip() + f": {because}")
 
 
-def _refuse(one: Robot, step: float, reason: str) -> NoReturn:
+def _refuse(robot: Robot, step: float, reason: str) -> NoReturn:
     """Raises an InputError that names the value with the least change for which the constants can be made."""
-    found = min(_ways_out(one, step), key=lambda way: way[0], default=None)
-    if found is None:
-        raise InputError(f"this robot does not fit into the firmware's formats: {reason}", file=one.toml.path)
-    _, place, good = found
-    value, unit = one.value(*place), str(robot.entry(one.vehicle, place)["unit"])
+    nearest = min(_ways_out(robot, step), key=lambda way: way[0], default=None)
+    if nearest is None:
+        raise InputError(f"this robot does not fit into the firmware's formats: {reason}", file=robot.toml.path)
+    _, place, good = nearest
+    value, unit = robot.value(*place), str(entry(robot.vehicle, place)["unit"])
 
     def fits(candidate: float) -> bool:
-        return _fits(one, step, place, candidate)
+        return _fits(robot, step, place, candidate)
 
-    edges = sorted((_edge(fits, good, value), _far_edge(fits, good, good / value)))
-    _out_of_range(one, place, value, (edges[0], edges[1]), "" if unit == "1" else unit, reason)
-
-
-def _ways_out(one: Robot, step: float) -> Iterator[tuple[int, Place, float]]:
-    """Yields, for each parameter changed alone, (steps, place, nearest value with which the constants can be made)."""
-    for place in _movable(one):
-        value = one.value(*place)
-        for number in range(1, _FURTHEST):
-            good = next((v for v in (value * _STEP**number, value / _STEP**number) if _fits(one, step, place, v)), None)
-            if good is not None:
-                yield number, place, good
-                break
+    low, high = sorted((_edge(fits, good, value), _far_edge(fits, good, good / value)))
+    _out_of_range(robot, place, value, (low, high), unit, reason)
 
 
-def _movable(one: Robot) -> list[Place]:
-    """Returns the values that may be wrong in the file: stated values above 0."""
-    numeric = [place for place in sorted(one.stated) if place[0] in ("parameters", "sensors", "robot")]
-    used = one.vehicle["parameters"]
-    return [place for place in numeric if (place[0] != "parameters" or place[1] in used) and one.value(*place) > 0]
+def _ways_out(robot: Robot, step: float) -> Iterator[tuple[int, Place, float]]:
+    """Yields (steps, place, nearest value with which the constants can be made): each stated value is changed alone."""
+    used = {("parameters", name) for name in robot.vehicle["parameters"]}
+    stated = [place for place in sorted(robot.stated) if place[0] in ("sensors", "robot") or place in used]
+    for place in (place for place in stated if robot.value(*place) > 0):
+        value = robot.value(*place)
+        tries = ((n, v) for n in range(1, _FURTHEST) for v in (value * _STEP**n, value / _STEP**n))
+        nearest = next(((n, v) for n, v in tries if _fits(robot, step, place, v)), None)
+        if nearest is not None:
+            yield nearest[0], place, nearest[1]
 
 
-def _fits(one: Robot, step: float, place: Place, value: float) -> bool:
-    parameters = {info.name: info for info in catalogue.parameters()}
-    info = parameters.get(place[-1]) if place[0] == "parameters" else None
-    if info is not None and not info.minimum <= value <= info.maximum:
+def _fits(robot: Robot, step: float, place: Place, value: float) -> bool:
+    infos = [info for info in catalogue.parameters() if place == ("parameters", info.name)]
+    if not all(info.minimum <= value <= info.maximum for info in infos):
         return False
     try:
-        _made(robot.changed(one, {place: value}), step)
+        _made(changed(robot, {place: value}), step)
     except (QuantisationError, InputError, ArithmeticError, ValueError):
         return False
     return True

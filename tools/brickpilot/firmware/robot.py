@@ -41,11 +41,17 @@ from brickpilot.data.toml_file import TomlFile
 from brickpilot.errors import InputError
 from brickpilot.vehicle import compensation
 from brickpilot.vehicle import model as models
-from brickpilot.vehicle.coefficients import difference_inertia, mean_inertia, wheel_speed_per_volt
+from brickpilot.vehicle.combinations import (
+    Values,
+    difference_inertia,
+    holding_voltage,
+    mean_inertia,
+    wheel_speed_per_volt,
+)
 from brickpilot.vehicle.drive_constants import two_wheeled
 from brickpilot.vehicle.gains import Gains
 from brickpilot.vehicle.model import Model
-from brickpilot.vehicle.settings import constants, default, holding_voltage, plain, settings
+from brickpilot.vehicle.settings import constants, default, plain, settings
 
 Tables = Mapping[str, Any]
 Place = tuple[str, ...]
@@ -73,7 +79,6 @@ _RANGES: Mapping[Place, tuple[float, float]] = {
 }
 """The ranges of values that the rules use as a divisor, or under a root or a power."""
 
-_SEEN = ("imu", "encoder")
 ACCEPTANCE, FEEDFORWARD = "acceptance", "feedforward"
 """Settings that a vehicle file does not state: they follow from the robot's length and its losses."""
 
@@ -115,13 +120,13 @@ class Robot:
 
 
 @cache
-def _file() -> Tables:
+def _file() -> dict[str, Any]:
     return TomlFile(RCX).data
 
 
 def packaged() -> dict[str, Any]:
     """Returns the tables of the packaged robot's file."""
-    return copy.deepcopy(dict(_file()))
+    return copy.deepcopy(_file())
 
 
 def load(path: Path) -> Robot:
@@ -144,16 +149,16 @@ def load(path: Path) -> Robot:
 
 def entry(tables: Tables, place: Place) -> Any:
     """Returns the entry at a place of a vehicle file."""
-    found: Any = tables
+    below: Any = tables
     for name in place:
-        found = found[name]
-    return found
+        below = below[name]
+    return below
 
 
 def _stated(toml: TomlFile) -> dict[Place, float]:
     """Returns place -> value, SI, of the values that the file states in the tables of `OWN`."""
     known = packaged()
-    found: dict[Place, float] = {}
+    stated: dict[Place, float] = {}
     for place in OWN:
         names = entry(known, place)
         table: Any = toml.data
@@ -162,19 +167,10 @@ def _stated(toml: TomlFile) -> dict[Place, float]:
         below = {one[len(place)] for one in OWN if len(one) > len(place) and one[: len(place)] == place}
         toml.known_keys(place, table, names)
         for name in table.keys() - below - {"paper"}:  # only the project's firmware has `paper`
-            found[*place, name] = _checked(toml, (*place, name), table[name], names[name]["unit"])
-    return found
-
-
-def _checked(toml: TomlFile, place: Place, given: Any, unit: str) -> float:
-    table = given if isinstance(given, dict) else {"value": given}
-    toml.known_keys(place, table, ("value", "unit", "basis"))
-    if "value" not in table:
-        toml.refuse(place, "value is missing")
-    if table.get("unit", unit) != unit:
-        toml.refuse((*place, "unit"), f"{table['unit']!r} should be {unit!r}")
-    low, high = _RANGES.get(place, (-_MOST, _MOST))
-    return toml.number(place, table["value"], low, high, "" if unit == "1" else unit)
+            key, unit = (*place, name), names[name]["unit"]
+            value = models.entry_table(toml, key, table[name], unit)["value"]
+            stated[key] = toml.number(key, value, *_RANGES.get(key, (-_MOST, _MOST)), "" if unit == "1" else unit)
+    return stated
 
 
 def complete(model: Model, toml: TomlFile, stated: Mapping[Place, float]) -> Robot:
@@ -192,23 +188,22 @@ def complete(model: Model, toml: TomlFile, stated: Mapping[Place, float]) -> Rob
     for name in vehicle["parameters"]:
         basis = believed.basis.get(name) or (_STATED if ("parameters", name) in stated else _PACKAGED)
         vehicle["parameters"][name] |= {"value": nominal[name], "basis": basis}
-    _put(vehicle, {place: (value, _STATED) for place, value in stated.items() if place[0] != "parameters"})
-    chosen = {place: (one.value, one.rule) for place, one in _chosen(vehicle, stated).items() if place not in stated}
-    _put(vehicle, chosen)
+    _put(vehicle, {place: Chosen(value, _STATED) for place, value in stated.items() if place[0] != "parameters"})
+    _put(vehicle, {place: chosen for place, chosen in _chosen(vehicle, stated).items() if place not in stated})
     undone = compensation.from_model(model, believed, controller=plain(vehicle["controller"]["coupled"]))
     known = {} if undone is None else undone.raw
     remarks = () if undone is None else undone.remarks
     return Robot(model, vehicle, known, remarks, dict(stated), toml)
 
 
-def changed(one: Robot, values: Mapping[Place, float]) -> Robot:
+def changed(robot: Robot, values: Mapping[Place, float]) -> Robot:
     """Returns the robot as if its file stated these `values`."""
     own = {place[1]: value for place, value in values.items() if place[0] == "parameters"}
-    model = dataclasses.replace(one.model, parameters={**one.model.parameters, **own})
-    return complete(model, one.toml, {**one.stated, **values})
+    model = dataclasses.replace(robot.model, parameters={**robot.model.parameters, **own})
+    return complete(model, robot.toml, {**robot.stated, **values})
 
 
-def with_gains(one: Robot, gains: Gains) -> Robot:
+def with_gains(robot: Robot, gains: Gains) -> Robot:
     """Returns the robot with these gains in its controller: its constants contain their raw integers.
 
     Raises:
@@ -220,10 +215,10 @@ def with_gains(one: Robot, gains: Gains) -> Robot:
         if name not in (ACCEPTANCE, FEEDFORWARD)
     }
     if FEEDFORWARD in gains.raw:
-        share = gains.value(FEEDFORWARD) / holding_voltage(plain(one.vehicle["parameters"]))
+        share = gains.value(FEEDFORWARD) / holding_voltage(plain(robot.vehicle["parameters"]))
         held["controller", "coupled", "feedforward_share"] = share
-    made = changed(one, held)
-    _put(made.vehicle, {place: (value, f"gain set {gains.name}") for place, value in held.items()})
+    made = changed(robot, held)
+    _put(made.vehicle, {place: Chosen(value, f"gain set {gains.name}") for place, value in held.items()})
     own = constants(made.vehicle, "coupled")
     for name, raw in gains.raw.items():
         has = default(settings()[name], own, "coupled")
@@ -233,40 +228,31 @@ def with_gains(one: Robot, gains: Gains) -> Robot:
     return made
 
 
-def _put(vehicle: dict[str, Any], values: Mapping[Place, tuple[float, str]]) -> None:
-    for place, (value, basis) in values.items():
-        entry(vehicle, place).update({"value": value, "basis": basis})
+def _put(vehicle: dict[str, Any], values: Mapping[Place, Chosen]) -> None:
+    for place, chosen in values.items():
+        entry(vehicle, place).update({"value": chosen.value, "basis": chosen.rule})
 
 
 def _chosen(vehicle: dict[str, Any], stated: Mapping[Place, float]) -> dict[Place, Chosen]:
-    """Returns every value that a rule gives; also writes length and counts a turn into `vehicle`."""
+    """Returns every value that a rule gives; writes length and counts a turn, which rules need, into `vehicle`."""
     reference = packaged()
     own, other = plain(vehicle["parameters"]), plain(reference["parameters"])
-    found: dict[Place, Chosen] = {}
+    chosen: dict[Place, Chosen] = {}
     if ("robot", "length") not in stated:
         length = plain(reference["robot"])["length"] * own["half_track"] / other["half_track"]
-        found["robot", "length"] = Chosen(length, "as the half-track")
-        vehicle["robot"]["length"]["value"] = length
+        chosen["robot", "length"] = Chosen(length, "as the half-track")
     counts = ("sensors", "encoder", "counts_per_turn")
-    if counts not in stated:
-        finer = _counts(own["wheel_radius"], entry(vehicle, counts)["value"])
-        if finer != entry(vehicle, counts)["value"]:
-            found[counts] = Chosen(finer, "a count of 16 mm, the longest that has a format")
-            entry(vehicle, counts)["value"] = finer
+    finer = float(math.ceil(2 * math.pi * own["wheel_radius"] / LONGEST_COUNT))  # for a large wheel
+    if counts not in stated and finer > entry(vehicle, counts)["value"]:
+        chosen[counts] = Chosen(finer, "a count of 16 mm, the longest that has a format")
+    _put(vehicle, chosen)
     constants = plain(reference["controller"]["coupled"])
-    found |= {
-        ("controller", "coupled", name): one
-        for name, one in tuned_controller(_size(vehicle), _size(reference), constants).items()
-    }
+    for name, one in tuned_controller(_size(vehicle), _size(reference), constants).items():
+        chosen["controller", "coupled", name] = one
     common, coupled = plain(reference["estimator"]), plain(reference["estimator"]["coupled"])
     for name, one in tuned_estimator(_seen(vehicle), _seen(reference), {**common, **coupled}).items():
-        found[("estimator", name) if name in common else ("estimator", "coupled", name)] = one
-    return found
-
-
-def _counts(radius: float, packaged: float) -> float:
-    """Returns the counts of a turn if the file does not state them: the packaged robot's, or more for a large wheel."""
-    return max(packaged, float(math.ceil(2 * math.pi * radius / LONGEST_COUNT)))
+        chosen[("estimator", name) if name in common else ("estimator", "coupled", name)] = one
+    return chosen
 
 
 def _size(vehicle: Tables) -> Size:
@@ -276,7 +262,8 @@ def _size(vehicle: Tables) -> Size:
 
 def _seen(vehicle: Tables) -> dict[str, float]:
     """Returns the sensors' values that `tuned_estimator` needs."""
-    values, imu, encoder = (plain(one) for one in (vehicle["parameters"], *map(vehicle["sensors"].get, _SEEN)))
+    values, sensors = plain(vehicle["parameters"]), vehicle["sensors"]
+    imu, encoder = plain(sensors["imu"]), plain(sensors["encoder"])
     return {
         "travel_per_count": values["wheel_radius"] / encoder["counts_per_turn"],
         "gyro_resolution": 2 * imu["gyro_range"] / 2 ** imu["bits"],
@@ -298,8 +285,6 @@ LONGEST_TURN = math.pi
 
 GYRO_SHARE = 0.9
 """Share of the gyro's range that a turn may reach; the rest is a margin for bias, noise and stronger motors."""
-
-Values = Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -417,10 +402,11 @@ def tuned_controller(own: Size, packaged: Size, constants: Values) -> dict[str, 
     cruise = min(constants["cruise"] * min(top, math.sqrt(faster * length)), FASTEST_CRUISE)
     slower = cruise / constants["cruise"]
     turning = min(constants["heading_limit"] * battery, _within_gyro(about, own.gyro_range))
-    poles = "the packaged robot's poles, see robot.py"
-    found = {
-        **{name: (value, poles) for name, value in _speed_gains(ahead, ahead_packaged, constants, faster).items()},
-        **{name: (value, poles) for name, value in _heading_gains(about, about_packaged, constants, turns).items()},
+    gains = {
+        **_speed_gains(ahead, ahead_packaged, constants, faster),
+        **_heading_gains(about, about_packaged, constants, turns),
+    }
+    others = {
         "cruise": (
             cruise,
             "as the speed that the battery holds, and no faster than the robot brakes within its length",
@@ -434,7 +420,8 @@ def tuned_controller(own: Size, packaged: Size, constants: Values) -> dict[str, 
         "leg_timeout": (constants["leg_timeout"] * max(length, 1.0) / min(slower, 1.0), "as length over cruise"),
         "battery_floor": (constants["battery_floor"] * battery, "as the battery"),
     }
-    return {name: Chosen(value, rule) for name, (value, rule) in found.items()}
+    chosen = {name: (value, "the packaged robot's poles, see robot.py") for name, value in gains.items()} | others
+    return {name: Chosen(value, rule) for name, (value, rule) in chosen.items()}
 
 
 def tuned_estimator(own: Values, packaged: Values, constants: Values) -> dict[str, Chosen]:

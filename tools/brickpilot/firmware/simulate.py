@@ -35,69 +35,53 @@ REST_S = 2.0
 REPLY_S = 5.0
 SHORTEST_LEG = 3.0  # least length of a leg, in acceptance radii; in the packaged mission it is 4.5
 SLACK = 1.25  # factor on the duration of a scaled mission, because the time for turns does not scale
-LONGEST_S = 3600.0  # longest duration of a scenario
-FURTHEST_M = 30.0  # largest coordinate of a waypoint, by the format of a route
-
-
-def _scale(robot: Robot, waypoints: Sequence[tuple[float, float]]) -> float:
-    """Returns the scale of the packaged mission for a robot.
-
-    The scale is the ratio of the robots' lengths. For a slower robot it is smaller, so that the mission does not last
-    longer: the error of the learnt gyro bias grows with time. But no leg becomes shorter than `SHORTEST_LEG` acceptance
-    radii.
-    """
-    reference = packaged()
-    longer = robot.length / plain(reference["robot"])["length"]
-    slower = robot.value("controller", "coupled", "cruise") / plain(reference["controller"]["coupled"])["cruise"]
-    shortest = min(math.dist(*leg) for leg in itertools.pairwise(waypoints))
-    return min(longer, max(slower, SHORTEST_LEG * robot.length / 2 / shortest))
 
 
 def mission(robot: Robot, file: str | None) -> Scenario:
     """Returns the mission of a robot: the user's `file` without changes, or the packaged mission scaled to the robot.
 
+    The scale is the ratio of the robots' lengths. For a slower robot it is smaller, so that the mission does not last
+    longer: the error of the learnt gyro bias grows with time. But no leg becomes shorter than `SHORTEST_LEG` acceptance
+    radii.
+
     Raises:
         InputError: the file is bad, or no mission; the scaled mission is larger than a route can hold.
     """
     if file is not None:
-        found = scenario.load(scenario.find(file))
-        if found.kind != "mission":
+        own = scenario.load(scenario.find(file))
+        if own.kind != "mission":
             raise InputError("is a manoeuvre; firmware flies missions", file=file, field="kind")
-        return found
-    found = scenario.load(scenario.packaged()["mission"])
-    reference = packaged()
-    scale = _scale(robot, found.waypoints)
-    if max(abs(one) for point in found.waypoints for one in point) * scale > FURTHEST_M:
+        return own
+    route, reference = scenario.load(scenario.packaged()["mission"]), packaged()
+    cruise, usual = robot.value("controller", "coupled", "cruise"), plain(reference["controller"]["coupled"])["cruise"]
+    shortest = min(math.dist(*leg) for leg in itertools.pairwise(route.waypoints))
+    least = max(cruise / usual, SHORTEST_LEG * robot.length / 2 / shortest)
+    scale = min(robot.length / plain(reference["robot"])["length"], least)
+    if max(abs(coordinate) for point in route.waypoints for coordinate in point) * scale > scenario.farthest():
         raise InputError(
             f"the packaged mission would be {scale:.3g} times as large; name one with --scenario", file=robot.toml.path
         )
-    points = tuple((round(scale * x, 3), round(scale * y, 3)) for x, y in found.waypoints)
-    slower = plain(reference["controller"]["coupled"])["cruise"] / robot.value("controller", "coupled", "cruise")
-    duration = REST_S + SLACK * found.duration * max(scale * slower, 1.0)
-    duration = min(math.ceil(duration / STEP_S) * STEP_S, LONGEST_S)
+    points = tuple((round(scale * x, 3), round(scale * y, 3)) for x, y in route.waypoints)
+    duration = REST_S + SLACK * route.duration * max(scale * (usual / cruise), 1.0)
+    duration = min(math.ceil(duration / STEP_S) * STEP_S, scenario.LONGEST_S)
     exact = math.isclose(scale, 1.0, rel_tol=1e-6)
-    title = found.title if exact else f"{found.title}, {scale:.2f} times as large"
-    return dataclasses.replace(found, title=title, waypoints=points, duration=duration, start_at=REST_S, packaged=exact)
-
-
-def _devices(robot: Robot) -> dict[str, float]:
-    """Returns field of `bp_devices` -> value, SI. [sensors.imu] and [sensors.encoder] use the fields' names."""
-    sensors = robot.vehicle["sensors"]
-    return {
-        **plain(sensors["imu"]),
-        **plain(sensors["encoder"]),
-        "battery_resolution": robot.value("sensors", "battery", "resolution"),
-    }
+    title = route.title if exact else f"{route.title}, {scale:.2f} times as large"
+    return dataclasses.replace(route, title=title, waypoints=points, duration=duration, start_at=REST_S, packaged=exact)
 
 
 def plan(robot: Robot, route: Scenario, sensors: str, seed: int) -> flight.Plan:
     """Returns the plan of the flight, without cruise speed and compensation, because the firmware contains its own."""
     made = flight.plan(route, robot.model, profile="coupled", sensors=sensors, seed=seed)
+    devices = robot.vehicle["sensors"]  # [imu] and [encoder] have the names of the fields of `bp_devices`
     return dataclasses.replace(
         made,
         cruise=0.0,
         acceptance=robot.length / 2,
-        devices=_devices(robot),
+        devices={
+            **plain(devices["imu"]),
+            **plain(devices["encoder"]),
+            "battery_resolution": robot.value("sensors", "battery", "resolution"),
+        },
         start_step=round((REST_S if route.start_at is None else route.start_at) / STEP_S),
     )
 
@@ -120,19 +104,14 @@ def fly_own(root: Path, headers: Path, flags: Sequence[str], planned: flight.Pla
         flown = fly.fly(end, "firmware", planned, pace=LOCKSTEP, telemetry_every=1, progress=lambda *_: None)
     finally:
         link.close()
-        status = _status(brick)
+        try:
+            status = brick.wait(REPLY_S)
+        except subprocess.TimeoutExpired:
+            brick.kill()
+            status = brick.wait()
     if status != 0 or flown.broke_off is not None:
         raise SimulationError(f"the firmware on this machine ended: {flown.broke_off or f'status {status}'}")
     return flown
-
-
-def _status(brick: subprocess.Popen[bytes]) -> int:
-    """Waits for the end of a program whose line is closed, kills it if necessary, and returns its exit status."""
-    try:
-        return brick.wait(REPLY_S)
-    except subprocess.TimeoutExpired:
-        brick.kill()
-        return brick.wait()
 
 
 def undone(robot: Robot) -> dict[str, float]:
@@ -176,16 +155,17 @@ def find_image(image: Path) -> OwnImage:
     """
     if not image.is_file():
         raise InputError("no such file", file=image)
-    made = next((one for one in (image.parent, image.resolve().parent.parent) if (one / FIGURES).is_file()), None)
-    if made is None:
+    places = (image.parent, image.resolve().parent.parent)
+    folder = next((place for place in places if (place / FIGURES).is_file()), None)
+    if folder is None:
         raise InputError(f"stands in no folder of `brickpilot firmware`: {FIGURES} is missing beside it", file=image)
-    told = json.loads((made / FIGURES).read_text(encoding="utf-8"))
-    target = _TARGETS.get((told.get("board"), told.get("flight", {}).get("sensors")))
+    figures = json.loads((folder / FIGURES).read_text(encoding="utf-8"))
+    target = _TARGETS.get((figures.get("board"), figures.get("flight", {}).get("sensors")))
     if target is None or target.partition(":")[0] != _simulator(image):
         flown = "it flies an Arduino's ELF file and an RCX's brickpilot.h8sim"
-        raise InputError(f"is nothing that hil flies of the board {told.get('board')}; {flown}", file=image)
-    scales = _scales(made / "include/avr/board.h") if target.startswith("avr") else {}
-    return OwnImage(image, target, scales, told["flight"]["sensors"])
+        raise InputError(f"is nothing that hil flies of the board {figures.get('board')}; {flown}", file=image)
+    scales = _scales(folder / "include/avr/board.h") if target.startswith("avr") else {}
+    return OwnImage(image, target, scales, figures["flight"]["sensors"])
 
 
 def _simulator(image: Path) -> str | None:
@@ -218,14 +198,14 @@ def _scales(board: Path) -> dict[str, float]:
     if not board.is_file():
         raise InputError("is missing: it has the scales of the sensors", file=board)
     text = board.read_text(encoding="utf-8")
-    found = {}
+    scales = {}
     for name in ("GYRO", "SURGE", "SWAY"):
         per_count = re.search(rf"#define BOARD_{name}_PER_COUNT_Q8 (\d+)", text)
         reversed_ = re.search(rf"#define BOARD_{name}_REVERSED (\w+)", text)
         if per_count is None or reversed_ is None:
             raise InputError(f"has no scale of {name}", file=board)
-        found[name] = (-1e-3 if reversed_[1] in ("true", "1") else 1e-3) * int(per_count[1]) / 256
+        scales[name] = (-1e-3 if reversed_[1] in ("true", "1") else 1e-3) * int(per_count[1]) / 256
     full = re.search(r"#define BOARD_BATTERY_FULL_MV (\d+)", text)
     if full is None:
         raise InputError("has no scale of the battery", file=board)
-    return {**found, "BATTERY_INPUT": int(full[1]) * 1e-3 / 1024}
+    return {**scales, "BATTERY_INPUT": int(full[1]) * 1e-3 / 1024}

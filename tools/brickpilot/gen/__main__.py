@@ -11,7 +11,7 @@ from pathlib import Path
 
 from brickpilot.errors import InputError
 from brickpilot.firmware import params_header
-from brickpilot.gen import codecs, h8_states, value_headers
+from brickpilot.gen import codecs, value_headers
 from brickpilot.vehicle.fixed_point import QuantisationError
 from brickpilot.vehicle.settings import load
 
@@ -34,7 +34,7 @@ def generate(root: Path) -> dict[Path, str]:
         ("hal/wire/codecs_gen.h", [MESSAGES], codecs_header),
         ("hal/wire/codecs_gen.c", [MESSAGES], of_brick),
         ("tests/unit/link/host_codecs_gen.c", [MESSAGES], of_host),
-        ("hal/h8sim/states_gen.h", [STATES], h8_states.render(inputs[STATES])),
+        ("hal/h8sim/states_gen.h", [STATES], value_headers.h8_states(inputs[STATES])),
         ("firmware/app/settings_gen.h", [SETTINGS], value_headers.settings_table(settings)),
         ("firmware/app/params_gen.h", [VEHICLE, SETTINGS], params_header.render(vehicle, settings)),
         ("sim_host/models/rcx_gen.h", [VEHICLE], value_headers.plant_presets(vehicle)),
@@ -83,10 +83,10 @@ def checkout(start: Path) -> Path | None:
 def wrong_generator() -> str | None:
     """Returns what to install if cantools is not the version of the extra `gen`; other versions write other codecs."""
     asked = next(one for one in metadata.requires("brickpilot") or () if one.startswith("cantools=="))
-    wanted, found = asked.partition(";")[0].strip(), metadata.version("cantools")
-    if wanted == f"cantools=={found}":
+    wanted, installed = asked.partition(";")[0].strip(), metadata.version("cantools")
+    if wanted == f"cantools=={installed}":
         return None
-    return f"needs {wanted}, and {found} is installed: .venv/bin/pip install {wanted}"
+    return f"needs {wanted}, and {installed} is installed: .venv/bin/pip install {wanted}"
 
 
 def main() -> int:

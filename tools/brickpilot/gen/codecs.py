@@ -172,5 +172,5 @@ def render(dbc: str) -> tuple[str, str, str]:
         f"{PREFIX}_{message.name.lower()}_{'pack' if message.senders == ['BRICK'] else 'unpack'}" for message in link
     }
     brick = _BRICK + "".join(_of_brick(message) for message in link)
-    host = _FUNCTION.sub(lambda found: "" if found[1] in of_brick else found[0], source)
+    host = _FUNCTION.sub(lambda function: "" if function[1] in of_brick else function[0], source)
     return tuple(text.rstrip("\n") + "\n" for text in (header, brick, host))  # type: ignore[return-value]

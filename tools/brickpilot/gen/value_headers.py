@@ -1,30 +1,24 @@
-"""The headers of values: the plant's presets, the controllers, the sets of a model, and the firmware's settings.
+"""The headers of values: plant, controllers, sets of a model, settings, and instructions of the H8/300.
 
 - sim_host/models/rcx_gen.h: the plant's presets, from the vehicle file `rcx.toml`.
 - tests/numeric/controllers_gen.h: the controller's constants for both profiles, in SI units and not rounded.
 - tests/numeric/model_sets_gen.h: sets of the model's coefficients, with the SI values from which they are made.
 - firmware/app/settings_gen.h: the firmware's table of settings; and their names in brickpilot.dbc.
+- hal/h8sim/states_gen.h: the memory accesses of each H8/300 instruction, for the simulator.
 """
 
 from __future__ import annotations
 
 import random
 import re
+import tomllib
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
-from brickpilot.vehicle.coefficients import PROFILES, pose
-from brickpilot.vehicle.fixed_point import INDENT, QuantisationError, body_initialiser
-from brickpilot.vehicle.settings import INT32, Setting
-
-_PRESETS_HEAD = """/* The vehicle's values, in SI units. */
-#ifndef BRICKPILOT_MODELS_RCX_GEN_H
-#define BRICKPILOT_MODELS_RCX_GEN_H
-"""
-
-
-def _defines(prefix: str, table: Mapping[str, Any]) -> list[str]:
-    return [f"#define {prefix}_{name.upper()} {entry['value']!r}" for name, entry in table.items()]
+from brickpilot.vehicle.coefficients import PROFILES, body
+from brickpilot.vehicle.fixed_point import INDENT, QuantisationError, initialiser
+from brickpilot.vehicle.settings import INT32, Setting, plain
 
 
 def plant_presets(vehicle: Mapping[str, Any]) -> str:
@@ -33,22 +27,22 @@ def plant_presets(vehicle: Mapping[str, Any]) -> str:
     Args:
         vehicle: tables `parameters`, `rates` and `sensors.*` of a vehicle file, of `{value, unit, basis}`.
     """
-    blocks = [_defines("RCX", vehicle["parameters"]), _defines("RCX", vehicle["rates"])]
-    blocks += [_defines(f"RCX_{sensor.upper()}", table) for sensor, table in vehicle["sensors"].items()]
-    body = "\n\n".join("\n".join(block) for block in blocks)
-    return f"{_PRESETS_HEAD}\n{body}\n\n#endif\n"
+    tables = [("RCX", vehicle["parameters"]), ("RCX", vehicle["rates"])]
+    tables += [(f"RCX_{sensor.upper()}", table) for sensor, table in vehicle["sensors"].items()]
+    blocks = "\n".join(
+        "".join(f"#define {prefix}_{name.upper()} {entry['value']!r}\n" for name, entry in table.items())
+        for prefix, table in tables
+    )
+    return f"""/* The vehicle's values, in SI units. */
+#ifndef BRICKPILOT_MODELS_RCX_GEN_H
+#define BRICKPILOT_MODELS_RCX_GEN_H
+
+{blocks}
+#endif
+"""
 
 
 OF_THE_LOOP = ("lost_time", "watchdog_time", "silent_time", "telemetry_every")
-
-
-def _constants(profile: str, vehicle: Mapping[str, Any]) -> dict[str, float]:
-    own = vehicle["controller"][profile]
-    return {
-        "acceptance": float(vehicle["robot"]["length"]["value"]) / 2,
-        **{name: float(entry["value"]) for name, entry in own.items() if name not in OF_THE_LOOP},
-        "accel_filter_time": float(vehicle["estimator"]["accel_filter_time"]["value"]),
-    }
 
 
 def controllers(vehicle: Mapping[str, Any]) -> str:
@@ -59,7 +53,13 @@ def controllers(vehicle: Mapping[str, Any]) -> str:
     """
     blocks = []
     for profile in PROFILES:
-        fields = [f"{INDENT}.{name} = {value!r},\n" for name, value in _constants(profile, vehicle).items()]
+        own = plain(vehicle["controller"][profile])
+        constants = {
+            "acceptance": plain(vehicle["robot"])["length"] / 2,
+            **{name: value for name, value in own.items() if name not in OF_THE_LOOP},
+            "accel_filter_time": plain(vehicle["estimator"])["accel_filter_time"],
+        }
+        fields = [f"{INDENT}.{name} = {value!r},\n" for name, value in constants.items()]
         blocks.append(f"static const double_constants_t CONTROLLER_{profile.upper()} = {{\n{''.join(fields)}}};\n")
     text = "\n".join(blocks)
     return f"""/* The controller's constants, in SI units. */
@@ -79,12 +79,6 @@ SPREAD = 0.25
 FIXED = ("gravity", "air_density", "battery_voltage")
 
 
-def _follow_from_the_motor(values: dict[str, float]) -> None:
-    """Computes the values of eq. 16 and 17 from those of eq. 12; with inconsistent values, full voltage would brake."""
-    values["stall_torque"] = values["torque_constant"] * values["battery_voltage"] / values["resistance"]
-    values["no_load_speed"] = values["battery_voltage"] / values["emf_constant"]
-
-
 def value_sets(nominal: Mapping[str, float]) -> list[dict[str, float]]:
     """Returns the nominal values, then sets drawn within +-25 %. Constants and the supply are not drawn."""
     draw = random.Random(SEED)
@@ -94,32 +88,30 @@ def value_sets(nominal: Mapping[str, float]) -> list[dict[str, float]]:
             name: value if name in FIXED else float(f"{value * draw.uniform(1 - SPREAD, 1 + SPREAD):.6g}")
             for name, value in nominal.items()
         }
-        _follow_from_the_motor(perturbed)
+        # Eq. 16 and 17 follow from eq. 12: with inconsistent values, full voltage would brake.
+        torque, volts = perturbed["torque_constant"], perturbed["battery_voltage"]
+        perturbed["stall_torque"] = torque * volts / perturbed["resistance"]
+        perturbed["no_load_speed"] = volts / perturbed["emf_constant"]
         sets.append(perturbed)
     return sets
 
 
 def model_sets(nominal: Mapping[str, float], step: float) -> str:
     """Returns the header's text."""
-    names = list(nominal)
     blocks = []
     for values in value_sets(nominal):
-        numbers = ", ".join(f"{values[name]!r}" for name in names)
-        bodies = [
-            f".{profile} = {body_initialiser(profile, {**make(values, step), **pose(step)}, 1)}"
-            for profile, make in PROFILES.items()
-        ]
+        numbers = ", ".join(f"{values[name]!r}" for name in nominal)
+        bodies = [f".{profile} = {initialiser(body(profile, values, step), 1)}" for profile in PROFILES]
         blocks.append("    {.value = {" + numbers + "},\n     " + ",\n     ".join(bodies) + "},")
-    quoted = ", ".join(f'"{name}"' for name in names)
-    return (
-        f"""/* Vehicles in SI units, and the firmware's coefficients:
+    quoted, sets = ", ".join(f'"{name}"' for name in nominal), "\n".join(blocks)
+    return f"""/* Vehicles in SI units, and the firmware's coefficients:
  * the nominal vehicle, then {PERTURBED_SETS} up to {SPREAD:.0%} off. */
 #ifndef BRICKPILOT_TESTS_MODEL_SETS_GEN_H
 #define BRICKPILOT_TESTS_MODEL_SETS_GEN_H
 
 #include "model/body.h"
 
-enum {{ MODEL_SETS = {PERTURBED_SETS + 1}, MODEL_SET_VALUES = {len(names)} }};
+enum {{ MODEL_SETS = {PERTURBED_SETS + 1}, MODEL_SET_VALUES = {len(nominal)} }};
 
 static const char *const MODEL_SET_NAME[MODEL_SET_VALUES] = {{{quoted}}};
 
@@ -128,10 +120,11 @@ static const struct {{
     body_coefficients_t coupled;
     body_coefficients_t paper;
 }} MODEL_SET[MODEL_SETS] = {{
+{sets}
+}};
+
+#endif
 """
-        + "\n".join(blocks)
-        + "\n};\n\n#endif\n"
-    )
 
 
 RANGES_MOST = 16
@@ -146,10 +139,10 @@ def ranges(settings: Mapping[str, Setting]) -> list[tuple[int, int]]:
     Raises:
         QuantisationError: there are more ranges than the firmware's table has bits for.
     """
-    found = sorted({(one.low, one.high) for one in settings.values()}, key=lambda pair: (pair[0] < 0, pair))
-    if len(found) > RANGES_MOST:
-        raise QuantisationError(f"{len(found)} ranges: parameters.c has bits for {RANGES_MOST}")
-    return found
+    pairs = sorted({(one.low, one.high) for one in settings.values()}, key=lambda pair: (pair[0] < 0, pair))
+    if len(pairs) > RANGES_MOST:
+        raise QuantisationError(f"{len(pairs)} ranges: parameters.c has bits for {RANGES_MOST}")
+    return pairs
 
 
 def settings_table(settings: Mapping[str, Setting]) -> str:
@@ -187,3 +180,68 @@ def name_in(dbc: str, settings: Mapping[str, Setting]) -> str:
     if count != 1:
         raise ValueError("brickpilot.dbc has no line `VAL_ 256 parameter ... ;`")
     return text
+
+
+PLACES = ("nothing", "stack", "register", "short", "word", "displaced", "stepped")
+"""The places of an instruction's data in the table; nothing: the instruction has no data."""
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Accesses of an instruction: words of ``code``, ``words`` and ``data_bytes`` at ``place``; its ``own`` states."""
+
+    code: int
+    words: int
+    data_bytes: int
+    own: int
+    place: str
+
+
+def h8_costs(text: str) -> dict[int, Cost]:
+    """Returns first byte of an H8/300 instruction -> its memory accesses, from the text of `hal/h8sim/states.toml`.
+
+    The sum of an instruction's states depends neither on the data nor on whether a branch is taken. The exception is
+    `eepmov`, whose sum depends on its count, so `eepmov` is not in the table.
+    """
+    costs: dict[int, Cost] = {}
+    for row in tomllib.loads(text)["instruction"]:
+        words, data_bytes, own = (row.get(key, 0) for key in ("words", "bytes", "own"))
+        cost = Cost(row["code"], words, data_bytes, own, row.get("at", "nothing"))
+        for first in row["first"]:
+            begin, end = first if isinstance(first, list) else (first, first)
+            costs.update(dict.fromkeys(range(begin, end + 1), cost))
+    return costs
+
+
+_H8_HEAD = """#ifndef BRICKPILOT_H8SIM_STATES_GEN_H
+#define BRICKPILOT_H8SIM_STATES_GEN_H
+
+#include <stdint.h>
+
+/* Where the data of an instruction lie. */
+enum {
+%s
+};
+
+/* Accesses by the first byte of an instruction: words of code, words and bytes at `where`; and its own states.
+ * All 0: the sum is not fixed. */
+typedef struct {
+    uint8_t code, words, bytes, own, where;
+} instruction_t;
+
+static const instruction_t INSTRUCTIONS[256] = {
+%s
+};
+
+#endif
+"""
+
+
+def h8_states(table: str) -> str:
+    """Returns the header's text; `table`: the text of states.toml."""
+    kinds = ",\n".join(f"    AT_{place.upper()}" for place in PLACES)
+    rows = [
+        f"    [0x{first:02X}] = {{{cost.code}, {cost.words}, {cost.data_bytes}, {cost.own}, AT_{cost.place.upper()}}}"
+        for first, cost in sorted(h8_costs(table).items())
+    ]
+    return _H8_HEAD % (kinds, ",\n".join(rows))

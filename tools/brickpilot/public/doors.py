@@ -15,7 +15,7 @@ from typing import Any
 from brickpilot.data.dataset import Dataset
 from brickpilot.data.reading import read
 from brickpilot.errors import InputError
-from brickpilot.vehicle import compensation, gains, scenario_flight
+from brickpilot.vehicle import compensation, flight, gains
 from brickpilot.vehicle import model as model_file
 from brickpilot.vehicle.flight import Plan
 from brickpilot.vehicle.model import Model
@@ -131,10 +131,10 @@ class FlightRequest:
         Raises:
             InputError: a file is bad, or the scenario is given twice.
         """
-        return scenario_flight.prepare(self.scenario, **self.choices())
+        return flight.plan(self.scenario, **self.choices())
 
     def choices(self) -> dict[str, Any]:
-        """Returns the arguments of `scenario_flight.fly` other than the scenario.
+        """Returns the arguments of `flight.plan` other than the scenario.
 
         Raises:
             InputError: a file is bad, or the scenario is given twice.

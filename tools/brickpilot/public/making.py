@@ -27,7 +27,7 @@ from brickpilot.report import campaign_page, run_folder, run_page
 from brickpilot.report.flight_text import waypoint_lines
 from brickpilot.report.template import render_plain
 from brickpilot.tune import page as tune_page
-from brickpilot.tune import robot_task, tuner
+from brickpilot.tune import tuner
 from brickpilot.tune.tuner import Budget, Tuned
 from brickpilot.vehicle import flight_figures, scenario
 from brickpilot.vehicle import gains as gains_file
@@ -110,11 +110,11 @@ def tune(
     show = progress or _silent
     with run_folder.fresh_folder(folder, _TUNE_FILES) as beside:
         file = Path(model) if model is not None else _calibrated(Path(str(dataset)), beside, seed, show)
-        ready = robot_task.problem(file, board, sensors, None if scenario is None else str(scenario), SD_SHARE, seed)
+        problem = tuner.problem(file, board, sensors, None if scenario is None else str(scenario), SD_SHARE, seed)
         total = tuner.SCALE_ROBOTS + 2 * judges + (spent.sets or 0) * robots
         said = {"scale": "flying the start", "search": "searching", "judge": "judging"}
         tuned = tuner.tune(
-            ready.problem, ready.firmware, where, robots=robots, judges=judges, budget=spent,
+            problem, where, robots=robots, judges=judges, budget=spent,
             show=lambda stage, count: show(min(count, total), total, said[stage]),
         )  # fmt: skip
         figures = _write_tuned(tuned, command, beside)

@@ -17,7 +17,7 @@ from brickpilot.report import changed_page, check_text, discover_text, headline_
 from brickpilot.report.quantities import DASH, ascii_text, fit_text, number
 from brickpilot.report.template import render
 from brickpilot.report.why_page import Why
-from brickpilot.vehicle.scenario_flight import Flown
+from brickpilot.vehicle.flight_figures import Flown
 
 if TYPE_CHECKING:
     import pandas

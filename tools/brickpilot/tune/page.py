@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
@@ -52,17 +53,17 @@ def page(tuned: Tuned, command: str) -> str:
 def sentence(tuned: Tuned) -> str:
     """Returns the result in words."""
     before, after = tuned.judged.rate_before, tuned.judged.rate_after
-    said = (
+    success = (
         f"{percent(before)} of {before.robots} robots that the data allow fly the mission with the gains before, and "
         f"{percent(after)} with the gains found."
     )
     if tuned.kept_start:
-        return f"{said} The gains found are not better beyond chance, so the gains before are kept."
+        return f"{success} The gains found are not better beyond chance, so the gains before are kept."
     better = [one.name for one in tuned.judged.changes if one.robots and one.high < 0.0]
     worse = [one.name for one in tuned.judged.changes if one.robots and one.low > 0.0]
     more = ["the share of robots that arrive"] if after.low > before.high else []
-    told = [(listed([*more, *better]), "got better"), (listed(worse), "got worse")]
-    return " ".join([said, *(f"{names[0].upper()}{names[1:]} {verb}." for names, verb in told if names)])
+    results = [(listed([*more, *better]), "got better"), (listed(worse), "got worse")]
+    return " ".join([success, *(f"{names[0].upper()}{names[1:]} {verb}." for names, verb in results if names)])
 
 
 def percent(one: Rate) -> str:
@@ -80,8 +81,7 @@ def change(one: Change) -> tuple[str, str, str, str]:
 
 
 def _row(one: Change) -> dict[str, object]:
-    before, after, difference, interval = change(one)
-    cells = {"before": before, "after": after, "difference": difference, "interval": interval}
+    cells = dict(zip(("before", "after", "difference", "interval"), change(one), strict=True))
     return {"name": one.name, "unit": one.unit, "robots": one.robots, **cells}
 
 
@@ -98,26 +98,25 @@ def _rates(before: Rate, after: Rate) -> Markup:
 
 
 def _causes(before: Sequence[Outcome], after: Sequence[Outcome]) -> list[tuple[str, int, int]]:
-    names = dict.fromkeys(one.cause for one in (*before, *after) if one.cause)
-    return [(name, sum(one.cause == name for one in before), sum(one.cause == name for one in after)) for name in names]
+    old, new = (Counter(outcome.cause for outcome in flown if outcome.cause) for flown in (before, after))
+    return [(name, old[name], new[name]) for name in old | new]
 
 
 def _distribution(tuned: Tuned, field: str, unit: str) -> Markup:
     """Draws the cumulative distribution of a figure over all robots, before and after."""
     name = field.replace("_", "-")
-    flown = {"before": tuned.judged.before, "after": tuned.judged.after}
-    values = {
-        key: np.sort([getattr(one, field) for one in outcomes if not math.isnan(getattr(one, field))])
-        for key, outcomes in flown.items()
-    }
-    x = np.unique(np.concatenate(list(values.values())))
-    colours: dict[str, Colour] = {"before": BEFORE, "after": AFTER}
+    robots_flown = len(tuned.judged.before)
+    before, after = (
+        np.sort([value for value in (getattr(outcome, field) for outcome in flown) if not math.isnan(value)])
+        for flown in (tuned.judged.before, tuned.judged.after)
+    )
+    x = np.unique(np.concatenate([before, after]))
     curves = [
-        Curve(key, 100 * np.searchsorted(values[key], x, side="right") / len(flown[key]), colours[key], 1.8)
-        for key in flown
+        Curve("before", 100 * np.searchsorted(before, x, side="right") / robots_flown, BEFORE, 1.8),
+        Curve("after", 100 * np.searchsorted(after, x, side="right") / robots_flown, AFTER, 1.8),
     ]
-    said = f"share of all robots with a {name} up to each value, before and after"
-    return to_html(Figure(said, x, [Panel("robots", "%", curves, 180)], f"{name} of a mission", unit))
+    title = f"share of all robots with a {name} up to each value, before and after"
+    return to_html(Figure(title, x, [Panel("robots", "%", curves, 180)], f"{name} of a mission", unit))
 
 
 def _gains(tuned: Tuned) -> list[dict[str, object]]:
@@ -144,12 +143,12 @@ def _ranges(tuned: Tuned) -> Markup:
     """Draws the ratio of each found gain to the gain before, with the searched range."""
     space = tuned.space
     base = np.array([tuned.problem.start[name] for name in space.names]) + space.offset
-    found = (np.array([tuned.found[name] for name in space.names]) + space.offset) / base
-    ends = ((end + space.offset) / base for end in (space.low, space.high))
-    spans = [(low, high) for low, high in np.array(list(ends)).T.tolist()]
+    after = (np.array([tuned.found[name] for name in space.names]) + space.offset) / base
+    low, high = ((end + space.offset) / base for end in (space.low, space.high))
+    spans = list(zip(low.tolist(), high.tolist(), strict=True))
     return row_chart(
         list(space.names),
-        {"after": (AFTER, found.tolist())},
+        {"after": (AFTER, after.tolist())},
         spans,
         "gain over the gain before",
         "",
@@ -196,11 +195,9 @@ def _track(tuned: Tuned, place: int, why: str) -> dict[str, Any]:
     ]
     title = f"tracks of {why}, number {place}, before and after"
     drawn = track_to_html(*clock, lines, circles, link=f"robot {place}", title=title)
-    words = {
-        name: _words(one)
-        for name, one in (("before", tuned.judged.before[place]), ("after", tuned.judged.after[place]))
-    }
-    return {"why": why, "place": place, "explanation": robot.explanation, "drawn": drawn, **words}
+    before, after = (_result(flown[place]) for flown in (tuned.judged.before, tuned.judged.after))
+    how = {"before": before, "after": after}
+    return {"why": why, "place": place, "explanation": robot.explanation, "drawn": drawn, **how}
 
 
 def _apart(track: Array, samples: int) -> Array:
@@ -209,7 +206,7 @@ def _apart(track: Array, samples: int) -> Array:
     return kept[:, :-1] if kept.shape[1] == samples else kept
 
 
-def _words(one: Outcome) -> str:
+def _result(one: Outcome) -> str:
     if one.cause:
         return f"failed: {one.cause}"
     return f"arrived after {one.time:.1f} s, cross-track {1e3 * one.cross_track:.0f} mm rms"

@@ -53,12 +53,12 @@ class Space:
     def raw(self, coordinates: Array) -> dict[str, int]:
         """Returns the raw integers at these coordinates: rounded, within the ranges, and no pair in contradiction."""
         values = np.clip(np.exp(coordinates) - self.offset, self.low, self.high)
-        found = {name: int(value) for name, value in zip(self.names, np.rint(values), strict=True)}
+        raw = {name: int(value) for name, value in zip(self.names, np.rint(values), strict=True)}
         for less, more in AT_MOST:
-            if less in found and more in found:
-                most = settings()[less].raw(settings()[more].value(found[more]))
-                found[less] = min(found[less], most)
-        return found
+            if less in raw and more in raw:
+                most = settings()[less].raw(settings()[more].value(raw[more]))
+                raw[less] = min(raw[less], most)
+        return raw
 
     def bounds(self) -> tuple[Array, Array]:
         """Returns the least and the largest coordinate of each gain."""
@@ -102,15 +102,20 @@ class Problem:
         plan: the plan of a flight of the best explanation, with the firmware's own gains; `loop` gives its `firmware`.
         loop: the robot's own firmware; None: the packaged one.
         allowed: the robots that the data allow.
-        start: the present values of the gains that are tuned.
+        firmware: the present values of all settings.
         seed: seed of the drawn robots.
     """
 
     plan: flight.Plan
     loop: ClosedLoop | None
     allowed: Allowed
-    start: Raw
+    firmware: Raw
     seed: int
+
+    @property
+    def start(self) -> dict[str, int]:
+        """The present values of the gains that are tuned."""
+        return {name: self.firmware[name] for name in TUNED}
 
     def planned(self, robot: robots.Robot, gains: Raw) -> flight.Plan:
         """Returns the plan of a flight with these gains, by a robot that was drawn at random."""
@@ -166,12 +171,12 @@ class Batch(NamedTuple):
 def fly_batch(batch: Batch) -> list[Outcome]:
     """Returns the outcomes of the flights of a batch, in the order of its places."""
     drawn = robots.draw(batch.problem.allowed, batch.problem.seed, batch.stream, batch.places)
-    return [_outcome(row) for row in runs.rows([batch.problem.planned(robot, batch.gains) for robot in drawn])]
+    return outcomes([batch.problem.planned(robot, batch.gains) for robot in drawn])
 
 
-def fly_plan(plan: flight.Plan) -> Outcome:
-    """Returns the outcome of one flight."""
-    return _outcome(runs.row(plan))
+def outcomes(plans: Sequence[flight.Plan]) -> list[Outcome]:
+    """Flies plans and returns their outcomes."""
+    return [_outcome(row) for row in runs.rows(plans)]
 
 
 def _outcome(row: runs.Row) -> Outcome:

@@ -1,4 +1,6 @@
-"""Tunes the gains of one robot: the search, the final comparison (the judge), and the choice of the kept gains.
+"""Tunes the gains of one robot: its problem, the search, the final comparison (the judge), and the kept gains.
+
+Workers load only `task`, because they need no library of a link.
 
 The search is CMA-ES (Hansen, 2016, arXiv 1604.00772) by pycma, on flights of drawn robots by the workers of a campaign.
 All gain sets of a generation are flown by the same robots with the same noise (common random numbers), so that their
@@ -11,34 +13,84 @@ The judge flies the gains before and after with the same new robots and the same
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import time
-from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections import Counter, deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import binomtest, bootstrap
 
+from brickpilot.campaign import robots
 from brickpilot.campaign.engine import Crew, Part, Workers
 from brickpilot.errors import InputError
+from brickpilot.firmware import boards, robot, simulate
 from brickpilot.tune.task import Batch, Outcome, Problem, Raw, Scale, Space, around, fly_batch, scale, score
-from brickpilot.vehicle.settings import settings
+from brickpilot.vehicle import compensation, flight, scenario
+from brickpilot.vehicle import model as models
+from brickpilot.vehicle.settings import constants, default, defaults, settings
 
-Array = NDArray[np.float64]
+PACKAGED = "packaged"
+"""The value of `board` for the project's own firmware, with the compensation of the model."""
 
-JUDGE = 2
-"""The stream of the judge's robots, which the search does not use."""
+SEARCH, SCALE, JUDGE, BOOTSTRAP = range(4)
+"""The random streams: the robots of the search, of the score's scale and of the judge, and the bootstrap's resamples.
+Streams of robots also use places, so no robot has the random numbers of another robot or of the bootstrap."""
 
-BOOTSTRAP = 3
-"""The random stream of the bootstrap. The other streams, SEARCH, SCALE and JUDGE, are of robots and also use places."""
+SCALE_ROBOTS = 64
+
+STEP = 0.3
+"""First step size (sd) of the search, as a logarithm: about a third more or less."""
+
+FLIGHTS = 8
+"""Number of flights in a part: enough for a small overhead, few enough that all workers end at about the same time."""
 
 LEVEL = 0.95
 RESAMPLES = 4000
 SIGNIFICANT = 1 - LEVEL
+
+
+def problem(
+    path: Path, board: str, sensors: str, mission: str | None, shares: Mapping[str, float], seed: int
+) -> Problem:
+    """Returns the problem of a model file: its present firmware, its mission, and the robots that the data allow.
+
+    Args:
+        path: path of model.toml; the files of `calibrate` or `discover` beside it say which robots the data allow.
+        board: a key of `boards.BOARDS`, or `PACKAGED`.
+        sensors: the sensors of the robot.
+        mission: file or name of a scenario; None: the packaged mission, scaled to the robot.
+        shares: see `robots.Allowed`.
+        seed: seed of the drawn robots.
+
+    Raises:
+        InputError: a file is bad, a value does not fit into a format, or no checkout is here.
+    """
+    if board == PACKAGED:
+        return _packaged(path, sensors, mission, shares, seed)
+    own = robot.load(path)
+    plan = simulate.plan(own, simulate.mission(own, mission), sensors, seed)
+    loop = boards.closed_loop(own, boards.BOARDS[board], sensors)
+    loop.library()  # compiled here first, so that a compiler error is reported once
+    allowed = dataclasses.replace(robots.read(own.model, path, shares), devices=plan.devices)
+    values = constants(own.vehicle, "coupled")
+    firmware = {name: default(setting, values, "coupled") for name, setting in settings().items()}
+    return Problem(plan, loop, allowed, firmware, seed)
+
+
+def _packaged(path: Path, sensors: str, mission: str | None, shares: Mapping[str, float], seed: int) -> Problem:
+    model = models.load(path)
+    route = scenario.load(scenario.find(mission or "mission"))
+    if route.kind != "mission":
+        raise InputError("is a manoeuvre, which has no controller to tune", file=mission, field="kind")
+    plan = flight.plan(route, model, profile="coupled", sensors=sensors, compensation=compensation.from_model(model))
+    firmware = {**defaults("coupled"), "cruise": settings()["cruise"].raw(plan.cruise)}
+    return Problem(plan, None, robots.read(model, path, shares), firmware, seed)
 
 
 @dataclass(frozen=True)
@@ -119,13 +171,12 @@ def judge(before: Sequence[Outcome], after: Sequence[Outcome], by: Scale, seed: 
         by: the units of the score.
         seed: seed of the bootstrap.
     """
-    gained = sum(new.success and not old.success for old, new in zip(before, after, strict=True))
-    lost = sum(old.success and not new.success for old, new in zip(before, after, strict=True))
-    differing = gained + lost
-    p = float(binomtest(gained, differing).pvalue) if differing else 1.0
-    random = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(BOOTSTRAP,)))
-    both = [(old, new) for old, new in zip(before, after, strict=True) if old.success and new.success]
     every = list(zip(before, after, strict=True))
+    both = [(old, new) for old, new in every if old.success and new.success]
+    gained = sum(new.success and not old.success for old, new in every)
+    lost = sum(old.success and not new.success for old, new in every)
+    p = float(binomtest(gained, gained + lost).pvalue) if gained + lost else 1.0
+    random = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(BOOTSTRAP,)))
     changes = [_compared("score", "", [(score(old, by), score(new, by)) for old, new in every], random)]
     for name, unit in (("cross_track", "m"), ("time", "s"), ("wear", "full duties")):
         pairs = [(getattr(old, name), getattr(new, name)) for old, new in both]
@@ -140,17 +191,12 @@ def _compared(name: str, unit: str, pairs: Sequence[tuple[float, float]], random
     difference = new - old
     low = high = float(difference.mean())
     if np.ptp(difference) > 0:
-        found = bootstrap(
+        resampled = bootstrap(
             (difference,), np.mean, confidence_level=LEVEL, n_resamples=RESAMPLES, method="percentile", rng=random
-        ).confidence_interval
-        low, high = float(found.low), float(found.high)
+        )
+        low, high = (float(end) for end in resampled.confidence_interval)
     return Change(name, unit, len(pairs), float(old.mean()), float(new.mean()), low, high)
 
-
-SCALE = 1
-"""The stream of the robots whose flights with the start's gains give the scale of the score."""
-
-SCALE_ROBOTS = 64
 
 Show = Callable[[str, int], None]
 """Called with the name of the present stage, and the number of flights so far."""
@@ -182,15 +228,12 @@ class Tuned:
         return dict(self.gains) == dict(self.problem.start)
 
 
-def tune(
-    problem: Problem, firmware: Raw, workers: Workers, *, robots: int, judges: int, budget: Budget, show: Show
-) -> Tuned:
+def tune(problem: Problem, workers: Workers, *, robots: int, judges: int, budget: Budget, show: Show) -> Tuned:
     """Returns the gains for the robots that the data allow, judged on robots that the search did not fly.
 
     The result depends only on the problem, the numbers and a budget in gain sets, not on the workers.
 
     Args:
-        firmware: raw integers of all settings of the firmware.
         robots: how many robots fly each gain set of the search.
         judges: how many robots fly the gains before and after.
 
@@ -198,22 +241,18 @@ def tune(
         InputError: the data allow no robot, or a library is missing.
         SimulationError: a flight cannot begin.
     """
-    space = around(problem.start, firmware)
+    space = around(problem.start, problem.firmware)
     stage = ["scale"]
     with flyer(problem, workers, lambda count: show(stage[0], count)) as fly:
         by = scale(fly.fly([problem.start], SCALE, range(SCALE_ROBOTS))[0], problem)
         stage[0] = "search"
         searched = search(fly, space, problem.start, by, robots, budget)
         stage[0] = "judge"
-        judged = _judged(fly, searched.gains, by, judges)
+        before, after = fly.fly([problem.start, searched.gains], JUDGE, range(judges))
+        judged = judge(before, after, by, problem.seed)
         flights = fly.count
     gains = searched.gains if judged.better else dict(problem.start)
     return Tuned(problem, space, gains, searched.gains, searched, by, judged, robots, budget, flights)
-
-
-def _judged(fly: Flyer, found: Raw, by: Scale, judges: int) -> Judged:
-    before, after = fly.fly([fly.problem.start, found], JUDGE, range(judges))
-    return judge(before, after, by, fly.problem.seed)
 
 
 def to_json(tuned: Tuned) -> dict[str, Any]:
@@ -243,10 +282,7 @@ def to_json(tuned: Tuned) -> dict[str, Any]:
             }
             for name, low, high in zip(tuned.space.names, tuned.space.low, tuned.space.high, strict=True)
         },
-        "search": [
-            {"sets": one.sets, "best": one.best, "middle": one.middle, "success": one.success, "step": one.step}
-            for one in tuned.searched.generations
-        ],
+        "search": [dataclasses.asdict(generation) for generation in tuned.searched.generations],
         "robots": tuned.robots,
         "budget": tuned.budget.text,
         "flights": tuned.flights,
@@ -265,21 +301,9 @@ def _change(one: Change) -> dict[str, Any]:
     return {"unit": one.unit, "robots": one.robots, **shown, "ci95": [one.low, one.high] if known else None}
 
 
-def _causes(outcomes: tuple[Any, ...]) -> dict[str, int]:
-    found: dict[str, int] = {}
-    for one in outcomes:
-        if one.cause:
-            found[one.cause] = found.get(one.cause, 0) + 1
-    return dict(sorted(found.items(), key=lambda row: (-row[1], row[0])))
-
-
-SEARCH = 0
-"""The stream of the robots that the search flies."""
-
-STEP = 0.3
-"""First step size (sd) of the search, as a logarithm: about a third more or less."""
-
-_SEEDS = 2**31 - 1  # number of pycma's seeds, which start at 1; seed 0 would mean the clock
+def _causes(outcomes: Sequence[Outcome]) -> dict[str, int]:
+    counts = Counter(outcome.cause for outcome in outcomes if outcome.cause)
+    return dict(sorted(counts.items(), key=lambda row: (-row[1], row[0])))
 
 
 @dataclass(frozen=True)
@@ -292,6 +316,12 @@ class Budget:
     @property
     def text(self) -> str:
         return f"{self.sets} gain sets" if self.sets is not None else f"{self.seconds:g} s"
+
+    def is_spent(self, sets: int, elapsed: float) -> bool:
+        """Whether `sets` gain sets and `elapsed` s reach the end; a search has at least one generation."""
+        if self.sets is not None:
+            return sets >= self.sets
+        return self.seconds is not None and elapsed >= self.seconds and sets > 0
 
 
 @dataclass(frozen=True)
@@ -330,53 +360,29 @@ def search(flyer: Flyer, space: Space, start: Raw, by: Scale, robots: int, budge
     Raises:
         InputError: pycma is not installed.
     """
-    cma = _library()
-    began = time.monotonic()
-    options = {
-        "bounds": [list(bound) for bound in space.bounds()],
-        "seed": flyer.problem.seed % _SEEDS + 1,
-        "verbose": -9,
-    }
-    strategy = cma.CMAEvolutionStrategy(space.coordinates(start), STEP, options)
-    generations: list[Generation] = []
-    while not strategy.stop() and not _is_spent(budget, generations, time.monotonic() - began):
-        places = range(robots * len(generations), robots * (len(generations) + 1))
-        asked = strategy.ask()
-        flown = flyer.fly([space.raw(np.asarray(one)) for one in asked], SEARCH, places)
-        means = [float(np.mean([score(one, by) for one in outcomes])) for outcomes in flown]
-        strategy.tell(asked, means)
-        generations.append(_generation(generations, flown, means, float(strategy.sigma)))
-    return Searched(space.raw(np.asarray(strategy.result.xfavorite)), tuple(generations))
-
-
-def _library() -> Any:
-    """Returns pycma.
-
-    Raises:
-        InputError: pycma is not installed.
-    """
     try:
         import cma
     except ImportError:
         raise InputError("needs the library cma: pip install 'brickpilot[tune]'", field="tune") from None
-    return cma
-
-
-def _is_spent(budget: Budget, generations: list[Generation], elapsed: float) -> bool:
-    sets = generations[-1].sets if generations else 0
-    if budget.sets is not None:
-        return sets >= budget.sets
-    return budget.seconds is not None and elapsed >= budget.seconds and bool(generations)
-
-
-def _generation(before: list[Generation], flown: list[list[Outcome]], means: list[float], step: float) -> Generation:
-    success = float(np.mean([one.success for outcomes in flown for one in outcomes]))
-    sets = (before[-1].sets if before else 0) + len(flown)
-    return Generation(sets, min(means), float(np.median(means)), success, step)
-
-
-FLIGHTS = 8
-"""Number of flights in a part: enough for a small overhead, few enough that all workers end at about the same time."""
+    began, sets = time.monotonic(), 0
+    options = {
+        "bounds": [list(bound) for bound in space.bounds()],
+        "seed": flyer.problem.seed % (2**31 - 1) + 1,  # pycma's seeds end at 2^31 - 1, and 0 would mean the clock
+        "verbose": -9,
+    }
+    strategy = cma.CMAEvolutionStrategy(space.coordinates(start), STEP, options)
+    generations: list[Generation] = []
+    while not strategy.stop() and not budget.is_spent(sets, time.monotonic() - began):
+        places = range(robots * len(generations), robots * (len(generations) + 1))
+        asked = strategy.ask()
+        flown = flyer.fly([space.raw(np.asarray(coordinates)) for coordinates in asked], SEARCH, places)
+        means = [float(np.mean([score(outcome, by) for outcome in outcomes])) for outcomes in flown]
+        strategy.tell(asked, means)
+        sets += len(flown)
+        success = float(np.mean([outcome.success for outcomes in flown for outcome in outcomes]))
+        middle = float(np.median(means))
+        generations.append(Generation(sets, min(means), middle, success, float(strategy.sigma)))
+    return Searched(space.raw(np.asarray(strategy.result.xfavorite)), tuple(generations))
 
 
 @dataclass
@@ -391,29 +397,28 @@ class Flyer:
     problem: Problem
     crew: Crew
     flown: Callable[[int], None]
-    count: int = field(default=0)
+    count: int = 0
 
     def fly(self, sets: Sequence[Raw], stream: int, places: Sequence[int]) -> list[list[Outcome]]:
         """Returns the outcomes of each gain set: all are flown by the same robots, with the same noise."""
-        parts: deque[Part] = deque()
-        for number, gains in enumerate(sets):
-            for begin in range(0, len(places), FLIGHTS):
-                batch = Batch(self.problem, gains, stream, tuple(places[begin : begin + FLIGHTS]))
-                parts.append(Part(f"{stream}-{places[0]}-{number}-{begin}", batch))
-        found: dict[str, list[Outcome]] = {}
+        groups = [tuple(places[begin : begin + FLIGHTS]) for begin in range(0, len(places), FLIGHTS)]
+        keys = [[f"{stream}-{places[0]}-{number}-{group[0]}" for group in groups] for number in range(len(sets))]
+        parts = deque(
+            Part(key, Batch(self.problem, gains, stream, group))
+            for gains, row in zip(sets, keys, strict=True)
+            for key, group in zip(row, groups, strict=True)
+        )
+        flown: dict[str, list[Outcome]] = {}
         waiting = len(parts)
         while waiting:
             while parts and self.crew.room() > 0:
                 self.crew.give(parts.popleft())
             for done in self.crew.wait():
-                found[done.part.key] = done.result
+                flown[done.part.key] = done.result
                 waiting -= 1
                 self.count += len(done.result)
                 self.flown(self.count)
-        return [
-            [one for begin in range(0, len(places), FLIGHTS) for one in found[f"{stream}-{places[0]}-{number}-{begin}"]]
-            for number in range(len(sets))
-        ]
+        return [[outcome for key in row for outcome in flown[key]] for row in keys]
 
 
 @contextmanager

@@ -1,19 +1,19 @@
 """The coefficients of the firmware's model from SI values.
 
-The discretisation is exact. Coefficients are in the firmware's units. The module proves that no sum overflows.
+The discretisation is exact. The coefficients are in the firmware's units. It is proved that no sum overflows.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from brickpilot.vehicle.combinations import loss
+from brickpilot.vehicle.combinations import Values, difference_inertia, loss, mean_inertia
 from brickpilot.vehicle.fixed_point import QuantisationError, Scale, scale, scale16
 
 # Counts of firmware/model per SI unit.
@@ -37,8 +37,6 @@ INT32 = 2**31 - 1
 
 _SETTLED = 1e-6  # s: replaces an electrical time constant of 0; far below a control step of 3 ms
 
-Values = Mapping[str, float]
-
 
 @dataclass(frozen=True)
 class MotorStep:
@@ -61,21 +59,6 @@ def motor_step(values: Values, inertia: float, step: float) -> MotorStep:
     system[1] = [values["torque_constant"] / inertia, -loss(values) / inertia, 0, 1 / inertia]
     exact = np.asarray(expm(system * step), dtype=np.float64)
     return MotorStep(exact[:2, :2], exact[:2, 2], exact[:2, 3])
-
-
-def wheel_speed_per_volt(values: Values) -> float:
-    """Returns the speed that a voltage holds, rad/s per V (eq. 12 and 14)."""
-    return 1 / (values["emf_constant"] + values["resistance"] * loss(values) / values["torque_constant"])
-
-
-def mean_inertia(values: Values) -> float:
-    """Returns the inertia per wheel for the mean speed of both coupled wheels, kg m^2."""
-    return values["wheel_inertia"] + values["mass"] * values["wheel_radius"] ** 2 / 2
-
-
-def difference_inertia(values: Values) -> float:
-    """Returns the inertia per wheel for half the speed difference of both coupled wheels, kg m^2."""
-    return values["wheel_inertia"] + values["yaw_inertia"] * (values["wheel_radius"] / values["half_track"]) ** 2 / 2
 
 
 def _motor(exact: MotorStep, share: float, name: str) -> dict[str, dict[str, Scale]]:
@@ -177,3 +160,9 @@ def paper(values: Values, step: float) -> Coefficients:
 
 
 PROFILES = {"coupled": coupled, "paper": paper}
+
+
+def body(profile: str, values: Values, step: float, with_pose: bool = True) -> dict[str, Any]:
+    """Returns a `body_coefficients_t` with the profile and, with `with_pose`, the pose; arguments as for `coupled`."""
+    made = {"profile": f"BODY_{profile.upper()}", **PROFILES[profile](values, step)}
+    return {**made, **pose(step)} if with_pose else made

@@ -25,6 +25,8 @@ from brickpilot.vehicle.plant import OpenLoopRun
 Array = NDArray[np.float64]
 
 Values = Mapping[str, float]
+"""Nominal parameter, or "effect.parameter", -> value, SI."""
+
 _Rule = Callable[[Values], float]
 
 
@@ -34,7 +36,7 @@ class Formula:
 
     Attributes:
         text: the formula in the paper's symbols.
-        value_at: takes all parameters, "mass" or "effect.parameter", and returns the value; NaN: undefined.
+        value_at: takes all parameters and returns the value; NaN: undefined.
     """
 
     name: str
@@ -47,6 +49,30 @@ def loss(values: Values) -> float:
     """Returns viscous and rolling friction of a wheel in N m s/rad (eq. 13 and 14), for the whole weight."""
     rolling = values["mass"] * values["gravity"] * values["rolling_friction"] * values["wheel_radius"] ** 2
     return values["viscous_friction"] + rolling
+
+
+def mean_inertia(values: Values, wheels: int = 2) -> float:
+    """Returns the inertia per wheel for the mean speed of `wheels` coupled wheels, kg m^2."""
+    return values["wheel_inertia"] + values["mass"] * values["wheel_radius"] ** 2 / wheels
+
+
+def difference_inertia(values: Values) -> float:
+    """Returns the inertia per wheel for half the speed difference of both coupled wheels, kg m^2."""
+    return values["wheel_inertia"] + values["yaw_inertia"] * (values["wheel_radius"] / values["half_track"]) ** 2 / 2
+
+
+def wheel_speed_per_volt(values: Values) -> float:
+    """Returns the speed that a voltage holds, rad/s per V (eq. 12 and 14)."""
+    return 1 / (values["emf_constant"] + values["resistance"] * loss(values) / values["torque_constant"])
+
+
+def holding_voltage(values: Values, losses: float | None = None) -> float:
+    """Returns the voltage that each motor needs per steady speed on level ground, V s/m, without air drag.
+
+    `losses`: the friction of a wheel, N m s/rad; None: `loss`.
+    """
+    lost = values["resistance"] * (loss(values) if losses is None else losses) / values["torque_constant"]
+    return (values["emf_constant"] + lost) / values["wheel_radius"]
 
 
 def _steady(p: Values) -> float:
@@ -62,27 +88,17 @@ def _turn(p: Values) -> float:
     return p["wheel_radius"] / p["half_track"]
 
 
-def _inertia(p: Values, wheels: int) -> float:
-    """Returns the inertia that each of `wheels` wheels accelerates when the vehicle drives straight."""
-    return p["wheel_inertia"] + p["mass"] * p["wheel_radius"] ** 2 / wheels
+def _time(wheels: int) -> _Rule:
+    return lambda p: p["resistance"] * mean_inertia(p, wheels) / _steady(p)
 
 
-def _spin_time(p: Values) -> float:
-    return p["resistance"] * (p["wheel_inertia"] + p["yaw_inertia"] * _turn(p) ** 2 / 2) / _steady(p)
-
-
+# kV and kA belong to u = kS sgn(w) + kV w + kA dw/dt, at the wheel of a vehicle that drives straight.
 def _volts_per_speed(p: Values) -> float:
-    """Returns kV of u = kS sgn(w) + kV w + kA dw/dt, at the wheel."""
     return _steady(p) / p["torque_constant"]
 
 
-def _time(wheels: int) -> _Rule:
-    return lambda p: p["resistance"] * _inertia(p, wheels) / _steady(p)
-
-
 def _volts_per_acceleration(wheels: int) -> _Rule:
-    """Returns the rule of kA of `_volts_per_speed`, for a vehicle that drives straight."""
-    return lambda p: p["resistance"] * _inertia(p, wheels) / p["torque_constant"]
+    return lambda p: p["resistance"] * mean_inertia(p, wheels) / p["torque_constant"]
 
 
 def _in_volts(effect: str, torque: ParameterInfo) -> Formula:
@@ -102,7 +118,12 @@ FORMULAS: dict[str, tuple[Formula, ...]] = {
         Formula("wheel speed per volt", "K_t / D", "rad/s/V", _wheel_gain),
         Formula("straight time constant", "R (J + m r^2 / 2) / D", "s", _time(2)),
         Formula("spin rate per volt", "r K_t / (half_track D)", "rad/s/V", lambda p: _turn(p) * _wheel_gain(p)),
-        Formula("spin time constant", "R (J + J_z (r / half_track)^2 / 2) / D", "s", _spin_time),
+        Formula(
+            "spin time constant",
+            "R (J + J_z (r / half_track)^2 / 2) / D",
+            "s",
+            lambda p: p["resistance"] * difference_inertia(p) / _steady(p),
+        ),
         Formula("kV", "D / K_t", "V s/rad", _volts_per_speed),
         Formula("kA", "R (J + m r^2 / 2) / K_t", "V s^2/rad", _volts_per_acceleration(2)),
         *_TORQUES,
@@ -116,39 +137,29 @@ FORMULAS: dict[str, tuple[Formula, ...]] = {
     ),
 }
 
-
-FORMULAS["skid_steer"] = tuple(one for one in FORMULAS["diff_drive"] if not one.name.startswith("spin"))
+FORMULAS["skid_steer"] = tuple(formula for formula in FORMULAS["diff_drive"] if not formula.name.startswith("spin"))
 """A skid steer has no formula of a spin, because its contacts brake a spin more than its motors do."""
-
-
-def _over(name: str) -> _Rule:
-    return lambda p: 1 / p[name]
 
 
 def _volts_per_torque(p: Values) -> float:
     return p["resistance"] / p["torque_constant"]
 
 
-def _volts_per_force(p: Values) -> float:
-    return p["wheel_radius"] / 2 * _volts_per_torque(p)
+# Factors of a parameter: the formula, and its value.
+_Factor = tuple[str, _Rule]
+_TORQUE: _Factor = ("R / K_t", _volts_per_torque)
+_FORCE: _Factor = ("r R / (2 K_t)", lambda p: p["wheel_radius"] / 2 * _volts_per_torque(p))
+_MOMENT: _Factor = (
+    "r R / (2 half_track K_t)", lambda p: p["wheel_radius"] / (2 * p["half_track"]) * _volts_per_torque(p)
+)  # fmt: skip
+_SLIP: _Factor = ("K_t / (R r)", lambda p: 1 / (p["wheel_radius"] * _volts_per_torque(p)))
+_BY_INERTIA: _Factor = ("1 / J", lambda p: 1 / p["wheel_inertia"])
+_BY_MASS: _Factor = ("1 / m", lambda p: 1 / p["mass"])
+_BY_YAW_INERTIA: _Factor = ("1 / J_z", lambda p: 1 / p["yaw_inertia"])
 
-
-def _volts_per_moment(p: Values) -> float:
-    return p["wheel_radius"] / (2 * p["half_track"]) * _volts_per_torque(p)
-
-
-def _slip_per_volt(p: Values) -> float:
-    return 1 / (p["wheel_radius"] * _volts_per_torque(p))
-
-
-_TORQUE, _FORCE = ("R / K_t", _volts_per_torque), ("r R / (2 K_t)", _volts_per_force)
-_MOMENT = ("r R / (2 half_track K_t)", _volts_per_moment)
-_BY_INERTIA, _BY_MASS = ("1 / J", _over("wheel_inertia")), ("1 / m", _over("mass"))
-_BY_YAW_INERTIA, _SLIP = ("1 / J_z", _over("yaw_inertia")), ("K_t / (R r)", _slip_per_volt)
-
-# (what the effect acts on, unit of the parameter) -> forms: (name, unit, (formula of the factor, the factor)).
+# (what the effect acts on, unit of the parameter) -> forms: (name, unit, factor).
 # The first form that the data determine is taken. A drive that commands a force has parameters in N and N s/m.
-_FORMS: Mapping[tuple[str, str], tuple[tuple[str, str, tuple[str, _Rule]], ...]] = {
+_FORMS: Mapping[tuple[str, str], tuple[tuple[str, str, _Factor], ...]] = {
     ("wheel", "N m"): (("voltage", "V", _TORQUE), ("angular acceleration", "rad/s^2", _BY_INERTIA)),
     ("wheel", "N m s/rad"): (("voltage per speed", "V s/rad", _TORQUE), ("inverse time constant", "1/s", _BY_INERTIA)),
     ("wheel", "m/(N s)"): (("slip speed per volt", "m/s/V", _SLIP),),
@@ -167,11 +178,11 @@ _FORMS: Mapping[tuple[str, str], tuple[tuple[str, str, tuple[str, _Rule]], ...]]
 
 def forms(name: str) -> Iterator[Formula]:
     """Yields the forms in which the size `name`, "effect.parameter", may be identifiable, the simplest first."""
-    head, _, tail = name.partition(".")
-    effect = catalogue.effect(head)
-    unit = next(one.unit for one in effect.parameters if one.name == tail)
-    for words, found, (text, factor) in _FORMS.get((effect.acts_on, unit), ()):
-        yield Formula(words, f"{tail} {text}", found, _scaled(name, factor))
+    effect_name, _, parameter = name.partition(".")
+    effect = catalogue.effect(effect_name)
+    unit = next(info.unit for info in effect.parameters if info.name == parameter)
+    for form, form_unit, (text, factor) in _FORMS.get((effect.acts_on, unit), ()):
+        yield Formula(form, f"{parameter} {text}", form_unit, _scaled(name, factor))
 
 
 def _scaled(name: str, factor: _Rule) -> _Rule:
@@ -210,11 +221,11 @@ def signatures_of(model: Model, measured: Collection[str], stated: Collection[st
     }
     models = [model, *(with_values(model, {name: value}) for name, value in values.items())]
     run = OpenLoopRun(time=time, inputs=inputs)
-    reference, *others = (of.outputs for of in plant.simulate([(one, run) for one in models], threads=1))
+    reference, *others = (simulated.outputs for simulated in plant.simulate([(one, run) for one in models]))
     signals = [name for name in reference if name in measured and name != "battery_voltage"]
     rms = {name: float(np.sqrt(np.nanmean(reference[name] ** 2))) or 1.0 for name in signals}
     return {
-        name: np.array([np.nan_to_num(other[one] - reference[one]) / rms[one] for one in signals]).ravel()
+        name: np.array([np.nan_to_num(other[signal] - reference[signal]) / rms[signal] for signal in signals]).ravel()
         for name, other in zip(values, others, strict=True)
     }
 
@@ -231,8 +242,8 @@ def not_told_apart(signatures: Mapping[str, Array]) -> set[str]:
     order = [name for name in _FITTED_FIRST if name in signatures]
     for name in dict.fromkeys((*order, *signatures)):
         rest = signatures[name] / np.linalg.norm(signatures[name])
-        for one in basis:
-            rest = rest - (one @ rest) * one
+        for direction in basis:
+            rest = rest - (direction @ rest) * direction
         length = float(np.linalg.norm(rest))
         if length < _TOLD_APART:
             held.add(name)

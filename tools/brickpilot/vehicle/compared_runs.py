@@ -102,14 +102,16 @@ def compared_signals(dataset: Dataset, model: Model) -> ComparedSignals:
     given = output_names(model)
     measured = dict.fromkeys(name for run in dataset.runs for name in run.outputs)
     names = tuple(name for name in measured if is_compared(name, given, model))
-    found = [(run, name) for run in dataset.runs for name in names if name in run.outputs]
-    values = [np.abs(run.outputs[name]) for run, name in found]
-    largest = [float(one[np.isfinite(one)].max(initial=-1.0)) for one in values]
-    for (run, name), one in zip(found, largest, strict=True):
-        if one > _LARGEST:
-            raise InputError(f"{one:g} is too large to be a measurement", file=run.file, field=name)
+    has_value = False
+    for run in dataset.runs:
+        for name in (name for name in names if name in run.outputs):
+            sizes = np.abs(run.outputs[name])
+            largest = float(sizes[np.isfinite(sizes)].max(initial=-1.0))
+            if largest > _LARGEST:
+                raise InputError(f"{largest:g} is too large to be a measurement", file=run.file, field=name)
+            has_value |= largest >= 0
     others = ", ".join(name for name in measured if name not in given)
-    if max(largest, default=-1.0) < 0:
+    if not has_value:
         reason = f"; the model of this vehicle does not give {others}" if others else ""
         message = f"nothing to compare: no signal that the model gives has a value{reason}"
         raise InputError(message, file=dataset.path, field="signals")

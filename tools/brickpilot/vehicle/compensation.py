@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -34,8 +34,7 @@ from brickpilot.constants import RCX
 from brickpilot.data.toml_file import Key, TomlFile
 from brickpilot.data.whole_files import write_whole
 from brickpilot.vehicle import plant, scenario
-from brickpilot.vehicle.coefficients import difference_inertia, mean_inertia
-from brickpilot.vehicle.combinations import loss
+from brickpilot.vehicle.combinations import Values, difference_inertia, holding_voltage, loss, mean_inertia
 from brickpilot.vehicle.drive_constants import two_wheeled
 from brickpilot.vehicle.model import Model, rcx
 from brickpilot.vehicle.plant import Undoable
@@ -43,7 +42,6 @@ from brickpilot.vehicle.settings import Setting, compensations
 
 NOMINAL = "nominal values"
 """A source of compensation beside the effects: nominal values that differ from the packaged robot's."""
-
 
 FORMATS: Mapping[str, Setting] = compensations()
 """The setting of each parameter, by the parameter's name in the file."""
@@ -89,14 +87,13 @@ def _quantised(model: Model, believed: Model) -> tuple[dict[str, float], dict[st
     wanted = si_values(model, believed)
     exact = {name: wanted[name] * how.format.per_unit for name, how in FORMATS.items()}
     most = {name: how.high for name, how in FORMATS.items()}
-    most["reserve_mv"] = min(most["reserve_mv"], FORMATS["reserve_mv"].raw(most_reserve(model)))
+    half = all_nominal(model)["battery_voltage"] / 2  # a larger reserve leaves the controllers too little voltage
+    most["reserve_mv"] = min(most["reserve_mv"], FORMATS["reserve_mv"].raw(half))
     raw = {name: min(max(round(exact[name]), how.low), most[name]) for name, how in FORMATS.items()}
     return wanted, raw, tuple(name for name in FORMATS if abs(exact[name] - raw[name]) > 1)
 
 
-def from_model(
-    model: Model, believed: Model | None = None, controller: Mapping[str, float] | None = None
-) -> Compensation | None:
+def from_model(model: Model, believed: Model | None = None, controller: Values | None = None) -> Compensation | None:
     """Returns the compensation with which the firmware flies the robot of `model` like the robot of `believed`.
 
     Args:
@@ -117,10 +114,13 @@ def from_model(
     if not any(raw.values()):
         return None
     left_out = never_undone(model)
-    held = {name: how.value(raw[name]) for name, how in FORMATS.items()}
     remarks = [
-        *limits_of_settings(wanted, held, FORMATS, limited),
-        *limits_of_effects(left_out),
+        f"{name}: this robot needs {wanted[name]:.3g} {FORMATS[name].format.unit} ({FORMATS[name].meaning}), "
+        f"but {FORMATS[name].value(raw[name]):.3g} is the limit"
+        for name in limited
+    ]
+    remarks += [f"{name}: no setting of the firmware undoes it" for name in left_out]
+    remarks += [
         *limits_of_loads(plant.undoable(model)),
         *limits_of_robot(all_nominal(model), all_nominal(believed), controller),
     ]
@@ -136,14 +136,6 @@ def _sources(model: Model, believed: Model, raw: Mapping[str, int]) -> dict[str,
     alone[NOMINAL] = dataclasses.replace(model, effects={})
     parts = {source: _quantised(part, believed)[1] for source, part in alone.items()}
     return {name: tuple(source for source, part in parts.items() if part[name]) for name in raw}
-
-
-def c_calls(compensation: Compensation) -> list[str]:
-    """Returns the C statements that write the parameters into the firmware's `parameters_t`."""
-    return [
-        f"parameters_write(&parameters, {how.number}, {compensation.raw[name]}, false); /* {how.name} */"
-        for name, how in FORMATS.items()
-    ]
 
 
 def render(compensation: Compensation) -> str:
@@ -167,8 +159,9 @@ def render(compensation: Compensation) -> str:
     document["parameters"] = table
     document.add(tomlkit.nl())
     document.add(tomlkit.comment("The same in C, after parameters_start() of firmware/app:"))
-    for line in c_calls(compensation):
-        document.add(tomlkit.comment(line))
+    for name, how in FORMATS.items():
+        write = f"parameters_write(&parameters, {how.number}, {compensation.raw[name]}, false)"
+        document.add(tomlkit.comment(f"{write}; /* {how.name} */"))
     return tomlkit.dumps(document)
 
 
@@ -206,13 +199,13 @@ def load(path: Path | str) -> Compensation:
     toml.known_keys((), toml.data, ("name", "left_out", "limited", "remarks", "parameters"), ("name", "parameters"))
     given = toml.table(("parameters",), toml.data["parameters"])
     toml.known_keys(("parameters",), given, FORMATS)
-    found = {name: _raw(toml, name, entry) for name, entry in given.items()}
+    entries = {name: _raw(toml, name, entry) for name, entry in given.items()}
     lists = ("left_out", "limited", "remarks")
     left_out, limited, remarks = (_texts(toml, (key,), toml.data.get(key, [])) for key in lists)
     return Compensation(
         name=toml.file_name(("name",), toml.data["name"]),
-        raw={name: found[name][0] if name in found else 0 for name in FORMATS},
-        sources={name: sources for name, (_, sources) in found.items()},
+        raw={name: entries[name][0] if name in entries else 0 for name in FORMATS},
+        sources={name: sources for name, (_, sources) in entries.items()},
         left_out=left_out,
         limited=limited,
         remarks=remarks,
@@ -233,53 +226,37 @@ def all_nominal(model: Model) -> dict[str, float]:
     return {**catalogue.presets(model.vehicle), **model.parameters}
 
 
-def push(values: Mapping[str, float]) -> float:
+def push(values: Values) -> float:
     """Returns the force at the ground per volt of a motor at rest, N/V."""
     return values["torque_constant"] / (values["resistance"] * values["wheel_radius"])
 
 
-def hold(values: Mapping[str, float], losses: float) -> float:
-    """Returns the voltage per steady speed on level ground, V s/m."""
-    lost = losses * values["resistance"] / values["torque_constant"]
-    return (values["emf_constant"] + lost) / values["wheel_radius"]
-
-
-def straight_inertia(values: Mapping[str, float]) -> float:
+def straight_inertia(values: Values) -> float:
     """Returns the mass that each motor has to move, kg."""
     return mean_inertia(values) / values["wheel_radius"] ** 2
 
 
-def _own(robot: Mapping[str, float], found: Undoable, side: int) -> dict[str, float]:
-    """Returns the nominal parameters of one side."""
-    flux, rim = found.flux[side], found.rim[side]
+def _side(robot: Values, of_effects: Undoable, believed: Values, side: int) -> dict[str, float]:
+    flux, rim = of_effects.flux[side], of_effects.rim[side]
     factors = {"torque_constant": flux, "emf_constant": flux, "wheel_radius": rim}
-    return {**robot, **{name: robot[name] * factor for name, factor in factors.items()}}
-
-
-def _side(robot: Mapping[str, float], found: Undoable, believed: Mapping[str, float], side: int) -> dict[str, float]:
-    own = _own(robot, found, side)
+    own = {**robot, **{name: robot[name] * factor for name, factor in factors.items()}}
     share = straight_inertia(robot) / straight_inertia(believed) * push(believed) / push(own)
     volts = own["resistance"] / own["torque_constant"] / share  # V per N m at the wheel
     # T sqrt(w) is close to a line from 0 to the wheel speed W of `_top_speed`: T sqrt(W) (4 / 15 + 4 / 5 w / W).
-    root, fastest = found.root_torque[side], _top_speed() / own["wheel_radius"]
+    root, fastest = of_effects.root_torque[side], _top_speed() / own["wheel_radius"]
     losses = loss(own) + 0.8 * root / math.sqrt(fastest)
     return {
-        "gain_q15": share / found.drive_gain[side] - 1,
-        "emf_mv_q15": hold(own, losses) / share - hold(believed, loss(believed)),
-        "friction_mv": (found.dry_torque[side] + 4 / 15 * root * math.sqrt(fastest)) * volts,
-        "offset_mv": found.load[side] * volts,
+        "gain_q15": share / of_effects.drive_gain[side] - 1,
+        "emf_mv_q15": holding_voltage(own, losses) / share - holding_voltage(believed),
+        "friction_mv": (of_effects.dry_torque[side] + 4 / 15 * root * math.sqrt(fastest)) * volts,
+        "offset_mv": of_effects.load[side] * volts,
     }
 
 
-def _reserve(side: Mapping[str, float], deadband: float, battery: float) -> float:
+def _reserve(side: Values, deadband: float, battery: float) -> float:
     """Returns the part of the battery's voltage that is reserved for the compensation of this side."""
     most = (battery - deadband) / (1 + side["gain_q15"])
     return battery - most + side["friction_mv"] + abs(side["offset_mv"]) + max(side["emf_mv_q15"] * _top_speed(), 0.0)
-
-
-def most_reserve(model: Model) -> float:
-    """Returns the largest reserve that leaves the controllers enough voltage: half of the battery's voltage."""
-    return all_nominal(model)["battery_voltage"] / 2
 
 
 def si_values(model: Model, believes: Model) -> dict[str, float]:
@@ -305,22 +282,22 @@ def si_values(model: Model, believes: Model) -> dict[str, float]:
         believes: the robot that the firmware believes in; its effects are ignored.
     """
     robot, believed = all_nominal(model), all_nominal(believes)
-    found, battery = plant.undoable(model), robot["battery_voltage"]
-    left, right = (_side(robot, found, believed, side) for side in (LEFT, RIGHT))
-    reserve = max(_reserve(side, found.lost_voltage, battery) for side in (left, right))
+    of_effects, battery = plant.undoable(model), robot["battery_voltage"]
+    left, right = (_side(robot, of_effects, believed, side) for side in (LEFT, RIGHT))
+    reserve = max(_reserve(side, of_effects.lost_voltage, battery) for side in (left, right))
     turning = any(side["emf_mv_q15"] or side["friction_mv"] for side in (left, right))
     radius = robot["wheel_radius"] / believed["wheel_radius"]
     return {
         **{f"left_{name}": value for name, value in left.items()},
         **{f"right_{name}": value for name, value in right.items()},
-        "deadband_mv": found.lost_voltage,
+        "deadband_mv": of_effects.lost_voltage,
         "reserve_mv": max(reserve, 0.0),
         "half_track_m_q14": robot["half_track"] if turning else 0.0,
-        "battery_sags": float(found.supply_resistance > 0),
-        "gyro_bias_mrad_s": found.gyro_offset,
-        "gyro_scale_q15": 1 / found.gyro_gain - 1,
-        "travel_scale_q15": radius / found.travel_gain - 1,
-        "count_mismatch_q15": (found.rim[LEFT] - found.rim[RIGHT]) / 2,
+        "battery_sags": float(of_effects.supply_resistance > 0),
+        "gyro_bias_mrad_s": of_effects.gyro_offset,
+        "gyro_scale_q15": 1 / of_effects.gyro_gain - 1,
+        "travel_scale_q15": radius / of_effects.travel_gain - 1,
+        "count_mismatch_q15": (of_effects.rim[LEFT] - of_effects.rim[RIGHT]) / 2,
     }
 
 
@@ -330,7 +307,7 @@ def undone(effect: str) -> tuple[str, ...]:
     infos = catalogue.effect(effect).parameters
     presets = {info.name: info.preset for info in infos}
 
-    def undoable(table: Mapping[str, float]) -> Undoable:
+    def undoable(table: Values) -> Undoable:
         return plant.undoable(Model("one effect", "diff_drive", "coupled", {}, {effect: table}))
 
     elsewhere = {info.name: info.minimum if info.preset != info.minimum else info.maximum for info in infos}
@@ -340,12 +317,12 @@ def undone(effect: str) -> tuple[str, ...]:
 
 def never_undone(model: Model) -> tuple[str, ...]:
     """Returns the effects of `model`, and the parameters of effects, that `si_values` does not undo."""
-    found = []
-    for name, on in model.effects.items():
+    left_out = []
+    for name, values in model.effects.items():
         used = undone(name)
-        others = [f"{name}.{parameter}" for parameter, value in on.items() if parameter not in used and value]
-        found += others if used else [name]
-    return tuple(found)
+        others = [f"{name}.{parameter}" for parameter, value in values.items() if parameter not in used and value]
+        left_out += others if used else [name]
+    return tuple(left_out)
 
 
 LEAST_DAMPING = 0.46
@@ -355,8 +332,6 @@ packaged robot, 6 seeds each: at 0.49 (3 times the yaw inertia) the robot reache
 
 HIGHEST_BATTERY, HIGHEST_OWN = 20.0, 32.0
 """V: the highest battery voltage that packaged images measure, and that any mixer allows (VOLTAGE_MAX_MV)."""
-
-Values = Mapping[str, float]
 
 
 @cache
@@ -376,57 +351,34 @@ def heading_damping(robot: Values, believed: Values, controller: Values | None =
         robot, believed: nominal parameters.
         controller: the constants of the firmware's controllers, SI; None: the packaged robot's.
     """
-    held = hold(believed, loss(believed))
+    held = holding_voltage(believed)
     inertia = straight_inertia(believed) * difference_inertia(robot) / mean_inertia(robot)
     time_constant, arm = inertia / (push(believed) * held), held * robot["half_track"]
     known = controller or _controller()
     return (1 + known["heading_kd"] / arm) / (2 * math.sqrt(time_constant * known["heading_kp"] / arm))
 
 
-def limits_of_settings(
-    wanted: Values, held: Values, formats: Mapping[str, Setting], limited: Iterable[str]
-) -> list[str]:
-    """Returns a line for each parameter that its setting limits.
-
-    Args:
-        wanted, held: parameter -> the value that the robot needs, and the value that the firmware gets, SI.
-    """
-    return [
-        f"{name}: this robot needs {wanted[name]:.3g} {formats[name].format.unit} ({formats[name].meaning}), "
-        f"but {held[name]:.3g} is the limit"
-        for name in limited
-    ]
-
-
-def limits_of_effects(left_out: Iterable[str]) -> list[str]:
-    """Returns a line for each effect, or `effect.parameter`, that no setting undoes."""
-    return [f"{name}: no setting of the firmware undoes it" for name in left_out]
-
-
-def limits_of_loads(found: Undoable) -> list[str]:
+def limits_of_loads(of_effects: Undoable) -> list[str]:
     """Returns a line for each side whose constant load is larger than its dry friction."""
     return [
         f"{side}_offset_mv: a load of {abs(load):.3g} N m exceeds the dry friction of {friction:.3g} N m, so the robot "
         "moves at rest, while the firmware learns the gyro's bias"
-        for side, load, friction in zip(("left", "right"), found.load, found.dry_torque, strict=True)
+        for side, load, friction in zip(("left", "right"), of_effects.load, of_effects.dry_torque, strict=True)
         if abs(load) > friction
     ]
 
 
-def limits_of_robot(robot: Values, believed: Values, controller: Values | None = None) -> list[str]:
-    """Returns a line for each nominal value that no setting undoes and that differs too much for the controllers."""
-    lines = []
+def limits_of_robot(robot: Values, believed: Values, controller: Values | None = None) -> Iterator[str]:
+    """Yields a line for each nominal value that no setting undoes and that differs too much for the controllers."""
     damping = heading_damping(robot, believed, controller)
     if damping < LEAST_DAMPING:
         own = heading_damping(believed, believed, controller)
-        lines.append(
+        yield (
             f"yaw_inertia: {robot['yaw_inertia']:.3g} kg m^2 at a half-track of {robot['half_track']:.3g} m give turns "
             f"a damping ratio of {damping:.2f} (the believed robot: {own:.2f}); below {LEAST_DAMPING:g} they overshoot"
         )
     battery, floor = robot["battery_voltage"], (controller or _controller())["battery_floor"]
     highest = HIGHEST_BATTERY if controller is None else HIGHEST_OWN
     if not floor <= battery <= highest:
-        lines.append(
-            f"battery_voltage: {battery:.3g} V is outside the {floor:g} to {highest:g} V that the firmware reckons with"
-        )
-    return lines
+        outside = f"is outside the {floor:g} to {highest:g} V that the firmware reckons with"
+        yield f"battery_voltage: {battery:.3g} V {outside}"

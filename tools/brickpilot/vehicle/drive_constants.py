@@ -106,19 +106,16 @@ def odometry(model: Model, stated: Mapping[str, float]) -> Odometry | None:
     late = time > _SETTLED * _DRIVE_S
     straight = _simulated(model, time, np.full(time.size, volts), np.full(time.size, volts))
     curve = _simulated(model, time, np.full(time.size, volts), np.full(time.size, _CURVE / _LEVEL * volts))
-    separation = 2 * stated["half_track"]
+    separation = stated_separation = 2 * stated["half_track"]
     radii = np.full(2, stated["wheel_radius"])
     for _ in range(_ROUNDS):
-        ahead, turn, wheels = (one[late] for one in (straight["surge"], _turn(straight), _wheels(straight)))
+        ahead, turn, wheels = straight["surge"][late], _turn(straight)[late], _wheels(straight)[late]
         ground = np.column_stack([ahead + turn * separation / 2, ahead - turn * separation / 2])
         radii = ground.mean(axis=0) / wheels.mean(axis=0)
         turn, wheels = _turn(curve)[late], _wheels(curve)[late]
         separation = float(np.mean(wheels @ (radii * [1, -1])) / np.mean(turn))
-    left, right = radii / stated["wheel_radius"]
-    stated_separation = 2 * stated["half_track"]
-    return Odometry(
-        stated["wheel_radius"], stated_separation, float(left), float(right), separation / stated_separation
-    )
+    left, right = (radii / stated["wheel_radius"]).tolist()
+    return Odometry(stated["wheel_radius"], stated_separation, left, right, separation / stated_separation)
 
 
 def two_wheeled(model: Model) -> Model:
@@ -128,11 +125,10 @@ def two_wheeled(model: Model) -> Model:
     """
     if model.vehicle != "skid_steer":
         return model
-    known = catalogue.presets("diff_drive")
-    values = {name: model.parameters.get(name, known[name]) for name in known}
-    shown = odometry(model, values)
-    assert shown is not None  # it has two sides
-    values["half_track"] *= shown.turning
+    values = {name: model.parameters.get(name, preset) for name, preset in catalogue.presets("diff_drive").items()}
+    effective = odometry(model, values)
+    assert effective is not None  # it has two sides
+    values["half_track"] *= effective.turning
     basis = {**model.basis, "half_track": _TURNS}
     return dataclasses.replace(model, vehicle="diff_drive", parameters=values, basis=basis)
 
@@ -148,8 +144,7 @@ def drives(model: Model) -> Drives:
     if model.vehicle == "motor":
         return Drives(float(speed[last]), stop, None)
     way = float(np.sum(np.abs(speed[driven])) * _STEP_S)
-    heading = _heading(outputs)
-    return Drives(float(speed[last]), stop, float(heading[last]) / way if way > 0 else 0.0)
+    return Drives(float(speed[last]), stop, float(_heading(outputs)[last]) / way if way > 0 else 0.0)
 
 
 def _battery(model: Model) -> float:

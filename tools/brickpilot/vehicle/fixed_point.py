@@ -8,11 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from brickpilot.vehicle.coefficients import Coefficients
-
+from typing import Any
 
 MANTISSA_BITS = 15
 MAX_SHIFT = 31
@@ -73,12 +69,12 @@ def integer(value: float, low: int, high: int, name: str) -> int:
     Raises:
         QuantisationError: the value is outside, or is not zero but rounds to zero.
     """
-    found = round(value)
-    if not low <= found <= high:
+    rounded = round(value)
+    if not low <= rounded <= high:
         raise QuantisationError(f"{name}: {value:g} is outside {low}..{high}")
-    if found == 0 and value != 0:
+    if rounded == 0 and value != 0:
         raise QuantisationError(f"{name}: {value:g} rounds to 0")
-    return found
+    return rounded
 
 
 INDENT = "    "
@@ -86,10 +82,7 @@ INDENT = "    "
 
 def comment(text: str) -> str:
     """Returns the C comment of a text, which may come from a file: no text can end the comment or begin another."""
-    inside = text
-    for mark in ("*/", "/*"):
-        inside = inside.replace(mark, f"{mark[0]} {mark[1]}")
-    return f"/* {inside} */"
+    return f"/* {text.replace('*/', '* /').replace('/*', '/ *')} */"
 
 
 def initialiser(value: Any, depth: int) -> str:
@@ -108,8 +101,3 @@ def initialiser(value: Any, depth: int) -> str:
     else:
         fields = [f"{inner}{initialiser(entry, depth + 1)},\n" for entry in value]
     return "{\n" + "".join(fields) + outer + "}"
-
-
-def body_initialiser(profile: str, coefficients: Coefficients, depth: int) -> str:
-    """Returns the initialiser of a `body_coefficients_t`."""
-    return initialiser({"profile": f"BODY_{profile.upper()}", **coefficients}, depth)

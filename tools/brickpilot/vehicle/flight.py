@@ -21,8 +21,8 @@ from brickpilot.errors import InputError, SimulationError
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.compensation import FORMATS, Compensation
 from brickpilot.vehicle.gains import Gains
-from brickpilot.vehicle.model import Model
-from brickpilot.vehicle.scenario import SENSORS, Scenario
+from brickpilot.vehicle.model import Model, rcx
+from brickpilot.vehicle.scenario import PROFILES, SENSORS, Scenario, find, load
 from brickpilot.vehicle.settings import settings
 
 Array = NDArray[np.float64]
@@ -33,7 +33,7 @@ class Plan:
     """A scenario with all choices of its flight.
 
     Attributes:
-        model: the model of the plant, with its profile and effects.
+        model: the model of the plant.
         controller: the profile whose constants the firmware uses.
         cruise: the cruise speed, m/s.
         compensation: the compensation of this robot in the firmware; None: no compensation.
@@ -75,8 +75,8 @@ class Flight:
 
 
 def plan(
-    scenario: Scenario,
-    model: Model,
+    scenario: Scenario | str | Path,
+    model: Model | None = None,
     *,
     profile: str | None = None,
     sensors: str | None = None,
@@ -84,11 +84,23 @@ def plan(
     compensation: Compensation | None = None,
     gains: Gains | None = None,
 ) -> Plan:
-    """Chooses profile, sensors and seed: from the argument, else from the scenario, else the model's profile, ideal, 0.
+    """Returns the plan of a flight.
+
+    Profile, sensors and seed are those of the arguments, else of the scenario, else the model's profile, ideal and 0.
+
+    Args:
+        scenario: a scenario, the name of a packaged one, or a file.
+        model: the model of the robot; None: the packaged robot.
 
     Raises:
-        InputError: the model is of a motor, or the compensation or the gains cannot be used here.
+        InputError: a file is bad, the profile or the sensors are unknown, the model is of a motor, or the compensation
+            or the gains cannot be used here.
     """
+    for name, value, known in (("profile", profile, PROFILES), ("sensors", sensors, SENSORS)):
+        if value is not None and value not in known:
+            raise InputError(f"{value!r} is not one of {', '.join(known)}", field=name)
+    scenario = scenario if isinstance(scenario, Scenario) else load(find(str(scenario)))
+    model = rcx() if model is None else model
     if model.vehicle == "motor":
         raise InputError("a motor model cannot fly a mission; a diff_drive or skid_steer is needed", field=model.name)
     profile = profile or scenario.profile or model.profile
@@ -97,32 +109,29 @@ def plan(
         raise InputError("needs a mission in the profile coupled", field="compensation")
     if gains is not None and scenario.kind != "mission":
         raise InputError("needs a mission: a manoeuvre has no controller", field="gains")
+    if gains is not None and "cruise" in gains.raw:
+        cruise = gains.value("cruise")
+    else:
+        cruise = scenario.cruise[profile] if profile in scenario.cruise else preset_cruise(profile)
     start_at = scenario.start_at if scenario.start_at is not None else (0.0 if sensors == "ideal" else 1.0)
     return Plan(
         scenario=scenario,
         model=Model(
-            name=model.name,
-            vehicle=model.vehicle,
-            profile=profile,
-            parameters={**model.parameters, **scenario.parameters},
-            effects={**model.effects, **scenario.effects},
+            model.name,
+            model.vehicle,
+            profile,
+            {**model.parameters, **scenario.parameters},
+            {**model.effects, **scenario.effects},
         ),
         controller=profile,
         sensors=sensors,
         seed=seed if seed is not None else (scenario.seed or 0),
         steps=round(scenario.duration / STEP_S),
         start_step=round(start_at / STEP_S),
-        cruise=_cruise(scenario, profile, gains),
+        cruise=cruise,
         compensation=compensation,
         gains=gains,
     )
-
-
-def _cruise(scenario: Scenario, profile: str, gains: Gains | None) -> float:
-    """Returns the cruise speed in m/s: the gain set's, else the scenario's, else the firmware's."""
-    if gains is not None and "cruise" in gains.raw:
-        return gains.value("cruise")
-    return scenario.cruise[profile] if profile in scenario.cruise else preset_cruise(profile)
 
 
 def written(plan: Plan) -> dict[str, int]:
@@ -156,44 +165,31 @@ def request(
     """
     ffi: Any
     ffi, _ = compiled.interface()
-    request = ffi.new("bp_flight *")
-    model = plant.build(plan.model)
-    request.model = model
-    request.controller = PROFILE_CODES[plan.controller]
-    request.sensors = SENSORS.index(plan.sensors)
-    request.seed = plan.seed
-    request.initial.x, request.initial.y, request.initial.heading = plan.scenario.start
-    request.motor_step = plan.motor_step
-    request.steps = plan.steps
-    request.start_step = plan.start_step
-    request.cruise = plan.cruise
-    wanted = ffi.new("bp_setting[]", [(settings()[name].number, raw) for name, raw in written(plan).items()])
-    request.settings, request.setting_count = wanted, len(wanted)
-    waypoints = np.ascontiguousarray(plan.scenario.waypoints, dtype=np.float64)
-    drive = _drive(plan) if plan.scenario.kind == "manoeuvre" else None
-    held = [model, wanted, waypoints, drive]
+    x, y, heading = plan.scenario.start
+    settings_written = [(settings()[name].number, raw) for name, raw in written(plan).items()]
+    # The cffi objects in `fields` keep the memory alive that the request points to.
+    fields: dict[str, Any] = {
+        "model": plant.build(plan.model), "controller": PROFILE_CODES[plan.controller],
+        "sensors": SENSORS.index(plan.sensors), "seed": plan.seed, "initial": {"x": x, "y": y, "heading": heading},
+        "motor_step": plan.motor_step, "steps": plan.steps, "start_step": plan.start_step, "cruise": plan.cruise,
+        "settings": ffi.new("bp_setting[]", settings_written), "setting_count": len(settings_written),
+    }  # fmt: skip
     if plan.devices is not None:
-        held.append(ffi.new("bp_devices *", {**plan.devices, "bits": round(plan.devices["bits"])}))
-        request.devices = held[-1]
-    if drive is not None:
-        held.append(ffi.from_buffer("double[]", drive))
-        request.drive = held[-1]
-        request.stop_path = plan.scenario.stop_at or 0.0
+        fields["devices"] = ffi.new("bp_devices *", {**plan.devices, "bits": round(plan.devices["bits"])})
+    if plan.scenario.kind == "manoeuvre":
+        fields |= {"drive": ffi.from_buffer("double[]", _drive(plan)), "stop_path": plan.scenario.stop_at or 0.0}
     else:
-        request.waypoint_count = len(waypoints)
-        held.append(ffi.from_buffer("double[]", waypoints))
-        request.waypoints = held[-1]
+        waypoints = np.ascontiguousarray(plan.scenario.waypoints, dtype=np.float64)
+        fields |= {"waypoints": ffi.from_buffer("double[]", waypoints), "waypoint_count": len(waypoints)}
     if log is not None:
-        held.append(ffi.from_buffer("double[]", log))
-        request.log = held[-1]
+        fields["log"] = ffi.from_buffer("double[]", log)
     if columns is not None:
-        held.append(ffi.new("int[]", [log_names().index(name) for name in columns]))
-        request.columns, request.column_count = held[-1], len(columns)
+        fields["columns"] = ffi.new("int[]", [log_names().index(name) for name in columns])
+        fields["column_count"] = len(columns)
     if motors is not None:
-        held.append(ffi.from_buffer("short[]", motors))
-        request.motors = held[-1]
-    yield request
-    held.clear()
+        fields["motors"] = ffi.from_buffer("short[]", motors)
+    yield ffi.new("bp_flight *", fields)
+    fields.clear()
 
 
 @cache
@@ -252,15 +248,12 @@ def fly_many(plans: Sequence[Plan], columns: Sequence[str] | None = None) -> lis
         library.bp_fly_many(requests, len(plans), plant.MOST_LANES)
         elapsed = time.perf_counter() - began
     pace = sum(plan.steps for plan in plans) * STEP_S / elapsed
-    return [
-        _stopped(plan, one.status) or _flown(plan, names, log if columns is not None else log.T, duty, pace)
-        for plan, one, log, duty in zip(plans, requests, logs, motors, strict=True)
-    ]
-
-
-def _flown(plan: Plan, names: Sequence[str], log: Array, motors: NDArray[np.int16], pace: float) -> Flight:
-    signals = {name: np.ascontiguousarray(row) for name, row in zip(names, log, strict=True)}
-    return Flight(plan, signals, motors, pace)
+    flights: list[Flight | SimulationError] = []
+    for plan, flown, log, duty in zip(plans, requests, logs, motors, strict=True):
+        rows = log if columns is not None else log.T
+        signals = {name: np.ascontiguousarray(row) for name, row in zip(names, rows, strict=True)}
+        flights.append(_stopped(plan, flown.status) or Flight(plan, signals, duty, pace))
+    return flights
 
 
 def _stopped(plan: Plan, status: int) -> SimulationError | None:

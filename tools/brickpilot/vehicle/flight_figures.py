@@ -1,5 +1,7 @@
 """The figures of a flight: waypoints reached, distances from the route, and errors against the controller's demands.
 
+`fly` flies a scenario in one call, as `brickpilot run` does, but without its folder.
+
 The checks of the link, the controller and the waypoints say whether a mission was flown, and why not.
 """
 
@@ -9,14 +11,24 @@ import hashlib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.constants import ACCEPTANCE_M, STEP_S
 from brickpilot.data.agreement import signal_error
+from brickpilot.data.shown import Result
+from brickpilot.errors import InputError
+from brickpilot.vehicle import flight as flights
+from brickpilot.vehicle.compensation import Compensation
 from brickpilot.vehicle.flight import Flight
+from brickpilot.vehicle.gains import Gains
+from brickpilot.vehicle.model import Model
+
+if TYPE_CHECKING:
+    import pandas
 
 Array = NDArray[np.float64]
 
@@ -119,19 +131,14 @@ def summary(flight: Flight) -> dict[str, Any]:
             "final_speed_m_s": float(log["true_speed_m_s"][-1]),
             "final_yaw_rate_rad_s": float(log["true_yaw_rate_rad_s"][-1]),
         }
-    return common | _mission_figures(flight) | final_figures(flight)
-
-
-def _mission_figures(flight: Flight) -> dict[str, Any]:
-    log, plan = flight.log, flight.plan
     running = log["mode"] == _RUN
-    heading_error = _heading_error(log)
     demand_speed = np.where(running, log["demand_speed_m_s"], np.nan)
     half_turn = np.where(running & (log["phase"] == _DRIVING), math.pi, np.nan)
-    return {"cruise_m_s": plan.cruise, **route_figures(flight)} | {
+    ils = {
         "speed": signal_error(log["time_s"], log["true_speed_m_s"], demand_speed).to_json(),
-        "heading": signal_error(log["time_s"], math.pi - heading_error, half_turn).to_json(),
+        "heading": signal_error(log["time_s"], math.pi - _heading_error(log), half_turn).to_json(),
     }
+    return {**common, "cruise_m_s": plan.cruise, **route_figures(flight), **ils, **final_figures(flight)}
 
 
 def _heading_error(log: Mapping[str, Array]) -> Array:
@@ -209,8 +216,24 @@ def checks(figures: Mapping[str, Any]) -> list[Check]:
     """
     if "waypoints_total" not in figures:
         return []
-    first, last = ([_link(figures), _late(figures)], [_stops(figures)]) if "link" in figures else ([], [])
-    return [*first, _controller(figures), *last, *_waypoints(figures)]
+    fault = figures["fault"]
+    stopped = _fault(figures) if fault != "none" else None
+    controller = Check("controller", stopped, f"mode {figures['final_mode']} at the end")
+    if "link" not in figures:
+        return [controller, *_waypoints(figures)]
+    broke_off, stops = figures["broke_off"], figures["safe_stops"]
+    lost = None if broke_off is None else f"{broke_off}; the motors were stopped"
+    # Every busy computer has late ticks, so they fail a flight only if one of them ended it.
+    late = f"{figures['late_ticks']} of {figures['steps']} ticks were more than a step late"
+    times = "once" if stops == 1 else f"{stops} times"
+    unheard = f"the motors were stopped {times}, as one end did not hear the other in time" if stops else None
+    return [
+        Check("link", lost, f"{figures['lost_frames']} lost frames"),
+        Check("late ticks", stopped if fault == LATE else None, late),
+        controller,
+        Check("safe stops", unheard, f"{stops} safe stops"),
+        *_waypoints(figures),
+    ]
 
 
 def failure(figures: Mapping[str, Any]) -> str | None:
@@ -219,31 +242,6 @@ def failure(figures: Mapping[str, Any]) -> str | None:
     if not failed:
         return None
     return f"{figures['waypoints_reached']} of {figures['waypoints_total']} waypoints reached: {failed[0]}"
-
-
-def _link(figures: Mapping[str, Any]) -> Check:
-    broke_off = figures["broke_off"]
-    lost = None if broke_off is None else f"{broke_off}; the motors were stopped"
-    return Check("link", lost, f"{figures['lost_frames']} lost frames")
-
-
-def _late(figures: Mapping[str, Any]) -> Check:
-    """Late ticks fail a flight only if a late tick ended the run, because every busy computer has late ticks."""
-    late, steps = figures["late_ticks"], figures["steps"]
-    detail = f"{late} of {steps} ticks were more than a step late"
-    return Check("late ticks", _fault(figures) if figures["fault"] == LATE else None, detail)
-
-
-def _controller(figures: Mapping[str, Any]) -> Check:
-    failed = _fault(figures) if figures["fault"] != "none" else None
-    return Check("controller", failed, f"mode {figures['final_mode']} at the end")
-
-
-def _stops(figures: Mapping[str, Any]) -> Check:
-    stops = figures["safe_stops"]
-    times = "once" if stops == 1 else f"{stops} times"
-    failed = f"the motors were stopped {times}, as one end did not hear the other in time" if stops else None
-    return Check("safe stops", failed, f"{stops} safe stops")
 
 
 def _fault(figures: Mapping[str, Any]) -> str:
@@ -255,15 +253,15 @@ def _fault(figures: Mapping[str, Any]) -> str:
 
 
 def _waypoints(figures: Mapping[str, Any]) -> list[Check]:
-    found = []
+    checked = []
     before = 0.0
     rows = zip(figures["reached_at_s"], figures["closest_approach_m"], strict=True)
     for number, (moment, closest) in enumerate(rows, 1):
         detail = f"closest approach {closest:.3f} m"
         missed = None if moment is not None else f"waypoint {number} was missed by {closest:.3f} m{_believes(figures)}"
-        found.append(Check(f"waypoint {number}", missed, detail, 0.0 if moment is None else moment - before))
+        checked.append(Check(f"waypoint {number}", missed, detail, 0.0 if moment is None else moment - before))
         before = before if moment is None else moment
-    return found
+    return checked
 
 
 def _believes(figures: Mapping[str, Any]) -> str:
@@ -281,3 +279,71 @@ def _lost_heading(figures: Mapping[str, Any]) -> str:
     beyond = f"; the gyro was at the end of its range in {steps} steps, so lower heading_limit" if steps else ""
     drifts = "; it started before the gyro's bias was learnt" if figures["started_without_gyro_bias"] else ""
     return beyond + drifts
+
+
+@dataclass(frozen=True)
+class Flown(Result):
+    """A flight with its figures.
+
+    Attributes:
+        flight: the plan, and every signal of every step.
+        figures: the keys of `brickpilot run --json`; lengths in m, times in s, angles in rad.
+    """
+
+    flight: Flight
+    figures: dict[str, Any]
+
+    @property
+    def failure(self) -> str | None:
+        """Why the mission failed; None: it did not."""
+        reason: str | None = self.figures["failure"]
+        return reason
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Returns the track: a row for each control step, with the columns of log.csv."""
+        import pandas
+
+        return pandas.DataFrame(self.flight.log)
+
+
+def fly(
+    scenario: str | Path = "mission",
+    *,
+    model: Model | None = None,
+    profile: str | None = None,
+    sensors: str | None = None,
+    seed: int | None = None,
+    compensation: Compensation | None = None,
+    gains: Gains | None = None,
+) -> Flown:
+    """Flies a mission or a manoeuvre in simulation.
+
+    Args:
+        scenario: the name of a packaged scenario, or a file.
+        model: the model of the robot; None: the packaged robot.
+        profile: "coupled" or "paper"; None: the scenario's, else the model's.
+        sensors: "ideal", "imu" or "imu+encoders"; None: the scenario's, else ideal.
+        seed: the seed of the sensors' noise; None: the scenario's, else 0.
+        compensation: the compensation of this robot in the firmware.
+        gains: settings of the controller from `brickpilot tune`.
+
+    Raises:
+        InputError: a file is bad, an argument is not one of those above, or the scenario needs a link.
+        SimulationError: the plant diverges.
+
+    >>> import brickpilot as bp
+    >>> flown = bp.fly("forward_1m")
+    >>> round(flown.figures["final_speed_m_s"], 3)
+    0.0
+    >>> float(flown.to_frame()["true_x_m"].iloc[-1].round(1))
+    1.2
+    """
+    plan = flights.plan(
+        scenario, model, profile=profile, sensors=sensors, seed=seed, compensation=compensation, gains=gains
+    )
+    if plan.scenario.faults:
+        raise InputError("needs a link, and run has none; fly it with brickpilot hil", file=scenario, field="faults")
+    flown = flights.fly(plan)
+    figures = summary(flown)
+    figures["failure"] = failure(figures)
+    return Flown(flown, figures)

@@ -82,11 +82,11 @@ def load(path: Path | str) -> Gains:
     given = toml.table(("gains",), toml.data["gains"])
     if not given:
         toml.refuse(("gains",), "has no gain")
-    found = {name: _raw(toml, name, entry) for name, entry in given.items()}
+    raw = {name: _raw(toml, name, entry) for name, entry in given.items()}
     for less, more in AT_MOST:
-        if less in found and more in found and _value(less, found) > _value(more, found):
+        if {less, more} <= raw.keys() and settings()[less].value(raw[less]) > settings()[more].value(raw[more]):
             toml.refuse(("gains", less), f"may not be above {more}")
-    return Gains(toml.file_name(("name",), toml.data["name"]), found)
+    return Gains(toml.file_name(("name",), toml.data["name"]), raw)
 
 
 def check_pairs(chosen: Mapping[str, int], held: Callable[[str], int]) -> None:
@@ -108,10 +108,6 @@ def check_pairs(chosen: Mapping[str, int], held: Callable[[str], int]) -> None:
         if chosen[less] > high:
             takes = f"it takes {settings()[less].low}..{more} ({settings()[less].format.text})"
             raise InputError(f"{chosen[less]} is above {more}, which is {high}: {takes}", field=less)
-
-
-def _value(name: str, raw: Mapping[str, int]) -> float:
-    return settings()[name].value(raw[name])
 
 
 def _raw(toml: TomlFile, name: str, entry: object) -> int:

@@ -136,11 +136,11 @@ def deviation(track: Track, stretch: Stretch, signal: str, simulated: Array) -> 
 
 def _starts(time: Array, measured: Mapping[str, Array]) -> dict[str, Array]:
     """Returns the measured signals of the state, each (n,). Rates are smoothed, or derived from angles and travel."""
-    found = {n: values if n in SUMMED else _smoothed(time, values) for n, values in measured.items() if n in _STATES}
+    states = {n: values if n in SUMMED else _smoothed(time, values) for n, values in measured.items() if n in _STATES}
     for summed, rate in {**RATE_OF, "yaw_angle": "yaw_rate"}.items():
-        if summed in measured and rate not in found:
-            found[rate] = zero_phase_rate(time, measured[summed])
-    return found
+        if summed in measured and rate not in states:
+            states[rate] = zero_phase_rate(time, measured[summed])
+    return states
 
 
 _STATES = (
@@ -217,7 +217,7 @@ class Headline:
     @property
     def role(self) -> str:
         """The role of the runs by which a model is judged: "held_out", or "fit" if nothing is held out."""
-        return next((one for one in ROLES if self.mean(one) is not None), "fit")
+        return next((role for role in ROLES if self.mean(role) is not None), "fit")
 
     def of(self, signal: str, role: str, horizon: str = FREE_RUN) -> Agreement:
         """Returns the agreement of a signal over all runs, and stretches of runs, of a role."""
@@ -270,7 +270,7 @@ def simulated_at(
     Raises:
         SimulationError: a model diverges in a free run, without `may_diverge`.
     """
-    replay, found = Replay(compared.dataset), [dict[str, Mapping[str, Outputs]]() for _ in models]
+    replay, simulated = Replay(compared.dataset), [dict[str, Mapping[str, Outputs]]() for _ in models]
     names = {*compared.signals, *(name for run in compared.dataset.runs for name in run.outputs)}
     for course in compared.courses:
         try:
@@ -279,9 +279,9 @@ def simulated_at(
             if course.horizon == FREE_RUN and not may_diverge:
                 raise
             continue
-        for one, runs in zip(found, outputs, strict=True):
-            one[course.horizon] = runs
-    return found
+        for by_horizon, runs in zip(simulated, outputs, strict=True):
+            by_horizon[course.horizon] = runs
+    return simulated
 
 
 def headline_of(compared: Track, simulated: Mapping[str, Mapping[str, Outputs]], roles: Roles) -> Headline:
@@ -329,7 +329,7 @@ def repeatability(compared: Track, simulated: Mapping[str, Mapping[str, Array]])
     """
     pairs = repeats(compared.dataset)
     clocks = {run.name: run.time - run.time[0] for run in compared.dataset.runs}
-    found = {}
+    best = {}
     for signal in compared.signals if pairs else ():
         apart, size = [np.empty(0)], [np.empty(0)]
         for first, second, seconds in pairs:
@@ -345,5 +345,5 @@ def repeatability(compared: Track, simulated: Mapping[str, Mapping[str, Array]])
         left, whole = left[np.isfinite(left)], whole[np.isfinite(whole)]
         rms = float(np.sqrt(np.mean(whole**2))) if len(whole) else 0.0
         if len(left) and rms > 0:
-            found[signal] = round(100 * (1 - float(np.sqrt(np.mean(left**2) / 2)) / rms), 3)
-    return found
+            best[signal] = round(100 * (1 - float(np.sqrt(np.mean(left**2) / 2)) / rms), 3)
+    return best

@@ -43,11 +43,11 @@ def commands(manoeuvre: Manoeuvre, time: Array) -> Array:
 
 def _steps(*levels: tuple[float, float, float]) -> Points:
     """Returns the break points of rest, then each level (s, left, right), then rest again."""
-    found, now = [(0.0, 0.0, 0.0)], _REST_S
+    points, now = [(0.0, 0.0, 0.0)], _REST_S
     for seconds, left, right in (*levels, (_END_S, 0.0, 0.0)):
-        found += [(now, *found[-1][1:]), (now, left, right)]
+        points += [(now, *points[-1][1:]), (now, left, right)]
         now += seconds
-    return (*found, (now, 0.0, 0.0))
+    return (*points, (now, 0.0, 0.0))
 
 
 def _ramp(top: float, ratio: float) -> Points:

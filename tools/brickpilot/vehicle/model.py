@@ -17,10 +17,11 @@ from __future__ import annotations
 
 import dataclasses
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import tomlkit
@@ -38,6 +39,7 @@ from brickpilot.vehicle.plant import OpenLoopRun
 _TOP_KEYS = (
     "name", "vehicle", "profile", "parameters", "effects", "robot", "rates", "sensors", "estimator", "controller",
 )  # fmt: skip
+
 _ENTRY_KEYS = ("value", "unit", "basis")
 
 # If an effect has more parameters than this, a file holds only those that differ from their presets.
@@ -76,12 +78,9 @@ def rcx() -> Model:
 
 def of_dataset(dataset: Dataset, effects: Sequence[str] = ()) -> Model:
     """Returns the model that a data set states, with some more effects on; the other values keep their presets."""
-    stated = dataset.nominal_effects
+    stated = {name: {key: one.value for key, one in table.items()} for name, table in dataset.nominal_effects.items()}
     tables = {
-        name: {
-            info.name: stated.get(name, {}).get(info.name, Nominal(info.preset)).value
-            for info in catalogue.effect(name).parameters
-        }
+        name: {info.name: info.preset for info in catalogue.effect(name).parameters} | stated.get(name, {})
         for name in dict.fromkeys([*stated, *effects])
     }
     values = _absent_values(dataset) | {name: nominal.value for name, nominal in dataset.nominal.items()}
@@ -134,50 +133,57 @@ def unit_on(model: Model, info: ParameterInfo) -> str:
     return info.linear_unit if model.parameters.get("force_per_volt", 0.0) > 0 else info.unit
 
 
-def _value(toml: TomlFile, key: Key, entry: object, info: ParameterInfo, *, absent: bool = False) -> tuple[float, str]:
-    """Returns value and basis of one entry; `absent`: 0 is allowed, for a vehicle that lacks this part."""
+def entry_table(toml: TomlFile, key: Key, entry: object, unit: str) -> dict[str, Any]:
+    """Returns an entry of a model file, a number or a table, as `{value, unit, basis}`, or refuses another unit."""
     table = entry if isinstance(entry, dict) else {"value": entry}
     toml.known_keys(key, table, _ENTRY_KEYS)
     if "value" not in table:
         toml.refuse(key, "value is missing")
-    unit = table.get("unit", info.unit)
-    if unit != info.unit:
-        toml.refuse((*key, "unit"), f"{unit!r} should be {info.unit!r}")
-    basis = table.get("basis", "")
-    if not isinstance(basis, str) or not basis.isprintable():
-        toml.refuse((*key, "basis"), "must be printable text")
-    if absent and table["value"] == 0 and not isinstance(table["value"], bool):
-        return 0.0, basis
-    return toml.number(key, table["value"], info.minimum, info.maximum, info.unit), basis
+    if table.get("unit", unit) != unit:
+        toml.refuse((*key, "unit"), f"{table['unit']!r} should be {unit!r}")
+    return table
 
 
-def _parameters(toml: TomlFile, vehicle: str, basis: dict[str, str]) -> dict[str, float]:
-    infos = {info.name: info for info in catalogue.parameters() if info.name in catalogue.presets(vehicle)}
-    table = toml.table(("parameters",), toml.data.get("parameters", {}))
-    toml.known_keys(("parameters",), table, infos)
-    values = catalogue.presets(vehicle)
+def _values(
+    toml: TomlFile, key: tuple[str, ...], given: object, infos: Iterable[ParameterInfo], basis: dict[str, str],
+    may_be_0: Collection[str] = (),
+) -> dict[str, float]:  # fmt: skip
+    """Returns parameter -> value of the table at `key`, and adds the sources of the values to `basis`.
+
+    `may_be_0`: parameters of parts that a vehicle may lack; their 0 is in no range.
+    """
+    table, known = toml.table(key, given), {info.name: info for info in infos}
+    toml.known_keys(key, table, known)
+    values = {}
     for name, entry in table.items():
-        absent = catalogue.presets(vehicle)[name] == 0 or (vehicle == "motor" and name == "wheel_inertia")
-        values[name], why = _value(toml, ("parameters", name), entry, infos[name], absent=absent)
+        place, info = (*key, name), known[name]
+        row = entry_table(toml, place, entry, info.unit)
+        why = row.get("basis", "")
+        if not isinstance(why, str) or not why.isprintable():
+            toml.refuse((*place, "basis"), "must be printable text")
         if why:
-            basis[name] = why
+            basis[".".join(place[1:])] = why
+        is_0 = name in may_be_0 and row["value"] == 0 and not isinstance(row["value"], bool)
+        values[name] = 0.0 if is_0 else toml.number(place, row["value"], info.minimum, info.maximum, info.unit)
     return values
 
 
+def _parameters(toml: TomlFile, vehicle: str, basis: dict[str, str]) -> dict[str, float]:
+    presets = catalogue.presets(vehicle)
+    infos = [info for info in catalogue.parameters() if info.name in presets]
+    absent = [name for name, value in presets.items() if value == 0 or (vehicle, name) == ("motor", "wheel_inertia")]
+    return presets | _values(toml, ("parameters",), toml.data.get("parameters", {}), infos, basis, absent)
+
+
 def _effects(toml: TomlFile, basis: dict[str, str]) -> dict[str, dict[str, float]]:
-    infos = {effect.name: {info.name: info for info in effect.parameters} for effect in catalogue.effects()}
+    known = {effect.name: effect.parameters for effect in catalogue.effects()}
     table = toml.table(("effects",), toml.data.get("effects", {}))
-    toml.known_keys(("effects",), table, infos)
-    chosen: dict[str, dict[str, float]] = {}
-    for name, entries in table.items():
-        entries = toml.table(("effects", name), entries)
-        toml.known_keys(("effects", name), entries, infos[name])
-        chosen[name] = {parameter: info.preset for parameter, info in infos[name].items()}
-        for parameter, entry in entries.items():
-            chosen[name][parameter], why = _value(toml, ("effects", name, parameter), entry, infos[name][parameter])
-            if why:
-                basis[f"{name}.{parameter}"] = why
-    return chosen
+    toml.known_keys(("effects",), table, known)
+    return {
+        name: {info.name: info.preset for info in known[name]}
+        | _values(toml, ("effects", name), entries, known[name], basis)
+        for name, entries in table.items()
+    }
 
 
 def load(path: Path | str) -> Model:
@@ -201,21 +207,16 @@ def load(path: Path | str) -> Model:
         effects=_effects(toml, basis),
         basis=basis,
     )
-    _check_load(toml, model)
-    return model
-
-
-def _check_load(toml: TomlFile, model: Model) -> None:
-    """Refuses a motor that has nothing to move, as the plant does, and names the line of the cause."""
     try:
         output_names(model)
-    except SimulationError:
+    except SimulationError:  # a motor that has nothing to move
         given = toml.data.get("parameters", {})
         if model.parameters["force_per_volt"] > 0:
             to_blame, message = "mass", "a motor whose input commands a force needs a mass above 0"
         else:
             to_blame, message = "wheel_inertia", "0 leaves nothing to move without a mass at a wheel_radius"
         toml.refuse(("parameters", to_blame if to_blame in given else "force_per_volt"), message)
+    return model
 
 
 def _entry(value: float, unit: str, basis: str | None) -> tomlkit.items.InlineTable:
@@ -238,11 +239,10 @@ def render(model: Model) -> str:
     document["parameters"] = table
     if model.effects:
         document["effects"] = tomlkit.table(is_super_table=True)
-    infos = {effect.name: effect for effect in catalogue.effects()}
     for name, chosen in model.effects.items():
-        table = tomlkit.table()
-        spelt_out = len(infos[name].parameters) <= _SPELT_OUT
-        for info in infos[name].parameters:
+        table, infos = tomlkit.table(), catalogue.effect(name).parameters
+        spelt_out = len(infos) <= _SPELT_OUT
+        for info in infos:
             value = chosen.get(info.name, info.preset)
             if spelt_out or value != info.preset:
                 table[info.name] = _entry(value, info.unit, model.basis.get(f"{name}.{info.name}"))

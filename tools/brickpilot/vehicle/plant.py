@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from brickpilot.vehicle.model import Model
 
 Array = NDArray[np.float64]
-Array32 = NDArray[np.int32]
 
 MOST_LANES = 8
 """The largest number of runs that the compiled plant simulates side by side."""
@@ -137,19 +136,14 @@ class Simulated:
     @cached_property
     def final(self) -> State:
         """State at the last sample."""
-        return state_of(self.last)
+        fields: Any = self.last.item()
+        values: list[Any] = [field if isinstance(field, float) else tuple(field.tolist()) for field in fields]
+        return State(*values)
 
 
 def by_signal(names: Sequence[str], columns: Array) -> dict[str, Array]:
     """Returns signal -> (n,) from (names, n), for the signals that the vehicle has."""
     return {name: column for name, column in zip(names, columns, strict=True) if column[0] == column[0]}
-
-
-def state_of(last: np.void) -> State:
-    """Returns a state that the compiled plant holds."""
-    fields: Any = last.item()
-    values: list[Any] = [one if isinstance(one, float) else tuple(one.tolist()) for one in fields]
-    return State(*values)
 
 
 def _refuse(model: Model, name: str, value: float, status: int) -> NoReturn:
@@ -169,20 +163,17 @@ def build(model: Model) -> Any:
         raise MemoryError
     built = ffi.gc(built, library.bp_model_free)
     for name, value in model.parameters.items():
-        status = library.bp_model_set(built, name.encode(), value)
-        if status:
+        if status := library.bp_model_set(built, name.encode(), value):
             _refuse(model, name, value, status)
-    presets_of = _effect_presets()
     for name, table in model.effects.items():
-        known = presets_of.get(name)
+        known = _effect_presets().get(name)
         if known is None:
             raise InputError("unknown effect", file=model.name, field=f"effects.{name}")
         for parameter in table:
             if parameter not in known:
                 raise InputError("unknown parameter", file=model.name, field=f"effects.{name}.{parameter}")
         values = [*{**known, **table}.values()]
-        status = library.bp_model_add_effect(built, name.encode(), ffi.new("double[]", values or [0.0]))
-        if status:
+        if status := library.bp_model_add_effect(built, name.encode(), ffi.new("double[]", values or [0.0])):
             _refuse(model, f"effects.{name}", values[0] if values else 0.0, status)
     return built
 
@@ -219,13 +210,11 @@ def undoable(model: Model) -> Undoable:
         InputError: as `build`.
     """
     ffi, library = interface()
-    found = ffi.new("bp_undoable *")
-    library.bp_model_undoable(build(model), found)
-    return Undoable(**{name: _number_or_pair(getattr(found, name)) for name in Undoable.__dataclass_fields__})
-
-
-def _number_or_pair(value: Any) -> Any:
-    return value if isinstance(value, float) else (value[0], value[1])
+    sums = ffi.new("bp_undoable *")
+    library.bp_model_undoable(build(model), sums)
+    fields = ((name, getattr(sums, name)) for name in Undoable.__dataclass_fields__)
+    values: dict[str, Any] = {name: one if isinstance(one, float) else (one[0], one[1]) for name, one in fields}
+    return Undoable(**values)
 
 
 @cache
@@ -241,17 +230,17 @@ def wanted_names(signals: frozenset[str] | None) -> tuple[str, ...]:
 
 
 @cache
-def _columns_of(names: tuple[str, ...]) -> Array32:
+def _columns_of(names: tuple[str, ...]) -> NDArray[np.int32]:
     """Returns the positions of the outputs `names` in the table."""
-    table = [name for name, _ in output_table()]
+    table = wanted_names(None)
     return np.array([table.index(name) for name in names], dtype=np.int32)
 
 
 @cache
 def layout(name: str) -> np.dtype[np.void]:
     """Returns the layout of a structure of the C interface."""
-    found: np.dtype[np.void] = np.dtype(_layout_of(interface()[0].typeof(name)))
-    return found
+    fields: np.dtype[np.void] = np.dtype(_layout_of(interface()[0].typeof(name)))
+    return fields
 
 
 def _layout_of(kind: Any) -> Any:
@@ -267,7 +256,6 @@ def _layout_of(kind: Any) -> Any:
 
 _state_values = attrgetter(*State.__dataclass_fields__)
 """The fields of a `State` as a tuple: those of `bp_state`, in its order."""
-
 
 _NOTHING = _state_values(State())
 
@@ -336,10 +324,10 @@ def simulate_into(
     if built is None:
         built = build_all(models)
     at = {key: int(ffi.cast("uintptr_t", one)) for key, one in built.items()}
-    wanted = _columns_of(names)
+    columns = _columns_of(names)
     requests["model"] = [at[id(model)] for model in models]
     requests["output"] = _address(values) + 8 * np.asarray(starts)
-    requests["columns"], requests["column_count"] = _address(wanted), len(names)
+    requests["columns"], requests["column_count"] = _address(columns), len(names)
     library.bp_simulate_lanes(ffi.cast("bp_run *", requests.ctypes.data), requests.size, threads, lanes)
     failed = np.flatnonzero(requests["status"])
     if len(failed):

@@ -170,7 +170,7 @@ class Replay:
         self, models: Sequence[Model], marks: Mapping[str, Sequence[Mark]]
     ) -> dict[tuple[int, str], NDArray[np.void]]:
         """Returns (number of the model, run) -> (marks,) the samples and states to continue from, as C holds them."""
-        found = {}
+        restarts = {}
         for run, age in self.aged:
             if not (of_run := marks.get(run.name)):
                 continue
@@ -179,9 +179,9 @@ class Replay:
             ages = age + run.time[samples] - run.time[0]
             states = start_state.states(_readings(known, {}, models, ages), restart=True)
             for index, own in enumerate(states.reshape(len(models), -1)):
-                found[index, run.name] = np.zeros(len(own), dtype=plant.layout("bp_restart"))
-                found[index, run.name]["sample"], found[index, run.name]["state"] = samples, own
-        return found
+                rows = restarts[index, run.name] = np.zeros(len(own), dtype=plant.layout("bp_restart"))
+                rows["sample"], rows["state"] = samples, own
+        return restarts
 
     @cached_property
     def aged(self) -> list[tuple[Run, float]]:
@@ -228,12 +228,12 @@ class Replay:
         ]
         new = {key: model for key, model in zip(keys, models, strict=True) if key not in begun}
         made = dict(zip(new, self._begin(batch, [*new.values()]), strict=True)) if new else {}
-        found = [made[key] if key in made else begun[key] for key in keys]
         begun |= made
+        chosen = [begun[key] for key in keys]
         requests = np.empty((len(batch), len(models)), dtype=plant.layout("bp_run"))
-        for column, one in enumerate(found):
+        for column, one in enumerate(chosen):
             requests[:, column] = one.requests
-        return requests, found
+        return requests, chosen
 
     def _begin(self, batch: Sequence[tuple[Run, float]], models: Sequence[Model]) -> Iterator[_Begun]:
         """Yields, for each model, the runs with their states at the start."""
@@ -257,7 +257,7 @@ class Replay:
         for run, _ in batch:
             if own := _own_values(run, model):
                 together.setdefault((run_of(run.name), own), []).append(run)
-        found, acting = dict(self._plain), self._acting
+        driven_runs, acting = dict(self._plain), self._acting
         for (_, own), runs in together.items():
             key = own, tuple(run.name for run in runs)
             if key not in acting:  # most models of one Jacobian share the values of runs, so they share these inputs
@@ -266,8 +266,8 @@ class Replay:
                     driven = RUN_KINDS[kind].change(time, driven, value)
                 made = means_over_grids(time, driven, [run.time for run in runs])
                 acting[key] = [OpenLoopRun(run.time, one) for run, one in zip(runs, made, strict=True)]
-            found |= dict(zip(key[1], acting[key], strict=True))
-        return [found[run.name] for run, _ in batch]
+            driven_runs |= dict(zip(key[1], acting[key], strict=True))
+        return [driven_runs[run.name] for run, _ in batch]
 
 
 def _columns(rows: Sequence[Mapping[str, float]]) -> dict[str, Array]:
@@ -354,11 +354,12 @@ def by_recording(
     value, for a nominal parameter the relative change, for a parameter in `ADDED` and an "effect.parameter" the added
     amount, SI.
     """
-    told = {name for model in models for table in model.by_run.values() for name in table}
-    of = {run.name: run.recording if run.recording in told else "" for run in dataset.runs if run.name in runs}
-    for recording in dict.fromkeys(of.values()):
-        own = frozenset(name for name, one in of.items() if one == recording)
-        yield [in_recording(model, recording, own) for model in models] if told else list(models), own
+    differing = {name for model in models for table in model.by_run.values() for name in table}
+    recording_of = {run.name: run.recording for run in dataset.runs if run.name in runs}
+    recording_of = {name: one if one in differing else "" for name, one in recording_of.items()}
+    for recording in dict.fromkeys(recording_of.values()):
+        own = frozenset(name for name, one in recording_of.items() if one == recording)
+        yield [in_recording(model, recording, own) for model in models] if differing else list(models), own
 
 
 def in_recording(model: Model, recording: str, runs: Collection[str]) -> Model:
@@ -372,10 +373,10 @@ def in_recording(model: Model, recording: str, runs: Collection[str]) -> Model:
             kept[kind] = dict.fromkeys(map(run_of, runs), value)
             continue
         rows = catalogue.effect(effect).parameters if effect else catalogue.parameters()
-        one = next(one for one in rows if one.name == name)
+        info = next(info for info in rows if info.name == name)
         table = effects[effect] if effect else parameters
         added = value if effect or name in ADDED else value * table[name]
-        table[name] = min(max(table[name] + added, one.minimum), one.maximum)
+        table[name] = min(max(table[name] + added, info.minimum), info.maximum)
     for kind in model.by_run:
         effect = kind.partition(".")[0]
         if effect in effects and not any(

@@ -24,6 +24,7 @@ packaged ones are in `sim_host/run/scenarios`.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -41,6 +42,7 @@ from brickpilot.errors import InputError
 
 PROFILES = ("coupled", "paper")
 SENSORS = ("ideal", "imu", "imu+encoders")
+LONGEST_S = 3600.0
 
 _KEYS = {
     "name", "title", "kind", "duration_s", "start", "start_at_s", "waypoints_m", "cruise_m_s", "segments", "stop_at_m",
@@ -127,7 +129,7 @@ def load(path: Path) -> Scenario:
     other = "manoeuvre" if kind == "mission" else "mission"
     for key in sorted(_ONLY[other] & data.keys()):
         toml.refuse((key,), f"belongs to a {other}, not to a {kind}")
-    duration = toml.number(("duration_s",), data["duration_s"], STEP_S, 3600.0, "s")
+    duration = toml.number(("duration_s",), data["duration_s"], STEP_S, LONGEST_S, "s")
     seed = data.get("seed")
     if seed is not None and (isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed < 2**63):
         toml.refuse(("seed",), f"{seed!r} is not a whole number from 0 to 2^63 - 1")
@@ -159,15 +161,15 @@ def _list(toml: TomlFile, key: str, data: Mapping[str, Any], most: int) -> list[
     return value
 
 
-def _farthest() -> float:
-    """The largest coordinate of a waypoint that the firmware takes, m."""
+def farthest() -> float:
+    """Returns the largest coordinate of a waypoint that the firmware takes, m."""
     return float(interface()[1].BP_MAX_COORDINATE_M)
 
 
 def _start(toml: TomlFile, value: object) -> tuple[float, float, float]:
     table = toml.table(("start",), value)
     toml.known_keys(("start",), table, {"x_m", "y_m", "heading_deg"})
-    far = _farthest()
+    far = farthest()
     x, y = (toml.number(("start", key), table.get(key, 0), -far, far, "m") for key in ("x_m", "y_m"))
     heading = toml.number(("start", "heading_deg"), table.get("heading_deg", 0), -360.0, 360.0, "deg")
     return x, y, math.radians(heading)
@@ -178,16 +180,16 @@ def _waypoints(toml: TomlFile, data: Mapping[str, Any]) -> tuple[tuple[float, fl
     for index, point in enumerate(points):
         if not isinstance(point, list) or len(point) != 2:
             toml.refuse(("waypoints_m", index), f"{point!r} is not a pair [x, y]")
-    far = _farthest()
-    found = tuple(
+    far = farthest()
+    waypoints = tuple(
         (toml.number(("waypoints_m", i), x, -far, far, "m"), toml.number(("waypoints_m", i), y, -far, far, "m"))
         for i, (x, y) in enumerate(points)
     )
-    millimetres = [(round(1000 * x), round(1000 * y)) for x, y in found]  # the firmware's unit
-    for index in range(1, len(found)):
-        if millimetres[index] == millimetres[index - 1]:
+    millimetres = [(round(1000 * x), round(1000 * y)) for x, y in waypoints]  # the firmware's unit
+    for index, (before, point) in enumerate(itertools.pairwise(millimetres), 1):
+        if point == before:
             toml.refuse(("waypoints_m", index), "is the same as the waypoint before it, within a millimetre")
-    return found
+    return waypoints
 
 
 def _cruise(toml: TomlFile, value: object) -> dict[str, float]:
@@ -207,7 +209,7 @@ def _segments(toml: TomlFile, data: Mapping[str, Any], duration: float) -> tuple
         if segments and start <= segments[-1].from_s:
             toml.refuse((*key, "from_s"), f"{start:g} s does not come after the segment before")
         left, right = (
-            float("nan") if table[name] == "float" else toml.number((*key, name), table[name], -20.0, 20.0, "V")
+            math.nan if table[name] == "float" else toml.number((*key, name), table[name], -20.0, 20.0, "V")
             for name in ("left_V", "right_V")
         )
         segments.append(Segment(start, left, right))
@@ -226,17 +228,17 @@ def _parameters(toml: TomlFile, value: object) -> dict[str, float]:
 
 def _effects(toml: TomlFile, value: object) -> dict[str, dict[str, float]]:
     table = toml.table(("effects",), value)
-    known = {effect.name: {info.name: info for info in effect.parameters} for effect in catalogue.effects()}
+    known = {effect.name: effect for effect in catalogue.effects()}
     toml.known_keys(("effects",), table, known)
     chosen = {}
     for name, entry in table.items():
-        given = toml.table(("effects", name), entry)
-        toml.known_keys(("effects", name), given, known[name])
+        key, given, infos = ("effects", name), toml.table(("effects", name), entry), known[name].parameters
+        toml.known_keys(key, given, [info.name for info in infos])
         chosen[name] = {
-            parameter: toml.number(
-                ("effects", name, parameter), given.get(parameter, i.preset), i.minimum, i.maximum, i.unit
+            info.name: toml.number(
+                (*key, info.name), given.get(info.name, info.preset), info.minimum, info.maximum, info.unit
             )
-            for parameter, i in known[name].items()
+            for info in infos
         }
     return chosen
 
@@ -248,11 +250,9 @@ def render_mission(mission: Scenario) -> str:
     x, y, heading = mission.start
     document["start"] = {"x_m": x, "y_m": y, "heading_deg": math.degrees(heading)}
     optional: dict[str, object] = {
-        "start_at_s": mission.start_at,
-        "profile": mission.profile,
-        "sensors": mission.sensors,
-    }
-    optional |= {"seed": mission.seed, "cruise_m_s": dict(mission.cruise) or None}
+        "start_at_s": mission.start_at, "profile": mission.profile, "sensors": mission.sensors, "seed": mission.seed,
+        "cruise_m_s": dict(mission.cruise) or None,
+    }  # fmt: skip
     document.update({name: value for name, value in optional.items() if value is not None})
     document["waypoints_m"] = [list(point) for point in mission.waypoints]
     if mission.parameters:

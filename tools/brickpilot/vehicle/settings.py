@@ -15,7 +15,7 @@ from typing import Any
 from brickpilot.constants import RCX
 from brickpilot.data.toml_file import Key, TomlFile
 from brickpilot.errors import InputError, did_you_mean
-from brickpilot.vehicle.combinations import loss
+from brickpilot.vehicle.combinations import holding_voltage
 from brickpilot.vehicle.fixed_point import QuantisationError, integer
 
 NUMBER_MOST = 63
@@ -123,13 +123,13 @@ def load(path: Path) -> dict[str, Setting]:
         for name, row in toml.table(("formats",), toml.data["formats"]).items()
     }
     rows = toml.table(("settings",), toml.data["settings"])
-    found = {name: _setting(toml, ("settings", name), row, formats) for name, row in rows.items()}
-    for place, (name, setting) in enumerate(found.items()):
+    table = {name: _setting(toml, ("settings", name), row, formats) for name, row in rows.items()}
+    for place, (name, setting) in enumerate(table.items()):
         if setting.number != place:
             toml.refuse(("settings", name, "number"), f"{setting.number} should be {place}: numbers must have no gap")
-    if len(found) > NUMBER_MOST + 1:
-        toml.refuse(("settings",), f"{len(found)} settings, but a request has room for the numbers 0..{NUMBER_MOST}")
-    return found
+    if len(table) > NUMBER_MOST + 1:
+        toml.refuse(("settings",), f"{len(table)} settings, but a request has room for the numbers 0..{NUMBER_MOST}")
+    return table
 
 
 def _format(toml: TomlFile, key: Key, row: object) -> Format:
@@ -172,12 +172,6 @@ def _setting(toml: TomlFile, key: Key, row: object, formats: Mapping[str, Format
 def plain(table: Mapping[str, Any]) -> dict[str, float]:
     """Returns the values of a table of the vehicle file, without units and basis."""
     return {name: float(entry["value"]) for name, entry in table.items() if "value" in entry}
-
-
-def holding_voltage(values: Mapping[str, float]) -> float:
-    """Returns the voltage that each motor needs per steady speed on level ground, V s/m, without air drag."""
-    per_wheel_speed = values["emf_constant"] + values["resistance"] * loss(values) / values["torque_constant"]
-    return per_wheel_speed / values["wheel_radius"]
 
 
 def constants(vehicle: Mapping[str, Any], profile: str) -> dict[str, float]:

@@ -57,23 +57,23 @@ class Readings:
     @cached_property
     def known(self) -> dict[str, Array]:
         """Signal -> (samples,) stated value, else the reading; NaN where there is neither."""
-        found = {name: np.where(np.isfinite(values), values, np.nan) for name, values in self.measured.items()}
+        known = {name: np.where(np.isfinite(values), values, np.nan) for name, values in self.measured.items()}
         for name, values in self.stated.items():
-            found[name] = np.where(np.isnan(values), found.get(name, np.nan), values)
-        return found
+            known[name] = np.where(np.isnan(values), known.get(name, np.nan), values)
+        return known
 
     @cached_property
     def read(self) -> dict[str, NDArray[np.bool_]]:
         """Signal -> (samples,): whether its known value is a reading that a sensor effect may have changed."""
         changed = np.array([bool(sensor_effects(model)) for model in self.models])[self.of]
-        found = {}
+        readings = {}
         for name in sorted(self.known.keys() & _SENSOR_SIGNALS):
             here = changed & ~np.isnan(self.known[name])
             if name in self.stated:
                 here &= np.isnan(self.stated[name])
             if here.any():
-                found[name] = here
-        return found
+                readings[name] = here
+        return readings
 
     def geometry(self, name: str) -> Array:
         """Returns (samples,) values of a parameter in `GEOMETRY`; NaN where the model does not have it."""
