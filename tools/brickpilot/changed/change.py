@@ -36,8 +36,11 @@ _COMBINATION = {"viscous_friction": "kV", "wheel_inertia": "kA", "mass": "kA"}
 
 @cache
 def combinations() -> Mapping[str, str]:
-    """Returns constant, or "effect.parameter" of a torque in volts, -> the combination in which its difference is
-    reported. The data may determine the combination without determining the constant or torque alone."""
+    """Returns the combination in which the difference of a constant, or of a torque in volts, is reported.
+
+    The keys are constants, and "effect.parameter" of torques. The data may determine a combination without determining
+    the constant or the torque alone.
+    """
     rows = ((effect.name, row) for effect in catalogue.effects() for row in effect.parameters)
     return {**_COMBINATION, **{f"{effect}.{row.name}": row.in_volts for effect, row in rows if row.in_volts}}
 

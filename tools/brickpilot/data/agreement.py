@@ -3,10 +3,8 @@
     fit % = 100 (1 - norm of the error / norm of the signal)
 
 The error is the measured less the simulated value of each sample. Every sample has the same weight. No mean is removed
-from the signal, so a model that gives only zeros has 0 %. Two more measures are R2, which compares the model with the
-signal's mean, and the rms of the error in the signal's own unit.
-
-The error of a simulated signal is also given as integral least squares (eq. 20), with the measures derived from it.
+from the signal, so a model that gives only zeros has 0 %. R2 compares the model with the signal's mean. The integral
+least squares (eq. 20) of the error and the rms of the error are in the signal's own unit.
 """
 
 from __future__ import annotations

@@ -275,9 +275,8 @@ def motor_inputs(run: Run, dataset: Dataset) -> Array:
     """Returns the voltage at each motor in V: (n, 2) left and right of a diff_drive, (n, 1) of a motor.
 
     NaN means that the motor floats. A set point becomes the voltage at which the wheel has that speed without a load. A
-    duty is multiplied, sample by sample, by the measured battery voltage, whose dropouts are repaired and whose blanks
-    are filled. If no voltage is measured, the nominal voltage is used, or else `PRESET_BATTERY_VOLTAGE`. duty_mean is
-    (left + right) / 2, duty_diff is left - right.
+    duty is multiplied by the battery voltage of its sample, see `battery`. duty_mean is (left + right) / 2, duty_diff
+    is left - right.
     """
     first = input_names(run.inputs)[0]
     columns = of_motors(run.inputs, _nominal(dataset, "half_track"))
@@ -296,7 +295,10 @@ def _nominal(dataset: Dataset, name: str) -> float:
 
 
 def battery(run: Run, dataset: Dataset) -> tuple[Array, int]:
-    """Returns the battery voltage of each sample, and how many readings were replaced as dropouts."""
+    """Returns the battery voltage of each sample, V, and how many readings were replaced as dropouts.
+
+    Blanks are filled. If no voltage is measured, the nominal voltage is used, or else `PRESET_BATTERY_VOLTAGE`.
+    """
     measured = run.outputs.get("battery_voltage")
     if measured is not None and np.isfinite(measured).any():
         known = np.isfinite(measured)

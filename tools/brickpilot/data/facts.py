@@ -116,8 +116,7 @@ def weaker_side(dataset: Dataset) -> WeakerSide | None:
 
 
 def bend(dataset: Dataset, wheel_radius: float) -> Measure | None:
-    """Returns the curvature of the path under equal commands, rad/m, positive to the right; None: the runs do not show
-    it.
+    """Returns the curvature of the path under equal commands, rad/m, positive to the right; None: not known.
 
     Args:
         wheel_radius: m, for the distance of wheels whose angles are measured.
@@ -135,7 +134,7 @@ def bend(dataset: Dataset, wheel_radius: float) -> Measure | None:
 def yaw_over_wheels(dataset: Dataset) -> Measure | None:
     """Returns the ratio of the measured yaw to the yaw from wheels and stated lengths; None: not known.
 
-    A constant bias of the gyro is removed. None also means that slip or the gyro's range disturbs the ratio.
+    A constant bias of the gyro is removed. The ratio is not known if slip or the gyro's range disturbs it.
     """
     stated = {name: known.value for name, known in dataset.nominal.items()}
     if dataset.vehicle != "diff_drive":

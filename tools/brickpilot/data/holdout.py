@@ -212,17 +212,15 @@ def _last_drive(run: Run, driven: Array) -> tuple[float, float] | None:
 
 
 MANY, ENOUGH = 100_000, 30_000
-"""`MANY`: with more samples of fit runs, only some runs are fitted. `ENOUGH`: least number of their samples. With so
-many samples the model's own error, and not the number of samples, limits how well a value is known. A dozen runs of 10
-s at 500 Hz have 60,000 samples, and all of them are fitted."""
+"""If the fit runs have more than `MANY` samples, only some runs with at least `ENOUGH` samples are fitted. With so many
+samples the model's own error limits how well a value is known. Twelve runs of 10 s at 500 Hz are all fitted."""
 
 
 def enough_to_fit(dataset: Dataset) -> tuple[Dataset, str | None]:
-    """Returns a data set of some fit runs and a note, or the whole data set and None if it has at most `MANY` fit
-    samples.
+    """Returns a data set of some fit runs and a note; with at most `MANY` fit samples, the whole data set and None.
 
-    Runs are taken in turn from each manoeuvre and direction, first the one with the largest input, then the others
-    evenly over the file's order. Pauses are extended by the runs left out, so that each run keeps its age.
+    Each manoeuvre and direction gives one run in turn: first the run with the largest input, then the others evenly
+    over the file's order. Pauses are extended by the runs left out, so that each run keeps its age.
     """
     inputs = {run.name: motor_inputs(run, dataset) for run in dataset.runs}
     fitted = set(assign(dataset, inputs, stretches=True).fit())

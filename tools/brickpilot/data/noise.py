@@ -91,11 +91,11 @@ def _without_long_holes(part: Array) -> list[Array]:
 
 
 def step_of(parts: Sequence[Array]) -> float:
-    """Returns the step of a converter or a counter, SI: nearly all differences of values are multiples of it; 0: no
-    step is visible.
+    """Returns the step of a converter or a counter, SI; 0: no step is visible.
 
-    A counter of a fast wheel skips most of its values, so the step may be a fraction of the smallest distance. If few
-    values repeat, a step far below the noise is only that of the text's digits.
+    Nearly all differences of values are multiples of the step. A counter of a fast wheel skips most of its values, so
+    the step may be a fraction of the smallest distance. If few values repeat, a step far below the noise is that of the
+    text's digits, and is not returned.
 
     Args:
         parts: the known samples of each run; the runs may have different origins.
