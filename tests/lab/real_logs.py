@@ -20,6 +20,7 @@ from brickpilot.data import reading
 from brickpilot.data.description import describe
 from brickpilot.data.rows import CsvFormat, read_columns
 from brickpilot.data.signals import Frame, Vehicle
+from brickpilot.data.toml_file import TomlFile
 from brickpilot.errors import InputError
 from brickpilot.importers.matlab import import_matlab
 from brickpilot.importers.table import import_table
@@ -198,7 +199,7 @@ def _lines(path: Path, comment: str) -> list[str]:
 
 def _reshaped(log: RealLog, raw: Path, out: Path, source: Path) -> None:
     """Writes the imported data set again, without its first rows, with every `log.every`-th row, and cut into runs."""
-    imported = describe(raw / "dataset.toml")
+    imported = describe(TomlFile(raw / "dataset.toml")).dataset
     runs: list[NewRun] = []
     layout = CsvFormat(",", True)
     for entry in imported.runs:

@@ -13,6 +13,7 @@ import reference
 import tomlkit
 from brickpilot.campaign import file as campaign
 from brickpilot.data import description
+from brickpilot.data.toml_file import TomlFile
 from brickpilot.vehicle import compensation, gains, model, scenario
 
 KEYS: dict[str, set[str]] = {
@@ -24,7 +25,7 @@ KEYS: dict[str, set[str]] = {
     "vehicle.compensation": {"name", "left_out", "limited", "remarks", "parameters", "raw", "format", "from"},
 }
 READERS: dict[str, Any] = {
-    "data.description": description.describe,
+    "data.description": lambda path: description.describe(TomlFile(path)),
     "vehicle.model": model.load,
     "vehicle.scenario": scenario.load,
     "vehicle.gains": gains.load,

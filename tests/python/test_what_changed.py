@@ -13,8 +13,7 @@ import pandas as pd
 import pytest
 from brickpilot.changed.change import change_of
 from brickpilot.changed.differences import new_differences
-from brickpilot.changed.recordings import together
-from brickpilot.changed.run_spread import spread_of
+from brickpilot.changed.recordings import spread_of, together
 from brickpilot.fit.parameters import Plan
 from brickpilot.vehicle.replay import Replay, in_recording
 from click.testing import CliRunner

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,13 +9,14 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import norm
 
 from brickpilot import __version__, catalogue
 from brickpilot.changed.differences import CONSTANTS, Difference
+from brickpilot.changed.recordings import Onset
 from brickpilot.data.dataset import Dataset
 from brickpilot.data.shown import Result, valid
+from brickpilot.data.signals import Array
 from brickpilot.discover import numbers
 from brickpilot.discover.finding import Step
 from brickpilot.vehicle.combinations import FORMULAS, Formula
@@ -27,7 +27,6 @@ from brickpilot.vehicle.spread import Spread
 if TYPE_CHECKING:
     import pandas
 
-Array = NDArray[np.float64]
 Answer = Literal["nothing", "changed", "ambiguous", "unknown"]
 
 _STEP = 1e-3  # step of a coordinate of a spread, for slopes
@@ -37,15 +36,13 @@ _COMBINATION = {"viscous_friction": "kV", "wheel_inertia": "kA", "mass": "kA"}
 
 @cache
 def combinations() -> Mapping[str, str]:
-    """Returns constant, or "effect.parameter" of a torque in volts, -> the combination in which its difference is
-    reported. The data may determine the combination without determining the constant or torque alone."""
-    rows = ((one.name, row) for one in catalogue.effects() for row in one.parameters)
+    """Returns the combination in which the difference of a constant, or of a torque in volts, is reported.
+
+    The keys are constants, and "effect.parameter" of torques. The data may determine a combination without determining
+    the constant or the torque alone.
+    """
+    rows = ((effect.name, row) for effect in catalogue.effects() for row in effect.parameters)
     return {**_COMBINATION, **{f"{effect}.{row.name}": row.in_volts for effect, row in rows if row.in_volts}}
-
-
-def told_combinations() -> frozenset[str]:
-    """Returns the combinations whose value by each recording alone is reported."""
-    return frozenset({*combinations().values(), "speed per volt"})
 
 
 @dataclass(frozen=True)
@@ -53,15 +50,6 @@ class Sized:
     """A value with its 95 % interval, (low, high)."""
 
     value: float
-    ci95: tuple[float, float]
-
-
-@dataclass(frozen=True)
-class Since:
-    """The moment at which a difference begins: a run, the time on its clock, s, and the 95 % interval."""
-
-    run: str
-    at_s: float
     ci95: tuple[float, float]
 
 
@@ -96,7 +84,7 @@ class Change:
     after: float
     change: Sized
     percent: Sized | None
-    since: Since | None
+    since: Onset | None
     rivals: tuple[tuple[str, ...], ...]
     weight: float
     words: str
@@ -173,18 +161,17 @@ class Changed(Result):
     @property
     def verdict(self) -> Answer:
         order: tuple[Answer, ...] = ("changed", "ambiguous", "unknown", "nothing")
-        return next(one for one in order if one in self.verdicts.values())
+        return next(answer for answer in order if answer in self.verdicts.values())
 
     def to_dict(self) -> dict[str, Any]:
         """Returns the content of changed.json."""
-        single = self.fits[self.after[0]] if len(self.after) == 1 else None
-        found: dict[str, Any] = {
+        content: dict[str, Any] = {
             "verdict": self.verdict,
             "verdicts": self.verdicts,
             "before": self.before,
             "after": list(self.after),
             "changes": self.changes,
-            "fit_percent": single if single is not None else _pooled(self.fits),
+            "fit_percent": _pooled(self.fits),
             "fit_percent_by_recording": self.fits,
             "constants": self.constants,
             "steps": self.steps,
@@ -192,15 +179,15 @@ class Changed(Result):
             "seed": self.seed,
             "version": __version__,
         }
-        return {key: valid(one) for key, one in found.items()}
+        return {key: valid(value) for key, value in content.items()}
 
     def to_frame(self) -> pandas.DataFrame:
         """Returns a row for each change: its size, with the ends of the 95 % interval."""
         import pandas
 
         rows = [
-            (one.recording, one.what, one.mechanism, one.before, one.after, *one.change.ci95, one.unit, one.weight)
-            for one in self.changes
+            (row.recording, row.what, row.mechanism, row.before, row.after, *row.change.ci95, row.unit, row.weight)
+            for row in self.changes
         ]
         columns = ["recording", "what", "mechanism", "before", "after", "low", "high", "unit", "weight"]
         return pandas.DataFrame(rows, columns=columns)
@@ -208,21 +195,12 @@ class Changed(Result):
 
 def _pooled(fits: Mapping[str, Mapping[str, FitPercent]]) -> dict[str, FitPercent]:
     """Returns signal -> the mean fit over the later recordings."""
-    names = dict.fromkeys(name for one in fits.values() for name in one)
-
-    def mean(values: Sequence[float | None]) -> float | None:
-        known = [one for one in values if one is not None]
-        return sum(known) / len(known) if known else None
-
-    return {
-        name: FitPercent(
-            *(
-                mean([getattr(one[name], field.name) for one in fits.values() if name in one])
-                for field in dataclasses.fields(FitPercent)
-            )
-        )
-        for name in names
-    }
+    pooled = {}
+    for signal in dict.fromkeys(signal for by_signal in fits.values() for signal in by_signal):
+        rows = [vars(by_signal[signal]) for by_signal in fits.values() if signal in by_signal]
+        known = {key: [row[key] for row in rows if row[key] is not None] for key in rows[0]}
+        pooled[signal] = FitPercent(**{key: sum(fit) / len(fit) if fit else None for key, fit in known.items()})
+    return pooled
 
 
 @dataclass(frozen=True)
@@ -237,18 +215,18 @@ class Quantity:
 def quantity_of(difference: Difference, vehicle: str) -> Quantity:
     """Returns the quantity by which a difference is reported: the combination that the data determine, or the value."""
     name = difference.what
-    formula = next((one for one in FORMULAS[vehicle] if one.name == combinations().get(name)), None)
+    formula = next((row for row in FORMULAS[vehicle] if row.name == combinations().get(name)), None)
     if formula is not None:
         return Quantity(formula.name, formula.unit, lambda model: in_model(formula, model))
     if name in RUN_KINDS:
         base = 1.0 if RUN_KINDS[name].unit == "1" else 0.0
-        return Quantity(name, RUN_KINDS[name].unit, lambda model: base + _of_runs(model, name))
-    if difference.is_new:
-        row = difference.rows[difference.free[0]]
-        return Quantity(name, row.unit, lambda model: _of_effect(model, difference.free[0]))
-    if "." in name:
-        effect = name.partition(".")[0]
-        return Quantity(effect, difference.rows[name].unit, lambda model: _of_effect(model, name))
+        return Quantity(name, RUN_KINDS[name].unit, lambda model: base + model.by_run.get(name, {}).get("", 0.0))
+    key = difference.free[0]
+    effect, dot, parameter = key.partition(".")
+    if dot:
+        return Quantity(
+            effect, difference.rows[key].unit, lambda model: model.effects.get(effect, {}).get(parameter, 0.0)
+        )
     return Quantity(name, difference.rows[name].unit, lambda model: float(model.parameters[name]))
 
 
@@ -263,15 +241,6 @@ def in_model(formula: Formula, model: Model) -> float:
             return math.nan
 
 
-def _of_runs(model: Model, kind: str) -> float:
-    return model.by_run.get(kind, {}).get("", 0.0)
-
-
-def _of_effect(model: Model, key: str) -> float:
-    effect, _, name = key.partition(".")
-    return model.effects.get(effect, {}).get(name, 0.0)
-
-
 def sized(value_in: Callable[[Model], float], model: Model, spread: Spread | None, extra_sd: float = 0.0) -> Sized:
     """Returns a value with its interval, by first-order propagation of a fit's spread.
 
@@ -281,20 +250,23 @@ def sized(value_in: Callable[[Model], float], model: Model, spread: Spread | Non
     Args:
         extra_sd: further sd of the value, beside that of the fit.
     """
-    centre, slopes = value_in(model), []
-    if spread is not None:
+    variance = 0.0
+    if spread is not None and spread.names:
+        slopes = []
         for step in _STEP * np.eye(len(spread.names)):
-            ends = [value_in(with_values(model, spread.at(one))) for one in (step, -step)]
-            slopes.append((ends[0] - ends[1]) / (2 * _STEP))
-    slope = np.array(slopes)
-    variance = float(slope @ spread.covariance @ slope) if spread is not None and len(slope) else 0.0
-    half = _QUANTILE * math.sqrt(max(variance, 0.0) + extra_sd**2)
-    return Sized(centre, (centre - half, centre + half))
+            above, below = (value_in(with_values(model, spread.at(end))) for end in (step, -step))
+            slopes.append((above - below) / (2 * _STEP))
+        variance = float(np.array(slopes) @ spread.covariance @ np.array(slopes))
+    return _within(value_in(model), _QUANTILE * math.sqrt(max(variance, 0.0) + extra_sd**2))
+
+
+def _within(value: float, half: float) -> Sized:
+    return Sized(value, (value - half, value + half))
 
 
 def change_of(
     difference: Difference, model: Model, spread: Spread | None, sd: float, before: str, after: str,
-    alone: Mapping[str, tuple[Sized, Sized]], **told: Any,
+    alone: Mapping[str, tuple[Constant, Constant]], **told: Any,
 ) -> Change:  # fmt: skip
     """Returns a difference as a change.
 
@@ -303,39 +275,35 @@ def change_of(
         spread: the uncertainty of the fitted values of `model`.
         sd: sd of the difference's first value between recordings of one state, in the value's own unit.
         before, after: the names of the recordings.
-        alone: combination -> its value by each recording alone, (before, after). A difference that is too small to be
-            named still moves the other values; so the values alone are reported if they surely differ.
+        alone: combination -> its value by each recording alone, (before, after). These values are reported if they
+            surely differ, because a difference that is too small to be named still moves the values of `model`.
         told: further fields of the change, which the explanation does not give.
     """
-    one = quantity_of(difference, model.vehicle)
+    quantity = quantity_of(difference, model.vehicle)
 
-    def pair(of: Model) -> tuple[float, float]:
-        first, second = (one.value_in(in_recording(of, name, ("",))) for name in (before, after))
-        return first, second
+    def value_in(of: Model, recording: str) -> float:
+        return quantity.value_in(in_recording(of, recording, ("",)))
 
-    def gone(of: Model) -> float:
-        first, second = pair(of)
-        return second - first
-
-    def share(of: Model) -> float:
-        first, second = pair(of)
-        return 100 * (second / first - 1)
-
-    first, second = pair(model)
-    told_sd = sd * abs(_slope(one, model, difference))
-    change = sized(gone, model, spread, told_sd)
-    percent = sized(share, model, spread, 100 * told_sd / abs(first)) if first > 0 else None
-    if one.what in alone and is_sure(apart := _apart(*alone[one.what], told_sd)):
-        first, second, change = alone[one.what][0].value, alone[one.what][1].value, apart
-        percent = _in_percent(*alone[one.what], told_sd)
-    side, words, advice = _said(difference, model, after, change, percent, one.unit)
+    first, second = value_in(model, before), value_in(model, after)
+    told_sd = sd * abs(_slope(quantity, model, difference))
+    change = sized(lambda of: value_in(of, after) - value_in(of, before), model, spread, told_sd)
+    percent = None
+    if first > 0:
+        sd_percent = 100 * told_sd / first
+        percent = sized(lambda of: 100 * (value_in(of, after) / value_in(of, before) - 1), model, spread, sd_percent)
+    if quantity.what in alone:
+        apart, in_percent = _apart(*alone[quantity.what], told_sd)
+        if is_sure(apart):
+            first, second = (constant.value for constant in alone[quantity.what])
+            change, percent = apart, in_percent
+    side, words, advice = _described(difference, model, after, change, percent, quantity.unit)
     return Change(
         recording=after,
-        what=one.what,
+        what=quantity.what,
         mechanism=difference.mechanism,
         side=side,
         parameter=difference.free[0],
-        unit=one.unit,
+        unit=quantity.unit,
         before=first,
         after=second,
         change=change,
@@ -346,13 +314,13 @@ def change_of(
     )
 
 
-def _slope(one: Quantity, model: Model, difference: Difference) -> float:
+def _slope(quantity: Quantity, model: Model, difference: Difference) -> float:
     """Returns the change of the reported quantity per unit of the first value that differs."""
     recording, key = difference.recording, difference.free[0]
     step = 1e-3 * difference.rows[key].trial
     value = model.by_run[key][recording]
     low, high = (
-        one.value_in(in_recording(with_values(model, {f"{key}@{recording}": value + move}), recording, ("",)))
+        quantity.value_in(in_recording(with_values(model, {f"{key}@{recording}": value + move}), recording, ("",)))
         for move in (-step, step)
     )
     return (high - low) / (2 * step)
@@ -364,22 +332,18 @@ def is_sure(change: Sized) -> bool:
     return low > 0 or high < 0
 
 
-def _apart(before: Sized, after: Sized, sd: float) -> Sized:
-    half = math.hypot(_half(before), _half(after), _QUANTILE * sd)
-    change = after.value - before.value
-    return Sized(change, (change - half, change + half))
+def _apart(before: Constant, after: Constant, sd: float) -> tuple[Sized, Sized | None]:
+    """Returns the change of a value, and the change in percent; None: the value before is not above 0.
 
-
-def _in_percent(before: Sized, after: Sized, sd: float) -> Sized | None:
+    `sd`: the sd of the change between recordings of one state.
+    """
+    first, second = ((constant.ci95[1] - constant.ci95[0]) / 2 for constant in (before, after))
+    change = _within(after.value - before.value, math.hypot(first, second, _QUANTILE * sd))
     if before.value <= 0:
-        return None
+        return change, None
     ratio = after.value / before.value
-    half = 100 * math.hypot(_half(after), ratio * _half(before), _QUANTILE * sd) / before.value
-    return Sized(100 * (ratio - 1), (100 * (ratio - 1) - half, 100 * (ratio - 1) + half))
-
-
-def _half(one: Sized) -> float:
-    return (one.ci95[1] - one.ci95[0]) / 2
+    half = 100 * math.hypot(second, ratio * first, _QUANTILE * sd) / before.value
+    return change, _within(100 * (ratio - 1), half)
 
 
 _ADVICE = {
@@ -392,8 +356,6 @@ _ADVICE = {
     "supply_gain": "Measure the battery's voltage, and charge it; look at the leads from it to the motors.",
     "delay": "Look at the link and at the period of the program that sends commands.",
 }
-
-
 _LESS = "Less of it is no fault by itself. If nobody mended it, look for what came loose or is missing."
 
 
@@ -406,42 +368,36 @@ def subject(what: str) -> str:
     return catalogue.effect(what.partition(".")[0]).words
 
 
-def _said(
+def _described(
     difference: Difference, model: Model, recording: str, change: Sized, percent: Sized | None, unit: str
 ) -> tuple[Literal["left", "right"] | None, str, str]:
     """Returns the side of a change, a sentence, and what to do about it."""
     name, effect = difference.what, difference.what.partition(".")[0]
-    gone = difference.recording != recording
+    is_gone = difference.recording != recording
     table = in_recording(model, recording, ("",)).effects.get(effect, {})
     advice = _ADVICE.get(name) or catalogue.advice(effect, table)
-    if gone or (difference.mechanism == "bearing" and not difference.is_new and change.value < 0):
+    if is_gone or (difference.mechanism == "bearing" and not difference.is_new and change.value < 0):
         advice = _LESS
     if not difference.is_new:
         verb = "rose" if change.value > 0 else "fell"
-        by = _size(percent.value, percent.ci95, "%") if percent else _size(change.value, change.ci95, unit)
+        by = _size(percent, "%") if percent else _size(change, unit)
         return None, f"{subject(name)} {verb} by {by}", advice
-    row = next(one for one in catalogue.effect(effect).parameters if difference.free[0] == f"{effect}.{one.name}")
-    value = -change.value if gone else change.value
-    clause = catalogue.says(effect, row.name, value)
-    sides = [one for one in _SIDES if f"the {one}" in clause]
-    size = _size(100 * value, _times(100, change.ci95), "%") if unit == "1" else _size(value, change.ci95, unit)
-    told = f": {clause.format(size)}" if clause else f", {size}"
-    words = f"{subject(name)} {'is gone' if gone else 'is new'}{told}"
-    return (sides[0] if row.odd and sides else None), words, advice
+    key = difference.free[0].partition(".")[2]
+    row = next(row for row in catalogue.effect(effect).parameters if row.name == key)
+    clause = catalogue.says(effect, key, -change.value if is_gone else change.value)
+    size = _size(change, "%", 100.0) if unit == "1" else _size(change, unit)
+    what_it_does = f": {clause.format(size)}" if clause else f", {size}"
+    words = f"{subject(name)} {'is gone' if is_gone else 'is new'}{what_it_does}"
+    if not row.odd:
+        return None, words, advice
+    return "left" if "the left" in clause else "right" if "the right" in clause else None, words, advice
 
 
-_SIDES: tuple[Literal["left", "right"], ...] = ("left", "right")
-
-
-def _times(factor: float, ends: tuple[float, float]) -> tuple[float, float]:
-    return factor * ends[0], factor * ends[1]
-
-
-def _size(value: float, ends: tuple[float, float], unit: str) -> str:
-    """Returns the size of a value with its interval: "38 % (34 to 41 %)"."""
-    low, high = sorted(abs(one) for one in ends)
-    if ends[0] < 0 < ends[1]:
+def _size(change: Sized, unit: str, factor: float = 1.0) -> str:
+    """Returns the size of a change with its interval, both times `factor`: "38 % (34 to 41 %)"."""
+    low, high = sorted(factor * abs(end) for end in change.ci95)
+    if change.ci95[0] < 0 < change.ci95[1]:
         low = 0.0
     digits = max(0, 1 - math.floor(math.log10(max(high - low, 1e-12)))) if high > low else 3
-    size, least, most = (f"{round(one, digits):.{digits}f}" for one in (abs(value), low, high))
+    size, least, most = (f"{round(number, digits):.{digits}f}" for number in (factor * abs(change.value), low, high))
     return f"{size} {unit} ({least} to {most} {unit})"

@@ -12,12 +12,10 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 
-import numpy as np
-from numpy.typing import NDArray
-
 from brickpilot import catalogue
 from brickpilot.catalogue import ParameterInfo
 from brickpilot.data.dataset import Nominal
+from brickpilot.data.signals import Array
 from brickpilot.discover import numbers
 from brickpilot.discover.deadline import Deadline
 from brickpilot.discover.explanation import Explanation
@@ -29,9 +27,6 @@ from brickpilot.fit.problem import Problem
 from brickpilot.vehicle.combinations import loss
 from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.replay import ADDED, RUN_KINDS, in_recording
-
-Array = NDArray[np.float64]
-Infos = Mapping[str, ParameterInfo]
 
 MOST_DIFFERENCES = 3  # most differences of an explanation
 _NEW = 10  # effects of the library that are fitted beside the machine's own sizes
@@ -75,7 +70,7 @@ _OWN_OF_RUNS = ("supply_gain", "delay")  # a late start of a recording says noth
 @cache
 def always() -> Mapping[str, str]:
     """Returns effect -> the name of its size, for the effects of every machine: dry friction, reported in volts."""
-    rows = ((one.name, row) for one in catalogue.effects() for row in one.parameters)
+    rows = ((effect.name, row) for effect in catalogue.effects() for row in effect.parameters)
     return {effect: row.name for effect, row in rows if row.in_volts}
 
 
@@ -86,24 +81,21 @@ class Difference(Part):
     Attributes:
         recording: the recording that differs.
         what: the nominal parameter, the kind of value of runs, the "effect.parameter" or the effect.
-        odds: the prior odds.
+        log_odds, mechanism, contains: as for other parts.
         rows: key -> its row, with the range of a difference.
         known: key -> the prior of the difference.
-        sort: the mechanism.
-        held: the names of the parts whose law this part contains.
     """
 
     recording: str = ""
     what: str = ""
-    odds: float = 1.0
-    rows: Infos = dataclasses.field(default_factory=dict, hash=False)
+    log_odds: float = 0.0
+    rows: Mapping[str, ParameterInfo] = dataclasses.field(default_factory=dict, hash=False)
     known: Mapping[str, Nominal] = dataclasses.field(default_factory=dict, hash=False)
-    sort: str = ""
-    held: tuple[str, ...] = ()
+    mechanism: str = ""
+    contains: tuple[str, ...] = ()
 
-    @property
-    def is_periodic(self) -> bool:
-        return False
+    is_periodic = False
+    made_of = ()
 
     @property
     def is_new(self) -> bool:
@@ -114,27 +106,11 @@ class Difference(Part):
     def infos(self) -> dict[str, ParameterInfo]:
         return dict(self.rows)
 
-    @property
-    def log_odds(self) -> float:
-        return math.log(self.odds)
-
-    @property
-    def mechanism(self) -> str:
-        return self.sort
-
-    @property
-    def contains(self) -> tuple[str, ...]:
-        return self.held
-
-    @property
-    def made_of(self) -> tuple[str, ...]:
-        return ()
-
     def starting(self, base: Plan, values: Mapping[str, float]) -> Plan:
         effects = {name: dict(table) for name, table in base.model.effects.items()}
         by_run = {key: dict(table) for key, table in base.model.by_run.items()}
-        for name, value in {**self.fixed, **{key: one for key, one in values.items() if key not in self.free}}.items():
-            effect, _, parameter = name.partition(".")
+        for key, value in {**self.fixed, **{key: own for key, own in values.items() if key not in self.free}}.items():
+            effect, _, parameter = key.partition(".")
             effects.setdefault(effect, {})[parameter] = value
         for key in self.free:
             by_run.setdefault(key, {})[self.recording] = values.get(key, 0.0)
@@ -149,13 +125,13 @@ class Difference(Part):
 
     def removed_from(self, model: Model) -> Model:
         by_run = {
-            key: {name: one for name, one in table.items() if name != self.recording or key not in self.free}
+            key: {name: value for name, value in table.items() if name != self.recording or key not in self.free}
             for key, table in model.by_run.items()
         }
-        used = {key.partition(".")[0] for key, one in by_run.items() if one}  # also in another recording
-        gone = {name.partition(".")[0] for name in self.fixed} - used
+        by_run = {key: table for key, table in by_run.items() if table}  # also of another recording
+        gone = {key.partition(".")[0] for key in self.fixed} - {key.partition(".")[0] for key in by_run}
         effects = {name: table for name, table in model.effects.items() if name not in gone}
-        return dataclasses.replace(model, effects=effects, by_run={key: one for key, one in by_run.items() if one})
+        return dataclasses.replace(model, effects=effects, by_run=by_run)
 
     def owns(self, free: Free) -> bool:
         return free.run == self.recording and free.name.partition("@")[0] in self.free
@@ -170,28 +146,39 @@ def own_differences(model: Model, nominal: Collection[str], recording: str) -> I
     Args:
         nominal: the nominal parameters that the vehicle's equations use.
     """
-    for name, one in CONSTANTS.items():
-        value = model.parameters.get(name, 0.0)
-        if name not in ADDED and (name not in nominal or value == 0):
-            continue
-        row, known = catalogue.parameter(name), {name: Nominal(0.0, one.sd)} if one.sd else {}
+
+    def own(
+        key: str, row: ParameterInfo, most: float, size: float, odds: float, mechanism: str, sd: float = 0.0,
+        least: float | None = None,
+    ) -> Difference:  # fmt: skip
+        """Returns a difference of one value, from `least` (None: -`most`) to `most`, tried at `size`."""
+        info = dataclasses.replace(
+            row, name=key, minimum=-most if least is None else least, maximum=most, preset=0.0, trial=size, role="size",
+            scan=(), limits="", arm_of="", optional=False,
+        )  # fmt: skip
+        known = {key: Nominal(0.0, sd)} if sd else {}
+        name = f"{key}@{recording}"
+        return Difference(name, (key,), {}, recording, key, math.log(odds), {key: info}, known, mechanism)
+
+    for name, constant in CONSTANTS.items():
+        row, odds, mechanism, sd = catalogue.parameter(name), constant.odds, constant.mechanism, constant.sd
         if name in ADDED:
-            low, high, size = -row.maximum, row.maximum, _brakes(model) / 3
-        else:
-            low, high, size = (-_MOST * one.sd, _MOST * one.sd, one.sd) if one.sd else (*_SHARES, 0.5)
-        yield _own(name, recording, row, (low, high), size, one.odds, one.mechanism, known)
+            yield own(name, row, row.maximum, _brakes(model) / 3, odds, mechanism, sd)
+        elif name in nominal and model.parameters.get(name, 0.0) != 0:
+            if sd:
+                yield own(name, row, _MOST * sd, sd, odds, mechanism, sd)
+            else:
+                yield own(name, row, _SHARES[1], 0.5, odds, mechanism, least=_SHARES[0])
     for kind in _OWN_OF_RUNS:
         of = RUN_KINDS[kind]
         row = dataclasses.replace(catalogue.parameter("mass"), unit=of.unit)
-        known = {kind: Nominal(0.0, of.sd)}
-        yield _own(kind, recording, row, (-_MOST * of.sd, _MOST * of.sd), of.sd, numbers.USUAL, of.mechanism, known)
+        yield own(kind, row, _MOST * of.sd, of.sd, numbers.USUAL, of.mechanism, of.sd)
     for effect, table in model.effects.items():
         for row in catalogue.effect(effect).parameters:
             if row.role == "size" and (table.get(row.name) or always().get(effect) == row.name):
-                key, mechanism = f"{effect}.{row.name}", row.mechanism or catalogue.effect(effect).mechanism
                 size = max(abs(table[row.name]), _LEAST * (row.preset or row.trial) * scale_of(row.unit, model))
-                ends = (-row.maximum, row.maximum)
-                yield _own(key, recording, row, ends, size, numbers.COMMON, mechanism, {})
+                mechanism = row.mechanism or catalogue.effect(effect).mechanism
+                yield own(f"{effect}.{row.name}", row, row.maximum, size, numbers.COMMON, mechanism)
 
 
 def no_further(model: Model, recording: str) -> Model:
@@ -218,18 +205,6 @@ def _brakes(model: Model) -> float:
     return loss(values) + values["torque_constant"] * values["emf_constant"] / values["resistance"]
 
 
-def _own(
-    key: str, recording: str, row: ParameterInfo, ends: tuple[float, float], size: float, odds: float, sort: str,
-    known: Mapping[str, Nominal],
-) -> Difference:  # fmt: skip
-    """Returns a difference of one value within `ends`, tried at `size`."""
-    info = dataclasses.replace(
-        row, name=key, minimum=ends[0], maximum=ends[1], preset=0.0, trial=size, role="size", scan=(), limits="",
-        arm_of="", optional=False,
-    )  # fmt: skip
-    return Difference(f"{key}@{recording}", (key,), {}, recording, key, odds, {key: info}, known, sort)
-
-
 def new_differences(model: Model, measured: Collection[str], recording: str) -> Iterator[Difference]:
     """Yields the effects of the library that the machine may have in one recording alone.
 
@@ -237,64 +212,61 @@ def new_differences(model: Model, measured: Collection[str], recording: str) -> 
     and a nominal parameter by another name.
     """
     for part in library_parts(model, measured):
-        row = catalogue.effect(part.effect)
-        if part.is_periodic or row.acts_on == "timing" or any(one.same_as for one in row.parameters):
+        effect = catalogue.effect(part.effect)
+        if part.is_periodic or effect.acts_on == "timing" or any(row.same_as for row in effect.parameters):
             continue
-        rows = {
-            f"{row.name}.{one.name}": dataclasses.replace(
-                one, name=f"{row.name}.{one.name}", trial=one.preset or one.trial
-            )
-            for one in row.parameters
-        }
-        off = {
-            f"{row.name}.{one.name}": 0.0 if one.name in part.free else part.fixed.get(one.name, one.preset)
-            for one in row.parameters
-        }
+        rows, off = dict[str, ParameterInfo](), dict[str, float]()
+        for row in effect.parameters:
+            key = f"{effect.name}.{row.name}"
+            rows[key] = dataclasses.replace(row, name=key, trial=row.preset or row.trial)
+            off[key] = 0.0 if row.name in part.free else part.fixed.get(row.name, row.preset)
         yield Difference(
-            f"{row.name}@{recording}", tuple(f"{row.name}.{name}" for name in part.free), off, recording, row.name,
-            math.exp(part.log_odds), rows, {}, part.mechanism, tuple(f"{one}@{recording}" for one in row.contains),
+            f"{effect.name}@{recording}", tuple(f"{effect.name}.{name}" for name in part.free), off, recording,
+            effect.name, part.log_odds, rows, {}, part.mechanism,
+            tuple(f"{name}@{recording}" for name in effect.contains),
         )  # fmt: skip
 
 
+@dataclass
 class Differences:
     """All that may differ in a recording, as a `Source` of a search.
 
     The machine's own sizes are all fitted, each from two starts, whatever the screen says: the screen is linear, but a
     size near 0 in one recording may be large in another.
 
-    Args:
+    Attributes:
         nominal: the nominal parameters that the vehicle's equations use.
         recording: the later recording, in which the machine's own sizes differ.
         new_in: the recordings that may have an effect that the other recording lacks.
         most: most differences of an explanation.
     """
 
-    word, width = "difference", Width(rough=40, fine=12, least=12, paired=12, swapped=0)
+    nominal: Collection[str]
+    recording: str
+    excitation: Excitation
+    new_in: Sequence[str]
+    most: int
 
-    def __init__(
-        self, nominal: Collection[str], recording: str, excitation: Excitation, new_in: Sequence[str], most: int
-    ) -> None:
-        self._nominal, self._recording, self._excitation, self._new_in = nominal, recording, excitation, new_in
-        self.most = most
+    word, width = "difference", Width(rough=40, fine=12, least=12, paired=12, swapped=0)
 
     def screened(self, problem: Problem, point: Array, deadline: Deadline) -> list[Trial]:
         """Returns trials of the machine's own sizes, and then of the new effects that explain most beside them."""
         base = problem.plan.at(point)
 
-        def lacks(one: Difference) -> bool:
-            return not any(one.recording in base.by_run.get(key, {}) for key in one.free)
+        def lacks(part: Difference) -> bool:
+            return not any(part.recording in base.by_run.get(key, {}) for key in part.free)
 
-        own = [one for one in own_differences(base, self._nominal, self._recording) if lacks(one)]
         starts = [
-            Trial(one, {key: sign * info.trial for key, info in one.rows.items()}, 0.0, math.inf)
-            for one in own
+            Trial(part, {key: sign * info.trial for key, info in part.rows.items()}, 0.0, math.inf)
+            for part in own_differences(base, self.nominal, self.recording)
+            if lacks(part)
             for sign in _STARTS
         ]
-        if not self._new_in:
+        if not self.new_in:
             return starts
         new: dict[str, Trial] = {}
-        fresh = [one for name in self._new_in for one in new_differences(base, problem.data.signals, name)]
-        for trial in screen(problem, point, fresh, excitation=self._excitation, deadline=deadline):
+        fresh = [part for name in self.new_in for part in new_differences(base, problem.data.signals, name)]
+        for trial in screen(problem, point, fresh, excitation=self.excitation, deadline=deadline):
             new.setdefault(trial.part.name, trial)
         return [*starts, *list(new.values())[:_NEW]]
 

@@ -2,7 +2,7 @@
 
     _structure   -> Parts       what the engine names in the first recording: all share it
     _joint       -> Joint       both recordings as one data set, and one explanation of both without a difference
-    _begun       -> Onset       the moment at which the later recording changes, if it does               (onset.py)
+    _begun       -> Onset       the moment at which the later recording changes, if it does          (recordings.py)
     _verdict     -> Verdict     the engine's verdict on explanations with differences: in what the machine always has;
                                 if one recording keeps more residual than the other, in new effects (differences.py)
     _changes     -> Change      each difference in the machine's words, with its interval                 (change.py)
@@ -21,29 +21,25 @@ from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from brickpilot.changed import recordings
 from brickpilot.changed.change import (
     Answer,
     Change,
     Changed,
     Constant,
     FitPercent,
-    Since,
-    Sized,
     Trace,
     change_of,
+    combinations,
     in_model,
     is_sure,
     sized,
-    told_combinations,
 )
 from brickpilot.changed.differences import MOST_DIFFERENCES, Difference, Differences, always, no_further
-from brickpilot.changed.onset import Onset, onset, suspected
-from brickpilot.changed.recordings import only, own_name, since, together
-from brickpilot.changed.run_spread import sd_between_recordings
 from brickpilot.data.dataset import Dataset
+from brickpilot.data.signals import Array
 from brickpilot.discover import numbers
 from brickpilot.discover.deadline import NO_LIMIT, Stages
 from brickpilot.discover.evidence import Judge, scale_of_rest
@@ -65,18 +61,12 @@ from brickpilot.vehicle.combinations import FORMULAS
 from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.replay import Replay, in_recording
 
-Array = NDArray[np.float64]
-
 BEFORE = "before"
 _LEFT = "Whatever may differ leaves {:.2g} nats a value more of one recording than of the other: something is missing."
 _RUNS = "Runs of one recording differ among themselves by as much."
 _DRAWN = 2  # signals with a plot
 _MOST_NAMED = 2  # most effects of BEFORE beside the dry friction of every machine
 _LITTLE = 0.03  # share of a usual size: the start of the fit of the friction that every machine has
-
-
-Alone = Mapping[str, tuple[Prepared, Explanation]]
-Rests = Mapping[str, Mapping[str, float]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +83,7 @@ class Joint:
     dataset: Dataset
     prepared: Prepared
     base: Explanation
-    alone: Alone
+    alone: Mapping[str, tuple[Prepared, Explanation]]
     recording: str
     old: Model
 
@@ -101,35 +91,36 @@ class Joint:
     def data(self) -> Residual:
         return self.prepared.coarse
 
-    def rests(self, model_of: Mapping[str, Model], size: Callable[[Array, float], float]) -> Rests:
+    def rests(
+        self, model_of: Mapping[str, Model], size: Callable[[Array, float], float]
+    ) -> Mapping[str, Mapping[str, float]]:
         """Returns recording -> signal -> the size of a model's residual, SI.
 
         Args:
             model_of: recording -> model.
             size: takes an error (values,) and its floor, SI, and returns the size of the error, at least the floor.
         """
-        data, found = self.data, dict[str, dict[str, float]]()
+        data, by_recording = self.data, dict[str, dict[str, float]]()
         for name, model in model_of.items():
             error = data.error(model)
             for signal in data.signals:
                 own = data.rows_of(name, signal)
                 if own.any():
-                    found.setdefault(name, {})[signal] = size(error[own], data.floor(signal))
-        return found
+                    by_recording.setdefault(name, {})[signal] = size(error[own], data.floor(signal))
+        return by_recording
 
     def worse(self, model_of: Mapping[str, Model]) -> dict[str, float]:
         """Returns recording -> the largest excess of a signal's residual over the other recording's, nats per value."""
         rests = self.rests(model_of, scale_of_rest)
-        names = list(rests)
-        return {
-            one: max((math.log(size / rests[other][signal]) for signal, size in rests[one].items()
-                      if signal in rests[other]), default=0.0)
-            for one, other in zip(names, reversed(names), strict=True)
-        }  # fmt: skip
+        worse = {}
+        for name, other in zip(rests, reversed(list(rests)), strict=True):
+            shared = rests[name].keys() & rests[other].keys()
+            worse[name] = max((math.log(rests[name][signal] / rests[other][signal]) for signal in shared), default=0.0)
+        return worse
 
     @property
     def models_alone(self) -> dict[str, Model]:
-        return {name: one.model for name, (_, one) in self.alone.items()}
+        return {name: explanation.model for name, (_, explanation) in self.alone.items()}
 
     @cached_property
     def left_more(self) -> tuple[str, ...]:
@@ -144,7 +135,7 @@ class Joint:
 
     def weighed(self, floors: Mapping[str, float]) -> Joint:
         """Returns the same recordings with these floors, signal -> SI: an error below its floor is no change."""
-        noise = {name: max(floors.get(name, 0.0), one.noise) for name, one in self.data.scales.items()}
+        noise = {name: max(floors.get(name, 0.0), scale.noise) for name, scale in self.data.scales.items()}
         coarse = self.data.with_floors(noise)
         base = (refine(coarse, [self.base], self.prepared.jobs) or [self.base])[0] if self.base.plan.free else self.base
         prepared = dataclasses.replace(self.prepared, coarse=coarse)
@@ -161,8 +152,7 @@ class Compared:
 
     joint: Joint
     verdict: Verdict
-    steps: tuple[Step, ...]
-    since: Onset | None
+    since: recordings.Onset | None = None
 
 
 def what_changed(
@@ -186,67 +176,67 @@ def what_changed(
         tell = Stages(progress)
         tell("explaining what was before")
         parts = () if isinstance(before, Model) else _structure(before, seed, jobs)
-        found = [_compared(before, name, dataset, parts, seed, jobs, tell) for name, dataset in after.items()]
+        compared = [_compared(before, name, dataset, parts, seed, jobs, tell) for name, dataset in after.items()]
         tell("computing intervals")
-        return _told(before, found, seed)
+        return _result(before, compared, seed)
 
 
 def _structure(dataset: Dataset, seed: int, jobs: int) -> Parts:
     """Returns the effects that the engine names in a recording, each with its values; empty if it names none."""
-    known = with_known_timing(together({BEFORE: dataset}), None, seed=seed, jobs=jobs)
+    known = with_known_timing(recordings.together({BEFORE: dataset}), None, seed=seed, jobs=jobs)
     prepared, _ = prepare(known, None, seed=seed, jobs=jobs)
     prepared, nominal = calibrate(prepared)
     prepared, nominal = in_closed_loop(prepared, nominal, None)
     base = (refine(prepared.coarse, [_shared(nominal, ())], jobs) or [nominal])[0]
     verdict = explain_in_loop(prepared, base, Stages(None), _MOST_NAMED).verdict
     more = verdict.best.effects[len(base.parts) :] if verdict.kind == "named" else ()
-    return tuple((one, one.values_in(verdict.best.model)) for one in more if not one.is_periodic)
+    return tuple((part, part.values_in(verdict.best.model)) for part in more if not part.is_periodic)
 
 
 def _compared(
     before: Dataset | Model, name: str, after: Dataset, parts: Parts, seed: int, jobs: int, tell: Stages
 ) -> Compared:
-    """Compares two recordings. If the later one changes at some moment, both are cut there and compared again."""
-    recordings = ({} if isinstance(before, Model) else {BEFORE: before}) | {name: after}
-    dataset = with_known_timing(together(recordings), None, seed=seed, jobs=jobs)
-    joint = _joint(dataset, name, before if isinstance(before, Model) else None, parts, seed, jobs)
-    if not joint.alone:  # `before` is a model, which leaves no residual
-        verdict = weigh(_search(joint, (name,), tell))
-        return Compared(joint, verdict, verdict.steps, None)
+    """Compares two recordings. If the later one changes at a moment, both are cut at this moment and compared again."""
+    model = before if isinstance(before, Model) else None
+    both = {name: after} if isinstance(before, Model) else {BEFORE: before, name: after}
+    dataset = with_known_timing(recordings.together(both), None, seed=seed, jobs=jobs)
+    joint = _joint(dataset, name, model, parts, seed, jobs)
+    if model is not None:  # it leaves no residual
+        return Compared(joint, weigh(_search(joint, (name,), tell)))
     begun = _begun(joint, parts, seed, jobs, tell)
     if begun is None:
-        ready, verdict = _verdict(joint, tell)
-        return Compared(ready, verdict, verdict.steps, None)
+        return Compared(*_verdict(joint, tell))
     first, cut = begun
     ready, verdict = _verdict(cut, tell)
-    # `_begun` fits the data after the moment without new effects: other values replace these and fit rest worse.
-    moment = onset(joint.weighed(joint.usual()).data, joint.old, verdict.best.model, name)
-    if moment is None:
-        return Compared(ready, verdict, verdict.steps, None)
-    why = f"The recording changes at {first.at_s:g} s of {own_name(first.run)}: what was before it counts as before."
-    return Compared(ready, verdict, (Step("onset", verdict.kind, why), *verdict.steps), moment)
+    # The moment is estimated again, because `_begun` fits the data without new effects.
+    moment = recordings.onset(joint.weighed(joint.usual()).data, joint.old, verdict.best.model, name)
+    if moment is not None:
+        run = recordings.own_name(first.run)
+        why = f"The recording changes at {first.at_s:g} s of {run}: what was before it counts as before."
+        verdict = dataclasses.replace(verdict, steps=(Step("onset", verdict.kind, why), *verdict.steps))
+    return Compared(ready, verdict, moment)
 
 
-def _begun(joint: Joint, parts: Parts, seed: int, jobs: int, tell: Stages) -> tuple[Onset, Joint] | None:
+def _begun(joint: Joint, parts: Parts, seed: int, jobs: int, tell: Stages) -> tuple[recordings.Onset, Joint] | None:
     """Returns the moment at which the later recording changes, and both recordings cut there; None: it does not."""
     usual = joint.weighed(joint.usual())
-    first = suspected(usual.data, joint.old, joint.recording)
+    first = recordings.suspected(usual.data, joint.old, joint.recording)
     if first is None:
         return None
     tell("searching for the moment")
     name = joint.recording
 
-    def at(moment: Onset) -> Joint:
-        cut = since(joint.dataset, BEFORE, name, moment.run, moment.at_s)
+    def at(moment: recordings.Onset) -> Joint:
+        cut = recordings.since(joint.dataset, BEFORE, name, moment.run, moment.at_s)
         return _joint(cut, name, None, parts, seed, jobs, innovations=joint.prepared.innovations)
 
     behind = at(first).models_alone[name]
-    moment = onset(usual.data, joint.old, behind, name)
+    moment = recordings.onset(usual.data, joint.old, behind, name)
     if moment is None:
         return None
     cut = at(moment)
-    whole, longer = (one.rests({BEFORE: one.models_alone[BEFORE]}, scale_of_rest)[BEFORE] for one in (joint, cut))
-    # The data before the moment have to fit as in BEFORE: else they belong to the change, too.
+    whole, longer = (both.rests({BEFORE: both.models_alone[BEFORE]}, scale_of_rest)[BEFORE] for both in (joint, cut))
+    # If the data before the moment do not fit as well as BEFORE, they belong to the change, too.
     grown = max(math.log(longer[signal] / size) for signal, size in whole.items())
     return (moment, cut) if grown <= numbers.UNEXPLAINED_NATS else None
 
@@ -258,23 +248,21 @@ def _joint(
     """Returns two recordings ready for fits, with the explanation that both share.
 
     Args:
-        innovations: whether a loop biases free runs. None: it does if the noise of both recordings is correlated in
-            time. In one recording alone, a new effect may look like such noise.
+        innovations: whether a feedback loop biases free runs. None: it does if the noise of both recordings is
+            correlated in time. If only one recording has such noise, it may be a new effect.
     """
     prepared, _ = prepare(dataset, model, seed=seed, jobs=jobs)
-    # Each constant may differ by itself, and fall by no more than its value in the shared model, so none is held.
+    # Each constant may differ by itself, so no constant is held.
     plan = dataclasses.replace(prepared.plan, free=prepared.plan.uncertain, held=())
     prepared, nominal = calibrate(dataclasses.replace(prepared, plan=plan))
     if model is not None:
         prepared, _ = in_closed_loop(prepared, nominal, nominal)
-        effects = {name: {size: 0.0} for name, size in always().items()} | {
-            one: dict(of) for one, of in model.effects.items()
-        }
+        effects = {**{name: {size: 0.0} for name, size in always().items()}, **model.effects}
         base = Explanation((), Plan(dataclasses.replace(model, effects=effects), (), ()), np.empty(0))
         return Joint(dataset, prepared, base, {}, recording, model)
     base = _shared(nominal, parts)
-    alone = {name: _alone(only(dataset, name), base, seed, jobs) for name in (BEFORE, recording)}
-    noisy = alone if innovations is False else {name: in_closed_loop(*one, one[1]) for name, one in alone.items()}
+    alone = {name: _alone(recordings.only(dataset, name), base, seed, jobs) for name in (BEFORE, recording)}
+    noisy = alone if innovations is False else {name: in_closed_loop(*own, own[1]) for name, own in alone.items()}
     if all(own.innovations for own, _ in noisy.values()):
         alone = noisy
         prepared, nominal = in_closed_loop(prepared, nominal, nominal)
@@ -283,14 +271,14 @@ def _joint(
 
 
 def _shared(nominal: Explanation, parts: Parts) -> Explanation:
-    """Returns the nominal model with what BEFORE showed, and the dry friction that every machine has."""
+    """Returns the nominal model with the effects of BEFORE and with the dry friction that every machine has."""
     base = nominal
     for part, values in parts:
         base = joined(base, part, values)
-    said = base.key.union(*(one.contains for one in base.parts))
+    covered = base.key.union(*(part.contains for part in base.parts))
     for part in library_parts(base.model):
         name = always().get(part.name)
-        if name is not None and part.name not in said and part.free == (name,):
+        if name is not None and part.name not in covered and part.free == (name,):
             size = part.starting(base.plan, {}).free[-1].natural
             base = joined(base, part, {name: _LITTLE * size})
     return base
@@ -306,24 +294,23 @@ def _alone(dataset: Dataset, base: Explanation, seed: int, jobs: int) -> tuple[P
 def _verdict(joint: Joint, tell: Stages) -> tuple[Joint, Verdict]:
     """Returns the recordings as they were weighed, and the engine's verdict on what differs.
 
-    The residual of a recording under its own explanation is no change: a model's error counts as noise here. If this
-    residual is surely larger in one recording than in the other, the recording may have a new effect. Then the other
-    recording says how much error is usual. If no new effect is found, the machine's own sizes are the answer. But if
-    several sizes differ, one new effect may explain them all, and is the answer if it has the best score. For example,
-    a gyro that reads 10 % more looks like a narrower robot that turns more easily. With either answer, too much error
-    may be left.
+    The error that a recording's own explanation leaves is no change: it counts as noise here. If this error is surely
+    larger in one recording than in the other, the recording may have a new effect. Then the other recording says how
+    much error is usual. If no new effect is found, the machine's own sizes are the answer. If several of them differ,
+    one new effect may explain them all. It is the answer if it has the best score. For example, a gyro that reads 10 %
+    more looks like a narrower robot that turns more easily. The verdict is "unknown" if too much error is left.
     """
     ready, verdict = joint, None
     if joint.left_more:
         ready = joint.weighed(joint.usual())
         verdict = weigh(_search(ready, joint.left_more, tell))
-    if verdict is None or not any(one.is_new for one in _differences(verdict.best)):
+    if verdict is None or not any(part.is_new for part in _differences(verdict.best)):
         ready = joint.weighed(_largest(list(joint.rests(joint.models_alone, _robust).values())))
         found = _search(ready, (), tell)
         verdict = weigh(found)
         if len(_differences(verdict.best)) > 1:
             found.table |= _search(ready, (BEFORE, joint.recording), tell, most=1).table
-            if any(one.is_new for one in _differences(found.ranked()[0].explanation)):
+            if any(part.is_new for part in _differences(found.ranked()[0].explanation)):
                 verdict = weigh(found)
     left, gap = (
         max(joint.worse(dict.fromkeys(joint.alone, model)).values()) for model in (verdict.best.model, joint.old)
@@ -339,34 +326,31 @@ def _robust(error: Array, floor: float) -> float:
 
 def _largest(rests: Sequence[Mapping[str, float]]) -> dict[str, float]:
     """Returns signal -> the largest of its residuals."""
-    return {name: max(one.get(name, 0.0) for one in rests) for name in dict.fromkeys(k for one in rests for k in one)}
+    signals = dict.fromkeys(signal for rest in rests for signal in rest)
+    return {signal: max(rest.get(signal, 0.0) for rest in rests) for signal in signals}
 
 
 def _search(joint: Joint, new_in: Sequence[str], tell: Stages, most: int = MOST_DIFFERENCES) -> Found:
     prepared = joint.prepared
-    nominal = [one.name for one in prepared.plan.uncertain if one.effect is None]
+    nominal = [free.name for free in prepared.plan.uncertain if free.effect is None]
     source = Differences(nominal, joint.recording, prepared.excitation, new_in, most)
     search = Search(prepared.coarse, joint.base, source, prepared.excitation, prepared.jobs, NO_LIMIT, tell)
     # The laws are the same in both recordings, and the floors include the error of their shape.
     return search.run(Judge.of(prepared.coarse, prepared.seed, shape=0.0))
 
 
-def _told(before: Dataset | Model, found: Sequence[Compared], seed: int) -> Changed:
-    """Returns the result of all comparisons.
-
-    A difference that is no larger than the spread between runs of one recording is no change.
-    """
+def _result(before: Dataset | Model, pairs: Sequence[Compared], seed: int) -> Changed:
+    """Returns the result. A difference that is no larger than the spread between runs of one recording is no change."""
     verdicts, steps = dict[str, Answer](), dict[str, tuple[Step, ...]]()
     changes, constants = list[Change](), dict[tuple[str, str], Constant]()
-    for compared in found:
+    for compared in pairs:
         name = compared.joint.recording
-        alone = _told_alone(compared.joint)
-        for recording, table in alone.items():
-            for what, (unit, one) in table.items():
-                constants.setdefault((recording, what), Constant(recording, what, unit, one.value, one.ci95))
+        alone = _constants(compared.joint)
+        for key, constant in alone.items():
+            constants.setdefault(key, constant)
         own = _changes(compared, alone)
         verdicts[name], steps[name] = _KINDS[compared.verdict.kind], _steps(compared)
-        sure = [one for one in own if is_sure(one.change)]
+        sure = [change for change in own if is_sure(change.change)]
         if own and not sure:
             verdicts[name] = "nothing"
             steps[name] = (*steps[name], Step("runs", "none", _RUNS))
@@ -374,14 +358,14 @@ def _told(before: Dataset | Model, found: Sequence[Compared], seed: int) -> Chan
     return Changed(
         before=before.name,
         after=tuple(verdicts),
-        dataset=only(found[0].joint.dataset, found[0].joint.recording),
+        dataset=recordings.only(pairs[0].joint.dataset, pairs[0].joint.recording),
         verdicts=verdicts,
-        changes=tuple(sorted(changes, key=lambda one: -one.weight)),
-        fits={one.joint.recording: _fits(one) for one in found},
+        changes=tuple(sorted(changes, key=lambda change: -change.weight)),
+        fits={pair.joint.recording: _fits(pair) for pair in pairs},
         constants=tuple(constants.values()),
-        traces={one.joint.recording: _traces(one) for one in found},
+        traces={pair.joint.recording: _traces(pair) for pair in pairs},
         steps=steps,
-        notes=tuple(dict.fromkeys(note for one in found for note in one.joint.dataset.notes)),
+        notes=tuple(dict.fromkeys(note for pair in pairs for note in pair.joint.dataset.notes)),
         seed=seed,
     )
 
@@ -390,14 +374,15 @@ def _steps(compared: Compared) -> tuple[Step, ...]:
     """Returns the stages that set or changed a verdict, without the parts that both recordings share."""
     shared = "".join(f"{name} + " for name in compared.joint.base.names)
     return tuple(
-        dataclasses.replace(one, why=one.why.replace(shared, "").replace("@", " of ")) for one in compared.steps
+        dataclasses.replace(step, why=step.why.replace(shared, "").replace("@", " of "))
+        for step in compared.verdict.steps
     )
 
 
 _KINDS: Mapping[str, Answer] = {"none": "nothing", "named": "changed", "ambiguous": "ambiguous", "unknown": "unknown"}
 
 
-def _changes(compared: Compared, alone: Mapping[str, Mapping[str, tuple[str, Sized]]]) -> list[Change]:
+def _changes(compared: Compared, alone: Mapping[tuple[str, str], Constant]) -> list[Change]:
     """Returns the differences of the best explanation, each with its alternatives in the rivals."""
     joint, verdict = compared.joint, compared.verdict
     if verdict.kind not in ("named", "ambiguous"):
@@ -405,60 +390,64 @@ def _changes(compared: Compared, alone: Mapping[str, Mapping[str, tuple[str, Siz
     best = verdict.best
     model = no_further(best.model, joint.recording)
     spread = assess(joint.data, model, best.plan.uncertain).spread
-    moment, (first, later) = compared.since, (alone.get(name, {}) for name in (BEFORE, joint.recording))
-    both = {what: (first[what][1], later[what][1]) for what in first.keys() & later.keys()}
-    told: dict[str, Any] = {
-        "since": moment and Since(own_name(moment.run), moment.at_s, moment.ci95),
-        "rivals": tuple(tuple(part.what for part in _differences(one)) for one in verdict.rivals),
+    moment = compared.since
+    both = {
+        what: (constant, alone[joint.recording, what])
+        for (recording, what), constant in alone.items()
+        if recording == BEFORE and (joint.recording, what) in alone
+    }
+    other_fields: dict[str, Any] = {
+        "since": moment and dataclasses.replace(moment, run=recordings.own_name(moment.run)),
+        "rivals": tuple(tuple(part.what for part in _differences(rival)) for rival in verdict.rivals),
     }
     correlated = Judge.of(joint.data, 0).correlation(next(e for e in verdict.ranked if e.explanation.key == best.key))
     return [
         change_of(
-            part, model, spread, sd_between_recordings(joint.data, best, part, correlated), BEFORE,
+            part, model, spread, recordings.sd_between_recordings(joint.data, best, part, correlated), BEFORE,
             joint.recording, both,
-            weight=min(sum(one.weight for one in verdict.held if one.explanation.says(part)), 1.0), **told,
+            weight=min(sum(held.weight for held in verdict.held if held.explanation.says(part)), 1.0), **other_fields,
         )
         for part in _differences(best)
     ]  # fmt: skip
 
 
-def _differences(one: Explanation) -> list[Difference]:
-    return [part for part in one.parts if isinstance(part, Difference)]
+def _differences(explanation: Explanation) -> list[Difference]:
+    return [part for part in explanation.parts if isinstance(part, Difference)]
 
 
 def _fits(compared: Compared) -> dict[str, FitPercent]:
     """Returns signal -> how much of it free runs explain before and after."""
     joint, recording = compared.joint, compared.joint.recording
-    sets = {name: only(joint.dataset, name) for name in (BEFORE, recording)}
+    sets = {name: recordings.only(joint.dataset, name) for name in (BEFORE, recording)}
     after = in_recording(compared.verdict.best.model, recording, [run.name for run in sets[recording].runs])
-    found = [
+    fits = [
         _fit_percent(sets[name], model) if sets[name].runs else {}
         for name, model in ((BEFORE, joint.old), (recording, joint.old), (recording, after))
     ]
-    names = dict.fromkeys(name for one in found for name in one)
-    return {name: FitPercent(*(one.get(name) for one in found)) for name in names}
+    names = dict.fromkeys(name for fit in fits for name in fit)
+    return {name: FitPercent(*(fit.get(name) for fit in fits)) for name in names}
 
 
 def _traces(compared: Compared) -> list[Trace]:
     """Returns the traces of the runs in which the changes explain most, at most one trace of each signal."""
     joint, name = compared.joint, compared.joint.recording
-    later = only(joint.dataset, name)
+    later = recordings.only(joint.dataset, name)
     after = in_recording(compared.verdict.best.model, name, [run.name for run in later.runs])
     old, explained = Replay(later).simulate([joint.old, after])
     best: dict[str, tuple[float, Trace]] = {}
     for run in later.runs:
         for signal in run.outputs.keys() & old[run.name].keys() - {"battery_voltage"}:
-            measured = run.outputs[signal]
-            first, last = (measured - of[run.name][signal] for of in (old, explained))
-            gain = float(np.nansum(first**2) - np.nansum(last**2))
-            if gain > best.get(signal, (0.0,))[0]:
-                made = Trace(
-                    own_name(run.name), signal, run.time, measured, old[run.name][signal], explained[run.name][signal]
-                )
-                best[signal] = (gain, made)
-    spread = {name: float(np.nanstd(one.measured)) ** 2 * len(one.time) for name, (_, one) in best.items()}
-    order = sorted(best, key=lambda one: -best[one][0] / max(spread[one], 1e-30))
-    return [best[one][1] for one in order[:_DRAWN]]
+            simulated = old[run.name][signal], explained[run.name][signal]
+            trace = Trace(recordings.own_name(run.name), signal, run.time, run.outputs[signal], *simulated)
+            first, last = (float(np.nansum((trace.measured - values) ** 2)) for values in simulated)
+            if first - last > best.get(signal, (0.0,))[0]:
+                best[signal] = (first - last, trace)
+
+    def share(gained: tuple[float, Trace]) -> float:
+        gain, trace = gained
+        return gain / max(float(np.nanstd(trace.measured)) ** 2 * len(trace.time), 1e-30)
+
+    return [trace for _, trace in sorted(best.values(), key=share, reverse=True)[:_DRAWN]]
 
 
 def _fit_percent(dataset: Dataset, model: Model) -> dict[str, float | None]:
@@ -466,14 +455,15 @@ def _fit_percent(dataset: Dataset, model: Model) -> dict[str, float | None]:
     return {signal: explained.of(signal, "fit").fit_percent for signal in explained.signals}
 
 
-def _told_alone(joint: Joint) -> dict[str, dict[str, tuple[str, Sized]]]:
-    """Returns recording -> combination of constants -> its unit, and its value by the recording alone."""
-    found: dict[str, dict[str, tuple[str, Sized]]] = {}
+def _constants(joint: Joint) -> dict[tuple[str, str], Constant]:
+    """Returns (recording, combination of constants) -> the combination, as this recording alone determines it."""
+    constants = {}
+    reported = {*combinations().values(), "speed per volt"}
     for name, (own, explanation) in joint.alone.items():
         spread = assess(own.coarse, explanation.model, explanation.plan.uncertain).spread
         for formula in FORMULAS[joint.dataset.vehicle]:
-            if formula.name in told_combinations():
-                one = sized(partial(in_model, formula), explanation.model, spread)
-                if np.isfinite([one.value, *one.ci95]).all():
-                    found.setdefault(name, {})[formula.name] = (formula.unit, one)
-    return found
+            if formula.name in reported:
+                value = sized(partial(in_model, formula), explanation.model, spread)
+                if np.isfinite([value.value, *value.ci95]).all():
+                    constants[name, formula.name] = Constant(name, formula.name, formula.unit, value.value, value.ci95)
+    return constants

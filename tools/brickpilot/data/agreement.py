@@ -3,25 +3,21 @@
     fit % = 100 (1 - norm of the error / norm of the signal)
 
 The error is the measured less the simulated value of each sample. Every sample has the same weight. No mean is removed
-from the signal, so a model that gives only zeros has 0 %. Two more measures are R2, which compares the model with the
-signal's mean, and the rms of the error in the signal's own unit.
-
-The error of a simulated signal is also given as integral least squares (eq. 20), with the measures derived from it.
+from the signal, so a model that gives only zeros has 0 %. R2 compares the model with the signal's mean. The integral
+least squares (eq. 20) of the error and the rms of the error are in the signal's own unit.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from brickpilot.data.signals import Array
 
 _OVER_NOISE = 3.0  # noise sd: a signal with a smaller rms is taken for noise alone
-_NOT_IN_THE_MEAN = frozenset({"battery_voltage"})  # an input of most models; only some give it as an output, too
 
 
 @dataclass(frozen=True)
@@ -59,15 +55,17 @@ class Agreement:
 
     def percent_of(self, error: float) -> float | None:
         """Returns `fit_percent` of a model with another sum of squared errors."""
-        return None if not self._exceeds_noise(self.signal) else _percent(error / self.signal)
+        if not self._exceeds_noise(self.signal) or not math.isfinite(error / self.signal):
+            return None
+        return round(100 * (1 - math.sqrt(max(error / self.signal, 0.0))), 3)
 
     @property
     def r2(self) -> float | None:
         """R2 about the mean: 1 is perfect, 0 is as good as the mean. None: `spread` does not exceed the noise."""
         if not self._exceeds_noise(self.spread):
             return None
-        found = 1 - self.error / self.spread
-        return round(found, 5) if math.isfinite(found) else None
+        r2 = 1 - self.error / self.spread
+        return round(r2, 5) if math.isfinite(r2) else None
 
     @property
     def rms_error(self) -> float | None:
@@ -80,12 +78,7 @@ class Agreement:
         return _rms(self.signal, self.samples)
 
     def to_json(self) -> dict[str, float | None]:
-        return {
-            "fit_percent": self.fit_percent,
-            "r2": self.r2,
-            "rms_error": self.rms_error,
-            "rms_signal": self.rms_signal,
-        }
+        return {name: getattr(self, name) for name in ("fit_percent", "r2", "rms_error", "rms_signal")}
 
     def _exceeds_noise(self, squares: float) -> bool:
         return squares > 0 and squares > self.samples * (_OVER_NOISE * self.noise_sd) ** 2
@@ -111,14 +104,16 @@ def agreement(error: Array, signal: Array, *, noise_sd: float = 0.0) -> Agreemen
 
 def together(parts: Iterable[Agreement]) -> Agreement:
     """Returns the agreement of several runs, or parts of runs, taken as one."""
-    listed = [one for one in parts if one.samples]
-    count = sum(one.samples for one in listed)
+    measured = [part for part in parts if part.samples]
+    count = sum(part.samples for part in measured)
     if not count:
         return Agreement(0, 0.0, 0.0, 0.0, 0.0)
-    mean = sum(one.samples * one.mean for one in listed) / count
-    spread = sum(one.spread + one.samples * (one.mean - mean) ** 2 for one in listed)
-    noise = max(one.noise_sd for one in listed)
-    return Agreement(count, sum(one.error for one in listed), sum(one.signal for one in listed), mean, spread, noise)
+    mean = sum(part.samples * part.mean for part in measured) / count
+    spread = sum(part.spread + part.samples * (part.mean - mean) ** 2 for part in measured)
+    noise = max(part.noise_sd for part in measured)
+    return Agreement(
+        count, sum(part.error for part in measured), sum(part.signal for part in measured), mean, spread, noise
+    )
 
 
 def mean_fit(by_signal: Mapping[str, float | None]) -> float | None:
@@ -127,15 +122,8 @@ def mean_fit(by_signal: Mapping[str, float | None]) -> float | None:
     Args:
         by_signal: signal -> fit in percent. The battery's voltage does not count: it is an input of most models.
     """
-    known: Sequence[float] = [
-        one for name, one in by_signal.items() if one is not None and name not in _NOT_IN_THE_MEAN
-    ]
+    known = [fit for name, fit in by_signal.items() if fit is not None and name != "battery_voltage"]
     return round(sum(known) / len(known), 3) if known else None
-
-
-def _percent(ratio: float) -> float | None:
-    """Returns 100 (1 - root of `ratio`) to a thousandth; None: it is no finite number."""
-    return round(100 * (1 - math.sqrt(max(ratio, 0.0))), 3) if math.isfinite(ratio) else None
 
 
 def _rms(squares: float, samples: int) -> float | None:
@@ -177,12 +165,7 @@ class SignalError:
         return None if self.ils_normalised is None else float(np.sqrt(self.ils_normalised))
 
     def to_json(self) -> dict[str, float | None]:
-        return {
-            "ils": self.ils,
-            "ils_normalised": self.ils_normalised,
-            "rms_error": self.rms_error,
-            "rms_signal": self.rms_signal,
-        }
+        return {name: getattr(self, name) for name in ("ils", "ils_normalised", "rms_error", "rms_signal")}
 
 
 def signal_error(time: Array, simulated: Array, measured: Array, *, relative: bool = False) -> SignalError:

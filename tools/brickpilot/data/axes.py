@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.data.periods import PADDING, separate
+from brickpilot.data.signals import Array
 
-Array = NDArray[np.float64]
 Spectrum = NDArray[np.complex128]
 Settings = tuple[tuple[str, float], ...]
 """Names of settings that shape a repeating term, each with its value."""
@@ -83,15 +83,15 @@ class Axis:
 
     def peaks(self, residual: Array) -> list[float]:
         """Returns the periods per turn, m or s at which `residual` (N,) is strongest along the axis."""
-        found: set[float] = set()
+        peaks: set[float] = set()
         for track in self.tracks:
             places, power = _spectrum(track, residual, self.step, coherent=bool(self.clock))
             longest = max(float(np.ptp(coordinate)) for _, coordinate in track)
             inner = (power[1:-1] >= power[:-2]) & (power[1:-1] > power[2:]) & (places[1:-1] >= 1.5 / longest)
             indices = np.flatnonzero(inner) + 1
             strongest = indices[np.argsort(-power[indices], kind="stable")]
-            found |= {one * self.turn for one in separate(places, strongest, 0.5 / longest)}
-        return sorted(found)
+            peaks |= {place * self.turn for place in separate(places, strongest, 0.5 / longest)}
+        return sorted(peaks)
 
     def at(self, count: float) -> Settings:
         """Returns the settings of `count` periods per turn, m or s."""
@@ -102,24 +102,24 @@ class Axis:
         count = dict(settings)[self.setting]
         count = 1 / count if self.setting == "wavelength" else count
         near = [count + k * self.resolution for k in _NEIGHBOURS]
-        return [self.at(one) for one in near if one > 0 and one >= self.least]
+        return [self.at(other) for other in near if other > 0 and other >= self.least]
 
 
 def axes(segments: Sequence[Segment]) -> list[Axis]:
     """Returns the known coordinates: time first, and the time from power-on if the runs differ in age."""
-    step = min(float(np.median(np.diff(one.time))) for one in segments if len(one.time) > 1)
-    found = []
-    for clock in (0.0, 1.0) if len({one.age for one in segments}) > 1 else (0.0,):
-        track = [(one, one.time + clock * one.age) for one in segments]
+    step = min(float(np.median(np.diff(segment.time))) for segment in segments if len(segment.time) > 1)
+    known_axes = []
+    for clock in (0.0, 1.0) if len({segment.age for segment in segments}) > 1 else (0.0,):
+        track = [(segment, segment.time + clock * segment.age) for segment in segments]
         extent = max(float(time[-1]) for _, time in track)
-        found.append(Axis("frequency", (("clock", clock),), [track], step, 1.0, extent))
+        known_axes.append(Axis("frequency", (("clock", clock),), [track], step, 1.0, extent))
     for setting, (names, step, turn) in _COORDINATES.items():
-        known = [[(one, one.at[name]) for one in segments if name in one.at] for name in names]
+        known = [[(segment, segment.at[name]) for segment in segments if name in segment.at] for name in names]
         ways = [float(np.ptp(coordinate)) for track in known for _, coordinate in track]
         moved = [[pair for pair in track if np.ptp(pair[1]) > _LEAST_STEPS * step] for track in known]
         if ways:
-            found.append(Axis(setting, (), [track for track in moved if track], step, turn, max(ways)))
-    return found
+            known_axes.append(Axis(setting, (), [track for track in moved if track], step, turn, max(ways)))
+    return known_axes
 
 
 def _spectrum(
@@ -130,10 +130,10 @@ def _spectrum(
     high = max(float(np.max(coordinate)) for _, coordinate in track)
     length = 2 ** math.ceil(math.log2(max(PADDING * (high - low) / step, 8)))
     sums: dict[tuple[str, ...], Spectrum] = {}
-    for one, coordinate in track:
-        values = residual[one.place]
+    for segment, coordinate in track:
+        values = residual[segment.place]
         bins = ((coordinate - low) / step).astype(np.intp)
-        key = (one.signal,) if coherent else (one.signal, one.run)
+        key = (segment.signal,) if coherent else (segment.signal, segment.run)
         sums[key] = sums.get(key, 0.0) + np.fft.rfft(np.bincount(bins, values - values.mean(), length)[:length])
-    power = sum((np.abs(one) ** 2 for one in sums.values()), np.zeros(length // 2 + 1))
+    power = sum((np.abs(spectrum) ** 2 for spectrum in sums.values()), np.zeros(length // 2 + 1))
     return np.arange(length // 2 + 1) / (length * step), power

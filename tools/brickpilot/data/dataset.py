@@ -13,13 +13,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from brickpilot import catalogue
 from brickpilot.data.nominal import Nominal
 from brickpilot.data.shown import Result
-from brickpilot.data.signals import SIGNALS, TURNS_WITH_FRAME, Frame, Vehicle, input_names, of_motors, to_frd
+from brickpilot.data.signals import SIGNALS, TURNS_WITH_FRAME, Array, Frame, Vehicle, input_names, of_motors, to_frd
 from brickpilot.errors import InputError
 
 if TYPE_CHECKING:
@@ -28,13 +27,12 @@ if TYPE_CHECKING:
     from brickpilot.data.audit.fault import Fault
     from brickpilot.data.audit.wiring_motion import Miswired
     from brickpilot.data.description import Role, Signal
-    from brickpilot.data.frames import Column
     from brickpilot.data.input_timing import InputTiming
+    from brickpilot.data.reading import Column
 
 
 __all__ = ["PRESET_BATTERY_VOLTAGE", "Dataset", "Nominal", "Run", "battery", "motor_inputs"]
 
-Vector = NDArray[np.float64]
 
 PRESET_BATTERY_VOLTAGE = catalogue.parameter("battery_voltage").preset
 """V: the battery voltage that multiplies a duty, if the data set states no voltage."""
@@ -67,14 +65,22 @@ class Run:
     name: str
     file: Path
     role: Role | None
-    time: Vector
-    inputs: Mapping[str, Vector]
-    outputs: Mapping[str, Vector]
-    raw_outputs: Mapping[str, Vector]
+    time: Array
+    inputs: Mapping[str, Array]
+    outputs: Mapping[str, Array]
+    raw_outputs: Mapping[str, Array]
     gap_s: float
     replicate_of: str | None
     initial: Mapping[str, float]
     recording: str = ""
+
+    def rows(self, rows: slice, **changes: Any) -> Run:
+        """Returns a part of the run, which repeats no other run. `changes` are other fields of the new run."""
+        tables = {
+            table: {signal: values[rows] for signal, values in getattr(self, table).items()}
+            for table in ("inputs", "outputs", "raw_outputs")
+        }
+        return replace(self, time=self.time[rows], replicate_of=None, **tables | changes)
 
     def to_frame(self) -> pandas.DataFrame:
         """Returns a row for each sample: time, inputs and outputs, in SI and the paper's frame."""
@@ -129,7 +135,7 @@ class Dataset(Result):
         )
         return (*self.guessed, *([f"{PRESET_BATTERY_VOLTAGE:g} V of the battery"] if is_preset else []))
 
-    def motor_inputs(self, run: Run) -> Vector:
+    def motor_inputs(self, run: Run) -> Array:
         """See `motor_inputs`."""
         return motor_inputs(run, self)
 
@@ -184,13 +190,11 @@ class Dataset(Result):
         1   0.1      6.0  1.257
         2   0.2      6.0  3.142
         """
-        stated: dict[str, Any] = {"name": name, "vehicle": vehicle, "frame": frame, "nominal": nominal}
-        stated |= {
-            "as_wired": as_wired,
-            "input_timing": input_timing,
-            "gap_s": None if isinstance(gap_s, Mapping) else gap_s,
-        }
-        pauses = gap_s if isinstance(gap_s, Mapping) else None
+        pause, pauses = (None, gap_s) if isinstance(gap_s, Mapping) else (gap_s, None)
+        stated = {
+            "name": name, "vehicle": vehicle, "frame": frame, "nominal": nominal, "as_wired": as_wired,
+            "input_timing": input_timing, "gap_s": pause,
+        }  # fmt: skip
         of_runs = {"role": roles, "gap_s": pauses, "replicate_of": replicate_of, "initial": initial}
         known = {key: values for key, values in of_runs.items() if values is not None}
         return Dataset._of_frames(frames, signals, known, stated, floats)
@@ -203,11 +207,10 @@ class Dataset(Result):
         import pandas
 
         if run is not None:
-            chosen = [one for one in self.runs if one.name == run]
-            if not chosen:
-                raise InputError(f"{run!r} is not one of {', '.join(one.name for one in self.runs)}", field="run")
-            table = chosen[0].to_frame()
-            return table.apply(lambda column: to_frd(str(column.name), column, self.frame))
+            by_name = {each.name: each for each in self.runs}
+            if run not in by_name:
+                raise InputError(f"{run!r} is not one of {', '.join(by_name)}", field="run")
+            return by_name[run].to_frame().apply(lambda column: to_frd(str(column.name), column, self.frame))
 
         rows = [
             {
@@ -240,37 +243,40 @@ def joined(datasets: Sequence[Dataset]) -> Dataset:
         InputError: one is of another vehicle or states another nominal value.
     """
     first = datasets[0]
-    for one in datasets[1:]:
-        if (one.vehicle, one.nominal, one.nominal_effects) != (first.vehicle, first.nominal, first.nominal_effects):
-            raise InputError(f"states another vehicle or nominal values than {first.path}", file=one.path)
+    for other in datasets[1:]:
+        if (other.vehicle, other.nominal, other.nominal_effects) != (
+            first.vehicle,
+            first.nominal,
+            first.nominal_effects,
+        ):
+            raise InputError(f"states another vehicle or nominal values than {first.path}", file=other.path)
     return first if len(datasets) == 1 else with_all_runs({f"{number}_": one for number, one in enumerate(datasets, 1)})
 
 
 def with_all_runs(datasets: Mapping[str, Dataset]) -> Dataset:
     """Returns one data set with all runs; the rest is the first one's. A run's name begins with its data set's key."""
-    several, first = list(datasets.items()), next(iter(datasets.values()))
-    runs = [
-        replace(run, name=before + run.name, replicate_of=run.replicate_of and before + run.replicate_of)
-        for before, one in several for run in one.runs
-    ]  # fmt: skip
-    return replace(
-        first,
-        signals={name: signal for _, one in reversed(several) for name, signal in one.signals.items()},
-        runs=tuple(runs),
-        faults=tuple(replace(fault, run=before + fault.run) for before, one in several for fault in one.faults),
-        notes=tuple(dict.fromkeys(note for _, one in several for note in one.notes)),
-        wiring=tuple(dict.fromkeys(fault for _, one in several for fault in one.wiring)),
-        guessed=tuple(dict.fromkeys(guess for _, one in several for guess in one.guessed)),
-    )
+    first = next(iter(datasets.values()))
+    signals: dict[str, Signal] = {}
+    for dataset in reversed(list(datasets.values())):
+        signals |= dataset.signals
+    runs, faults = [], []
+    for key, dataset in datasets.items():
+        faults += [replace(fault, run=key + fault.run) for fault in dataset.faults]
+        for run in dataset.runs:
+            runs.append(replace(run, name=key + run.name, replicate_of=run.replicate_of and key + run.replicate_of))
+    unique: dict[str, Any] = {
+        field: tuple(dict.fromkeys(item for dataset in datasets.values() for item in getattr(dataset, field)))
+        for field in ("notes", "wiring", "guessed")
+    }
+    return replace(first, signals=signals, runs=tuple(runs), faults=tuple(faults), **unique)
 
 
-def motor_inputs(run: Run, dataset: Dataset) -> Vector:
+def motor_inputs(run: Run, dataset: Dataset) -> Array:
     """Returns the voltage at each motor in V: (n, 2) left and right of a diff_drive, (n, 1) of a motor.
 
     NaN means that the motor floats. A set point becomes the voltage at which the wheel has that speed without a load. A
-    duty is multiplied, sample by sample, by the measured battery voltage, whose dropouts are repaired and whose blanks
-    are filled. If no voltage is measured, the nominal voltage is used, or else `PRESET_BATTERY_VOLTAGE`. duty_mean is
-    (left + right) / 2, duty_diff is left - right.
+    duty is multiplied by the battery voltage of its sample, see `battery`. duty_mean is (left + right) / 2, duty_diff
+    is left - right.
     """
     first = input_names(run.inputs)[0]
     columns = of_motors(run.inputs, _nominal(dataset, "half_track"))
@@ -288,8 +294,11 @@ def _nominal(dataset: Dataset, name: str) -> float:
     return catalogue.parameter(name).preset if stated is None else stated.value
 
 
-def battery(run: Run, dataset: Dataset) -> tuple[Vector, int]:
-    """Returns the battery voltage of each sample, and how many readings were replaced as dropouts."""
+def battery(run: Run, dataset: Dataset) -> tuple[Array, int]:
+    """Returns the battery voltage of each sample, V, and how many readings were replaced as dropouts.
+
+    Blanks are filled. If no voltage is measured, the nominal voltage is used, or else `PRESET_BATTERY_VOLTAGE`.
+    """
     measured = run.outputs.get("battery_voltage")
     if measured is not None and np.isfinite(measured).any():
         known = np.isfinite(measured)

@@ -53,16 +53,15 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Literal, cast
 
 import numpy as np
 
 from brickpilot import catalogue
 from brickpilot.catalogue import EffectInfo
+from brickpilot.data.dataset import Dataset, Run
 from brickpilot.data.input_timing import INPUT_TIMINGS, UNKNOWN_TIMING, InputTiming, Sampling
 from brickpilot.data.nominal import Nominal, read_nominal, read_nominal_effects
 from brickpilot.data.rows import DELIMITERS, CsvFormat
@@ -87,7 +86,6 @@ _SIGNAL = {"column", "unit", "scale", "offset", "noise_sd", "resolution", "range
 _TIME = {"column", "unit", "scale", "offset"}
 _SAMPLED = ("instant", "mean")  # what an accelerometer's sample is
 _RUN = {"name", "file", "role", "gap_s", "replicate_of", "initial"}
-_LARGE = 1e12
 
 _SET_POINTS = "reference"  # the names of a controller's set points begin with this word
 _NO_VOLTAGE = (
@@ -126,46 +124,15 @@ class Signal:
 
 
 @dataclass(frozen=True)
-class RunEntry:
-    """One checked ``[[runs]]`` table; ``initial`` is in SI and in the paper's frame."""
-
-    name: str
-    file: Path
-    role: Role | None
-    gap_s: float
-    replicate_of: str | None
-    initial: dict[str, float]
-
-
-@dataclass(frozen=True)
 class Description:
-    """A checked dataset.toml."""
+    """A checked dataset.toml: the data set, with runs that have no samples yet, and how its files are to be read."""
 
-    name: str
-    vehicle: Vehicle
-    frame: Frame
+    dataset: Dataset
     layout: CsvFormat
-    signals: dict[str, Signal]
-    nominal: dict[str, Nominal]
-    nominal_effects: dict[str, dict[str, Nominal]]
-    gap_s: float
-    input_timing: InputTiming
-    runs: tuple[RunEntry, ...]
-    notes: tuple[str, ...]
-    guessed: tuple[str, ...] = ()
-    as_wired: bool = False
+    as_wired: bool
 
 
-def describe(path: Path) -> Description:
-    """Reads and checks a dataset.toml.
-
-    Raises:
-        InputError: the message names file, line and key.
-    """
-    return described(TomlFile(path))
-
-
-def described(toml: TomlFile) -> Description:
+def describe(toml: TomlFile) -> Description:
     """Checks the tables of a dataset.toml.
 
     Raises:
@@ -187,47 +154,47 @@ def described(toml: TomlFile) -> Description:
         effects |= _controllers(effects)
         nominal["emf_constant"] = _scale_of_volts(toml, nominal, signals)
         notes.append(_NO_VOLTAGE.format(nominal["emf_constant"].value))
-    gap_s = _number(toml, ("gap_s",), data.get("gap_s", 0.0), 0.0, _LONGEST_GAP_S)
+    gap_s = toml.number(("gap_s",), data.get("gap_s", 0.0), 0.0, _LONGEST_GAP_S)
     timing = toml.choice(("input_timing",), data.get("input_timing", "held"), INPUT_TIMINGS)
     runs = _runs(toml, vehicle, frame, gap_s)
-    return Description(
+    dataset = Dataset(
         name=toml.file_name(("name",), data["name"]),
+        path=toml.path,
         vehicle=vehicle,
         frame=frame,
-        layout=layout,
         signals=signals,
         nominal=nominal,
         nominal_effects=effects,
-        gap_s=gap_s,
-        input_timing=cast(InputTiming, timing),
         runs=runs,
+        gap_s=gap_s,
+        faults=(),
         notes=tuple(notes),
-        guessed=tuple(_guessed(toml, data.get("guessed", []))),
-        as_wired=_switch(toml, ("as_wired",), data.get("as_wired", False)),
+        input_timing=cast(InputTiming, timing),
+        guessed=_guessed(toml, data.get("guessed", [])),
     )
+    return Description(dataset, layout, toml.switch(("as_wired",), data.get("as_wired", False)))
 
 
 def _controllers(stated: Mapping[str, Mapping[str, Nominal]]) -> dict[str, dict[str, Nominal]]:
     """Returns the effects of drives with set points as inputs. A parameter of preset 0 stays 0 unless stated."""
     return {
-        one.name: {info.name: Nominal(0.0) for info in one.parameters if info.preset == 0}
-        | dict(stated.get(one.name, {}))
-        for one in catalogue.effects()
-        if one.stated_by == _SET_POINTS
+        effect.name: {row.name: Nominal(0.0) for row in effect.parameters if row.preset == 0}
+        | dict(stated.get(effect.name, {}))
+        for effect in catalogue.effects()
+        if effect.stated_by == _SET_POINTS
     }
 
 
-def _scale_of_volts(toml: TomlFile, nominal: Mapping[str, Nominal], signals: Iterable[str]) -> Nominal:
+def _scale_of_volts(toml: TomlFile, nominal: Mapping[str, Nominal], signals: Collection[str]) -> Nominal:
     """Returns the back EMF constant, without an sd: if no voltage is logged, it is only the scale of all voltages.
 
     Raises:
         InputError: `reference_velocity` needs a length that is not stated; or the drive closes a current loop.
     """
-    for name in ("wheel_radius", "half_track") if "reference_velocity" in {*signals} else ():
-        if name not in nominal:
-            toml.refuse(
-                ("nominal",), f"{name} is missing: the controller's own turns reference_velocity into wheel speeds"
-            )
+    for name in ("wheel_radius", "half_track"):
+        if "reference_velocity" in signals and name not in nominal:
+            message = f"{name} is missing: the controller's own turns reference_velocity into wheel speeds"
+            toml.refuse(("nominal",), message)
     for name in ("force_per_volt", "torque_per_volt"):
         if name in nominal:
             toml.refuse(("nominal", name), "belongs to a motor whose input is a voltage, not a set point")
@@ -235,14 +202,14 @@ def _scale_of_volts(toml: TomlFile, nominal: Mapping[str, Nominal], signals: Ite
     return Nominal(catalogue.parameter("emf_constant").preset if known is None else known.value)
 
 
-def _guessed(toml: TomlFile, given: object) -> list[str]:
+def _guessed(toml: TomlFile, given: object) -> tuple[str, ...]:
     """Returns an importer's guesses of unstated numbers, such as "960 counts a turn"."""
     if not isinstance(given, list) or not all(isinstance(one, str) for one in given):
         toml.refuse(("guessed",), "is no list of texts")
-    return list(map(str, given))
+    return tuple(given)
 
 
-def _notes(data: Mapping[str, Any], signals: Iterable[str]) -> list[str]:
+def _notes(data: Mapping[str, Any], signals: Collection[str]) -> list[str]:
     notes = []
     if "frame" not in data and TURNS_WITH_FRAME & set(signals):
         notes.append("no frame is stated: FRD is assumed, the paper's, clockwise positive")
@@ -251,30 +218,13 @@ def _notes(data: Mapping[str, Any], signals: Iterable[str]) -> list[str]:
     return notes
 
 
-def _number(toml: TomlFile, key: Key, value: object, low: float = -_LARGE, high: float = _LARGE) -> float:
-    return toml.number(key, value, low, high)
-
-
-def _positive(toml: TomlFile, key: Key, value: object) -> float:
-    number = _number(toml, key, value)
-    if number <= 0.0:
-        toml.refuse(key, f"{number:g} is not above zero")
-    return number
-
-
 def _layout(toml: TomlFile) -> CsvFormat:
     table = toml.table(("csv",), toml.data.get("csv", {}))
     toml.known_keys(("csv",), table, {"delimiter", "header"})
     delimiter, header = table.get("delimiter", ","), table.get("header", True)
     if delimiter not in DELIMITERS:
         toml.refuse(("csv", "delimiter"), f"{delimiter!r} is not one of comma, semicolon, tab, blank and bar")
-    return CsvFormat(delimiter, _switch(toml, ("csv", "header"), header))
-
-
-def _switch(toml: TomlFile, key: Key, value: object) -> bool:
-    if not isinstance(value, bool):
-        toml.refuse(key, f"{value!r} is neither true nor false")
-    return value
+    return CsvFormat(delimiter, toml.switch(("csv", "header"), header))
 
 
 def _signals(toml: TomlFile, vehicle: Vehicle, frame: Frame) -> dict[str, Signal]:
@@ -294,7 +244,7 @@ def _signals(toml: TomlFile, vehicle: Vehicle, frame: Frame) -> dict[str, Signal
 
 def _of_sensors() -> list[EffectInfo]:
     """Returns the effects that a rotation sensor's channel may state."""
-    return [one for one in catalogue.effects() if one.stated_by and one.acts_on == "sensor"]
+    return [effect for effect in catalogue.effects() if effect.stated_by and effect.acts_on == "sensor"]
 
 
 def _of_channels(toml: TomlFile, table: Mapping[str, Any]) -> dict[str, dict[str, Nominal]]:
@@ -302,8 +252,8 @@ def _of_channels(toml: TomlFile, table: Mapping[str, Any]) -> dict[str, dict[str
     stated = {}
     for effect in _of_sensors():
         key = effect.stated_by
-        if any(_switch(toml, ("signals", name, key), one[key]) for name, one in table.items() if key in one):
-            stated[effect.name] = {one.name: Nominal(one.preset) for one in effect.parameters}
+        if any(toml.switch(("signals", name, key), entry[key]) for name, entry in table.items() if key in entry):
+            stated[effect.name] = {row.name: Nominal(row.preset) for row in effect.parameters}
     return stated
 
 
@@ -327,7 +277,7 @@ def _signal(toml: TomlFile, name: str, value: object, frame: Frame) -> Signal:
     entry = toml.table(key, value)
     own = {"sampling"} if name.startswith("accel_") else set()
     if name in RATE_OF or name in RATE_OF.values():
-        own |= {one.stated_by for one in _of_sensors()}
+        own |= {effect.stated_by for effect in _of_sensors()}
     toml.known_keys(key, entry, _TIME if name == "time" else _SIGNAL | own)
     for needed in ("column", "unit"):
         if needed not in entry:
@@ -337,30 +287,29 @@ def _signal(toml: TomlFile, name: str, value: object, frame: Frame) -> Signal:
         factor = si_factor(unit, SIGNALS[name].unit)
     except ValueError as error:
         toml.refuse((*key, "unit"), str(error))
-    scale = _number(toml, (*key, "scale"), entry.get("scale", 1.0))
+    scale = toml.number((*key, "scale"), entry.get("scale", 1.0))
     if scale == 0.0 or (name == "time" and scale < 0.0):
         toml.refuse((*key, "scale"), f"{scale:g} cannot scale a column")
     sizes = {size: _size(toml, name, size, entry[size], factor) for size in ("noise_sd", "resolution") if size in entry}
+    sampling = toml.choice((*key, "sampling"), entry["sampling"], _SAMPLED) if "sampling" in entry else None
     return Signal(
         name=name,
         column=entry["column"],
         unit=unit,
         scale=scale,
-        offset=_number(toml, (*key, "offset"), entry.get("offset", 0.0)),
+        offset=toml.number((*key, "offset"), entry.get("offset", 0.0)),
         noise_sd=sizes.get("noise_sd"),
         resolution=sizes.get("resolution"),
         range=_range(toml, name, entry["range"], factor, frame) if "range" in entry else None,
-        sampling=cast(Sampling, toml.choice((*key, "sampling"), entry["sampling"], _SAMPLED))
-        if "sampling" in entry
-        else None,
-        stated=tuple(one.stated_by for one in _of_sensors() if entry.get(one.stated_by)),
+        sampling=cast(Sampling | None, sampling),
+        stated=tuple(effect.stated_by for effect in _of_sensors() if entry.get(effect.stated_by)),
     )
 
 
 def _size(toml: TomlFile, name: str, size: str, value: object, factor: float) -> float:
     """Returns a noise_sd or a resolution in SI."""
     key = ("signals", name, size)
-    number = _positive(toml, key, value) * factor
+    number = toml.positive(key, value) * factor
     if not _SMALLEST_SIZE <= number <= SIGNALS[name].largest:
         limits = f"{_SMALLEST_SIZE:g}..{SIGNALS[name].largest:g} {SIGNALS[name].unit}"
         toml.refuse(key, f"{number:g} is outside what is physical, {limits}")
@@ -371,7 +320,7 @@ def _range(toml: TomlFile, name: str, value: object, factor: float, frame: Frame
     key = ("signals", name, "range")
     if not isinstance(value, list) or len(value) != 2:
         toml.refuse(key, "needs [lowest, highest]")
-    low, high = (_number(toml, key, end) * factor for end in value)
+    low, high = (toml.number(key, end) * factor for end in value)
     if not low < high:
         toml.refuse(key, "the lowest is not below the highest")
     ends = np.sort(to_frd(name, np.array([low, high]), frame))
@@ -391,11 +340,11 @@ def _check_columns(toml: TomlFile, signals: Mapping[str, Signal], layout: CsvFor
         taken[column] = name
 
 
-def _runs(toml: TomlFile, vehicle: Vehicle, frame: Frame, gap_s: float) -> tuple[RunEntry, ...]:
+def _runs(toml: TomlFile, vehicle: Vehicle, frame: Frame, gap_s: float) -> tuple[Run, ...]:
     entries = toml.data["runs"]
     if not isinstance(entries, list) or not entries:
         toml.refuse(("runs",), "needs at least one [[runs]] table")
-    runs: list[RunEntry] = []
+    runs: list[Run] = []
     for index, entry in enumerate(entries):
         run = _run(toml, ("runs", index), toml.table(("runs", index), entry), vehicle, frame, gap_s)
         if run.name in {other.name for other in runs}:
@@ -408,19 +357,23 @@ def _runs(toml: TomlFile, vehicle: Vehicle, frame: Frame, gap_s: float) -> tuple
     return tuple(runs)
 
 
-def _run(toml: TomlFile, key: Key, entry: dict[str, Any], vehicle: Vehicle, frame: Frame, gap_s: float) -> RunEntry:
+def _run(toml: TomlFile, key: Key, entry: dict[str, Any], vehicle: Vehicle, frame: Frame, gap_s: float) -> Run:
     toml.known_keys(key, entry, _RUN)
     for needed in ("name", "file"):
         if needed not in entry:
             toml.refuse(key, f"{needed} is missing")
     name = toml.file_name((*key, "name"), entry["name"])
-    role = cast(Role, toml.choice((*key, "role"), entry["role"], ("fit", "held_out"))) if "role" in entry else None
+    role = toml.choice((*key, "role"), entry["role"], ("fit", "held_out")) if "role" in entry else None
     replicate_of = toml.text((*key, "replicate_of"), entry["replicate_of"]) if "replicate_of" in entry else None
-    return RunEntry(
+    return Run(
         name=name,
         file=toml.file_beside((*key, "file"), entry["file"]),
-        role=role,
-        gap_s=_number(toml, (*key, "gap_s"), entry.get("gap_s", gap_s), 0.0, _LONGEST_GAP_S),
+        role=cast(Role | None, role),
+        time=np.empty(0),
+        inputs={},
+        outputs={},
+        raw_outputs={},
+        gap_s=toml.number((*key, "gap_s"), entry.get("gap_s", gap_s), 0.0, _LONGEST_GAP_S),
         replicate_of=replicate_of,
         initial=_initial(toml, (*key, "initial"), entry.get("initial", {}), vehicle, frame),
     )
@@ -429,5 +382,5 @@ def _run(toml: TomlFile, key: Key, entry: dict[str, Any], vehicle: Vehicle, fram
 def _initial(toml: TomlFile, key: Key, value: object, vehicle: Vehicle, frame: Frame) -> dict[str, float]:
     table = toml.table(key, value)
     toml.known_keys(key, table, INITIAL_UNITS[vehicle])
-    stated = {name: _number(toml, (*key, name), number) for name, number in table.items()}
-    return {name: math.copysign(1.0, to_frd(name, np.ones(1), frame)[0]) * number for name, number in stated.items()}
+    stated = {name: np.array([toml.number((*key, name), number)]) for name, number in table.items()}
+    return {name: float(to_frd(name, number, frame)[0]) for name, number in stated.items()}

@@ -15,9 +15,7 @@ from brickpilot.data.dataset import Dataset, Run, motor_inputs
 from brickpilot.data.holdout import kind_of, manoeuvre, turning_share
 from brickpilot.data.motion import wheel_angles
 from brickpilot.data.noise import Noise, noise_of, step_of
-from brickpilot.data.signals import SIGNALS
-
-Array = NDArray[np.float64]
+from brickpilot.data.signals import SIGNALS, Array
 
 _LATE = 0.99  # quantile of the time steps that is reported beside the median
 _EQUAL = 0.02  # share of the larger command: two commands that differ by less are equal
@@ -87,8 +85,8 @@ def drives_straight_alone(dataset: Dataset) -> bool:
     if dataset.vehicle == "motor":
         return False
     driven = [np.nan_to_num(motor_inputs(run, dataset)) for run in dataset.runs]
-    is_straight = {kind_of(one) for one in driven} - {"rest"} == {"straight"}
-    return is_straight and all(turning_share(one) < _CORRECTION for one in driven)
+    is_straight = {kind_of(inputs) for inputs in driven} - {"rest"} == {"straight"}
+    return is_straight and all(turning_share(inputs) < _CORRECTION for inputs in driven)
 
 
 @dataclass(frozen=True)
@@ -118,8 +116,7 @@ def weaker_side(dataset: Dataset) -> WeakerSide | None:
 
 
 def bend(dataset: Dataset, wheel_radius: float) -> Measure | None:
-    """Returns the curvature of the path under equal commands, rad/m, positive to the right; None: the runs do not show
-    it.
+    """Returns the curvature of the path under equal commands, rad/m, positive to the right; None: not known.
 
     Args:
         wheel_radius: m, for the distance of wheels whose angles are measured.
@@ -137,7 +134,7 @@ def bend(dataset: Dataset, wheel_radius: float) -> Measure | None:
 def yaw_over_wheels(dataset: Dataset) -> Measure | None:
     """Returns the ratio of the measured yaw to the yaw from wheels and stated lengths; None: not known.
 
-    A constant bias of the gyro is removed. None also means that slip or the gyro's range disturbs the ratio.
+    A constant bias of the gyro is removed. The ratio is not known if slip or the gyro's range disturbs it.
     """
     stated = {name: known.value for name, known in dataset.nominal.items()}
     if dataset.vehicle != "diff_drive":
@@ -147,11 +144,11 @@ def yaw_over_wheels(dataset: Dataset) -> Measure | None:
     if expected is None or motion.yaw is None or motion.turning() is None:
         return None
     left, right = (motion.at[name] for name in motion.wheels)
-    says, turns = expected * (left - right), motion.at[motion.yaw]
-    known = np.isfinite(says) & np.isfinite(turns)
-    says, turns = says[known] - says[known].mean(), turns[known] - turns[known].mean()
-    blocks = zip(np.array_split(says, _BLOCKS), np.array_split(turns, _BLOCKS), strict=True)
-    parts = [np.array([one @ two, one @ one]) for one, two in blocks]
+    by_wheels, by_gyro = expected * (left - right), motion.at[motion.yaw]
+    known = np.isfinite(by_wheels) & np.isfinite(by_gyro)
+    by_wheels, by_gyro = (values[known] - values[known].mean() for values in (by_wheels, by_gyro))
+    blocks = zip(np.array_split(by_wheels, _BLOCKS), np.array_split(by_gyro, _BLOCKS), strict=True)
+    parts = [np.array([wheels @ gyro, wheels @ wheels]) for wheels, gyro in blocks]
     whole = sum(parts, np.zeros(2))
     without = np.array([(whole - part)[0] / (whole - part)[1] for part in parts])  # the jackknife
     sd = math.sqrt((len(parts) - 1) / len(parts) * float(np.sum((without - without.mean()) ** 2)))
@@ -165,11 +162,12 @@ def _reach(each: Array) -> float:
 
 
 def _equal_windows(dataset: Dataset) -> Array:
-    """Returns (w, 3): how far the left and the right wheel turn, rad or m, and the yaw, rad, in the fast windows of all
-    runs in which both motors get one voltage; empty if the wheels turn in opposite directions in one of these
-    windows."""
-    found = [window for run in dataset.runs for window in _windows(run, dataset)]
-    windows: Array = np.array(found, dtype=np.float64).reshape(-1, 3)
+    """Returns (w, 3): turns of the left and right wheel, rad or m, and yaw, rad, in fast windows with equal commands.
+
+    The table is empty if the wheels turn in opposite directions in one of these windows.
+    """
+    of_runs = [window for run in dataset.runs for window in _windows(run, dataset)]
+    windows: Array = np.array(of_runs, dtype=np.float64).reshape(-1, 3)
     sizes = np.abs(windows[:, :2]).min(axis=1, initial=np.inf)
     windows = windows[sizes > _FAST * np.max(sizes, initial=0.0)]
     return windows[:0] if (windows[:, 0] * windows[:, 1] <= 0).any() else windows
@@ -177,7 +175,8 @@ def _equal_windows(dataset: Dataset) -> Array:
 
 def _windows(run: Run, dataset: Dataset) -> Iterator[tuple[float, float, float]]:
     """Yields the turns of the left and right wheel and the yaw in each window with the same voltage for both."""
-    turned = wheel_angles(run) or {name: one for name, one in run.outputs.items() if name.startswith("wheel_travel")}
+    travels = {name: travel for name, travel in run.outputs.items() if name.startswith("wheel_travel")}
+    turned = wheel_angles(run) or travels
     if dataset.vehicle == "motor" or len(turned) < 2:
         return
     left, right = (turned[name] for name in sorted(turned))
@@ -213,16 +212,21 @@ def of_run(run: Run, role: str, inputs: Array) -> RunFacts:
     """Returns the facts of a run. `inputs`: the voltages of its motors, (n, 1) or (n, 2) V."""
     time = run.time[_logged(run)]
     steps = np.diff(time)
-    late = float(np.quantile(steps, _LATE))
-    driven = manoeuvre(np.nan_to_num(inputs))
-    return RunFacts(run.name, role, driven, len(time), float(time[-1] - time[0]), float(np.median(steps)), late)
+    return RunFacts(
+        name=run.name,
+        role=role,
+        manoeuvre=manoeuvre(np.nan_to_num(inputs)),
+        samples=len(time),
+        duration_s=float(time[-1] - time[0]),
+        step_s=float(np.median(steps)),
+        late_s=float(np.quantile(steps, _LATE)),
+    )
 
 
 def of_signals(dataset: Dataset) -> tuple[SignalFacts, ...]:
     """Returns the facts of every signal that was measured."""
-    return tuple(
-        _of_signal(dataset, name) for name in dict.fromkeys(name for run in dataset.runs for name in run.outputs)
-    )
+    names = dict.fromkeys(name for run in dataset.runs for name in run.outputs)
+    return tuple(_of_signal(dataset, name) for name in names)
 
 
 def _of_signal(dataset: Dataset, name: str) -> SignalFacts:
@@ -232,9 +236,9 @@ def _of_signal(dataset: Dataset, name: str) -> SignalFacts:
     if len(values) == 0:
         return SignalFacts(name, unit, 0.0, 0.0, Noise(0.0).colour, 0.0, 1.0)
     stated = dataset.signals.get(name)
-    resolution = (stated.resolution if stated is not None else None) or step_of(known)
+    resolution = (stated and stated.resolution) or step_of(known)
     noise = noise_of(parts, resolution)
-    sd = (stated.noise_sd if stated is not None else None) or noise.sd
+    sd = (stated and stated.noise_sd) or noise.sd
     missing = 1 - len(values) / sum(len(part) for part in parts)
     return SignalFacts(name, unit, float(np.sqrt(np.mean(values**2))), sd, noise.colour, resolution, missing)
 

@@ -14,13 +14,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from brickpilot.data.dataset import Dataset, Run
-from brickpilot.data.signals import RATE_OF, input_names
-
-Array = NDArray[np.float64]
+from brickpilot.data.signals import RATE_OF, Array, input_names
 
 _BLOCKS = 20  # number of blocks in cross-validation: 10 to 30 batch means (Schmeiser 1982, Oper. Res. 30)
 _PER_UNKNOWN = 10  # least number of decisions for each coefficient of a regression
@@ -66,14 +63,14 @@ class Loop:
 def follows_outputs(dataset: Dataset, level: float) -> Loop | None:
     """Returns the feedback loop with the smallest p-value; None: no loop is significant, or the data cannot show one.
 
-    The past of a planned command may predict it, but readings of the sensors do not improve this prediction (Granger's
-    causality from outputs to commands). Only rows in which a command changes count. This change is predicted from the
-    earlier commands: the last ones, and means over 2 to 256 rows, which cover a machine's memory. A second prediction
-    also uses the earlier readings, a third one the reading of the same row, too. A command held from its row on cannot
-    move that reading, but a command that was logged late can. So the third prediction counts only if the command
-    opposes the motion, as feedback with the right signs does. Each block of a run is predicted by a fit to the other
-    blocks. In each block, both predictions have a squared error. The mean log of their ratio is tested by its scatter
-    over the blocks. Runs too short for their own fit are pooled.
+    A planned command may be predicted from its own past, and readings of the sensors do not improve this prediction
+    (Granger's causality from outputs to commands). Only rows in which a command changes count. Three predictions of
+    the change are compared. The first one uses the earlier commands: the last ones, and means over 2 to 256 rows, which
+    cover a machine's memory. The second one also uses the earlier readings. The third one also uses the reading of the
+    same row. It counts only if the command opposes the motion, as feedback with the right signs does, because a command
+    that was logged late moves that reading, too. Each block of a run is predicted by a fit to the other blocks. The
+    mean log of the ratio of squared errors is tested by its scatter over the blocks. Runs too short for their own fit
+    are pooled.
 
     Only outputs that measure or sum up motion count. Accelerations, forces and currents respond in the command's own
     row. If the battery is measured, a voltage has to follow both as volts and as duty, because either may have been
@@ -91,17 +88,17 @@ def follows_outputs(dataset: Dataset, level: float) -> Loop | None:
     forms = [dataset.runs]
     if commands[0].startswith("voltage") and "battery_voltage" in dataset.signals:
         forms.append(tuple(_as_duty(run, commands) for run in dataset.runs))
-    found = []
+    loops = []
     with threadpool_limits(1, "blas"):  # the matrices are small: several threads take ten times as long
         for command, output in itertools.product(commands, outputs):
-            asked = [_asked(runs, (command, *(one for one in commands if one != command)), output) for runs in forms]
-            known = [one for one in asked if one is not None]
-            if len(known) == len(forms):
-                found.append(max(known, key=lambda one: one.chance))
-    if not found:
+            ordered = (command, *(other for other in commands if other != command))
+            tested = [loop for runs in forms if (loop := _tested(runs, ordered, output)) is not None]
+            if len(tested) == len(forms):
+                loops.append(max(tested, key=lambda loop: loop.chance))
+    if not loops:
         return None
-    best = min(found, key=lambda one: one.chance)
-    chance = min(best.chance * len(found), 1.0)
+    best = min(loops, key=lambda loop: loop.chance)
+    chance = min(best.chance * len(loops), 1.0)
     return dataclasses.replace(best, chance=chance) if chance < level else None
 
 
@@ -111,20 +108,20 @@ def _as_duty(run: Run, commands: Sequence[str]) -> Run:
     return dataclasses.replace(run, inputs=inputs)
 
 
-def _asked(runs: Sequence[Run], commands: Sequence[str], output: str) -> Loop | None:
+def _tested(runs: Sequence[Run], commands: Sequence[str], output: str) -> Loop | None:
     """Returns how well `output` predicts the first of `commands`, with the p-value over both tests."""
     runs = [run for run in runs if output in run.outputs]
-    own = [_told([run], commands, output) for run in runs]
-    pooled = _told([run for run, one in zip(runs, own, strict=True) if one is None], commands, output)
-    told = [one for one in (*own, pooled) if one is not None]
-    if not told:
+    own = [_predicted([run], commands, output) for run in runs]
+    pooled = _predicted([run for run, alone in zip(runs, own, strict=True) if alone is None], commands, output)
+    known = [prediction for prediction in (*own, pooled) if prediction is not None]
+    if not known:
         return None
-    past, now = np.concatenate([one.past for one in told]), np.concatenate([one.now for one in told])
-    opposes = sum(one.feedback for one in told) * _sign(commands[0], output) < 0.0
+    past, now = (np.concatenate([getattr(prediction, name) for prediction in known]) for name in ("past", "now"))
+    opposes = sum(prediction.feedback for prediction in known) * _sign(commands[0], output) < 0.0
     of_past, of_now = _chance(past), _chance(now) if opposes else 1.0
     most = now if of_now < of_past else past
     late = most is past or past.mean() > (now - past).mean()
-    lag = float(np.median([one.lag for one in told])) if late else 0.0
+    lag = float(np.median([prediction.lag for prediction in known])) if late else 0.0
     gain = 1.0 - math.exp(-float(most.mean()))
     return Loop(commands[0], output, gain, lag, min(2.0 * min(of_past, of_now), 1.0))
 
@@ -150,7 +147,7 @@ def _sign(command: str, output: str) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class _Told:
+class _Prediction:
     """How well the readings of some runs predict a command.
 
     Attributes:
@@ -166,21 +163,21 @@ class _Told:
     lag: float
 
 
-def _told(runs: Sequence[Run], commands: Sequence[str], output: str) -> _Told | None:
+def _predicted(runs: Sequence[Run], commands: Sequence[str], output: str) -> _Prediction | None:
     """Returns the result for runs of one controller; None: too few decisions, or a plan predicts them exactly."""
     best, ages, least = None, np.empty(0), math.inf
     for number in _PAST:
-        found = [one for run in runs if (one := _decisions(run, commands, output, number)) is not None]
-        columns = found[0][0].shape[1] if found else 0
-        if not found or sum(len(table) for table, _ in found) < _PER_UNKNOWN * (columns - 1):
+        decisions = [of_run for run in runs if (of_run := _decisions(run, commands, output, number)) is not None]
+        columns = decisions[0][0].shape[1] if decisions else 0
+        if not decisions or sum(len(table) for table, _ in decisions) < _PER_UNKNOWN * (columns - 1):
             break
-        weighed = _weighted([table for table, _ in found])
+        weighed = _weighted([table for table, _ in decisions])
         if weighed is None:
             return None
         table, log_sd = weighed
         likelihood = log_sd + 0.5 * math.log(_errors(table, range(1, columns - _SHOWN)).mean())
         if likelihood < least:
-            best, ages, least = table, found[0][1], likelihood
+            best, ages, least = table, decisions[0][1], likelihood
     if best is None:
         return None
     now = best.shape[1] - 1
@@ -189,18 +186,21 @@ def _told(runs: Sequence[Run], commands: Sequence[str], output: str) -> _Told | 
     past, both = (np.log(alone / _errors(best, range(1, end))) for end in (now, now + 1))
     feedback = float(np.linalg.lstsq(best[:, 1:], best[:, 0])[0][-1])
     single = [_errors(best, [*planned, column]).sum() for column in shown]
-    return _Told(past, both, feedback, float(ages[int(np.argmin(single))]))
+    return _Prediction(past, both, feedback, float(ages[int(np.argmin(single))]))
 
 
 def _errors(table: Array, columns: Sequence[int]) -> Array:
-    """Returns (blocks,): the mean square error with which `columns` predict the first column of each block of rows, by
-    a fit to the other blocks."""
+    """Returns (blocks,): the mean square error of the first column in each block of rows, as `columns` predict it.
+
+    The prediction is fitted to the other blocks.
+    """
     rows = len(table)
     blocks = np.split(table[:, [0, *columns]], [block * rows // _BLOCKS for block in range(1, _BLOCKS)])
-    products = np.array([one.T @ one for one in blocks])
+    products = np.array([block.T @ block for block in blocks])
     others = products.sum(axis=0) - products + rows * len(columns) * _RIDGE * np.eye(len(columns) + 1)
     fitted = np.linalg.solve(others[:, 1:, 1:], others[:, 1:, :1])[..., 0]
-    return np.array([np.mean((one[:, 0] - one[:, 1:] @ found) ** 2) for one, found in zip(blocks, fitted, strict=True)])
+    residuals = (block[:, 0] - block[:, 1:] @ of for block, of in zip(blocks, fitted, strict=True))
+    return np.array([np.mean(residual**2) for residual in residuals])
 
 
 def _weighted(tables: Sequence[Array]) -> tuple[Array, float] | None:

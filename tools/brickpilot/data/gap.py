@@ -6,13 +6,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brickpilot.data.dataset import Dataset, Run
 from brickpilot.data.holdout import Roles
-from brickpilot.data.signals import SUMMED
+from brickpilot.data.signals import SUMMED, Array
 
-Array = NDArray[np.float64]
 Outputs = Mapping[str, Array]
 
 _SHOWN_S = 0.1  # length of the windows over which the rms of a difference is taken
@@ -55,8 +53,8 @@ def gaps(
 ) -> tuple[dict[str, Gap], dict[str, Gap]]:
     """Returns the gap by role of the runs, and by signal, for the model before ("nominal") and after ("augmented").
 
-    The gap is the rms of measured less simulated over the noise sd, over the samples of free runs. A signal that sums
-    up motion counts from its first sample. All signals have the same weight, and all samples of a signal, too.
+    A signal that sums up motion counts from its first sample. All signals have the same weight, and so have all samples
+    of a signal.
     """
 
     def rms(runs: Sequence[Run], outputs: Mapping[str, Outputs], signals: Iterable[str]) -> float | None:
@@ -65,7 +63,8 @@ def gaps(
             both = [run for run in runs if signal in run.outputs and signal in outputs[run.name]]
             left = np.concatenate([np.empty(0), *(residual(run, signal, outputs[run.name][signal]) for run in both)])
             known = left[np.isfinite(left)]
-            squares += [float(np.mean(known**2)) / noise_sd[signal] ** 2] if len(known) else []
+            if len(known):
+                squares.append(float(np.mean(known**2)) / noise_sd[signal] ** 2)
         return float(np.sqrt(np.mean(squares))) if squares else None
 
     def gap(runs: Sequence[Run], signals: Iterable[str]) -> Gap:
@@ -103,22 +102,22 @@ def places(
         noise_sd: signal -> noise sd of a sample.
         above: differences with a larger rms over `_SHOWN_S`, in noise sd, are shown.
     """
-    found: list[tuple[Run, str, slice, Array]] = []
+    spans: list[tuple[Run, str, slice, Array]] = []
     for run in dataset.runs:
         for signal, sd in noise_sd.items():
             if signal in changed[run.name] and signal in plain[run.name]:
                 apart = (changed[run.name][signal] - plain[run.name][signal]) / sd
                 square = np.nan_to_num(apart - apart[0] if signal in SUMMED else apart) ** 2
-                found += [(run, signal, span, square) for span in _spans(run.time, square, above)]
-    total = sum(float(square[span].sum()) for _, _, span, square in found)
-    made = []
-    for run, signal, span, square in found:
+                spans += [(run, signal, span, square) for span in _spans(run.time, square, above)]
+    total = sum(float(square[span].sum()) for _, _, span, square in spans)
+    places_found = []
+    for run, signal, span, square in spans:
         part = np.zeros(len(square))
         part[span] = square[span]
         first, last = (round(float(run.time[index]), 3) for index in (span.start, span.stop - 1))
         when = _condition(run.time, motion[run.name], part)
-        made.append(Place(run.name, signal, first, last, float(part.sum()) / total, when))
-    return tuple(sorted(made, key=lambda one: -one.share_of_gap))
+        places_found.append(Place(run.name, signal, first, last, float(part.sum()) / total, when))
+    return tuple(sorted(places_found, key=lambda place: -place.share_of_gap))
 
 
 def _spans(time: Array, square: Array, above: float) -> list[slice]:

@@ -11,11 +11,9 @@ from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brickpilot.data.dataset import Dataset, Run, motor_inputs
-
-Array = NDArray[np.float64]
+from brickpilot.data.signals import Array
 
 # An input whose spread exceeds this share of its size is a ramp or a sweep, not a step.
 _STEP_SPREAD = 0.2
@@ -76,7 +74,7 @@ class Roles:
             return run
         inside = (run.time >= stretch[0]) & (run.time <= stretch[1])
         other = ~inside if role == "held_out" else inside
-        return replace(run, outputs={signal: np.where(other, np.nan, one) for signal, one in run.outputs.items()})
+        return replace(run, outputs={signal: np.where(other, np.nan, values) for signal, values in run.outputs.items()})
 
 
 def assign(dataset: Dataset, inputs: Mapping[str, Array], *, stretches: bool = False) -> Roles:
@@ -98,21 +96,15 @@ def assign(dataset: Dataset, inputs: Mapping[str, Array], *, stretches: bool = F
         chosen = {run.name: run.role or "fit" for run in dataset.runs}
         return Roles(chosen, "The data set states which runs are held out; its other runs are fitted.")
     open_runs = [run for run in dataset.runs if run.role is None]
-    groups = _groups(open_runs, inputs)
-    out = {run.name for run in open_runs if run.replicate_of is not None}
-    out.update(name for group in groups for name in _held_out_of(group))
-    alone = {name for group in groups if not out & set(group) for name in group}
-    found = (
-        {}
-        if not stretches
-        else {
-            run.name: last
-            for run in open_runs
-            if run.name in alone and (last := _last_drive(run, np.nan_to_num(inputs[run.name]))) is not None
-        }
-    )
+    groups = _by_manoeuvre([run for run in open_runs if run.replicate_of is None], inputs)
+    out = {run.name for run in open_runs if run.replicate_of is not None}.union(*map(_held_out_of, groups))
+    alone = {run.name for group in groups if not _held_out_of(group) for _, run in group}
+    ends: dict[str, tuple[float, float]] = {}
+    for run in open_runs:
+        if stretches and run.name in alone and (last := _last_drive(run, np.nan_to_num(inputs[run.name]))):
+            ends[run.name] = last
     chosen = {run.name: run.role or ("held_out" if run.name in out else "fit") for run in dataset.runs}
-    return Roles(chosen, _note([name for name in chosen if name in out], list(found)), found)
+    return Roles(chosen, _note([name for name in chosen if name in out], list(ends)), ends)
 
 
 def _note(out: Sequence[str], stretches: Sequence[str]) -> str:
@@ -127,25 +119,28 @@ def _note(out: Sequence[str], stretches: Sequence[str]) -> str:
     return f"The program held out {' and '.join(parts)}."
 
 
-def _groups(runs: Sequence[Run], inputs: Mapping[str, Array]) -> list[dict[str, float]]:
-    """Returns the runs that repeat no other one, by manoeuvre: run -> rms of its input, the smallest first."""
-    groups: dict[str, list[tuple[float, str]]] = defaultdict(list)
+Group = list[tuple[float, Run]]
+"""The runs of one manoeuvre and direction, each with the rms of its input."""
+
+
+def _by_manoeuvre(runs: Sequence[Run], inputs: Mapping[str, Array]) -> list[Group]:
+    groups: dict[str, Group] = defaultdict(list)
     for run in runs:
-        if run.replicate_of is None:
-            driven = np.nan_to_num(inputs[run.name])
-            groups[manoeuvre(driven)].append((float(np.sqrt(np.mean(driven**2))), run.name))
-    return [{name: size for size, name in sorted(group)} for group in groups.values()]
+        driven = np.nan_to_num(inputs[run.name])
+        groups[manoeuvre(driven)].append((float(np.sqrt(np.mean(driven**2))), run))
+    return list(groups.values())
 
 
-def _held_out_of(group: Mapping[str, float]) -> list[str]:
+def _held_out_of(group: Group) -> list[str]:
     """Returns the held-out runs of one manoeuvre: of three, the middle one; of more, every third, but not the last.
 
     Of two, the smaller one is held out, unless it is much smaller: then only this run shows the static friction.
     """
-    names, sizes = list(group), list(group.values())
-    if len(names) == 2:
-        return names[:1] if sizes[1] < _AS_LARGE * sizes[0] else []
-    return names[1:-1:3]
+    ordered = sorted((size, run.name) for size, run in group)
+    if len(ordered) == 2:
+        (smaller, name), (larger, _) = ordered
+        return [name] if larger < _AS_LARGE * smaller else []
+    return [name for _, name in ordered[1:-1:3]]
 
 
 def kind_of(driven: Array) -> str:
@@ -217,29 +212,23 @@ def _last_drive(run: Run, driven: Array) -> tuple[float, float] | None:
 
 
 MANY, ENOUGH = 100_000, 30_000
-"""`MANY`: with more samples of fit runs, only some runs are fitted. `ENOUGH`: least number of their samples. With so
-many samples the model's own error, and not the number of samples, limits how well a value is known. A dozen runs of 10
-s at 500 Hz have 60,000 samples, and all of them are fitted."""
+"""If the fit runs have more than `MANY` samples, only some runs with at least `ENOUGH` samples are fitted. With so many
+samples the model's own error limits how well a value is known. Twelve runs of 10 s at 500 Hz are all fitted."""
 
 
 def enough_to_fit(dataset: Dataset) -> tuple[Dataset, str | None]:
-    """Returns a data set of some fit runs and a note, or the whole data set and None if it has at most `MANY` fit
-    samples.
+    """Returns a data set of some fit runs and a note; with at most `MANY` fit samples, the whole data set and None.
 
-    Runs are taken in turn from each manoeuvre and direction, first the one with the largest input, then the others
-    evenly over the file's order. Pauses are extended by the runs left out, so that each run keeps its age.
+    Each manoeuvre and direction gives one run in turn: first the run with the largest input, then the others evenly
+    over the file's order. Pauses are extended by the runs left out, so that each run keeps its age.
     """
     inputs = {run.name: motor_inputs(run, dataset) for run in dataset.runs}
     fitted = set(assign(dataset, inputs, stretches=True).fit())
     runs = [run for run in dataset.runs if run.name in fitted]
     if sum(len(run.time) for run in runs) <= MANY:
         return dataset, None
-    groups: dict[str, list[tuple[float, Run]]] = defaultdict(list)
-    for run in runs:
-        driven = np.nan_to_num(inputs[run.name])
-        groups[manoeuvre(driven)].append((float(np.sqrt(np.mean(driven**2))), run))
     chosen, samples = set[str](), 0
-    queues = [_in_turn(group) for group in groups.values()]
+    queues = [_in_turn(group) for group in _by_manoeuvre(runs, inputs)]
     while samples < ENOUGH:
         for queue in queues:
             if queue:
@@ -252,7 +241,7 @@ def enough_to_fit(dataset: Dataset) -> tuple[Dataset, str | None]:
     return replace(dataset, runs=_kept(dataset, chosen)), note
 
 
-def _in_turn(group: list[tuple[float, Run]]) -> list[Run]:
+def _in_turn(group: Group) -> list[Run]:
     """Returns the runs of one manoeuvre: the one with the largest input, then the others at halves, quarters ..."""
     largest = max(range(len(group)), key=lambda index: group[index][0])
     others = [run for index, (_, run) in enumerate(group) if index != largest]
@@ -276,22 +265,22 @@ def _kept(dataset: Dataset, chosen: set[str]) -> tuple[Run, ...]:
 def repeats(dataset: Dataset) -> tuple[tuple[str, str, float], ...]:
     """Returns pairs of runs with equal inputs from the start, and for how many s they are equal; replicates or not."""
     inputs = {run.name: motor_inputs(run, dataset) for run in dataset.runs}
-    found = []
-    for one, other in combinations(dataset.runs, 2):
-        shorter = min(float(run.time[-1] - run.time[0]) for run in (one, other))
-        seconds = _same_for(one, other, inputs, np.arange(0.0, shorter, _GRID_S))
+    pairs = []
+    for first, second in combinations(dataset.runs, 2):
+        shorter = min(float(run.time[-1] - run.time[0]) for run in (first, second))
+        seconds = _same_for(first, second, inputs, np.arange(0.0, shorter, _GRID_S))
         if seconds >= max(_REPEAT_S, _REPEAT_SHARE * shorter):
-            found.append((one.name, other.name, seconds))
-    return tuple(found)
+            pairs.append((first.name, second.name, seconds))
+    return tuple(pairs)
 
 
-def _same_for(one: Run, other: Run, inputs: Mapping[str, Array], grid: Array) -> float:
+def _same_for(first: Run, second: Run, inputs: Mapping[str, Array], grid: Array) -> float:
     """Returns for how many s from their start the inputs of two runs are the same, on a `grid` of times."""
-    rows = (np.searchsorted(run.time - run.time[0], grid + 1e-9, side="right") - 1 for run in (one, other))
-    first, second = (inputs[run.name][held] for run, held in zip((one, other), rows, strict=True))
-    if not np.array_equal(np.isnan(first), np.isnan(second)):
+    rows = (np.searchsorted(run.time - run.time[0], grid + 1e-9, side="right") - 1 for run in (first, second))
+    of_first, of_second = (inputs[run.name][held] for run, held in zip((first, second), rows, strict=True))
+    if not np.array_equal(np.isnan(of_first), np.isnan(of_second)):
         return 0.0
-    apart = np.cumsum(np.nansum((first - second) ** 2, axis=1))
-    size = np.cumsum(np.nansum(first**2 + second**2, axis=1) / 2)
+    apart = np.cumsum(np.nansum((of_first - of_second) ** 2, axis=1))
+    size = np.cumsum(np.nansum(of_first**2 + of_second**2, axis=1) / 2)
     same = np.flatnonzero((apart <= _SAME_SHARE**2 * size) & (size > 0))
     return float(grid[same[-1]]) if len(same) else 0.0

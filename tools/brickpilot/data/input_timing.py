@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+
+from brickpilot.data.signals import Array
 
 if TYPE_CHECKING:
     from brickpilot.data.dataset import Dataset, Run
 
-Vector = NDArray[np.float64]
 Timing = Literal["held", "linear"]
 InputTiming = Literal[Timing, "unknown"]
 Sampling = Literal["instant", "mean"]
@@ -38,7 +38,7 @@ def with_linear_inputs(run: Run) -> Run:
     return with_rows(run, *ramps(run.time, run.inputs))
 
 
-def ramps(time: Vector, inputs: Mapping[str, Vector], step_s: float = _STEP_S) -> tuple[Vector, dict[str, Vector]]:
+def ramps(time: Array, inputs: Mapping[str, Array], step_s: float = _STEP_S) -> tuple[Array, dict[str, Array]]:
     """Returns the times and inputs of finer rows that follow straight lines between the given rows, as means.
 
     Args:
@@ -53,14 +53,14 @@ def ramps(time: Vector, inputs: Mapping[str, Vector], step_s: float = _STEP_S) -
     row = np.repeat(np.arange(span.size), steps)
     part = (np.arange(row.size) - np.repeat(np.cumsum(steps) - steps, steps)) / steps[row]
     begins = np.append(time[row] + part * span[row], time[-1])
-    found = {}
+    means = {}
     for name, values in inputs.items():
         ramp = values[row] + (part + 0.5 / steps[row]) * np.diff(values)[row]
-        found[name] = np.append(np.where(np.isnan(ramp), values[row], ramp), values[-1])
-    return begins, found
+        means[name] = np.append(np.where(np.isnan(ramp), values[row], ramp), values[-1])
+    return begins, means
 
 
-def with_rows(run: Run, time: Vector, inputs: Mapping[str, Vector]) -> Run:
+def with_rows(run: Run, time: Array, inputs: Mapping[str, Array]) -> Run:
     """Returns a run with more rows and other inputs; outputs are blank in the new rows.
 
     Args:
@@ -69,7 +69,7 @@ def with_rows(run: Run, time: Vector, inputs: Mapping[str, Vector]) -> Run:
     """
     measured = np.searchsorted(time, run.time)
 
-    def spread(values: Vector) -> Vector:
+    def spread(values: Array) -> Array:
         wider = np.full(time.size, np.nan)
         wider[measured] = values
         wider.setflags(write=False)
@@ -80,7 +80,7 @@ def with_rows(run: Run, time: Vector, inputs: Mapping[str, Vector]) -> Run:
     return dataclasses.replace(run, time=time, inputs=dict(inputs), outputs=outputs, raw_outputs=raw)
 
 
-def mean_over_steps(time: Vector, driven: Vector, grid: Vector) -> Vector:
+def mean_over_steps(time: Array, driven: Array, grid: Array) -> Array:
     """Returns (grid, columns): the mean of each input over each step of the grid. Inputs hold from sample to sample.
 
     Args:
@@ -91,9 +91,9 @@ def mean_over_steps(time: Vector, driven: Vector, grid: Vector) -> Vector:
     return means_over_grids(time, driven, [grid])[0]
 
 
-def means_over_grids(time: Vector, driven: Vector, grids: Sequence[Vector]) -> list[Vector]:
+def means_over_grids(time: Array, driven: Array, grids: Sequence[Array]) -> list[Array]:
     """Returns the result of `mean_over_steps` for each grid; the inputs are summed only once."""
-    grid, ends = np.concatenate(grids), np.cumsum([len(one) for one in grids])
+    grid, ends = np.concatenate(grids), np.cumsum([len(each) for each in grids])
     held = np.where(np.isnan(driven), 0.0, driven)
     summed = np.vstack([np.zeros(driven.shape[1]), np.cumsum(held[:-1] * np.diff(time)[:, np.newaxis], axis=0)])
     at_grid = np.column_stack([np.interp(grid, time, column) for column in summed.T])
@@ -105,7 +105,7 @@ def means_over_grids(time: Vector, driven: Vector, grids: Sequence[Vector]) -> l
     return np.split(means, ends[:-1])
 
 
-def later(time: Vector, driven: Vector, delay_s: float) -> Vector:
+def later(time: Array, driven: Array, delay_s: float) -> Array:
     """Returns (n, columns): inputs that act `delay_s` s later, or earlier if it is negative, at the same samples.
 
     Before the first input arrives, 0 V acts; the last input holds.
@@ -116,14 +116,14 @@ def later(time: Vector, driven: Vector, delay_s: float) -> Vector:
     return mean_over_steps(arrives, held, np.append(time, beyond))[:-1]
 
 
-def held_back(time: Vector, driven: Vector, held_s: float) -> Vector:
+def held_back(time: Array, driven: Array, held_s: float) -> Array:
     """Returns (n, columns): inputs that are 0 V in the first `held_s` s of the run, and unchanged after that."""
     steps = np.diff(time, append=2 * time[-1] - time[-2])
     missing = np.clip((held_s - (time - time[0])) / steps, 0.0, 1.0)[:, np.newaxis]
     return np.where(missing >= 1, 0.0, (1 - missing) * driven)
 
 
-def scaled(_: Vector, driven: Vector, gain: float) -> Vector:
+def scaled(_: Array, driven: Array, gain: float) -> Array:
     """Returns (n, columns): inputs that are larger by a share `gain`."""
     return np.asarray(driven * (1 + gain))
 
@@ -149,7 +149,7 @@ def refined(dataset: Dataset) -> Dataset:
     return dataclasses.replace(dataset, runs=tuple(runs), input_timing="held")
 
 
-def inputs_acting(run: Run, time: Vector, timing: Timing, behind: Behind) -> dict[str, Vector]:
+def inputs_acting(run: Run, time: Array, timing: Timing, behind: Behind) -> dict[str, Array]:
     """Returns the inputs of a logged run, held or linear, as means over the rows at `time`."""
     at, inputs = run.time, run.inputs
     if timing == "linear":
@@ -163,7 +163,7 @@ def inputs_acting(run: Run, time: Vector, timing: Timing, behind: Behind) -> dic
     return dict(zip(inputs, means.T, strict=True))
 
 
-def _lagged(time: Vector, values: Vector, lag: float) -> Vector:
+def _lagged(time: Array, values: Array, lag: float) -> Array:
     """Returns (n, columns): the row means of `values` after a first-order lag that starts settled; NaN stays NaN."""
     steps = np.diff(time, append=2 * time[-1] - time[-2])
     kept = np.exp(-steps / lag)

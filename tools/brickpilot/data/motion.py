@@ -11,10 +11,8 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
 from brickpilot.data.dataset import Dataset, Run, motor_inputs
-from brickpilot.data.signals import RATE_OF, SUMMED
+from brickpilot.data.signals import RATE_OF, SUMMED, Array
 from brickpilot.errors import InputError
-
-Array = NDArray[np.float64]
 
 _REST_S = 0.5  # longest time that is averaged at the start of a run at rest
 MOVING_SAMPLES = 12
@@ -86,7 +84,7 @@ def _first_value(time: Array, values: Array, rest: int, moving: int) -> float:
     """Estimates the first of `values` (n,) from the known ones among the first `rest` or else `moving` samples."""
     known = _without_spikes(values, np.flatnonzero(np.isfinite(values[: max(rest, moving)])))
     chosen = known[known < rest]
-    if len(chosen) >= _LEAST_KNOWN and not any(_trends(time[chosen], values[chosen], one) for one in _OF_MOTION):
+    if len(chosen) >= _LEAST_KNOWN and not any(_trends(time[chosen], values[chosen], degree) for degree in _OF_MOTION):
         return float(np.mean(values[chosen]))
     chosen = known[known < moving]
     while len(chosen) >= _LEAST_BENT and _trends(time[chosen], values[chosen], 2):
@@ -100,10 +98,10 @@ def _trends(time: Array, values: Array, degree: int) -> bool:
     """Returns whether the leading term of a fitted polynomial is significantly larger than its noise."""
     clock = (time - time.mean()) / max(float(np.ptp(time)), 1e-300)
     terms = np.vander(clock, degree + 1)
-    found = np.linalg.lstsq(terms, values, rcond=None)[0]
-    noise = np.sum((values - terms @ found) ** 2) / max(len(values) - degree - 1, 1)
+    fitted = np.linalg.lstsq(terms, values, rcond=None)[0]
+    noise = np.sum((values - terms @ fitted) ** 2) / max(len(values) - degree - 1, 1)
     sd = float(np.sqrt(noise * np.linalg.pinv(terms.T @ terms)[0, 0]))
-    return bool(abs(found[0]) >= _TREND_SD * sd + 1e-300)
+    return bool(abs(fitted[0]) >= _TREND_SD * sd + 1e-300)
 
 
 def _without_spikes(values: Array, known: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -206,15 +204,12 @@ def _windows(run: Run, angles: Mapping[str, Array], length_s: float, still: floa
         for name, values in angles.items():
             outputs[name] = np.full(length, np.nan)
             outputs[name][0] = values[first]
-        yield dataclasses.replace(
-            run,
+        yield run.rows(
+            rows,
             name=f"{run.name}{_WINDOW}{number + 1}",
-            time=run.time[rows],
-            inputs={name: values[rows] for name, values in run.inputs.items()},
             outputs=outputs,
             raw_outputs={},
             gap_s=run.gap_s if number == 0 else 0.0,
-            replicate_of=None,
             initial={} if number else run.initial,
         )
 
@@ -241,18 +236,18 @@ def wheel_angles(run: Run) -> dict[str, Array] | None:
 
     If only the first sample of an angle is known, the integral begins there.
     """
-    found = {}
+    angle_of = {}
     for angle, rate in RATE_OF.items():
         if "travel" in angle:
             continue
         angles, rates = (_without_holes(run.time, run.outputs.get(name)) for name in (angle, rate))
         if angles is not None and (rates is None or np.isfinite(angles).all()):
-            found[angle] = angles
+            angle_of[angle] = angles
         elif rates is not None:
             begun = 0.0 if angles is None else float(np.nan_to_num(angles[0]))
-            found[angle] = begun + cumulative_trapezoid(rates, run.time, initial=0)
-    one_of_two = len(found) == 1 and found.keys() & {"wheel_angle_left", "wheel_angle_right"}
-    return None if one_of_two else found or None
+            angle_of[angle] = begun + cumulative_trapezoid(rates, run.time, initial=0)
+    one_of_two = len(angle_of) == 1 and angle_of.keys() & {"wheel_angle_left", "wheel_angle_right"}
+    return None if one_of_two else angle_of or None
 
 
 WINDOW_S = 1.0

@@ -1,9 +1,10 @@
 """The noise of a measured signal: its size, its colour, and its sd in a mean over several samples.
 
-Third differences of the samples, at distances of one sample to several, distinguish noise from motion. A smooth motion
-adds to their variance with the sixth power of the distance. White noise adds the same at every distance; at the
-shortest distance, differentiated noise adds more and filtered noise less. The colour also determines the noise of a
-mean over n samples: with n, filtered noise falls more slowly than white noise, and differentiated noise faster.
+Third differences of the samples, at several distances, distinguish noise from motion. The part of a smooth motion in
+their variance grows with the sixth power of the distance. The part of white noise is the same at every distance. At the
+shortest distance, the part of differentiated noise is larger, and that of filtered noise is smaller. The colour also
+determines the noise of a mean over n samples: filtered noise falls more slowly with n than white noise, and
+differentiated noise falls faster.
 """
 
 from __future__ import annotations
@@ -13,10 +14,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-Array = NDArray[np.float64]
+from brickpilot.data.signals import Array
+
 Colour = Literal["white", "differentiated", "filtered", "quantised"]
 
 _DISTANCES = np.array([1, 2, 3, 4, 6])  # samples
@@ -79,8 +80,8 @@ def noise_of(parts: Sequence[Array], step: float = 0.0) -> Noise:
         return Noise(quantum / 12**0.5, "quantised", float(np.exp(-1 / samples_a_step)))
     long = [part for part in moving if len(part) >= _LEAST_SAMPLES]
     white = float(np.median([_third_difference(part, 1) for part in moving])) / 20**0.5
-    found = _coloured(long, white) if long else Noise(white)
-    return Noise(max(found.sd, quantum / 12**0.5), found.colour, found.correlation)
+    noise = _coloured(long, white) if long else Noise(white)
+    return Noise(max(noise.sd, quantum / 12**0.5), noise.colour, noise.correlation)
 
 
 def _without_long_holes(part: Array) -> list[Array]:
@@ -90,11 +91,11 @@ def _without_long_holes(part: Array) -> list[Array]:
 
 
 def step_of(parts: Sequence[Array]) -> float:
-    """Returns the step of a converter or a counter, SI: nearly all differences of values are multiples of it; 0: no
-    step is visible.
+    """Returns the step of a converter or a counter, SI; 0: no step is visible.
 
-    A counter of a fast wheel skips most of its values, so the step may be a fraction of the smallest distance. If few
-    values repeat, a step far below the noise is only that of the text's digits.
+    Nearly all differences of values are multiples of the step. A counter of a fast wheel skips most of its values, so
+    the step may be a fraction of the smallest distance. If few values repeat, a step far below the noise is that of the
+    text's digits, and is not returned.
 
     Args:
         parts: the known samples of each run; the runs may have different origins.
@@ -145,17 +146,17 @@ def _coloured(parts: Sequence[Array], white: float) -> Noise:
 
 def _shapes() -> list[tuple[Colour, float, Array]]:
     """Returns each colour with the variance of its third differences at `_DISTANCES`, for noise of unit variance."""
-    found: list[tuple[Colour, float, Array]] = [("white", 0.0, np.full(len(_DISTANCES), _THIRD[0]))]
-    one = np.array([1.0, -0.5])  # autocorrelation of a difference of white noise
+    shapes: list[tuple[Colour, float, Array]] = [("white", 0.0, np.full(len(_DISTANCES), _THIRD[0]))]
+    correlation = np.array([1.0, -0.5])  # autocorrelation of a difference of white noise
     differences = [
-        sum(weight * (one[k * distance] if k * distance < 2 else 0.0) for k, weight in enumerate(_THIRD))
+        sum(weight * (correlation[k * distance] if k * distance < 2 else 0.0) for k, weight in enumerate(_THIRD))
         for distance in _DISTANCES.tolist()
     ]
-    found.append(("differentiated", 0.0, np.array(differences)))
+    shapes.append(("differentiated", 0.0, np.array(differences)))
     for rho in _FILTERS.tolist():
         powers = rho ** (_DISTANCES[:, np.newaxis] * np.arange(4))
-        found.append(("filtered", rho, np.asarray(powers @ _THIRD)))
-    return found
+        shapes.append(("filtered", rho, np.asarray(powers @ _THIRD)))
+    return shapes
 
 
 def _third_difference(values: Array, distance: int) -> float:

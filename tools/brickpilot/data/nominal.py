@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from brickpilot import catalogue
+from brickpilot.catalogue import ParameterInfo
 from brickpilot.data.signals import Frame, Vehicle
 from brickpilot.data.toml_file import Key, TomlFile
 
@@ -14,7 +15,6 @@ from brickpilot.data.toml_file import Key, TomlFile
 _IN_AXES = frozenset({"sensor", "body"})
 _SIDES = frozenset({"left", "right"})
 
-_LARGE = 1e12
 _FINEST_SD = 1e-15
 _FINEST_SHARE = 1e-9  # least sd over the value: no measurement is more precise
 _WIDEST_SD = 1e9
@@ -44,8 +44,7 @@ def read_nominal(toml: TomlFile, table: Mapping[str, Any], vehicle: Vehicle) -> 
             toml.refuse(key, "unknown nominal parameter")
         if name not in catalogue.presets(vehicle):
             toml.refuse(key, f"belongs to a skid_steer, not to a {vehicle}")
-        info = known[name]
-        nominal[name] = _entry(toml, key, entry, info.minimum, info.maximum, info.unit)
+        nominal[name] = _entry(toml, key, entry, known[name])
     _check_drive(toml, nominal, vehicle)
     return nominal
 
@@ -72,8 +71,7 @@ def read_nominal_effects(toml: TomlFile, table: Mapping[str, Any], frame: Frame)
         for parameter, entry in entries.items():
             if parameter not in ranges:
                 toml.refuse((*key, parameter), f"unknown parameter; known: {', '.join(ranges)}")
-            info = ranges[parameter]
-            stated = _entry(toml, (*key, parameter), entry, info.minimum, info.maximum, info.unit)
+            stated = _entry(toml, (*key, parameter), entry, ranges[parameter])
             if frame == "FLU" and turns_with_frame(name, parameter):
                 stated = replace(stated, value=0.0 - stated.value)
             effects[name][parameter] = stated
@@ -82,9 +80,9 @@ def read_nominal_effects(toml: TomlFile, table: Mapping[str, Any], frame: Frame)
 
 def turns_with_frame(effect: str, parameter: str) -> bool:
     """Returns whether a parameter's sign depends on the frame; False if it is no parameter of an effect."""
-    for one in catalogue.effects_of((effect,)):
-        odd = any(info.odd for info in one.parameters if info.name == parameter)
-        return odd and one.acts_on in _IN_AXES and parameter not in _SIDES
+    for row in catalogue.effects_of((effect,)):
+        odd = any(info.odd for info in row.parameters if info.name == parameter)
+        return odd and row.acts_on in _IN_AXES and parameter not in _SIDES
     return False
 
 
@@ -93,7 +91,8 @@ def lengths(nominal: Mapping[str, Nominal], vehicle: Vehicle) -> dict[str, float
     return {n: known.value for n, known in nominal.items() if (vehicle, n) != ("skid_steer", "half_track")}
 
 
-def _entry(toml: TomlFile, key: Key, entry: object, low: float, high: float, unit: str) -> Nominal:
+def _entry(toml: TomlFile, key: Key, entry: object, info: ParameterInfo) -> Nominal:
+    low, high, unit = info.minimum, info.maximum, info.unit
     if not isinstance(entry, dict):
         return Nominal(toml.number(key, entry, low, high, unit))
     toml.known_keys(key, entry, {"value", "sd"})
@@ -102,9 +101,7 @@ def _entry(toml: TomlFile, key: Key, entry: object, low: float, high: float, uni
     value = toml.number((*key, "value"), entry["value"], low, high, unit)
     if "sd" not in entry:
         return Nominal(value)
-    sd = toml.number((*key, "sd"), entry["sd"], -_LARGE, _LARGE, unit)
-    if sd <= 0.0:
-        toml.refuse((*key, "sd"), f"{sd:g} is not above zero")
+    sd = toml.positive((*key, "sd"), entry["sd"], unit)
     if not max(_FINEST_SD, _FINEST_SHARE * abs(value)) <= sd <= min(high - low, _WIDEST_SD):
         toml.refuse((*key, "sd"), f"{sd:g} is not a plausible uncertainty of {value:g} {unit}".rstrip())
     return Nominal(value, sd)
@@ -112,9 +109,9 @@ def _entry(toml: TomlFile, key: Key, entry: object, low: float, high: float, uni
 
 def _check_drive(toml: TomlFile, nominal: Mapping[str, Nominal], vehicle: Vehicle) -> None:
     closed = [name for name in nominal if name in {"force_per_volt", "torque_per_volt"}]
-    if closed and vehicle != "motor":
-        toml.refuse(("nominal", closed[0]), f"belongs to a motor, not to a {vehicle}")
     for name in closed:
+        if vehicle != "motor":
+            toml.refuse(("nominal", name), f"belongs to a motor, not to a {vehicle}")
         if nominal[name].value == 0.0:
             toml.refuse(("nominal", name), "is 0: leave it out of a motor that is driven by voltage")
     if len(closed) > 1:

@@ -5,7 +5,6 @@ An order is a number of periods per turn.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -16,8 +15,8 @@ from scipy.fft import next_fast_len
 
 from brickpilot.data.dataset import Dataset, Run, motor_inputs
 from brickpilot.data.motion import HOLE_S, wheel_angles
+from brickpilot.data.signals import Array
 
-Array = NDArray[np.float64]
 Spectrum = NDArray[np.complex128]
 
 _STEP = 2 * math.pi / 256  # rad
@@ -60,13 +59,12 @@ def orders(dataset: Dataset) -> tuple[float, ...]:
             alone += np.abs(sums) ** 2
             plain[name] = plain.get(name, 0.0) + sums
             by_current[name] = by_current.get(name, 0.0) + _sums(angle, jerked * current)
-    found: list[float] = []
-    coherent = [
-        sum((np.abs(one) ** 2 for one in wheels.values()), np.zeros_like(alone)) for wheels in (plain, by_current)
-    ]
+    distinct: list[float] = []
+    none = np.zeros_like(alone)
+    coherent = [sum((np.abs(sums) ** 2 for sums in wheels.values()), none) for wheels in (plain, by_current)]
     for power in (*coherent, alone):
-        found += [one for one in _peaks(power) if all(abs(one - other) > _SAME for other in found)]
-    return tuple(found)
+        distinct += [order for order in _peaks(power) if all(abs(order - other) > _SAME for other in distinct)]
+    return tuple(distinct)
 
 
 def _measured(run: Run) -> tuple[Run, slice]:
@@ -74,13 +72,12 @@ def _measured(run: Run) -> tuple[Run, slice]:
 
     After a hole the wheel's angle is not known any more.
     """
-    known = np.flatnonzero(np.any([np.isfinite(one) for one in run.outputs.values()], axis=0))
+    known = np.flatnonzero(np.any([np.isfinite(values) for values in run.outputs.values()], axis=0))
     is_hole = (np.diff(run.time[known]) > HOLE_S) & (np.diff(known) > 1)
     parts = np.split(known, np.flatnonzero(is_hole) + 1)
     longest = max(parts, key=len)
     rows = slice(int(longest[0]), int(longest[-1]) + 1) if len(longest) else slice(0, 0)
-    outputs = {name: one[rows] for name, one in run.outputs.items()}
-    return dataclasses.replace(run, time=run.time[rows], outputs=outputs), rows
+    return run.rows(rows), rows
 
 
 def resolved_order(dataset: Dataset) -> float | None:
@@ -111,13 +108,13 @@ def separate(
     places: Array, indices: NDArray[np.intp], apart: float, counts: Callable[[int], bool] = lambda _: True
 ) -> list[float]:
     """Returns the first few of `places` at `indices` that `counts` accepts and that lie `apart` from each other."""
-    found: list[float] = []
+    chosen: list[float] = []
     for index in indices.tolist():
-        if all(abs(places[index] - other) >= apart for other in found) and counts(index):
-            found.append(float(places[index]))
-        if len(found) == _PEAKS:
+        if all(abs(places[index] - other) >= apart for other in chosen) and counts(index):
+            chosen.append(float(places[index]))
+        if len(chosen) == _PEAKS:
             break
-    return found
+    return chosen
 
 
 def _sums(angle: Array, values: Array) -> Spectrum:
@@ -184,17 +181,20 @@ def own_period(residuals: Sequence[tuple[Array, Array]], level: float) -> Period
     if not len(tested):
         return None
     power = np.sum([_power_at_multiples(*piece, duration, len(multiples)) for piece in pieces], axis=0)
-    around = [one for one in range(-_AROUND - 1, _AROUND + 2) if abs(one) > 1]
-    background = np.mean([power[tested - 1 + one] for one in around], axis=0)
+    around = [offset for offset in range(-_AROUND - 1, _AROUND + 2) if abs(offset) > 1]
+    background = np.mean([power[tested - 1 + offset] for offset in around], axis=0)
     ratio = power[tested - 1] / background
-    from scipy.stats import f as fisher  # slow to load, and most commands need none of it
+    from scipy.signal import lombscargle  # slow to load, and most commands need none of it
+    from scipy.stats import f as fisher
 
     chances = fisher.sf(ratio, 2 * len(pieces), 2 * len(pieces) * len(around)) * len(tested)
     best = int(np.argmin(chances))
     if not chances[best] < level:
         return None
     near = (tested[best] + np.linspace(-1.0, 1.0, 2 * _FINER + 1)) / duration
-    shares = _power(pieces, near)
+    angular = 2.0 * math.pi * near
+    # (pieces, frequencies): the Lomb-Scargle power of each piece over its variance
+    shares = np.array([np.asarray(lombscargle(time, left, angular)) / np.mean(left**2) for time, left in pieces])
     peak = int(np.argmax(shares.sum(axis=0)))
     sizes = np.array([np.mean(left**2) for _, left in pieces])
     sines = 2.0 * shares[:, peak] / [len(left) for _, left in pieces] * sizes
@@ -225,11 +225,3 @@ def _power_at_multiples(time: Array, left: Array, duration: float, count: int) -
     own = np.maximum(samples**2 - np.abs(doubled) ** 2, samples**2 * np.finfo(np.float64).eps)
     power = (samples * np.abs(sums) ** 2 - (sums**2 * doubled.conj()).real) / own
     return np.asarray(power / np.mean(left**2))
-
-
-def _power(pieces: Sequence[tuple[Array, Array]], frequencies: Array) -> Array:
-    """Returns (pieces, frequencies): the Lomb-Scargle power of each piece over its variance, at `frequencies` in Hz."""
-    from scipy.signal import lombscargle  # slow to load, and most commands need none of it
-
-    angular = 2.0 * math.pi * frequencies
-    return np.array([np.asarray(lombscargle(time, left, angular)) / np.mean(left**2) for time, left in pieces])

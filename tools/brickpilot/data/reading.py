@@ -1,18 +1,18 @@
 """Reads measured data sets: a folder with `dataset.toml` and one text file of columns per run, or DataFrames.
 
 The values are converted to SI and to the paper's frame, channels that are surely wired wrongly are mended, and damaged
-samples are blanked.
+samples are blanked. DataFrames get the same checks as files.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+import numbers
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brickpilot.constants import MOTOR_STEP_S
 from brickpilot.data.audit.audit import audit
@@ -21,12 +21,12 @@ from brickpilot.data.audit.view import Channels
 from brickpilot.data.audit.wiring import mended, miswired, with_counts
 from brickpilot.data.audit.wiring_motion import Miswired
 from brickpilot.data.dataset import PRESET_BATTERY_VOLTAGE, Dataset, Run, battery
-from brickpilot.data.description import Description, RunEntry, Signal, describe, described
-from brickpilot.data.frames import Column, read_frame, tables
+from brickpilot.data.description import Description, Signal, describe
 from brickpilot.data.input_timing import with_linear_inputs
 from brickpilot.data.nominal import lengths
 from brickpilot.data.rows import Columns, read_columns
-from brickpilot.data.signals import SIGNALS, to_frd
+from brickpilot.data.signals import SIGNALS, Array, Frame, to_frd
+from brickpilot.data.toml_file import Key, TomlFile
 from brickpilot.errors import InputError
 
 if TYPE_CHECKING:
@@ -34,9 +34,11 @@ if TYPE_CHECKING:
 
 __all__ = ["Dataset", "channels_of", "read"]
 
-Vector = NDArray[np.float64]
+Column = str | tuple[str, str] | Mapping[str, Any]
+"""A signal's column: a name (SI unit); (name, unit); or a mapping of the keys that a data set's file may state."""
 
 _LONGEST_RUN_S = 1e6
+_ARGUMENTS = {"role": "roles"}  # key -> argument of `Dataset.from_frames` with another name
 
 
 def read(folder: Path | str) -> Dataset:
@@ -55,16 +57,14 @@ def read(folder: Path | str) -> Dataset:
         if not path.is_file():
             raise InputError("no such data set: a folder with a dataset.toml is needed", file=path)
         if path.suffix.lower() != ".toml":
-            message = (
-                "is no data set; `brickpilot why` answers from a log, and `brickpilot import` makes a data set of it"
-            )
-            raise InputError(message, file=path)
+            other = "`brickpilot why` answers from a log, and `brickpilot import` makes a data set of it"
+            raise InputError(f"is no data set; {other}", file=path)
     except (OSError, ValueError) as error:
         raise InputError("cannot be read", file=path) from error
-    description = describe(path)
+    description = describe(TomlFile(path))
 
-    def columns(entry: RunEntry, wanted: Mapping[str, str | int]) -> Columns:
-        return read_columns(entry.file, wanted, description.layout)
+    def columns(run: Run, wanted: Mapping[str, str | int]) -> Columns:
+        return read_columns(run.file, wanted, description.layout)
 
     return _checked(path, description, columns)
 
@@ -80,62 +80,185 @@ def _of_frames(
 
     Args:
         of_runs: statements on single runs, as their tables in a data set's file: key -> run -> value.
-        stated: the top-level keys of that file.
+        stated: the top-level keys of that file; None: not stated.
     """
-    toml = tables(frames, signals, of_runs, stated)
+    toml = _tables(frames, signals, of_runs, stated)
 
-    def columns(entry: RunEntry, wanted: Mapping[str, str | int]) -> Columns:
-        read = read_frame(entry.file, frames[entry.name], wanted)
-        for signal in wanted:
-            blank = np.isnan(read.values[signal])
+    def columns(run: Run, wanted: Mapping[str, str | int]) -> Columns:
+        read = _read_frame(run.file, frames[run.name], wanted)
+        for signal, values in read.values.items():
+            blank = np.isnan(values)
             if signal.startswith(("voltage", "reference")) and not floats and blank.any():
                 message = "is NaN; say floats=True if the motor floats there"
                 raise read.fault(message, int(np.argmax(blank)), signal)
         return read
 
-    return _checked(Path(str(stated["name"])), described(toml), columns)
+    return _checked(Path(str(stated["name"])), describe(toml), columns)
 
 
 Dataset._of_frames = staticmethod(_of_frames)
 
 
+class _StatedTables(TomlFile):
+    """The arguments of `Dataset.from_frames`, as the tables that a dataset.toml would hold. Errors name no file."""
+
+    def __init__(self, data: Mapping[str, Any]) -> None:
+        self.path = Path("from_frames")
+        self.data = _plain(data)
+        self._lines = {}
+        self._check_integers((), self.data)
+
+    def file_beside(self, key: Key, value: object) -> Path:
+        """Returns the run's name as errors show it, because a frame has no file."""
+        return Path(f"run {value}")
+
+
+@dataclass(frozen=True)
+class _FrameColumns(Columns):
+    """Columns of a DataFrame; its rows count from 0, as in `frame.iloc`."""
+
+    def fault(self, message: str, row: int, field: str | None = None) -> InputError:
+        """Returns the error that names the run, the row and the field."""
+        return InputError(message, file=f"{self.source}, row {row}", field=field)
+
+
+def _tables(
+    frames: Mapping[str, pandas.DataFrame],
+    signals: Mapping[str, Column] | None,
+    of_runs: Mapping[str, Mapping[str, Any]],
+    stated: Mapping[str, Any],
+) -> _StatedTables:
+    """Returns the tables that a dataset.toml of these frames would hold.
+
+    Raises:
+        InputError: there is no frame, a frame is no DataFrame, or an argument names an unknown run.
+    """
+    import pandas
+
+    if not isinstance(frames, Mapping) or not frames:
+        got = "an empty mapping" if isinstance(frames, Mapping) else f"a {type(frames).__name__}"
+        raise InputError(f"got {got}: needs at least one run, {{name: DataFrame}}", field="from_frames")
+    for name, frame in frames.items():
+        if not isinstance(frame, pandas.DataFrame):
+            raise InputError(f"is a {type(frame).__name__}, not a DataFrame", file=f"run {name}")
+    for key, values in of_runs.items():
+        argument = f"from_frames: {_ARGUMENTS.get(key, key)}"
+        if not isinstance(values, Mapping):
+            raise InputError(f"{values!r} is not a mapping of runs to values", field=argument)
+        for name in values:
+            if name not in frames:
+                raise InputError(f"no run {name!r}; the runs are {', '.join(map(str, frames))}", field=argument)
+    if signals is None:
+        first = next(iter(frames.values()))
+        signals = {name: name for name in SIGNALS if name in first.columns or name == first.index.name}
+    columns = {"time": "time"} | dict(signals)
+    runs = [
+        {"name": name, "file": name} | {key: values[name] for key, values in of_runs.items() if name in values}
+        for name in frames
+    ]
+    given = {key: value for key, value in stated.items() if value is not None}
+    return _StatedTables(given | {"signals": {name: _signal(name, of) for name, of in columns.items()}, "runs": runs})
+
+
+def _read_frame(run: Path, frame: pandas.DataFrame, wanted: Mapping[str, str | int]) -> _FrameColumns:
+    """Returns the wanted columns, signal -> column, of a frame; its index counts as a column by its name.
+
+    Raises:
+        InputError: a missing or double column, a cell that is not a number, or no rows. It names `run`.
+    """
+    names = [str(name) for name in frame.columns]
+    if not len(frame):
+        raise InputError("holds no rows of data", file=run)
+    columns = _FrameColumns({}, range(len(frame)), run)
+    for signal, column in wanted.items():
+        count = names.count(str(column))
+        if count > 1:
+            raise InputError("column occurs more than once", file=run, field=str(column))
+        if count == 1:
+            cells = frame.iloc[:, names.index(str(column))]
+        elif column == frame.index.name:
+            cells = frame.index.to_series()
+        else:
+            raise InputError(f"no column {column!r} among {', '.join(names[:20])}", file=run, field=signal)
+        columns.values[signal] = _numbers(columns, f"{signal} (column {column})", cells)
+    return columns
+
+
+def _signal(name: str, column: Column) -> dict[str, Any]:
+    """Returns the table of a signal; an unknown signal is refused later, by the checks of all files."""
+    unit = SIGNALS[name].unit if name in SIGNALS else "1"
+    if isinstance(column, Mapping):
+        return {"unit": unit, **column}
+    if isinstance(column, tuple) and len(column) == 2:
+        return {"column": column[0], "unit": column[1]}
+    return {"column": column, "unit": unit}
+
+
+def _numbers(columns: _FrameColumns, field: str, cells: pandas.Series) -> Array:
+    """Returns the cells as numbers; NaN where a cell is missing."""
+    if cells.dtype.kind in "iuf":
+        return np.array(cells.to_numpy(dtype=np.float64, na_value=np.nan))
+    if cells.dtype.kind in "mM":
+        raise InputError(f"holds {cells.dtype}; give it as a number", file=columns.source, field=field)
+    missing = cells.isna().to_numpy()
+    values = np.full(len(cells), np.nan)
+    for row, cell in enumerate(cells):
+        if missing[row]:
+            continue
+        if isinstance(cell, bool | np.bool_) or not isinstance(cell, numbers.Real):
+            raise columns.fault(f"{str(cell)[:40]!r} is not a number (None or NaN: no value)", row, field)
+        values[row] = float(cell)
+    return values
+
+
+def _plain(value: Any) -> Any:
+    """Returns the value as a TOML file would give it: no numpy scalar, tuple or foreign mapping."""
+    if isinstance(value, Mapping):
+        return {str(name): _plain(entry) for name, entry in value.items()}
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [_plain(entry) for entry in value]
+    return value.item() if isinstance(value, np.generic) else value
+
+
 def _checked(
-    path: Path, description: Description, columns: Callable[[RunEntry, Mapping[str, str | int]], Columns]
+    path: Path, description: Description, columns: Callable[[Run, Mapping[str, str | int]], Columns]
 ) -> Dataset:
     """Returns the audited data set; `columns` reads the columns of its runs."""
-    measured = [_run(entry, description, columns) for entry in description.runs]
+    stated = description.dataset
+    measured = [_run(run, stated, columns) for run in stated.runs]
     wiring, guessed, wired = _wired(measured, description)
-    kept = [f"kept as it is stated: {one.sentence}" for one in wiring if description.as_wired]
+    before = "kept as it is stated" if description.as_wired else "wiring"
+    notes = [f"{before}: {fault.sentence}" for fault in wiring]
     wiring = () if description.as_wired else wiring
-    runs, damaged, damage = _audited(wired, description)
+    nominal = lengths(stated.nominal, stated.vehicle)
+    audited = audit(_channels(wired, stated), stated.signals, stated.frame, nominal)
+    runs = [replace(run, outputs={**run.raw_outputs, **_fixed(audited.outputs[run.name])}) for run in wired]
     order = [run.name for run in runs]
     whole = [
-        Fault(run.name, name, one.kind, float(run.time[0]), float(run.time[-1]), one.factor)
-        for run in measured for one in wiring if one.is_mended and one.kind != "frozen" for name in one.signals
+        Fault(run.name, name, fault.kind, float(run.time[0]), float(run.time[-1]), fault.factor)
+        for run in measured for fault in wiring if fault.is_mended and fault.kind != "frozen" for name in fault.signals
     ]  # fmt: skip
-    faults = tuple(sorted([*whole, *damaged], key=lambda one: (order.index(one.run), one.from_s, one.signal)))
-    runs, fewer = _decimated(runs)
-    if description.input_timing == "linear":
-        runs = tuple(with_linear_inputs(run) for run in runs)
-    dataset = Dataset(
-        name=description.name,
+    faults = sorted([*whole, *audited.faults], key=lambda fault: (order.index(fault.run), fault.from_s, fault.signal))
+    fewer = [decimated(run) for run in runs]
+    rows, kept = (sum(run.time.size for run in some) for some in (runs, fewer))
+    merged = (
+        f"{rows:,} rows become {kept:,}: the plant moves its motors in steps of {1e3 * MOTOR_STEP_S:g} ms, and faster "
+        "rows tell it nothing; inputs are averaged"
+    )
+    if stated.input_timing == "linear":
+        fewer = [with_linear_inputs(run) for run in fewer]
+    dataset = replace(
+        stated,
         path=path,
-        vehicle=description.vehicle,
-        frame=description.frame,
-        signals=description.signals,
-        nominal=description.nominal,
-        nominal_effects=description.nominal_effects,
-        runs=runs,
-        gap_s=description.gap_s,
-        faults=faults,
-        notes=(*(f"wiring: {one.sentence}" for one in wiring), *kept, *description.notes, *damage, *fewer),
-        input_timing=description.input_timing,
+        runs=tuple(fewer),
+        faults=tuple(faults),
+        notes=(*notes, *stated.notes, *audited.notes, *([merged] if kept < rows else [])),
         wiring=wiring,
         guessed=guessed,
     )
-    if not any(np.isfinite(values).any() for run in runs for values in run.raw_outputs.values()):
+    if not any(np.isfinite(values).any() for run in fewer for values in run.raw_outputs.values()):
         raise InputError("no output is measured: all outputs of all runs are blank", file=path, field="signals")
-    empty = not any(np.isfinite(values).any() for run in runs for values in run.outputs.values())
+    empty = not any(np.isfinite(values).any() for run in fewer for values in run.outputs.values())
     none = ["no sound sample is left: every output of every run is damaged"] if empty else []
     return replace(dataset, notes=(*dataset.notes, *_battery_notes(dataset), *none))
 
@@ -152,26 +275,16 @@ def _battery_notes(dataset: Dataset) -> list[str]:
     return notes
 
 
-def _run(
-    entry: RunEntry, description: Description, read: Callable[[RunEntry, Mapping[str, str | int]], Columns]
-) -> Run:
-    columns = read(entry, {name: signal.column for name, signal in description.signals.items()})
-    values = {name: _to_si(columns, description, signal) for name, signal in description.signals.items()}
+def _run(run: Run, stated: Dataset, read: Callable[[Run, Mapping[str, str | int]], Columns]) -> Run:
+    """Returns a stated run with its samples."""
+    columns = read(run, {name: signal.column for name, signal in stated.signals.items()})
+    values = {name: _to_si(columns, stated.frame, signal) for name, signal in stated.signals.items()}
     _check_time(columns, values["time"])
-    _check_duty(entry.file, values)
-    outputs = {name: value for name, value in values.items() if SIGNALS[name].kind == "output"}
-    return Run(
-        name=entry.name,
-        file=entry.file,
-        role=entry.role,
-        time=values["time"],
-        inputs={name: value for name, value in values.items() if SIGNALS[name].kind == "input"},
-        outputs=outputs,
-        raw_outputs=outputs,
-        gap_s=entry.gap_s,
-        replicate_of=entry.replicate_of,
-        initial=entry.initial,
+    _check_duty(run.file, values)
+    inputs, outputs = (
+        {name: value for name, value in values.items() if SIGNALS[name].kind == kind} for kind in ("input", "output")
     )
+    return replace(run, time=values["time"], inputs=inputs, outputs=outputs, raw_outputs=outputs)
 
 
 def channels_of(run: Run) -> Channels:
@@ -179,63 +292,42 @@ def channels_of(run: Run) -> Channels:
     return Channels(run.time, run.inputs, run.raw_outputs)
 
 
-def _wired(runs: list[Run], description: Description) -> tuple[tuple[Miswired, ...], tuple[str, ...], list[Run]]:
-    """Returns the wrong wiring in all runs, the guesses corrected by it, and the runs with sure faults mended."""
-    channels = [Channels(run.time, run.inputs, _comparable(run, description)) for run in runs]
-    nominal = lengths(description.nominal, description.vehicle)
-    found = miswired(channels, nominal)
-    if description.as_wired:
-        return tuple(replace(one, is_open=True) for one in found), description.guessed, runs
-    found, guessed = with_counts(found, description.guessed)
-    if not any(one.is_mended for one in found):
-        return found, guessed, runs
-    right = [mended(channels_of(run), found) for run in runs]
-    for one in right:
-        for values in (one.time, *one.inputs.values(), *one.outputs.values()):
-            values.setflags(write=False)
-    return (
-        found,
-        guessed,
-        [
-            replace(run, time=one.time, inputs=one.inputs, outputs=one.outputs, raw_outputs=one.outputs)
-            for run, one in zip(runs, right, strict=True)
-        ],
-    )
-
-
-def _audited(runs: list[Run], description: Description) -> tuple[tuple[Run, ...], tuple[Fault, ...], tuple[str, ...]]:
-    """Returns the runs with their damaged samples blanked, the faults, and the notes on them."""
-    measured = [Channels(run.time, run.inputs, _comparable(run, description), run.name) for run in runs]
-    nominal = lengths(description.nominal, description.vehicle)
-    found = audit(measured, description.signals, description.frame, nominal)
-    for outputs in found.outputs.values():
-        for values in outputs.values():
-            values.setflags(write=False)
-    sound = [{**run.raw_outputs, **found.outputs[run.name]} for run in runs]
-    audited = tuple(replace(run, outputs=outputs) for run, outputs in zip(runs, sound, strict=True))
-    return audited, found.faults, found.notes
-
-
-def _comparable(run: Run, description: Description) -> dict[str, Vector]:
-    """Returns the outputs of a run, without sensors whose errors the data set states.
+def _channels(runs: list[Run], stated: Dataset) -> list[Channels]:
+    """Returns the channels of runs, without sensors whose errors the data set states.
 
     For example, an unsigned sensor contradicts the other channels in each backward turn, but this is no fault.
     """
-    return {name: values for name, values in run.raw_outputs.items() if not description.signals[name].stated}
+    sound = {name for name, signal in stated.signals.items() if not signal.stated}
+
+    def outputs(run: Run) -> dict[str, Array]:
+        return {name: values for name, values in run.raw_outputs.items() if name in sound}
+
+    return [Channels(run.time, run.inputs, outputs(run), run.name) for run in runs]
 
 
-def _decimated(runs: tuple[Run, ...]) -> tuple[tuple[Run, ...], tuple[str, ...]]:
-    """Returns the runs with no more rows than the plant can use, and a note if rows were merged.
+def _wired(runs: list[Run], description: Description) -> tuple[tuple[Miswired, ...], tuple[str, ...], list[Run]]:
+    """Returns the wrong wiring in all runs, the guesses corrected by it, and the runs with sure faults mended."""
+    stated = description.dataset
+    faults = miswired(_channels(runs, stated), lengths(stated.nominal, stated.vehicle))
+    if description.as_wired:
+        return tuple(replace(fault, is_open=True) for fault in faults), stated.guessed, runs
+    faults, guessed = with_counts(faults, stated.guessed)
+    if not any(fault.is_mended for fault in faults):
+        return faults, guessed, runs
+    right = []
+    for run in runs:
+        now = mended(channels_of(run), faults)
+        now.time.setflags(write=False)
+        inputs, outputs = _fixed(now.inputs), _fixed(now.outputs)
+        right.append(replace(run, time=now.time, inputs=inputs, outputs=outputs, raw_outputs=outputs))
+    return faults, guessed, right
 
-    A simulation holds an input for at least a motor step, so faster rows only cost time and memory.
-    """
-    fewer = tuple(decimated(run) for run in runs)
-    rows, kept = (sum(run.time.size for run in some) for some in (runs, fewer))
-    note = (
-        f"{rows:,} rows become {kept:,}: the plant moves its motors in steps of {1e3 * MOTOR_STEP_S:g} ms, and faster "
-        "rows tell it nothing; inputs are averaged"
-    )
-    return fewer, (note,) if kept < rows else ()
+
+def _fixed(table: Mapping[str, Array]) -> Mapping[str, Array]:
+    """Returns the table, whose arrays are now read-only."""
+    for values in table.values():
+        values.setflags(write=False)
+    return table
 
 
 def decimated(run: Run) -> Run:
@@ -254,52 +346,43 @@ def decimated(run: Run) -> Run:
     if first.size < 2:
         return run
 
-    def mean(values: Vector) -> Vector:
-        return _fixed(np.add.reduceat(values, first) / rows)
-
-    def reading(values: Vector) -> Vector:
+    def reading(values: Array) -> Array:
         known = np.flatnonzero(np.isfinite(values))
         if not known.size:
-            return _fixed(values[first])
-        found = known[np.minimum(np.searchsorted(known, first), known.size - 1)]
-        return _fixed(np.where(group[found] == group[first], values[found], np.nan))
+            return values[first]
+        nearest = known[np.minimum(np.searchsorted(known, first), known.size - 1)]
+        return np.where(group[nearest] == group[first], values[nearest], np.nan)
 
+    time = run.time[first]
+    time.setflags(write=False)
     return replace(
         run,
-        time=_fixed(run.time[first]),
-        inputs={name: mean(values) for name, values in run.inputs.items()},
-        outputs={name: reading(values) for name, values in run.outputs.items()},
-        raw_outputs={name: reading(values) for name, values in run.raw_outputs.items()},
+        time=time,
+        inputs=_fixed({name: np.add.reduceat(values, first) / rows for name, values in run.inputs.items()}),
+        outputs=_fixed({name: reading(values) for name, values in run.outputs.items()}),
+        raw_outputs=_fixed({name: reading(values) for name, values in run.raw_outputs.items()}),
     )
 
 
-def _fixed(values: Vector) -> Vector:
-    values.setflags(write=False)
-    return values
-
-
-def _to_si(columns: Columns, description: Description, signal: Signal) -> Vector:
-    raw = columns.values[signal.name]
+def _to_si(columns: Columns, frame: Frame, signal: Signal) -> Array:
+    """Returns a column in SI and the paper's frame; a value that is infinite or beyond what is physical is refused."""
+    raw, kind, place = columns.values[signal.name], SIGNALS[signal.name], f"{signal.name} (column {signal.column})"
     with np.errstate(over="ignore", invalid="ignore"):
         values = signal.to_si * (signal.scale * raw + signal.offset)
-    beyond = np.isinf(values) | (np.isnan(values) & ~np.isnan(raw))
-    if beyond.any():
-        place = f"{signal.name} (column {signal.column})"
-        raise columns.fault("is too large for a number", int(np.argmax(beyond)), place)
-    limit = SIGNALS[signal.name].largest
-    with np.errstate(invalid="ignore"):
-        beyond = np.abs(values) > limit
+        infinite = np.isinf(values) | (np.isnan(values) & ~np.isnan(raw))
+        beyond = np.abs(values) > kind.largest
+    if infinite.any():
+        raise columns.fault("is too large for a number", int(np.argmax(infinite)), place)
     if beyond.any():
         row = int(np.argmax(beyond))
-        message = f"{values[row]:.4g} {SIGNALS[signal.name].unit} is beyond what is physical, {limit:g}"
-        place = f"{signal.name} (column {signal.column})"
+        message = f"{values[row]:.4g} {kind.unit} is beyond what is physical, {kind.largest:g}"
         raise columns.fault(message, row, place)
-    values = np.asarray(to_frd(signal.name, values, description.frame), dtype=np.float64)
+    values = np.asarray(to_frd(signal.name, values, frame), dtype=np.float64)
     values.setflags(write=False)
     return values
 
 
-def _check_time(columns: Columns, time: Vector) -> None:
+def _check_time(columns: Columns, time: Array) -> None:
     blank = np.isnan(time)
     if blank.any():
         raise columns.fault("is blank", int(np.argmax(blank)), "time")
@@ -315,7 +398,7 @@ def _check_time(columns: Columns, time: Vector) -> None:
         raise columns.fault(message, time.size - 1, "time")
 
 
-def _check_duty(file: Path, values: Mapping[str, Vector]) -> None:
+def _check_duty(file: Path, values: Mapping[str, Array]) -> None:
     for name, duty in values.items():
         limit = 2.0 if name == "duty_diff" else 1.0
         driven = np.abs(duty[np.isfinite(duty) & (duty != 0.0)])

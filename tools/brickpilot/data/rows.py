@@ -87,7 +87,11 @@ def read_columns(path: Path, columns: Mapping[str, str | int], layout: CsvFormat
     if layout.header:
         if not text:
             raise InputError("is empty", file=path)
-        names, text, lines = _header(path, first, lines[0]), text.partition("\n")[2], lines[1:]
+        names = [name.strip() for name in first]
+        for name in names:
+            if name and names.count(name) > 1:
+                raise InputError("column occurs more than once in the header", file=path, line=lines[0], field=name)
+        text, lines = text.partition("\n")[2], lines[1:]
     if not text:
         raise InputError("holds no rows of data", file=path)
     width = max(len(first), 1)
@@ -95,16 +99,16 @@ def read_columns(path: Path, columns: Mapping[str, str | int], layout: CsvFormat
     if others:
         row, count = others[0]
         raise InputError(f"has {count} cells instead of {width}", file=path, line=lines[row])
-    found = Columns({}, lines, path)
+    read = Columns({}, lines, path)
     for signal, column in columns.items():
         position = _position(path, signal, column, names, width, lines[0])
-        found.values[signal], wrong = numbers(table.column(position))
+        read.values[signal], wrong = numbers(table.column(position))
         if wrong.any():
             row = int(np.argmax(wrong))
             cell = table.column(position)[row].as_py().lstrip(" ")[:40]
             message = f"{cell!r} is not a number (leave the cell blank where there is no value)"
-            raise found.fault(message, row, f"{signal} (column {column})")
-    return found
+            raise read.fault(message, row, f"{signal} (column {column})")
+    return read
 
 
 def joined(rows: Iterable[Sequence[str]]) -> str:
@@ -205,23 +209,13 @@ def _cut(path: Path, text: str, delimiter: str) -> tuple[list[list[str]], list[i
     return [cells for cells, _ in numbered], [line for _, line in numbered]
 
 
-def _header(path: Path, cells: Sequence[str], line: int) -> list[str]:
-    names = [name.strip() for name in cells]
-    for name in names:
-        if name and names.count(name) > 1:
-            raise InputError("column occurs more than once in the header", file=path, line=line, field=name)
-    return names
-
-
 def _position(path: Path, signal: str, column: str | int, names: list[str] | None, width: int, line: int) -> int:
     if names is None:
         position = int(column)
         if position >= width:
-            raise InputError(
-                f"no column {column}: the file has {width}, numbered from 0", file=path, line=line, field=signal
-            )
+            message = f"no column {column}: the file has {width}, numbered from 0"
+            raise InputError(message, file=path, line=line, field=signal)
         return position
     if column not in names:
-        known = ", ".join(names[:20])
-        raise InputError(f"no column {column!r} among {known}", file=path, line=1, field=signal)
+        raise InputError(f"no column {column!r} among {', '.join(names[:20])}", file=path, line=1, field=signal)
     return names.index(str(column))

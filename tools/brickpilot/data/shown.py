@@ -20,11 +20,11 @@ class Result:
             cls.__repr__ = Result.__repr__  # type: ignore[method-assign]
 
     def __repr__(self: Any) -> str:
-        """Returns some lines; the room `report` makes them, and other rooms may not import it."""
+        """Returns some lines, which `report` makes. Other rooms may not import `report`."""
         return brickpilot.to_text(self)
 
     def _repr_html_(self: Any) -> str:
-        """Returns the table; the room `report` makes it, and other rooms may not import that room."""
+        """Returns the table, which `report` makes."""
         return brickpilot.to_html(self)
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from brickpilot.constants import VEHICLES as VEHICLES
 from brickpilot.constants import Vehicle as Vehicle
 
+Array = NDArray[np.float64]
 Frame = Literal["FLU", "FRD"]
 Kind = Literal["time", "input", "output"]
 

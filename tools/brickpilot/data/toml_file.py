@@ -15,6 +15,8 @@ Key = tuple[str | int, ...]
 SIZE_LIMIT = 2**20
 """Bytes; a larger file is refused."""
 
+_LARGE = 1e12  # no number in a file is larger unless its reader allows that
+
 _NAME = r"""(?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')"""
 _DOTTED = rf"{_NAME}(?:\s*\.\s*{_NAME})*"
 _HEADER = re.compile(rf"^\s*(\[\[?)\s*({_DOTTED})\s*\]\]?")
@@ -117,13 +119,26 @@ class TomlFile:
             if name not in table:
                 self.refuse((*key, name), "is missing")
 
-    def number(self, key: Key, value: object, low: float, high: float, unit: str = "") -> float:
+    def number(self, key: Key, value: object, low: float = -_LARGE, high: float = _LARGE, unit: str = "") -> float:
         """Returns `value` as a finite number in low..high, ends included, or refuses it."""
         if isinstance(value, bool) or not isinstance(value, int | float):
             self.refuse(key, f"{value!r} is not a number")
         if not low <= value <= high:
             self.refuse(key, f"{value} is outside {low:g}..{high:g} {unit}".rstrip())
         return float(value)
+
+    def positive(self, key: Key, value: object, unit: str = "") -> float:
+        """Returns `value` as a finite number above zero, or refuses it."""
+        number = self.number(key, value, unit=unit)
+        if number <= 0.0:
+            self.refuse(key, f"{number:g} is not above zero")
+        return number
+
+    def switch(self, key: Key, value: object) -> bool:
+        """Returns `value` if it is true or false, or refuses it."""
+        if not isinstance(value, bool):
+            self.refuse(key, f"{value!r} is neither true nor false")
+        return value
 
     def text(self, key: Key, value: object) -> str:
         """Returns `value` as a text of 1 to 200 printable characters, not all blank, or refuses it."""
