@@ -2,24 +2,49 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 from pathlib import Path
 
-from brickpilot.vehicle import flight, scenario
+import numpy as np
+from brickpilot.constants import STEP_S
+from brickpilot.vehicle import flight, flight_figures, scenario
 from brickpilot.vehicle.model import rcx
+from numpy.typing import NDArray
 
 GOLDEN = Path(__file__).with_name("golden") / "motor_streams.txt"
 FLIGHTS = (("coupled", "ideal"), ("coupled", "imu+encoders"), ("coupled", "imu"), ("paper", "ideal"))
+STANDS_S = 2.0
+"""s for which a cut flight goes on after the robot has ended its mission."""
+
+
+def digest(motors: NDArray[np.int16]) -> str:
+    """Returns the hex digest of the little-endian pairs of every control step."""
+    return hashlib.sha256(motors.astype("<i2").tobytes()).hexdigest()
+
+
+def planned(profile: str, sensors: str) -> flight.Plan:
+    mission = scenario.load(scenario.packaged()["mission"])
+    return flight.plan(mission, rcx(), profile=profile, sensors=sensors, seed=0)
+
+
+def cut(plan: flight.Plan, flown: flight.Flight) -> flight.Plan:
+    """Returns the plan of `flown` until `STANDS_S` after its mission has ended: it then stands to the end of the plan.
+
+    Raises:
+        ValueError: it moves once more, or does not end its mission.
+    """
+    ended = flight_figures.summary(flown)["ended_at_s"]
+    if ended is None or flown.motors[round(ended / STEP_S) + 1 :].any():
+        raise ValueError("the golden flight does not stand at its end")
+    return dataclasses.replace(plan, steps=min(plan.steps, round((ended + STANDS_S) / STEP_S)))
 
 
 def streams() -> dict[str, str]:
-    """Returns "profile/sensors" -> hex digest of the little-endian pairs of every control step."""
-    mission = scenario.load(scenario.packaged()["mission"])
-    found = {}
-    for profile, sensors in FLIGHTS:
-        flown = flight.fly(flight.plan(mission, rcx(), profile=profile, sensors=sensors, seed=0))
-        found[f"{profile}/{sensors}"] = hashlib.sha256(flown.motors.astype("<i2").tobytes()).hexdigest()
-    return found
+    """Returns "profile/sensors" -> digest of the whole flight."""
+    return {
+        f"{profile}/{sensors}": digest(flight.fly(planned(profile, sensors)).motors) for profile, sensors in FLIGHTS
+    }
 
 
 def golden() -> dict[str, str]:

@@ -3,6 +3,9 @@
 Loading the package takes longer than most commands. So the process is a copy (a fork) of a process that has only loaded
 the package; the copy then runs the installed script to its end. `fresh=True` starts a new interpreter instead, with its
 own hash seed.
+
+A copy ends as an interpreter does: threads are joined, functions of atexit are called, and the output is flushed. But a
+copy does not take apart all modules first: this takes as long as a short command, and would copy their memory.
 """
 
 from __future__ import annotations
@@ -11,6 +14,7 @@ import atexit
 import json
 import os
 import resource
+import runpy
 import select
 import socket
 import subprocess
@@ -24,6 +28,7 @@ PROGRAM = Path(sys.executable).with_name("brickpilot")
 LAB = Path(__file__).parents[1] / "lab" / "__main__.py"
 _loaded: tuple[subprocess.Popen[bytes], Path] | None = None
 _starting = threading.Lock()
+_exit_status: int | None = None
 
 
 def brickpilot(
@@ -119,6 +124,32 @@ def _end() -> None:
     address.parent.rmdir()
 
 
+def _end_without_taking_apart() -> None:
+    """The last function of atexit in a copy: ends it with its status, once all that it has printed is written.
+
+    An interpreter ends by itself where the status is unknown, after an exception, or where a flush fails.
+    """
+    if _exit_status is not None:
+        try:
+            sys.stdout.flush()
+            sys.stderr.flush()
+        except (OSError, ValueError):
+            return
+        os._exit(_exit_status)
+
+
+def _run_to_its_end(script: str) -> None:
+    """Runs a script, and keeps the status with which it ends."""
+    global _exit_status
+    try:
+        runpy.run_path(script, run_name="__main__")
+    except SystemExit as ended:
+        if ended.code is None or isinstance(ended.code, int):
+            _exit_status = (ended.code or 0) & 0xFF
+        raise
+    _exit_status = 0
+
+
 def _load() -> None:
     """Imports every module of the package that a command may import."""
     import importlib
@@ -137,6 +168,7 @@ def _serve(address: str, told: int) -> list[str]:
     """Makes a copy of this process for each request. Returns only in a copy: the command that the copy has to run."""
     import gc
 
+    atexit.register(_end_without_taking_apart)  # the first to be registered is the last to be called
     _load()
     gc.freeze()  # copies share these objects' memory for longer
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as listening:
@@ -185,8 +217,6 @@ def _watched(talk: socket.socket) -> list[str] | None:
 
 
 if __name__ == "__main__":
-    import runpy
-
     sys.argv = _serve(sys.argv[1], int(sys.argv[2]))
     sys.path[0] = str(LAB.parents[1] if sys.argv[0] == str(LAB) else PROGRAM.parent)
-    runpy.run_path(sys.argv[0], run_name="__main__")
+    _run_to_its_end(sys.argv[0])

@@ -23,6 +23,7 @@ import pytest
 from brickpilot import catalogue
 from brickpilot.cli.main import COMMANDS
 from brickpilot.vehicle.settings import settings
+from command import brickpilot as run_command
 
 ROOT = Path(__file__).resolve().parents[2]
 BROWSER = next(filter(None, map(shutil.which, gallery.BROWSERS)), None)
@@ -71,7 +72,7 @@ class Page(HTMLParser):
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("docs") / "site"
-    assert make.make(out) == 0
+    assert make.make(out, run=run_command) == 0
     return out
 
 

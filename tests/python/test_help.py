@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -18,7 +16,7 @@ from brickpilot.link.session import LOCKSTEP, Session
 from brickpilot.vehicle.scenario import packaged
 from brickpilot.vehicle.settings import defaults, settings
 from click.testing import CliRunner
-from command import PROGRAM, brickpilot
+from command import brickpilot
 
 
 def groups(command: click.Command, path: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
@@ -119,10 +117,9 @@ def test_settings_are_a_line_each(tmp_path: Path) -> None:
         ("brickpilot import matlab mat", ["file,mat"]),
     ],
 )
-def test_the_shell_completes(words: str, offers: list[str]) -> None:
-    environment = {
-        **os.environ, "_BRICKPILOT_COMPLETE": "bash_complete",
-        "COMP_WORDS": words, "COMP_CWORD": str(len(words.split(" ")) - 1),
-    }  # fmt: skip
-    done = subprocess.run([PROGRAM], env=environment, capture_output=True, text=True, timeout=60, check=False)
+def test_the_shell_completes(words: str, offers: list[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("_BRICKPILOT_COMPLETE", "bash_complete")
+    monkeypatch.setenv("COMP_WORDS", words)
+    monkeypatch.setenv("COMP_CWORD", str(len(words.split(" ")) - 1))
+    done = brickpilot(cwd=tmp_path, timeout=60)
     assert [line.removeprefix("plain,") for line in done.stdout.split()] == offers, done.stderr

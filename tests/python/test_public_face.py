@@ -20,6 +20,7 @@ import pandas as pd
 import pytest
 import synthetic
 from brickpilot.report import discover_text
+from command import brickpilot
 from markupsafe import escape
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -255,11 +256,9 @@ def test_the_notebook_finds_the_hidden_effect_in_ten_lines() -> None:
 
 
 def test_a_flight_has_the_keys_of_the_command(tmp_path: Path) -> None:
-    command = [Path(sys.executable).with_name("brickpilot"), "run", "mission", "--sensors", "imu", "--seed", "4"]
+    command = ("run", "mission", "--sensors", "imu", "--seed", "4", "--json", "--out", "out")
     flown = bp.fly("mission", sensors="imu", seed=4)
-    done = subprocess.run(
-        [*command, "--json", "--out", str(tmp_path / "out")], capture_output=True, text=True, timeout=120, check=False
-    )
+    done = brickpilot(*command, cwd=tmp_path, timeout=120)
     assert done.returncode == 0, done.stderr
     printed = json.loads(done.stdout)
     assert {**printed, "times_real_time": 0} == {**flown.figures, "times_real_time": 0}

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import tempfile
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -42,8 +42,18 @@ class Entry:
         return f"{self.name}/{Path(self.page).name}" if self.page else f"{self.name}.html"
 
 
-def stage(root: Path, pages: Path) -> None:
-    """Runs the commands, and writes the gallery and its pages below `pages`.
+Run = Callable[..., subprocess.CompletedProcess[str]]
+"""Runs `brickpilot` with these words in the folder `cwd`, for `timeout` seconds at most."""
+
+
+def run(*words: str, cwd: Path, timeout: float) -> subprocess.CompletedProcess[str]:
+    """Runs `brickpilot` as a user does."""
+    program = Path(sys.executable).with_name("brickpilot")
+    return subprocess.run([program, *words], cwd=cwd, capture_output=True, text=True, timeout=timeout, check=False)
+
+
+def stage(root: Path, pages: Path, run: Run = run) -> None:
+    """Runs the commands by `run`, and writes the gallery and its pages below `pages`.
 
     Raises:
         RuntimeError: a command failed, with what it said.
@@ -53,7 +63,7 @@ def stage(root: Path, pages: Path) -> None:
     place = pages / EXTRA / "gallery"
     with tempfile.TemporaryDirectory() as scratch, ThreadPoolExecutor(TOGETHER) as pool:
         chains = [
-            pool.submit(_run_chain, chain, [one for one in entries if one.chain == chain], folder, place)
+            pool.submit(_run_chain, chain, [one for one in entries if one.chain == chain], folder, place, run)
             for chain in dict.fromkeys(one.chain for one in entries)
             if (folder := _prepared(Path(scratch) / chain, root, described["files"]))
         ]
@@ -82,14 +92,11 @@ def _prepared(folder: Path, root: Path, files: dict[str, str]) -> Path:
     return folder
 
 
-def _run_chain(chain: str, entries: list[Entry], folder: Path, place: Path) -> dict[str, str]:
+def _run_chain(chain: str, entries: list[Entry], folder: Path, place: Path, run: Run) -> dict[str, str]:
     """Runs commands one after the other, and keeps their pages. Returns name -> what each has printed."""
     printed = {}
-    program = Path(sys.executable).with_name("brickpilot")
     for one in entries:
-        done = subprocess.run(
-            [program, *shlex.split(one.run)], cwd=folder, capture_output=True, text=True, timeout=LONGEST_S, check=False
-        )
+        done = run(*shlex.split(one.run), cwd=folder, timeout=LONGEST_S)
         if done.returncode != 0:
             raise RuntimeError(f"gallery, {chain}: brickpilot {one.run}: {done.stderr.strip()}")
         printed[one.name] = done.stdout

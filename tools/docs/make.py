@@ -17,16 +17,17 @@ HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 
 
-def make(out: Path, *, root: Path = ROOT) -> int:
+def make(out: Path, *, root: Path = ROOT, run: gallery.Run = gallery.run) -> int:
     """Makes the site of the checkout at `root` in the folder `out`. Returns 0, or Sphinx's status.
 
-    What is staged stays in the folder `out`-pages.
+    `run` runs the commands of the gallery. What is staged stays in the folder `out`-pages.
     """
     pages = out.with_name(f"{out.name}-pages")
     for folder in (out, pages):
         shutil.rmtree(folder, ignore_errors=True)
-    for part in (documents, reference, headers, recipe, gallery):
+    for part in (documents, reference, headers, recipe):
         part.stage(root, pages)
+    gallery.stage(root, pages, run)
     return render(pages, out)
 
 
