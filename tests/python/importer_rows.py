@@ -10,8 +10,8 @@ from pathlib import Path
 def files_without_a_row(room: Path) -> list[str]:
     """Returns one line for each importer without a row, and for each file that no file of the room uses.
 
-    An importer is a file with a public function `import_...`. A file of the room has to import each other file, or a row
-    has to name it.
+    An importer is a file with a public function `import_...`. A file of the room, or a row, has to name
+    each other file.
     """
     trees = {path.stem: ast.parse(path.read_text(encoding="utf-8")) for path in sorted(room.glob("*.py"))}
     listed = set(re.findall(r"""(?:kind|module)="(\w+)",""", (room / "__init__.py").read_text(encoding="utf-8")))

@@ -195,7 +195,7 @@ def _instants(time: Array, simulated: Array, jumps: NDArray[np.bool_] | None = N
 
 
 def _overlap(time: Array, span: float, grid: Array) -> csr_array:
-    """Returns (times, grid): means over the last `span` s, from means over the steps of the grid that end at its points.
+    """Returns (times, grid): means over the last `span` s, from the means over the grid's steps.
 
     What the first point holds counts before it, too.
     """
@@ -235,9 +235,9 @@ _LEAST_STEP = 0.05  # steps of the grid: a jump of a command that is nearer to a
 def on_coarse_grid(dataset: Dataset, width_s: float) -> tuple[Replay, Bins]:
     """Returns the runs on a grid of a third of a bin, and bins that compare its simulation with the measured samples.
 
-    A simulation on this grid is about three times as fast as at the measured samples, and exact enough for a search. The
-    mean of an input over a step stands for the input. Where a command jumps and then stays, the grid has a further row:
-    a drive with a dead band, or one that coasts at zero, would take the mean of the two commands for a third command.
+    A simulation on this grid is about three times as fast as at the measured samples, and exact enough for a search. In
+    each step an input has its mean. Where a command jumps and then stays, the grid has a further row: a drive with a
+    dead band, or one that coasts at zero, would take the mean of the two commands for a third command.
     """
     full = Replay(dataset)
     step = width_s / _STEPS_PER_BIN
