@@ -1,73 +1,68 @@
 #include "effects/delay_line.h"
 
 /* The signals of a robot. A motor has fewer. */
-enum { SIGNALS = OUTPUT_BATTERY_VOLTAGE + 1, AXES = 2 };
+enum { SIGNALS = OUTPUT_BATTERY_VOLTAGE + 1 };
 
-static const int ACCELERATION[AXES] = {OUTPUT_ACCEL_SURGE, OUTPUT_ACCEL_SWAY};
-
-/* An accelerometer's reading is a mean over a step. Steps may differ in length, so its integral is delayed. */
+/* An accelerometer's reading is a mean over a step, and steps differ in length. So what is delayed is the sum of the
+ * readings: the speed, m/s, that they add up to since the run's start. */
 typedef struct {
     double first;   /* m/s^2: the first reading, which holds before the run, too */
-    double sum;     /* m/s: the integral of the readings since the run's start */
-    double delayed; /* m/s: the integral at the end of the last step, delayed */
-} integral_t;
+    double speed;   /* now */
+    double delayed; /* delayed, at the end of the last step */
+} accel_sum_t;
 
 typedef struct {
     double started;
-    integral_t integral[AXES];
-} means_t;
+    double time; /* s since the run's start */
+    accel_sum_t surge;
+    accel_sum_t sway;
+} sums_t;
 
-enum { MEANS_MEMORY = sizeof(means_t) / sizeof(double) };
+enum { SUMS_MEMORY = sizeof(sums_t) / sizeof(double) };
 
-static void begin(means_t *means, const double *signal, double delay)
+/* Replaces a reading by the sum of the readings. */
+static void sum_up(accel_sum_t *sum, double *reading, double step)
 {
-    for (int k = 0; k < AXES; k++) {
-        const double first = signal[ACCELERATION[k]];
-        means->integral[k] = (integral_t){.first = first, .delayed = -first * delay};
-    }
-    means->started = 1;
+    sum->speed += step * *reading;
+    *reading = sum->speed;
 }
 
-/* Replaces each acceleration by its integral at the end of the step. */
-static void sum_up(means_t *means, double *signal, double step)
+/* Replaces a delayed sum by its mean slope in the step. `time`: s from the run's start to what is shown now. A step of
+ * 0 s, before the run, shows the first reading. */
+static void differentiate(accel_sum_t *sum, double *reading, double time, double step)
 {
-    for (int k = 0; k < AXES; k++) {
-        integral_t *integral = &means->integral[k];
-        integral->sum += step * signal[ACCELERATION[k]];
-        signal[ACCELERATION[k]] = integral->sum;
-    }
+    const double delayed = time < 0 ? sum->first * time : *reading;
+    *reading = step > 0 ? (delayed - sum->delayed) / step : sum->first;
+    sum->delayed = delayed;
 }
 
-/* Replaces each delayed integral by its mean slope in the step. `time`: s from the run's start to what is shown now. A
- * step of 0 s, before the run, shows the first reading. */
-static void differentiate(means_t *means, double *signal, double time, double step)
+static void delay_robot(sums_t *sums, double *line, double *signal, double delay, double step)
 {
-    for (int k = 0; k < AXES; k++) {
-        integral_t *integral = &means->integral[k];
-        const double delayed = time < 0 ? integral->first * time : signal[ACCELERATION[k]];
-        signal[ACCELERATION[k]] = step > 0 ? (delayed - integral->delayed) / step : integral->first;
-        integral->delayed = delayed;
+    double *surge = &signal[OUTPUT_ACCEL_SURGE];
+    double *sway = &signal[OUTPUT_ACCEL_SWAY];
+    if (sums->started == 0) {
+        sums->surge = (accel_sum_t){.first = *surge, .delayed = -delay * *surge};
+        sums->sway = (accel_sum_t){.first = *sway, .delayed = -delay * *sway};
+        sums->started = 1;
     }
+    sums->time += step;
+    sum_up(&sums->surge, surge, step);
+    sum_up(&sums->sway, sway, step);
+    delay_signals(line, signal, SIGNALS, delay, step);
+    differentiate(&sums->surge, surge, sums->time - delay, step);
+    differentiate(&sums->sway, sway, sums->time - delay, step);
 }
 
 static void sensor(const double *value, double *memory, vehicle_t *vehicle)
 {
-    const double delay = value[0], step = vehicle->step;
-    if (delay <= 0)
-        return;
-    means_t *means = (means_t *)memory;
-    delay_line_t *line = (delay_line_t *)(memory + MEANS_MEMORY);
-    if (vehicle->vehicle == BP_MOTOR) {
-        const int count = OUTPUT_FORCE - OUTPUT_BATTERY_VOLTAGE + 1;
-        delay_signals((double *)line, &vehicle->output[OUTPUT_BATTERY_VOLTAGE], count, delay, step);
-        return;
-    }
-    double *signal = vehicle->output;
-    if (means->started == 0)
-        begin(means, signal, delay);
-    sum_up(means, signal, step);
-    delay_signals((double *)line, signal, SIGNALS, delay, step);
-    differentiate(means, signal, line->time - delay, step);
+    const double delay = value[0];
+    const bool motor = vehicle->vehicle == BP_MOTOR;
+    double *line = &memory[SUMS_MEMORY];
+    if (motor)
+        delay_signals(line, &vehicle->output[OUTPUT_BATTERY_VOLTAGE], OUTPUT_FORCE - OUTPUT_BATTERY_VOLTAGE + 1, delay,
+                      vehicle->step);
+    else if (delay > 0)
+        delay_robot((sums_t *)memory, line, vehicle->output, delay, vehicle->step);
 }
 
 static const bp_parameter_info PARAMETERS[] = {
@@ -93,6 +88,6 @@ const effect_t effect_sensor_delay = {
              .advice = "Stamp each reading with the time at which it was measured, not that at which it was sent.",
              .parameter_count = 1,
              .parameters = PARAMETERS},
-    .memory_count = MEANS_MEMORY + DELAY_MEMORY(SIGNALS),
+    .memory_count = SUMS_MEMORY + DELAY_MEMORY(SIGNALS),
     .hook = {[SITE_SENSOR] = sensor},
 };
