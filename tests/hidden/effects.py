@@ -118,7 +118,7 @@ LIBRARY: dict[str, Effect] = {
     "sensor_delay": _one("delay", 0.02),
     "battery_fade": _one("rate", 0.01),
     "voltage_compression": _one("compression", 0.15),
-    "zero_coast": Effect({"share": 0.45}, ("share",)),
+    "zero_coast": _one("share", 0.43),
     "dead_time": _one("voltage", 0.2),
     "current_limit": Effect({"voltage": -1.5}, ("voltage",), offset={"voltage": 6.0}, kind="voltage"),
     "load_friction": _one("share", 0.15),

@@ -27,6 +27,7 @@ from brickpilot.discover.explanation import Explanation, refine, without
 from brickpilot.discover.prepare import Prepared
 from brickpilot.discover.search import Found, Library, Search, Tell
 from brickpilot.errors import InputError, SimulationError
+from brickpilot.fit.parameters import stated_beside
 from brickpilot.fit.residual import Residual, of_bins
 from brickpilot.fit.uncertainty import Estimate, assess
 from brickpilot.vehicle.model import Model, read_back
@@ -92,7 +93,8 @@ def at_samples(prepared: Prepared, nominal: Explanation, best: Explanation) -> F
 def written(prepared: Prepared, data: Residual, found: Explanation, notes: tuple[str, ...] = ()) -> Settled:
     """Returns the model of an explanation as read back from its file, with intervals computed from `data`."""
     plan = found.plan
-    known = assess(data, found.model, plan.uncertain) if plan.free else None
+    beside = stated_beside(plan, found.model, prepared.dataset)
+    known = assess(data, found.model, plan.uncertain, beside) if plan.free else None
     estimates = {} if known is None else known.estimates
     name = prepared.dataset.name
     basis = {key: f"fitted to {name}: {estimate.basis}" for key, estimate in estimates.items() if "@" not in key}

@@ -16,7 +16,7 @@ from brickpilot.data.shown import Result
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.fit import descent
 from brickpilot.fit.descent import Count, Progress, Start
-from brickpilot.fit.parameters import Plan, plan, settings, value_of
+from brickpilot.fit.parameters import Plan, plan, settings, stated_beside, value_of
 from brickpilot.fit.problem import Problem
 from brickpilot.fit.residual import Residual, Scale, of_samples
 from brickpilot.fit.uncertainty import (
@@ -203,7 +203,7 @@ def calibrate(
     data = data.weighed_by_size(chosen.at(best), correlated=True)
     best = descent.descend(Problem(data, chosen), best, descent.FINE)
     model = chosen.at(best)
-    known = assess(data, model, chosen.uncertain)
+    known = assess(data, model, chosen.uncertain, stated_beside(chosen, model, dataset))
     basis = {name: f"fitted to {dataset.name}: {estimate.basis}" for name, estimate in known.estimates.items()}
     model = dataclasses.replace(model, basis=basis)
     notes.extend(_remarks(chosen, model, known.traceless))

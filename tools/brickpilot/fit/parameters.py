@@ -224,6 +224,23 @@ def plan(dataset: Dataset, *, effects: Sequence[str] = (), free: Sequence[str] =
     return Plan(model, tuple(fitted), notes, tuple(one for one in chosen if one.name in held))
 
 
+def stated_beside(chosen: Plan, model: Model, dataset: Dataset) -> tuple[Free, ...]:
+    """Returns the nominal parameters that are stated with an sd and enter only with the effects of `model`.
+
+    They are not fitted, but the size of an effect may be relative to them: what a drive loses is stated relative to the
+    battery's voltage, which has no influence without such an effect. Their sd widens the effect's interval.
+    """
+    known = {one.name for one in chosen.uncertain}
+    infos = {info.name: info for info in catalogue.parameters()}
+    signatures = signatures_of(model, dataset.signals, dataset.nominal) if model.effects else {}
+    return tuple(
+        Free(name, infos[name], dataset.nominal[name])
+        for name, one in signatures.items()
+        if name not in known and name in dataset.nominal and one.any()
+        if _is_open(dataset.nominal[name], infos[name])
+    )
+
+
 def settings(chosen: Plan, dataset: Dataset) -> list[Plan]:
     """Returns a copy of the plan for every setting of its effects' switches that the data set does not state."""
     switches = {

@@ -105,8 +105,13 @@ class Uncertainty:
 NOTHING_FITTED = Uncertainty({}, (), (), (), None)
 
 
-def assess(data: Residual, model: Model, free: tuple[Free, ...]) -> Uncertainty:
-    """Returns the intervals at `model`, the fit's result. No interval is narrower than `data.matched` allows."""
+def assess(data: Residual, model: Model, fitted: tuple[Free, ...], beside: tuple[Free, ...] = ()) -> Uncertainty:
+    """Returns the intervals at `model`, the fit's result. No interval is narrower than `data.matched` allows.
+
+    Args:
+        beside: parameters with a stated sd that were not fitted. Their sd widens the intervals; they get no estimate.
+    """
+    free = (*fitted, *beside)
     values = np.array([value_of(model, one.name) for one in free])
     prior_sd = np.array([one.known.sd if one.known and one.known.sd is not None else np.inf for one in free])
     slopes = _slopes(data, model, free, values)
@@ -130,7 +135,8 @@ def assess(data: Residual, model: Model, free: tuple[Free, ...]) -> Uncertainty:
     covariance += np.diag((data.matched * np.array([one.reach for one in free]) * values / sizes) ** 2)
     units = tuple(None if log else size for size, log in zip(sizes.tolist(), relative.tolist(), strict=True))
     spread = Spread(tuple(one.name for one in free), tuple(values.tolist()), units, covariance)
-    return _assessed(model, free, spread, sizes, information + stated, degrees)
+    found = _assessed(model, free, spread, sizes, information + stated, degrees)
+    return dataclasses.replace(found, estimates={one.name: found.estimates[one.name] for one in fitted})
 
 
 def _assessed(
