@@ -25,7 +25,7 @@ KEYS: dict[str, set[str]] = {
     "vehicle.compensation": {"name", "left_out", "limited", "remarks", "parameters", "raw", "format", "from"},
 }
 READERS: dict[str, Any] = {
-    "data.description": lambda path: description.describe(TomlFile(path)),
+    "data.description": lambda path: description.describe(TomlFile(path)).dataset,
     "vehicle.model": model.load,
     "vehicle.scenario": scenario.load,
     "vehicle.gains": gains.load,

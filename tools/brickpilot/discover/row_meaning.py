@@ -29,7 +29,7 @@ from brickpilot.data.motion import run_of
 from brickpilot.discover import numbers
 from brickpilot.discover.explanation import Explanation, fit
 from brickpilot.discover.prepare import Prepared, calibrate, prepare
-from brickpilot.fit.blocks import on_coarse_grid
+from brickpilot.fit.blocks import with_inputs_of
 from brickpilot.fit.problem import Problem
 from brickpilot.fit.residual import MOTOR_STEP_S, of_samples
 from brickpilot.fit.uncertainty import CORRELATED_S
@@ -78,7 +78,7 @@ def _found(prepared: Prepared, logged: Dataset, row_s: float) -> tuple[Timing, s
     def losses(timing: Timing, behind: Behind) -> Array:
         """Returns the loss of each stretch."""
         compared = _with_inputs(prepared, logged, timing, behind)
-        coarse = Problem(prepared.coarse.with_inputs(on_coarse_grid(compared, numbers.BIN_S)[0]), nominal.plan)
+        coarse = Problem(prepared.coarse.with_inputs(with_inputs_of(prepared.coarse.replay, compared)), nominal.plan)
         own = fit(coarse, (), nominal.plan, nominal.point, _TOLERANCE) or nominal
         loss = prepared.fine.with_inputs(Replay(compared, motor_step=MOTOR_STEP_S)).losses(own.model)
         return np.bincount(stretch, loss).astype(np.float64)

@@ -258,3 +258,10 @@ def on_coarse_grid(dataset: Dataset, width_s: float) -> tuple[Replay, Bins]:
         runs.append(dataclasses.replace(run, time=grid))
     coarse = Replay(dataclasses.replace(dataset, runs=tuple(runs)), inputs=inputs, motor_step=step, body_step=step)
     return coarse, Bins(width_s, grids)
+
+
+def with_inputs_of(coarse: Replay, dataset: Dataset) -> Replay:
+    """Returns the replay on the same grid with the inputs of `dataset`, which has the same runs."""
+    driven, runs = Replay(dataset).inputs, {run.name: run for run in dataset.runs}
+    inputs = {one.name: mean_over_steps(runs[one.name].time, driven[one.name], one.time) for one in coarse.dataset.runs}
+    return dataclasses.replace(coarse, inputs=inputs)
