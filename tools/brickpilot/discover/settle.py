@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot.data.motion import MOTOR_RATE_OF
+from brickpilot.data.signals import SUMMED
 from brickpilot.discover import numbers
 from brickpilot.discover.deadline import COMPOSED
 from brickpilot.discover.evidence import Judge
@@ -63,10 +64,10 @@ class Settled:
 def settle(prepared: Prepared, found: Explanation) -> Settled:
     """Returns an explanation fitted to the end at the measured samples, or to whole runs if this lowers their error.
 
-    If a feedback loop biases free runs, whole runs are not fitted.
+    Whole runs are not fitted again if the samples are compared so already, or if a feedback loop biases free runs.
     """
     found = (refine(prepared.fine, [found], prepared.jobs) or [found])[0]
-    whole = None if prepared.innovations else whole_runs(prepared)
+    whole = None if prepared.innovations or _are_whole(prepared) else whole_runs(prepared)
     best, data, notes = found, prepared.fine, tuple[str, ...]()
     if whole is not None:
         with suppress(SimulationError):
@@ -74,6 +75,11 @@ def settle(prepared: Prepared, found: Explanation) -> Settled:
             if _is_better(prepared, followed[1].model, found.model):
                 data, best, notes = *followed, (_WHOLE,)
     return written(prepared, data, best, notes)
+
+
+def _are_whole(prepared: Prepared) -> bool:
+    """Returns whether the residual at the measured samples compares whole runs, and no signal by its change."""
+    return prepared.dataset.vehicle != "motor" and SUMMED.isdisjoint(prepared.fine.signals)
 
 
 def at_samples(prepared: Prepared, nominal: Explanation, best: Explanation) -> Found:
