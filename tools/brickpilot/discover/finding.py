@@ -339,7 +339,7 @@ class Finding(Result):
         augmented: the model that is written to model.toml.
         simulated: "nominal", "augmented" -> run -> outputs.
         ranking: every explanation that was weighed, the best first.
-        power: effect -> the smallest size that discovery would have named, if the runs excite the effect.
+        power: effect -> the smallest size that would have been named. Effects that the runs do not excite are absent.
         notes: sentences on what was assumed, left out or not identifiable.
         held_out_stretches: fit run -> first and last time of the samples held out of this run, s on the run's clock.
         yardstick: fit in percent before, after and attainable.

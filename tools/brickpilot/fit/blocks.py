@@ -202,8 +202,9 @@ def _overlap(time: Array, span: float, grid: Array) -> csr_array:
     begins, ends = np.append(-np.inf, grid[:-1]), np.append(grid[:-1], np.inf)
     first = np.minimum(np.searchsorted(grid, time - span, side="right"), len(grid) - 1)
     last = np.clip(np.searchsorted(grid, time - 1e-9), first, len(grid) - 1)
-    rows = np.repeat(np.arange(len(time)), last - first + 1)
-    steps = np.arange(len(rows)) - np.repeat(np.cumsum(last - first + 1) - last - 1, last - first + 1)
+    counts = last - first + 1
+    rows = np.repeat(np.arange(len(time)), counts)
+    steps = np.arange(len(rows)) - np.repeat(np.cumsum(counts) - last - 1, counts)
     shared = np.minimum(ends[steps], time[rows]) - np.maximum(begins[steps], time[rows] - span)
     return csr_array((shared / span, (rows, steps)), shape=(len(time), len(grid)))
 
@@ -239,29 +240,37 @@ def on_coarse_grid(dataset: Dataset, width_s: float) -> tuple[Replay, Bins]:
     each step an input has its mean. Where a command jumps and then stays, the grid has a further row: a drive with a
     dead band, or one that coasts at zero, would take the mean of the two commands for a third command.
     """
-    full = Replay(dataset)
     step = width_s / _STEPS_PER_BIN
-    runs, grids, inputs = [], {}, {}
+    runs, grids = [], {}
     for run in dataset.runs:
-        if np.median(np.diff(run.time)) > step / 1.5:
-            runs.append(run)
-            inputs[run.name] = full.inputs[run.name]
-            continue
-        grid = np.append(np.arange(run.time[0], run.time[-1] - step / 2, step), run.time[-1])
-        jumps = run.time[_jumps(run)]
-        alone = np.diff(jumps, prepend=-np.inf, append=np.inf) > step
-        jumps = jumps[alone[:-1] & alone[1:]]
-        between = np.abs(jumps - grid[np.clip(np.searchsorted(grid, jumps), 1, len(grid) - 1) - np.array([[1], [0]])])
-        grid = np.sort(np.append(grid, jumps[between.min(axis=0) > _LEAST_STEP * step]))
-        grids[run.name] = grid
-        inputs[run.name] = mean_over_steps(run.time, full.inputs[run.name], grid)
-        runs.append(dataclasses.replace(run, time=grid))
-    coarse = Replay(dataclasses.replace(dataset, runs=tuple(runs)), inputs=inputs, motor_step=step, body_step=step)
-    return coarse, Bins(width_s, grids)
+        if np.median(np.diff(run.time)) <= step / 1.5:
+            grids[run.name] = _coarse_grid(run, step)
+            run = dataclasses.replace(run, time=grids[run.name])
+        runs.append(run)
+    coarse = dataclasses.replace(dataset, runs=tuple(runs))
+    inputs = _inputs_on(dataset, coarse)
+    return Replay(coarse, inputs=inputs, motor_step=step, body_step=step), Bins(width_s, grids)
+
+
+def _coarse_grid(run: Run, step: float) -> Array:
+    """Returns the times of the rows: one every `step` s, one where a command jumps and stays, and the last sample."""
+    even = np.append(np.arange(run.time[0], run.time[-1] - step / 2, step), run.time[-1])
+    jumps = run.time[_jumps(run)]
+    apart = np.diff(jumps, prepend=-np.inf, append=np.inf) > step
+    lone = jumps[apart[:-1] & apart[1:]]
+    place = (lone - run.time[0]) / step
+    return np.union1d(even, lone[np.abs(place - np.round(place)) > _LEAST_STEP])
 
 
 def with_inputs_of(coarse: Replay, dataset: Dataset) -> Replay:
     """Returns the replay on the same grid with the inputs of `dataset`, which has the same runs."""
-    driven, runs = Replay(dataset).inputs, {run.name: run for run in dataset.runs}
-    inputs = {one.name: mean_over_steps(runs[one.name].time, driven[one.name], one.time) for one in coarse.dataset.runs}
-    return dataclasses.replace(coarse, inputs=inputs)
+    return dataclasses.replace(coarse, inputs=_inputs_on(dataset, coarse.dataset))
+
+
+def _inputs_on(dataset: Dataset, coarse: Dataset) -> dict[str, Array]:
+    """Returns run -> (rows, columns): the means of the inputs of `dataset` over the steps of the runs of `coarse`."""
+    driven = Replay(dataset).inputs
+    return {
+        run.name: driven[run.name] if run.time is own.time else mean_over_steps(own.time, driven[run.name], run.time)
+        for own, run in zip(dataset.runs, coarse.runs, strict=True)
+    }
