@@ -374,7 +374,10 @@ def test_a_moved_nominal_value_is_a_headline_of_its_own(found):
 
 def test_what_differs_from_run_to_run_has_a_sentence_and_a_table(found):
     made = dataclasses.replace(found["named"], run_values=(DIFFERS,))
-    said = "The voltage that reaches the motors differs from run to run: from -2.2 % (curve) to +2.2 % (spin)."
+    said = (
+        "The voltage that reaches the motors differs from run to run: from -2.2 % (curve) to +2.2 % (spin) beside the "
+        "value of the model."
+    )
     assert said in verdict(made)
     html = page(made, COMMAND)
     assert html.count(said) == 2

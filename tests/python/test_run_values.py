@@ -12,7 +12,6 @@ from brickpilot.discover import pipeline
 from brickpilot.discover.finding import verdict_json
 from brickpilot.discover.parts import RunPart, run_parts
 from brickpilot.fit.parameters import Plan
-from brickpilot.vehicle import model as model_file
 from brickpilot.vehicle.replay import RUN_KINDS, Replay
 from synthetic import robot, write
 
@@ -25,7 +24,7 @@ ROLES = ["fit"] * 7 + ["held_out"]
 FITTED = list(VOLTAGES)[:7]
 GAINS = dict(zip(FITTED, (0.03, -0.05, 0.04, -0.02, -0.06, 0.05, 0.01), strict=True))
 DELAYS = dict(zip(FITTED, (0.06, 0.01, 0.03, 0.08, 0.0, 0.02, 0.05), strict=True))
-STARTS = dict(zip(FITTED, (0.15, 0.25, 0.2, 0.3, 0.12, 0.35, 0.18), strict=True))
+STARTS = dict(zip(VOLTAGES, (0.15, 0.25, 0.2, 0.3, 0.12, 0.35, 0.18, 0.22), strict=True))
 
 
 @pytest.fixture(scope="module")
@@ -103,12 +102,12 @@ def test_a_part_of_values_has_one_for_each_fit_run():
 
 
 @pytest.mark.parametrize(
-    ("kind", "planted"), [("supply_gain", GAINS), ("delay", DELAYS), ("start", STARTS)], ids=lambda one: str(one)[:11]
+    ("kind", "planted"), [("supply_gain", GAINS), ("delay", DELAYS)], ids=lambda one: str(one)[:11]
 )
 def test_planted_values_are_named_within_their_intervals(logged, kind, planted):
     found = pipeline.discover(measured(logged, kind, planted), jobs=1)
     assert [one.kind for one in found.run_values] == [kind]
-    shared_by_all = {"input_delay", "start_delay"}  # the common part of all runs is an effect of the library
+    shared_by_all = {"input_delay"}  # the common part of all runs is an effect of the library
     assert kind in found.explanations[0].effects
     assert {*found.explanations[0].effects} - {kind} <= shared_by_all
     assert {one.name for one in found.effects} <= shared_by_all
@@ -116,20 +115,37 @@ def test_planted_values_are_named_within_their_intervals(logged, kind, planted):
         assert found.verdict == "none"  # no effect of the library is missing
     (values,) = found.run_values
     assert set(values.runs) == set(FITTED)
-    # The model may take over the common part of a gain or a delay. A start before the first input has no effect:
-    # a start that the fit leaves there has a wide interval.
-    told = {name: one for name, (one, (low, high)) in values.runs.items() if kind != "start" or high - low < 0.1}
+    told = {name: one for name, (one, _) in values.runs.items()}
     known = [planted[name] for name in told]
-    shared = 0.0 if kind == "start" and not found.effects else np.mean(known) - np.mean(list(told.values()))
+    shared = np.mean(known) - np.mean(list(told.values()))  # the model may take over the common part
     inside = [low <= planted[name] - shared <= high for name, (_, (low, high)) in values.runs.items()]
-    assert len(told) >= len(inside) - 1
     assert sum(inside) >= len(inside) - 1
     assert np.std(list(told.values())) == pytest.approx(np.std(known), rel=0.15)
     (entry,) = verdict_json(found)["run_values"]
     assert entry["kind"] == kind
     assert "differs from run to run" in entry["sentence"]
     assert "tested" not in entry["runs"]
-    assert kind not in model_file.render(found.augmented)
+    assert found.augmented.by_run == {}
+
+
+def test_late_starts_are_a_start_delay_from_which_runs_differ(logged):
+    found = pipeline.discover(measured(logged, "start", STARTS), jobs=1)
+    assert (found.verdict, [one.name for one in found.effects]) == ("named", ["start_delay"])
+    low, high = found.effects[0].parameters["delay"].ci95
+    assert low <= np.mean([STARTS[name] for name in FITTED]) <= high
+    ((values,), delay) = found.run_values, found.effects[0].parameters["delay"].value
+    assert values.kind == "start"
+    assert all(delay + value == pytest.approx(STARTS[name], abs=0.01) for name, (value, _) in values.runs.items())
+
+
+def test_a_start_of_a_run_adds_to_the_start_delay_and_their_sum_is_never_negative(logged):
+    starts = {"ahead": 0.1, "back": -0.1, "right": -0.5}
+    truth = dataclasses.replace(robot(), effects={"start_delay": {"delay": 0.2}}, by_run={"start": starts})
+    found = Replay(logged).simulate([truth])[0]
+    for name, delay in {"ahead": 0.3, "back": 0.1, "right": 0.0, "left": 0.2}.items():
+        same = dataclasses.replace(robot(), by_run={"start": {name: delay}})
+        expected = Replay(logged).simulate([same])[0]
+        assert found[name]["wheel_speed_left"] == pytest.approx(expected[name]["wheel_speed_left"], abs=1e-9)
 
 
 def test_runs_that_do_not_differ_have_no_values(logged):

@@ -177,11 +177,16 @@ class Judge:
         reach = np.array([one.reach for one in found.plan.free])
         normal = slopes.T @ slopes + np.diag(1 / np.maximum(reach, 1e-12) ** 2)  # holds unseen parameters
         bounds = np.array([one.bounds() for one in found.plan.free]).reshape(-1, 2)
+        of_run = np.array([one.run is not None for one in found.plan.free], dtype=bool)
         ends = np.cumsum(np.bincount(self.stretch, minlength=self.count))
         far: list[_Moved] = []
         for here in np.split(np.argsort(self.stretch, kind="stable"), ends[:-1]):
             own = slopes[:count][here]
-            step, is_long = _step(normal - own.T @ own, own.T @ rows[:count][here], reach, bounds.T - found.point)
+            matrix, pull = normal - own.T @ own, own.T @ rows[:count][here]
+            # No other run knows a value of a run. If the stretch alone knows most of it, as of a late start, it stays.
+            alone = of_run & (np.square(own).sum(axis=0) > normal.diagonal() / 2)
+            matrix[alone], matrix[:, alone], pull[alone] = 0.0, 0.0, 0.0
+            step, is_long = _step(matrix, pull, reach, bounds.T - found.point)
             change = moved[here] @ step
             outweighs = change @ change > left_out[here] @ left_out[here]  # the leverage of the stretch is above 1/2
             if is_long or outweighs:

@@ -191,8 +191,8 @@ class RunValues:
         most = max(self.runs, key=lambda name: self.runs[name][0])
         low, high = (size * self.runs[name][0] for name in (least, most))
         return (
-            f"{self.words} differs from run to run: from {low:+.2g}{suffix} ({least}) to {high:+.2g}{suffix} ({most}). "
-            "The value of a held-out run is not known, so it was simulated without one."
+            f"{self.words} differs from run to run: from {low:+.2g}{suffix} ({least}) to {high:+.2g}{suffix} ({most}) "
+            "beside the value of the model. The value of a held-out run is not known, so it was simulated without one."
         )
 
 

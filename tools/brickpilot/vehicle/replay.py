@@ -137,6 +137,7 @@ class Replay:
 
         If charge or heat carries over, a model's runs are simulated one after the other, else all at once.
         """
+        models = [_with_whole_starts(one, self.dataset.runs) for one in models]
         places, length = self._places(names)
         rows = np.empty((len(models), length))
         restarts_of = self._restarts(models, marks)
@@ -298,6 +299,16 @@ def _own_values(run: Run, model: Model) -> _Own:
     return tuple((kind, one[name]) for kind, one in model.by_run.items() if one.get(name))
 
 
+def _with_whole_starts(model: Model, runs: Sequence[Run]) -> Model:
+    """Returns a model whose starts of runs hold its start delay too; without starts of runs, the model itself."""
+    if "start" not in model.by_run or "start_delay" not in model.effects:
+        return model
+    delay, own = model.effects["start_delay"]["delay"], model.by_run["start"]
+    starts = {name: max(delay + own.get(name, 0.0), 0.0) for name in (run_of(run.name) for run in runs)}
+    effects = {name: table for name, table in model.effects.items() if name != "start_delay"}
+    return dataclasses.replace(model, effects=effects, by_run={**model.by_run, "start": starts})
+
+
 def _start_key(model: Model) -> tuple[object, ...]:
     """Returns everything that the start of a run depends on, except the run and its own values."""
     sensors = tuple((name, *model.effects[name].items()) for name in start_state.sensor_effects(model))
@@ -314,7 +325,7 @@ class RunKind:
         unit: SI; 1 is a share.
         mechanism: the mechanism, as for an effect.
         change: (time (n,), inputs (n, columns), value) -> inputs.
-        sd: the prior sd of a value: the usual difference between runs of one machine. A held-out run has the value 0.
+        sd: the prior sd of a value: the usual difference of a run from the model. A held-out run has the value 0.
         low, high: the range of values.
         tried: values from which a fit may start, because a small value has no influence.
     """
@@ -336,9 +347,12 @@ _TRIED_STARTS = tuple(0.05 * k for k in range(1, 8))
 RUN_KINDS: Mapping[str, RunKind] = {
     "supply_gain": RunKind("The voltage that reaches the motors", "1", "supply", scaled, 0.1, -0.5, 0.5),
     "delay": RunKind("The time from a command to its effect", "s", "timing", later, 0.1, -0.5, 0.5, _TRIED_DELAYS),
-    "start": RunKind(_START, "s", "timing", held_back, 0.1, 0.0, 0.5, _TRIED_STARTS),
+    "start": RunKind(_START, "s", "timing", held_back, 0.1, -0.5, 0.5, _TRIED_STARTS),
 }
-"""A battery's charge changes a run's gain, the link changes its delay; a log may start before its commands act."""
+"""A battery's charge changes a run's gain, the link changes its delay; a log may start before its commands act.
+
+A start adds to the start delay of the model; a negative sum counts as 0.
+"""
 
 
 ADDED = frozenset({"viscous_friction"})
