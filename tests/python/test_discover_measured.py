@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from functools import cache
 from pathlib import Path
 
@@ -186,8 +187,12 @@ def test_frc_drivetrain_has_dry_friction_among_the_best_names(frc: Found) -> Non
 
 
 @pytest.fixture(scope="module")
-def mouse(scratch: Path) -> Found:
-    return discovered(measured("micromouse"), scratch)
+def mouse(scratch: Path, tmp_path_factory: pytest.TempPathFactory) -> Found:
+    """Discovery on every second sample, which takes half the time."""
+    folder = tmp_path_factory.mktemp("mouse") / "set"
+    shutil.copytree(measured("micromouse"), folder, copy_function=shutil.copyfile)
+    planted.thin(folder, 2)
+    return discovered(folder, scratch)
 
 
 def test_micromouse_s_faults_are_reported_and_no_gyro_limit_lies_below_its_readings(mouse: Found) -> None:
@@ -214,12 +219,13 @@ def test_micromouse_is_not_explained_at_the_cost_of_held_out_runs(mouse: Found) 
     intervals(found)
 
 
-def test_an_answer_does_not_hang_on_a_number_that_means_nothing(
-    axis: Found, lego: Found, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The prior of an unstated value is so wide that it only fixes what the data leave open: sd 30 and 20 agree."""
+def test_an_answer_does_not_hang_on_a_number_that_means_nothing(lego: Found, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The prior of an unstated value is so wide that it only fixes what the data leave open: sd 30 and 20 agree.
+
+    The linear axis would give the same names even with sd 1; the LEGO motor gets another name there.
+    """
     monkeypatch.setattr(problem, "_ANCHOR_SD", 20.0)
-    for data, found, _ in (axis, lego):
-        again = pipeline.discover(data)
-        assert again.verdict == found.verdict
-        assert [effect.name for effect in again.effects] == [effect.name for effect in found.effects]
+    data, found, _ = lego
+    again = pipeline.discover(data)
+    assert again.verdict == found.verdict
+    assert [effect.name for effect in again.effects] == [effect.name for effect in found.effects]

@@ -6,9 +6,6 @@ Nominal values are 2 % off, noise is white, converters have 10 bits. No data are
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +13,10 @@ import pytest
 from brickpilot.data import reading
 from brickpilot.discover import pipeline
 from brickpilot.discover.finding import NOMINAL_VALUES, Finding, verdict_json
+from hidden import folder, suites
 
 pytest.importorskip("mujoco")
 
-TESTS = Path(__file__).parents[1]
 TOLERANCE = 0.05
 """Largest error, as a share of a parameter's true value."""
 TOLERANCE_OF = {"gyro_scale": 0.07}
@@ -60,12 +57,8 @@ class Blind:
 @pytest.fixture(scope="session")
 def blind(tmp_path_factory: pytest.TempPathFactory) -> Blind:
     out = tmp_path_factory.mktemp("hidden")
-    subprocess.run(
-        [sys.executable, "-m", "hidden", "ci", str(out)],
-        env={**os.environ, "PYTHONPATH": str(TESTS)},
-        check=True,
-        timeout=300,
-    )
+    for recipe in suites.ci(seed_offset=0):
+        folder.write(recipe, out)
     return Blind(out)
 
 
