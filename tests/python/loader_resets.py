@@ -35,8 +35,8 @@ CAUSES = ("watchdog", "stuck interrupt", "brown-out", "reset pin")
 OFF_S = 0.036
 """Longest time, s, for which motors may stay driven after a program hangs: the watchdog's time, and a step."""
 
-WATCH_S = 4.5
-"""Time, s, for which motors are watched: the slowest loader takes 1.3 s, and an image rests for 2 s."""
+WATCH_S, LOADER_S = 4.5, 1.3
+"""Time, s, for which motors are watched: the slowest loader takes LOADER_S, and an image rests for 2 s."""
 
 MOST_START_S = 6.0
 """Latest start of a mission, s after power-on: a loader's time and the rest."""
@@ -105,17 +105,21 @@ def _cause(flight_: Flight, cause: str) -> list[bool]:
 
 
 class InSteps:
-    """A host's end of the line to a flying robot, whose time passes in control steps."""
+    """A host's end of the line to a flying robot, whose time passes in control steps.
+
+    Attributes:
+        driven: number of control steps that passed here at whose end a motor was driven.
+    """
 
     def __init__(self, flight_: Flight) -> None:
-        self.flight, self.now_s = flight_, 0.0
+        self.flight, self.now_s, self.driven = flight_, 0.0, 0
 
     def send(self, messages: Sequence[Message]) -> None:
         self.flight.robot.send(messages)
 
     def receive(self, timeout: float) -> list[Message]:
         for _ in range(max(1, round(timeout / STEP_S))):
-            self.flight.robot.fly()
+            self.driven += self.flight.drives()
             self.now_s += STEP_S
             if come := self.flight.robot.receive(0.0):
                 return come
@@ -153,7 +157,8 @@ def _obeys(flight_: Flight) -> tuple[bool, int]:
 
 def _outcome(flight_: Flight, loader: str, cause: str, at_s: float) -> Outcome:
     driven = _cause(flight_, cause)
-    driven += flight_.for_s(WATCH_S - len(driven) * STEP_S)
+    watch_s = WATCH_S - LOADER_S * (loader == "none")
+    driven += flight_.for_s(watch_s - len(driven) * STEP_S)
     off = driven.index(False) if False in driven else None
     driven_s = 0.0 if off is None else sum(driven[max(off, round(OFF_S / STEP_S)) :]) * STEP_S
     resets = int(flight_.robot.tell().resets)

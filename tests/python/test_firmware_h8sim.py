@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from brickpilot.vehicle.settings import settings
 from command import brickpilot
-from test_firmware import make, write
+from test_firmware import corner, make, write
 
 # The robot of tools/docs/guides/my_robot.md, with an IMU whose ranges differ from the packaged one.
 ROBOT = """
@@ -21,7 +21,6 @@ battery_voltage = 7.4
 [sensors.imu]
 gyro_range = { value = 17.45, unit = "rad/s", basis = "1000 degrees/s" }
 """
-ROUTE = 'name = "corner"\nkind = "mission"\nduration_s = 12.0\nwaypoints_m = [[0.5, 0.0], [0.5, 0.4]]\n'
 
 
 def hil(*options: str, cwd: Path) -> subprocess.CompletedProcess[str]:
@@ -30,17 +29,16 @@ def hil(*options: str, cwd: Path) -> subprocess.CompletedProcess[str]:
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder that `firmware` made for an RCX; its route `corner.toml` is beside it."""
+    """The folder that `firmware` made for an RCX; its route `route.toml` is beside it."""
     parent = tmp_path_factory.mktemp("rcx")
-    (parent / "corner.toml").write_text(ROUTE, encoding="utf-8")
-    done = make(parent / "made", write(parent, "robot", ROBOT), "rcx", "--scenario", str(parent / "corner.toml"))
+    done = make(parent / "made", write(parent, "robot", ROBOT), "rcx", "--scenario", str(corner(parent)))
     assert (done.returncode, done.stderr) == (0, "")
     return parent / "made"
 
 
 def test_ones_own_firmware_flies_on_the_rcx_processor_as_in_simulation(made: Path) -> None:
     told = json.loads((made / "firmware.json").read_text())
-    route, model = made.parent / "corner.toml", made.parent / "robot.toml"
+    route, model = made.parent / "route.toml", made.parent / "robot.toml"
     assert told["fly"] == f"brickpilot hil --image {made / 'brickpilot.h8sim'} --model {model} --scenario {route}"
     assert f"On a simulator of the RCX's processor: `{told['fly']}`" in (made / "README.md").read_text()
     flown = hil(*told["fly"].split()[2:], cwd=made.parent)  # a folder without a checkout
@@ -48,7 +46,7 @@ def test_ones_own_firmware_flies_on_the_rcx_processor_as_in_simulation(made: Pat
     assert (flown.returncode, figures["waypoints_reached"], figures["final_mode"]) == (0, 2, "arrived"), flown.stderr
     assert (figures["link"], figures["lost_frames"]) == ("h8sim:imu", 0)
     assert figures["motor_stream_sha256"] == told["flight"]["motor_stream_sha256"]
-    page = (made.parent / "runs/hil-corner-coupled-imu/report.html").read_text(encoding="utf-8")
+    page = (made.parent / "runs/hil-route-coupled-imu/report.html").read_text(encoding="utf-8")
     assert f"--image {made / 'brickpilot.h8sim'}" in page
 
 

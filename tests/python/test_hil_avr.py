@@ -38,7 +38,17 @@ def in_the_checkout(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT)
 
 
-def test_the_papers_mission_is_flown_by_the_image_as_in_simulation(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def begun() -> over_a_link.HilFlight:
+    """The first 3 s of the mission."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(ROOT)
+        return fly("avr:328p-imu", 3.0)
+
+
+def test_the_papers_mission_is_flown_by_the_image_as_in_simulation(
+    begun: over_a_link.HilFlight, tmp_path: Path
+) -> None:
     """One whole flight: all 8 waypoints, the usual run folder, and the track of the simulation with these sensors.
 
     The tolerance is the spread of the simulation itself. Eight flights with different seeds of the noise differ by up
@@ -72,10 +82,9 @@ def test_the_papers_mission_is_flown_by_the_image_as_in_simulation(tmp_path: Pat
     late = np.array(figures["reached_at_s"]) - times.mean(axis=0)
     assert np.abs(late).max() < np.ptp(times, axis=0).max() + 0.006
 
-    again = fly("avr:328p-imu", 3.0)  # another process gives the same duties, in 1/32767
-    whole = np.stack([log["left_duty"], log["right_duty"]], axis=1)[: len(again.flight.motors)]
-    np.testing.assert_array_equal(again.flight.motors, np.rint(whole * 32767))
-    _edges_are_those_of_the_wheels(again)
+    whole = np.stack([log["left_duty"], log["right_duty"]], axis=1)[: len(begun.flight.motors)]
+    np.testing.assert_array_equal(begun.flight.motors, np.rint(whole * 32767))  # another process, the same duties
+    _edges_are_those_of_the_wheels(begun)
 
 
 def _apart(a: np.ndarray, b: np.ndarray) -> float:
@@ -99,15 +108,17 @@ def test_the_other_images_reach_their_first_waypoint(target: str) -> None:
         _edges_are_those_of_the_wheels(flown)
 
 
-def test_a_flight_repeats_itself_to_the_bit_and_its_signals_are_traced(tmp_path: Path) -> None:
+def test_a_flight_repeats_itself_to_the_bit_and_its_signals_are_traced(
+    begun: over_a_link.HilFlight, tmp_path: Path
+) -> None:
     trace = tmp_path / "signals.vcd"
-    traced, bare = fly("avr:328p-imu", 1.5, trace), fly("avr:328p-imu", 1.5)
-    assert traced.flight.motors.tobytes() == bare.flight.motors.tobytes()
+    traced = fly("avr:328p-imu", 1.5, trace)
+    steps = len(traced.flight.motors)
+    assert traced.flight.motors.tobytes() == begun.flight.motors[:steps].tobytes()
     for name, column in traced.flight.log.items():
-        assert column.tobytes() == bare.flight.log[name].tobytes(), name
-    assert all(
-        traced.ticks.columns()[name].tobytes() == column.tobytes() for name, column in bare.ticks.columns().items()
-    )
+        assert column.tobytes() == begun.flight.log[name][:steps].tobytes(), name
+    for name, column in traced.ticks.columns().items():
+        assert column.tobytes() == begun.ticks.columns()[name][:steps].tobytes(), name
     text = trace.read_text()
     names = {line.split()[4]: line.split()[3] for line in text.splitlines() if line.startswith("$var")}
     assert {"left_pwm", "right_in2", "left_a", "gyro", "battery"} <= names.keys()

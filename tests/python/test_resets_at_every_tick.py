@@ -18,32 +18,36 @@ ROUTE_MM = [(600, 600), (600, -200)]
 SLOWER = 4000
 """A value of the setting cruise, 1/16 mm/s, below the image's own."""
 
-HELD_STEPS, WATCHED_S = 3, 0.1
+HELD_STEPS, BOOTS_S, REFUSED_S = 3, 0.03, 0.03
+RESTS_S = 0.7
+"""s for which a robot that must not start is watched: one that starts drives after 0.5 s."""
 DRIVES_S = 3.0
 """s after the start within which a robot drives: it first rolls out and learns the gyro's bias at rest."""
 
-DRIVEN_AGAIN = 4
-"""One in this many resets is followed by a new mission, as that takes long and does not depend on the tick."""
+LONG = 20
+"""One in this many resets is watched for RESTS_S and followed by a new mission: these take long, and the memory after
+each reset is that of a new robot, at every tick. The start itself is accepted after each reset."""
 
 
-def after_a_reset(flown: Flight, drives_again: bool) -> dict[str, Any]:
-    """Cuts the supply for some steps, and returns what the robot then does and says."""
+def after_a_reset(flown: Flight, long: bool) -> dict[str, Any]:
+    """Cuts the supply for some steps, and returns what the robot then does and says until it is told to start."""
     before = flown.robot.tell().resets
     flown.robot.fault("BATTERY", SUPPLY_V)
     driven = [flown.drives() for _ in range(HELD_STEPS)]
     flown.robot.fault("BATTERY", 0.0)
-    driven += flown.for_s(WATCHED_S)
+    driven += flown.for_s(BOOTS_S)
     line = InSteps(flown)
     session = line.session()
     line.send([session.command_message("start")])
-    refused = session.wait(book().by_name["MODE_REPLY"].id, lambda _: True, 0.03) is None
-    driven += flown.for_s(WATCHED_S)
+    refused = session.wait(book().by_name["MODE_REPLY"].id, lambda _: True, REFUSED_S) is None
+    driven += flown.for_s(RESTS_S if long else 0.0)
     session.open("coupled", REALTIME)
     found = {"route": session.route(), "cruise": session.read("cruise"), "refused": refused}
     session.upload(ROUTE_MM)
+    found["driven"] = sum(driven) + line.driven
     session.command("start")
-    obeys = not drives_again or any(flown.drives() for _ in range(round(DRIVES_S / STEP_S)))
-    return found | {"driven": sum(driven), "obeys": obeys, "resets": flown.robot.tell().resets - before}
+    obeys = not long or any(flown.drives() for _ in range(round(DRIVES_S / STEP_S)))
+    return found | {"obeys": obeys, "resets": flown.robot.tell().resets - before}
 
 
 def resets(target: str, every: int, last_s: float) -> Iterator[tuple[int, int, dict[str, Any]]]:
@@ -63,8 +67,8 @@ def resets(target: str, every: int, last_s: float) -> Iterator[tuple[int, int, d
             flown.drives()
             robot.receive(0.0)
             if tick % every == 0:
-                drives_again = tick % (DRIVEN_AGAIN * every) == 0
-                yield tick, cruise, in_child(lambda again=drives_again: after_a_reset(flown, again))
+                long = tick % (LONG * every) == 0
+                yield tick, cruise, in_child(lambda long=long: after_a_reset(flown, long))
 
 
 @pytest.mark.parametrize("target", ["avr:328p-imu", "avr:2560"])

@@ -77,9 +77,10 @@ def refused(options: str, environment: dict[str, str]) -> str:
 
 
 def test_the_right_token_flies(guarded: str, tmp_path: Path) -> None:
-    out = brickpilot("hil", "--link", f"tcp:{guarded}", "--out", "run", "--json", cwd=tmp_path)
+    (tmp_path / "s.toml").write_text('name = "s"\nkind = "mission"\nduration_s = 3\nwaypoints_m = [[0.3, 0]]\n')
+    out = brickpilot("hil", "s.toml", "--link", f"tcp:{guarded}", "--out", "run", "--json", cwd=tmp_path)
     assert out.returncode == 0, out.stderr
-    assert json.loads(out.stdout)["waypoints_reached"] == 8
+    assert json.loads(out.stdout)["waypoints_reached"] == 1
 
 
 def test_a_link_that_hil_starts_itself_has_the_token_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -106,6 +107,8 @@ def test_no_token_and_a_wrong_one_are_refused_with_a_line(
 
 def test_a_brick_without_a_token_is_no_brick_of_ours(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(TOKEN_NAME, TOKEN)
+    connect = socket.create_connection
+    monkeypatch.setattr(socket, "create_connection", lambda place, timeout: connect(place, timeout / 10))  # of silence
     with pytest.raises(InputError, match="the brick asks for no token"):
         open_tcp("tcp", address)
 
