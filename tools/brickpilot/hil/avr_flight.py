@@ -26,6 +26,7 @@ from brickpilot.hil.checkout import AVR_TARGETS, checkout, script_output
 from brickpilot.hil.ends import Ends
 from brickpilot.hil.linked_flight import LinkedFlight, Progress
 from brickpilot.hil.plant_end import BROWN_OUT_MV
+from brickpilot.link.brick import prepare
 from brickpilot.link.links import Link, Message, decode_frame, encode_frame
 from brickpilot.link.session import REALTIME
 from brickpilot.vehicle import flight
@@ -77,7 +78,7 @@ def fly(
     motors: NDArray[np.int16] = np.zeros((plan.steps, 2), dtype=np.int16)
     with open_robot(plan, image, AVR_TARGETS[target].chip, log, motors, trace, scales) as robot:
         run = LinkedFlight(Ends(wrap(robot), None, REPLY_S), target, plan, REALTIME, REPLY_S, progress)
-        over_a_link.prepare(run.session, plan, REALTIME, telemetry_every, settings)
+        prepare(run.session, plan, REALTIME, telemetry_every, settings)
         began = time.perf_counter()
         _fly(run, robot, each_step)
         elapsed = time.perf_counter() - began

@@ -25,21 +25,16 @@ import can
 from brickpilot.compiled import interface
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.hil.checkout import AVR_TARGETS, BRICK_PROGRAM, checkout, script_output
-from brickpilot.link import links
+from brickpilot.link import brick, links
 from brickpilot.link.links import Link, LinkGoneError, Message
-from brickpilot.link.lnp import InfraredLink
 from brickpilot.link.session import REPLY_S
-from brickpilot.link.tower import Tower
 
 _PRIORITY = 20  # 1 to 99; threads of the system have higher priorities
 STARTED = {"serial:pty": "--pty", "tcp": "--listen 127.0.0.1:0", "can:slcan": "--slcan-pty"}
 """Link whose brick is started here as a process -> the options of this process."""
 
-INFRARED = "infrared"
-"""The infrared tower of an RCX. It is too slow for a plant; only `brickpilot upload` uses it."""
-
 IN_PROCESS = ("can:virtual", "can:udp_multicast")
-FORMS = (*STARTED, *IN_PROCESS, "serial:PORT", "tcp:HOST:PORT", "can:slcan:PORT", "can:socketcan:CHANNEL")
+FORMS = (*STARTED, *IN_PROCESS, *brick.FORMS)
 
 
 def claim_priority() -> bool:
@@ -55,25 +50,6 @@ def claim_priority() -> bool:
     except OSError:
         return False
     return True
-
-
-def open_link(spec: str) -> Link:
-    """Opens this end of a link to a running brick.
-
-    Raises:
-        InputError: the link is unknown or cannot be opened.
-    """
-    kind, _, rest = spec.partition(":")
-    if kind == "serial" and rest:
-        return links.open_serial(spec, rest)
-    if kind == "tcp" and rest:
-        return links.open_tcp(spec, rest)
-    if kind == INFRARED and rest:
-        return InfraredLink(Tower(rest))
-    name, _, channel = rest.partition(":")
-    if kind == "can" and name in links.CAN_KINDS and channel and name != "virtual":
-        return links.CanLink(links.open_bus(spec, name, channel))
-    raise InputError(f"is no link; known links: {', '.join(FORMS)}", field=f"--link {spec}")
 
 
 @dataclass(frozen=True)
@@ -110,7 +86,7 @@ def both_ends(spec: str, trace: Path | None = None, image: Path | None = None) -
             if spec in STARTED:
                 process, address = start_brick(STARTED[spec])
                 stack.callback(end_brick, process)
-                link, restart = open_link(address), partial(restart_brick, process)
+                link, restart = brick.open_link(address, FORMS), partial(restart_brick, process)
             elif spec in H8SIM_TARGETS:
                 process, link = start_h8(spec, trace, image)
                 stack.callback(wait_for_end, process)
@@ -121,7 +97,7 @@ def both_ends(spec: str, trace: Path | None = None, image: Path | None = None) -
                 stack.callback(thread.stop)
                 link, restart = links.CanLink(links.open_bus(spec, kind, channel)), thread.restart
             else:
-                link = open_link(spec)
+                link = brick.open_link(spec, FORMS)
             stack.callback(link.close)
             yield Ends(link, restart, H8SIM_REPLY_S if spec in H8SIM_TARGETS else REPLY_S)
     except LinkGoneError as error:

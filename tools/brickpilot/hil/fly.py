@@ -18,12 +18,11 @@ from brickpilot.errors import InputError
 from brickpilot.hil.ends import Ends, memory_ends
 from brickpilot.hil.linked_flight import LOST, LinkedFlight, Progress, Ticks, board_told
 from brickpilot.hil.plant_end import PlantEnd, open_plant
+from brickpilot.link.brick import prepare
 from brickpilot.link.links import LinkGoneError
-from brickpilot.link.session import LOCKSTEP, REALTIME, NoReplyError, Session
+from brickpilot.link.session import LOCKSTEP, REALTIME, NoReplyError
 from brickpilot.vehicle import flight, flight_figures
-from brickpilot.vehicle.gains import check_pairs
 from brickpilot.vehicle.scenario import AVR_KINDS
-from brickpilot.vehicle.settings import settings as known_settings
 
 TRIES = 4
 """In lockstep, the number of times that a set is sent without a reply before the link counts as lost."""
@@ -71,27 +70,6 @@ class HilFlight:
             "broke_off": self.broke_off,
             "board": board_told(self.board),
         }
-
-
-def prepare(
-    session: Session, plan: flight.Plan, pace: str, telemetry_every: int | None, settings: Mapping[str, int]
-) -> None:
-    """Opens a session and sends the data of the flight: compensation, gains, settings and route.
-
-    Raises:
-        InputError: the brick refuses some of the data, or two settings contradict each other; then no setting is
-            written.
-    """
-    session.open(plan.controller, pace)
-    cruise = {"cruise": known_settings()["cruise"].raw(plan.cruise)} if plan.cruise > 0 else {}
-    written = flight.written(plan)
-    check_pairs({**written, **settings}, lambda name: cruise[name] if name in cruise else session.read(name))
-    if telemetry_every is not None:
-        session.write("telemetry_every", telemetry_every)
-    for name, raw in (*cruise.items(), *written.items(), *settings.items()):
-        session.write(name, raw)
-    session.upload([(round(x * 1e3), round(y * 1e3)) for x, y in plan.scenario.waypoints])
-    session.resets.begin()
 
 
 def _fly_lockstep(run: LinkedFlight, end: PlantEnd) -> None:

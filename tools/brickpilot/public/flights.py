@@ -18,6 +18,7 @@ from brickpilot.hil.ends import check_sensors
 from brickpilot.hil.fly import HilFlight
 from brickpilot.hil.linked_flight import Progress
 from brickpilot.hil.traffic_log import RecordingLink
+from brickpilot.link.brick import INFRARED
 from brickpilot.link.links import Link
 from brickpilot.link.session import LOCKSTEP, REALTIME
 from brickpilot.public.doors import FlightRequest, Made, command_line, whole
@@ -63,7 +64,7 @@ def link_of(spec: str | None, target: str, lockstep: bool) -> str:
     if target == "host":
         if spec is None:
             raise InputError("is missing: name the link to the brick", field="--link")
-        if spec.startswith(ends.INFRARED):
+        if spec.startswith(INFRARED):
             raise InputError(
                 "is too slow for a plant; `brickpilot upload` speaks to an RCX over it", field=f"--link {spec}"
             )
