@@ -40,6 +40,7 @@ class ParameterInfo:
         same_as: the nominal parameter that this one adds to; empty: none.
         says, says_below: what a value above and below 0 means, as a clause with {} for its size; empty: none.
         over_mean: the value is left less right, over their mean.
+        run_value: the value of single runs that adds to this parameter, by its name in `replay.RUN_KINDS`; empty: none.
     """
 
     name: str
@@ -65,6 +66,7 @@ class ParameterInfo:
     says: str = ""
     says_below: str = ""
     over_mean: bool = False
+    run_value: str = ""
 
 
 @dataclass(frozen=True)

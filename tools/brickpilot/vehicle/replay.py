@@ -137,7 +137,7 @@ class Replay:
 
         If charge or heat carries over, a model's runs are simulated one after the other, else all at once.
         """
-        models = [_with_whole_starts(one, self.dataset.runs) for one in models]
+        models = [_with_sums(one, self.dataset.runs) for one in models]
         places, length = self._places(names)
         rows = np.empty((len(models), length))
         restarts_of = self._restarts(models, marks)
@@ -299,14 +299,26 @@ def _own_values(run: Run, model: Model) -> _Own:
     return tuple((kind, one[name]) for kind, one in model.by_run.items() if one.get(name))
 
 
-def _with_whole_starts(model: Model, runs: Sequence[Run]) -> Model:
-    """Returns a model whose starts of runs hold its start delay too; without starts of runs, the model itself."""
-    if "start" not in model.by_run or "start_delay" not in model.effects:
-        return model
-    delay, own = model.effects["start_delay"]["delay"], model.by_run["start"]
-    starts = {name: max(delay + own.get(name, 0.0), 0.0) for name in (run_of(run.name) for run in runs)}
-    effects = {name: table for name, table in model.effects.items() if name != "start_delay"}
-    return dataclasses.replace(model, effects=effects, by_run={**model.by_run, "start": starts})
+def _with_sums(model: Model, runs: Sequence[Run]) -> Model:
+    """Returns the model with each value of runs as its sum with the effect that it adds to, and without this effect."""
+    for effect, parameter, kind in _sums(tuple(model.effects)):
+        if own := model.by_run.get(kind):
+            common = model.effects[effect][parameter]
+            whole = {name: max(common + own.get(name, 0.0), 0.0) for name in (run_of(run.name) for run in runs)}
+            effects = {name: table for name, table in model.effects.items() if name != effect}
+            model = dataclasses.replace(model, effects=effects, by_run={**model.by_run, kind: whole})
+    return model
+
+
+@cache
+def _sums(effects: tuple[str, ...]) -> tuple[tuple[str, str, str], ...]:
+    """Returns (effect, parameter, value of runs) for each parameter of these effects to which such a value adds."""
+    return tuple(
+        (one.name, info.name, info.run_value)
+        for one in catalogue.effects_of(effects)
+        for info in one.parameters
+        if info.run_value
+    )
 
 
 def _start_key(model: Model) -> tuple[object, ...]:
