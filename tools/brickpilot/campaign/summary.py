@@ -105,15 +105,16 @@ def sensitivity_indices(campaign: Campaign, inputs: Mapping[str, Array], figure:
 def _analysed(campaign: Campaign, inputs: Mapping[str, Array], kept: NDArray[np.bool_], values: Array) -> list[Index]:
     problem = designs.problem(campaign)
     names = problem["names"]
+    seed = 1 + campaign.seed % (2**32 - 1)  # SALib takes 0 as no seed, and some of its versions take 32 bits alone
     if campaign.design == "saltelli":
         keys: tuple[str, ...] = ("S1", "S1_conf", "ST", "ST_conf")
-        analysis = designs.salib("analyze.sobol").analyze(problem, values, calc_second_order=False, seed=0)
+        analysis = designs.salib("analyze.sobol").analyze(problem, values, calc_second_order=False, seed=seed)
     elif campaign.design == "morris":
         keys = ("mu_star", "mu_star_conf")
         shares = designs.drawn_shares(campaign)(0, len(kept))[kept]
         levels = (shares - designs.MORRIS_EDGE) / (1.0 - 2.0 * designs.MORRIS_EDGE)
         analyse = designs.salib("analyze.morris").analyze
-        analysis = analyse(problem, levels, values, num_levels=designs.MORRIS_LEVELS, seed=0)
+        analysis = analyse(problem, levels, values, num_levels=designs.MORRIS_LEVELS, seed=seed)
     else:
         keys = ("S1", "S1_conf")
         columns = np.column_stack([inputs[name][kept] for name in names])
@@ -121,7 +122,7 @@ def _analysed(campaign: Campaign, inputs: Mapping[str, Array], kept: NDArray[np.
             # A parameter of an effect that is off has no value. A number in its place would act like the effect's
             # switch, and would get the switch's index.
             columns = designs.drawn_shares(campaign)(0, len(kept))[kept]
-        analysis = designs.salib("analyze.rbd_fast").analyze(problem, columns, values, seed=0)
+        analysis = designs.salib("analyze.rbd_fast").analyze(problem, columns, values, seed=seed)
     rows = zip(names, *(analysis[key] for key in keys), strict=True)
     return [Index(name, *map(float, numbers)) for name, *numbers in rows]
 

@@ -1,0 +1,26 @@
+"""Writes the data of a recipe without noise, as ideal converters would log them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from hidden import folder, measure
+from hidden.recipe import Recipe
+
+
+def write(recipe: Recipe, parent: Path) -> Path:
+    """Writes PARENT/NAME, without a truth: no noise, no steps, no run held out; returns the folder.
+
+    The usual noise is stated, so that a fit weighs the signals as in the set with noise.
+    """
+    stated = replace(recipe, noise_sd_stated=True, quantised=False)
+    runs = measure.sense(measure.tracks(stated), stated)
+    out = parent / recipe.name
+    out.mkdir(parents=True)
+    for run, signals in zip(stated.runs, runs, strict=True):
+        text = folder._table(stated, run.held(stated.sample_s), signals)
+        (out / f"{run.name}.csv").write_text(text, encoding="ascii")
+    said = folder._description(stated, folder.nominal(stated), list(runs[0]))
+    (out / "dataset.toml").write_text(said.replace("[[runs]]", '[[runs]]\nrole = "fit"'), encoding="ascii")
+    return out
