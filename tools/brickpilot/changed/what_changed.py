@@ -1,6 +1,6 @@
 """`brickpilot changed`: from recordings of one machine to what is different in the later ones.
 
-    _structure   -> Parts    what the engine names in the first recording: all share it
+    _structure   -> Parts       what the engine names in the first recording: all share it
     _joint       -> Joint       both recordings as one data set, and one explanation of both without a difference
     _begun       -> Onset       the moment at which the later recording changes, if it does          (recordings.py)
     _verdict     -> Verdict     the engine's verdict on explanations with differences: in what the machine always has;
