@@ -139,7 +139,7 @@ _MUJOCO_ROBOT = f"""
 
 @cache
 def _mujoco_model() -> Any:
-    """Returns MuJoCo's robot, compiled once. The functions that it does not need are off, which makes it faster."""
+    """Returns the robot in MuJoCo, compiled once. For speed, the functions that the robot does not need are off."""
     import mujoco
 
     return mujoco.MjModel.from_xml_string(_MUJOCO_ROBOT)

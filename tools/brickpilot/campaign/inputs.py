@@ -267,7 +267,7 @@ class Input:
         return len(self.distribution.values)
 
     def values(self, shares: NDArray[np.float64]) -> list[Value]:
-        """Returns the quantiles at these shares (n,), as a flight needs them: a gain is rounded as in the firmware."""
+        """Returns the quantiles at `shares` (n,), as values of a flight: a gain is rounded as in the firmware."""
         quantiles: list[float] = self.distribution.at(shares).tolist()
         if self.labels:
             return [self.labels[int(quantile)] for quantile in quantiles]

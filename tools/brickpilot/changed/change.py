@@ -118,7 +118,7 @@ class Constant:
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """One signal of one run of a later recording, SI: measured, and by the models before and after, (n,) each."""
+    """One signal in one run of a later recording, SI, (n,) each: measured, and by the models before and after."""
 
     run: str
     signal: str

@@ -320,7 +320,7 @@ def parse_mapping(entries: Sequence[str], *, has_time: bool = False, partly: boo
 
 
 def _unit_apart(text: str) -> tuple[str, str | None]:
-    """Returns formula and unit, split at the last colon. No unit begins with a slash: ``NT:/drive/left`` has none."""
+    """Returns formula and unit, split at the last colon. No unit begins with /: ``NT:/drive/left`` has no unit."""
     head, colon, unit = text.rpartition(":")
     if not colon or unit.startswith("/"):
         return text, None

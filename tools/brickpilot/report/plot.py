@@ -235,7 +235,7 @@ def _curve(one: Curve, x: Array, kept: NDArray[np.intp], factor: float) -> dict[
 
 
 def _longest_step(one: Curve, x: Array, kept: NDArray[np.intp]) -> float:
-    """Returns the distance in `x` above which no line joins two samples; a sensor slower than the log is joined."""
+    """Returns the distance in `x` above which no line joins two samples; samples of a slow sensor stay joined."""
     known = x[np.isfinite(one.values)]
     if len(known) < 2:
         return 0.0
@@ -361,7 +361,7 @@ def _joined(marks: Marks, rows: int) -> list[tuple[float, float] | None]:
 
 
 def interval(low: float, value: float, high: float, *, inside: tuple[float, float]) -> Markup:
-    """Draws a dot with its interval and a line at 0, within `inside`. It is decoration: the numbers stand beside it."""
+    """Draws a value as a dot with its interval, and a line at 0, in the range `inside`; the numbers stand beside it."""
     share = (np.array([low, value, high, 0.0]) - inside[0]) / (inside[1] - inside[0])
     start, middle, end, zero = np.clip(4.0 + share * (_WHISKER - 8.0), 2.0, _WHISKER - 2.0)
     return Markup(

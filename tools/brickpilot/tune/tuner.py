@@ -40,7 +40,7 @@ PACKAGED = "packaged"
 
 SEARCH, SCALE, JUDGE, BOOTSTRAP = range(4)
 """The random streams: the robots of the search, of the score's scale and of the judge, and the bootstrap's resamples.
-Streams of robots also use places, so no robot has the random numbers of another robot or of the bootstrap."""
+Each robot also has a place in its stream, so it shares no random numbers with another robot or the bootstrap."""
 
 SCALE_ROBOTS = 64
 
