@@ -265,7 +265,7 @@ def find_layout(lines: Sequence[str], delimiters: Sequence[str]) -> Layout | Non
 
 
 def _tried(sample: Sequence[str], delimiter: str, decimal: str) -> tuple[Layout, float]:
-    """Returns the layout with this delimiter, and the number of its rows times the share of numbers in them."""
+    """Returns the layout with this delimiter, and its number of rows times the share of numbers in the rows."""
     ends = sum(line.rstrip(" ").endswith(delimiter) for line in sample)
     trailing = delimiter != " " and ends > 0.9 * len(sample)
     draft = Layout(delimiter, decimal, 0, trailing)

@@ -258,7 +258,7 @@ def _read(
     logs: Logs, into: Path, vehicle: str | None, frame: str | None, mapping: Sequence[str],
     nominal: Mapping[str, float] | None, as_wired: bool,
 ) -> tuple[Dataset, tuple[str, ...], str]:  # fmt: skip
-    """Returns a data set, its notes and the options that correct it. Logs are first imported `into` a folder."""
+    """Returns a data set, its notes and the options that correct it. Logs are imported into the folder `into`."""
     if isinstance(logs, Dataset):
         return logs, (), ""
     paths = [Path(one) for one in ([logs] if isinstance(logs, str | Path) else logs)]

@@ -214,8 +214,7 @@ def _advise(
 
     Args:
         nominal: the nominal model, fitted to the fit runs.
-        visible: effect -> the smallest size that the runs show.
-        temperature: the nats that count as one.
+        visible: effect -> the smallest size that the runs show. temperature: the number of nats that count as one nat.
     """
     problem = Problem(prepared.coarse, nominal.plan)
     asked = _Asked.of(prepared, nominal, problem.prior_slopes(nominal.point), temperature)
@@ -251,8 +250,8 @@ class _Asked:
     Attributes:
         probes: the probes of all effects with a single size that can be extrapolated.
         usual: (effect, parameter) -> the usual size in the catalogue, scaled to this vehicle.
-        prior: (parameters, parameters) information of the parameters' priors.
-        temperature: the nats that count as one.
+        prior: (parameters, parameters) information of the parameters' priors. temperature: the number of nats that
+        count as one nat.
     """
 
     plan: Plan

@@ -53,7 +53,7 @@ def listed(items: Sequence[str], last: str = "and") -> str:
 
 
 def either(rivals: Sequence[str]) -> str:
-    """Returns rival explanations, each joined by " + ", in words; effects that all of them share are named once."""
+    """Returns rivals, whose names are joined by " + ", in words; an effect that all rivals share is named once."""
     names = [one.split(" + ") for one in rivals]
     shared = [name for name in names[0] if all(name in other for other in names)]
     if not shared:

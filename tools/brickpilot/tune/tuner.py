@@ -152,7 +152,7 @@ class Judged:
 
     @property
     def better(self) -> bool:
-        """Whether the new gains are significantly better in success, or else in the score without less success."""
+        """Whether the new gains give significantly more success, or a better score with no significant loss of it."""
         if self.is_worse_in_success:
             return False
         return (self.gained > self.lost and self.p < SIGNIFICANT) or self.changes[0].high < 0
