@@ -33,8 +33,7 @@ class ParameterInfo:
         odd: whether the value changes its sign if left and right are swapped.
         scan: sizes that a search tries one by one; empty: none.
         limits: the signal that this value limits; empty: no signal.
-        arm_of: the parameter of the same effect whose lever arm this parameter is; empty: none. only_with: the
-            parameter to which it adds; empty: none.
+        arm_of, only_with: the parameter of the same effect whose lever arm this is, or to which this adds; empty: none.
         in_volts: the name of the voltage R / K_t times this torque; empty: there is no such voltage.
         variation: how the effect's law differs if this value is not 0, worded to follow "but"; empty: no difference.
         mechanism: the mechanism of the law with this parameter alone; empty: the effect's mechanism.
@@ -114,7 +113,7 @@ class EffectInfo:
 
     @property
     def is_searched(self) -> bool:
-        """Whether discovery searches for it: not if it is composed, or if the kind of the inputs states it."""
+        """Whether discovery searches for the effect: not if it is composed, or if the kind of the inputs states it."""
         return not self.composed and (not self.stated_by or self.acts_on == "sensor")
 
 

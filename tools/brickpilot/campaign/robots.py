@@ -61,8 +61,8 @@ class Allowed:
 
     Attributes:
         explanations: the explanations of the data, the best one first; only an ambiguous verdict has several.
-        spread: the spread of the fitted parameters; None: no parameter was fitted. shares: nominal parameter ->
-        relative sd, used if no parameter was fitted.
+        spread: the spread of the fitted parameters; None: no parameter was fitted.
+        shares: nominal parameter -> relative sd, used if no parameter was fitted.
         devices: the robot's sensors, as in `flight.Plan.devices`; None: those of the packaged robot.
         source: the source of the spread, in words.
     """
@@ -102,8 +102,9 @@ class Robot:
     """A drawn robot.
 
     Attributes:
-        place: the robot's place in its stream of draws. explanation: name of the explanation from which the robot was
-        drawn. seed: seed of the noise of the robot's sensors.
+        place: the robot's place in its stream of draws.
+        explanation: name of the explanation from which the robot was drawn.
+        seed: seed of the noise of the robot's sensors.
     """
 
     place: int

@@ -105,7 +105,8 @@ def _parts(time: Vector, signals: Mapping[str, Vector], starts: Sequence[int], s
     """Returns name and rows of each run of a log, in order; a run that is the whole log has no name.
 
     Args:
-        time: (n,), in s. signals: inputs and outputs, NaN where blank.
+        time: (n,), in s.
+        signals: inputs and outputs, NaN where blank.
         starts: rows at which a new run has to begin.
         spans: the result of `parse_split`.
     """

@@ -39,7 +39,8 @@ class Imported:
     Attributes:
         folder: the data set's folder.
         runs: the runs' names in order.
-        notes: sentences for the user. wiring: a sentence on each fault of the wiring that all runs have.
+        notes: sentences for the user.
+        wiring: a sentence on each fault of the wiring that all runs have.
         mend: the options of `import` that correct the wiring; empty: there is no fault, or options cannot correct it.
     """
 

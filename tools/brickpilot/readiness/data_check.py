@@ -214,7 +214,8 @@ def _advise(
 
     Args:
         nominal: the nominal model, fitted to the fit runs.
-        visible: effect -> the smallest size that the runs show. temperature: the number of nats that count as one nat.
+        visible: effect -> the smallest size that the runs show.
+        temperature: the number of nats that count as one nat.
     """
     problem = Problem(prepared.coarse, nominal.plan)
     asked = _Asked.of(prepared, nominal, problem.prior_slopes(nominal.point), temperature)
@@ -250,8 +251,8 @@ class _Asked:
     Attributes:
         probes: the probes of all effects with a single size that can be extrapolated.
         usual: (effect, parameter) -> the usual size in the catalogue, scaled to this vehicle.
-        prior: (parameters, parameters) information of the parameters' priors. temperature: the number of nats that
-        count as one nat.
+        prior: (parameters, parameters) information of the parameters' priors.
+        temperature: the number of nats that count as one nat.
     """
 
     plan: Plan
