@@ -90,7 +90,7 @@ class _HereCrew:
 
 
 def chosen(jobs: int, scheduler: str | None) -> Local | Cluster:
-    """Returns the workers that the options name; a scheduler takes precedence.
+    """Returns the workers that the options name: a scheduler's workers if `scheduler` is given.
 
     Raises:
         InputError: the scheduler's address is not valid.
@@ -99,10 +99,10 @@ def chosen(jobs: int, scheduler: str | None) -> Local | Cluster:
 
 
 def shared(path: Path) -> Path:
-    """Checks that a file or folder, which the function of a part reads, exists on this worker, and returns it.
+    """Checks that a file or folder that a part's function reads exists on this worker, and returns its path.
 
     Raises:
-        InputError: it is not on this worker.
+        InputError: the file or folder is not on this worker.
     """
     if not path.exists():
         raise InputError(f"is missing on the worker {platform.node()}: each worker needs the same files", file=path)
@@ -110,7 +110,7 @@ def shared(path: Path) -> Path:
 
 
 DEATHS = 3
-"""The campaign ends if a part has ended this number of workers. One worker may die by chance or by a lack of memory."""
+"""The campaign ends if one part has ended this number of workers. A worker may die by chance or for lack of memory."""
 
 _STOP_S = 2.0  # s: time for a process to end by itself before it is killed
 _ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")

@@ -70,7 +70,7 @@ def mission(robot: Robot, file: str | None) -> Scenario:
 
 
 def plan(robot: Robot, route: Scenario, sensors: str, seed: int) -> flight.Plan:
-    """Returns the plan of the flight, without cruise speed and compensation, because the firmware contains its own."""
+    """Returns the plan of the flight without cruise speed and compensation, because the firmware contains both."""
     made = flight.plan(route, robot.model, profile="coupled", sensors=sensors, seed=seed)
     devices = robot.vehicle["sensors"]  # [imu] and [encoder] have the names of the fields of `bp_devices`
     return dataclasses.replace(

@@ -1,8 +1,8 @@
 """Turns Parquet files into a data set. pyarrow reads the files. Each file holds a table, like the text files of
 `table`.
 
-A field of a struct is ``column.field``. Time stamps become s since the earliest stamp in their column, durations become
-s.
+A field of a struct is ``column.field``. Time stamps become s since the earliest stamp in their column, durations also
+become s.
 """
 
 from __future__ import annotations

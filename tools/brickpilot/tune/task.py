@@ -51,7 +51,7 @@ class Space:
         return np.asarray(np.log(np.array([float(raw[name]) for name in self.names]) + self.offset))
 
     def raw(self, coordinates: Array) -> dict[str, int]:
-        """Returns the raw integers at these coordinates: rounded, within the ranges, and no pair in contradiction."""
+        """Returns the raw integers at these coordinates, rounded, within the ranges and without contradicting pairs."""
         values = np.clip(np.exp(coordinates) - self.offset, self.low, self.high)
         raw = {name: int(value) for name, value in zip(self.names, np.rint(values), strict=True)}
         for less, more in AT_MOST:
