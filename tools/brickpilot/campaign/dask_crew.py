@@ -43,8 +43,7 @@ def dask_crew(function: Function, scheduler: str) -> Iterator[DaskCrew]:
     """Yields the workers of the scheduler at this address, which call `function`.
 
     Raises:
-        InputError: the library is not installed, no scheduler answers, no worker comes, or a worker has another
-        version.
+        InputError: the library is not installed, no scheduler answers, no worker comes, or its version differs.
     """
     try:
         import distributed  # noqa: F401  (makes the loggers that `_quiet` silences)

@@ -67,7 +67,7 @@ def _heading(common: Values, gyro_range: float) -> dict[str, Any]:
 
 
 def _friction(profile: str, values: Values) -> dict[str, Any]:
-    """Returns a `friction_config_t`. The profile `paper` learns no friction: its wheels do not roll (fault 1)."""
+    """Returns a `friction_config_t`. `paper` learns no friction: its wheels do not roll with the body (fault 1)."""
     pull = values["torque_constant"] * values["wheel_radius"]
     per_acceleration = values["resistance"] * mean_inertia(values) / pull  # V per m/s^2, both motors
     return {
@@ -187,7 +187,7 @@ def voltage_bits(values: Values) -> int:
 
 
 def with_room(values: Values, step: float) -> Values:
-    """Returns a vehicle with the same motion, whose states fit the formats of the model's coefficients.
+    """Returns a vehicle for the model's coefficients: the motion is the same, and the states fit the model's formats.
 
     The inputs of the model are voltages, and its outputs are speed and yaw rate of the body. Its other states may be
     scaled:

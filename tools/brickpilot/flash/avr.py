@@ -83,8 +83,8 @@ def flash(
         timeout_s: time for the whole delivery, s.
 
     Raises:
-        InputError: the image does not fit, avrdude or the port is missing, or the board has another chip. TimeoutError:
-        nothing answers, or the delivery takes too long.
+        InputError: the image does not fit, avrdude or the port is missing, or the board has another chip.
+        TimeoutError: nothing answers, or the delivery takes too long.
         WorkFailedError: the image that is read back differs, or avrdude failed in another way.
     """
     size = read(file, part)

@@ -4,8 +4,7 @@ A packet is 55 FF 00, then the opcode, the operands and the sum of opcode and op
 these bytes. The opcode of a reply is the complement of the request's opcode. The rules for sending a packet again:
 
 - The ROM remembers the opcode to which it last replied. If the next request has the same opcode, the ROM only repeats
-its
-  reply. So a new request toggles bit 3 of its opcode, and a repeated request does not.
+  its reply. So a new request toggles bit 3 of its opcode, and a repeated request does not.
 - The ROM writes the bytes of a block to memory as they arrive. When the same index arrives again, the ROM goes back to
   the start of the block. So a block can be sent again, even with fewer bytes, until it is acknowledged.
 - After a damaged byte, the ROM looks for an opcode in the rest of the same packet. The ROM may take bytes of the image

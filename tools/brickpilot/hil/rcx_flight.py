@@ -63,7 +63,7 @@ class RcxFlight:
     """A flight of the mission.
 
     Attributes:
-        reached: which waypoints the plant reached.
+        reached: the waypoints that the plant reached.
         shown: the display's text at the end: ARRIVED, or a fault such as "Err 7"; None: the mission had not ended.
         ticks_ms: times between the beginnings of successive control steps.
         tally: the processor's work since the press of Run.

@@ -172,8 +172,8 @@ def firmware(
         The folder; `figures["flight"]["failure"]` says why the flight failed, or is None.
 
     Raises:
-        InputError: an argument is wrong, or a value fits no fixed-point format; the message names the value and its
-        range. WorkFailedError: the image cannot be built.
+        InputError: an argument is wrong, or a value fits no fixed-point format; the message names value and range.
+        WorkFailedError: the image cannot be built.
     """
     if board not in boards.BOARDS:
         raise InputError(f"{board!r} is not one of {', '.join(boards.BOARDS)}", field="board")
