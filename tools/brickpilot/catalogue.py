@@ -208,7 +208,7 @@ def mirrored(text: str) -> str:
 
 
 def says(name: str, parameter: str, value: float) -> str:
-    """Returns what a value of a parameter of effect `name` means, a clause with {} for its size; empty: no clause."""
+    """Returns the meaning of a parameter's value in effect `name`: a clause with {} for its size; empty: no clause."""
     info = next(row for row in effect(name).parameters if row.name == parameter)
     if value >= 0.0:
         return info.says

@@ -213,8 +213,7 @@ def _scipy(model: Model, manoeuvre: Manoeuvre) -> dict[str, Callable[[], float]]
 
 
 def control_law() -> tuple[dict[str, LawFigure], list[str]]:
-    """Returns the control law's cost on each brick's processor, compared with its peers, and why some bricks are
-    missing.
+    """Returns the control law's cost on each brick's processor, compared with its peers, and why bricks are missing.
 
     In a checkout, `tests/lab/control_peers.py` measures the cost.
     """

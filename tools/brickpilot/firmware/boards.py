@@ -285,8 +285,7 @@ class ClosedLoop:
     flags: tuple[str, ...]
 
     def library(self) -> Path:
-        """Returns the library for `flight.Plan.firmware`. Each process compiles the library once and removes it at its
-        end.
+        """Returns the library for `flight.Plan.firmware`. Each process compiles it once, and removes it at the end.
 
         Raises:
             InputError: the firmware's sources are missing.

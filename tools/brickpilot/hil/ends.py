@@ -355,8 +355,7 @@ def check_sensors(target: str, sensors: str) -> None:
 
 
 def start_h8(target: str, trace: Path | None = None, image: Path | None = None) -> tuple[subprocess.Popen[bytes], Link]:
-    """Starts the firmware on the simulator; returns the process, which ends when its standard input closes, and its
-    link.
+    """Starts the firmware on the simulator; returns the process and its link. The process ends if its stdin closes.
 
     Args:
         target: one of `H8SIM_TARGETS`.

@@ -1,5 +1,4 @@
-"""Turns Parquet files into a data set. pyarrow reads the files. Each file holds a table, like the text files of
-`table`.
+"""Turns Parquet files into a data set; pyarrow reads them. Each file holds a table, like the text files of `table`.
 
 A field of a struct is ``column.field``. Time stamps become s since the earliest stamp in their column, durations also
 become s.

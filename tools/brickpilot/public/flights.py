@@ -1,4 +1,4 @@
-"""A flight over a link, with the plant at one end and the controller at the other: `hil` and its arguments."""
+"""`hil` and its arguments: a flight with the plant at one end of a link and the controller at the other end."""
 
 from __future__ import annotations
 

@@ -109,8 +109,7 @@ class Rate:
 
 @dataclass(frozen=True)
 class Change:
-    """The means of a figure over the same robots with the old and the new gains, and the mean difference's 95 %
-    interval.
+    """A figure's means over the same robots with old and new gains, and the 95 % interval of the mean difference.
 
     Attributes:
         robots: number of robots in the means: all robots, or those that succeeded with both gain sets.
