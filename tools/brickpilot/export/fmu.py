@@ -28,7 +28,7 @@ from brickpilot.export.fmu_description import Variable, variables
 from brickpilot.vehicle.model import Model
 
 VERSIONS = ("2.0", "3.0")
-_EARLIEST = (1980, 1, 1, 0, 0, 0)  # earliest time in a zip file; all files get this time, so equal models give equal bytes
+_EARLIEST = (1980, 1, 1, 0, 0, 0)  # time of all files, the earliest in a zip file; so equal models give equal bytes
 
 
 def archive(model: Model, version: str, *, binary: bool = True) -> bytes:
