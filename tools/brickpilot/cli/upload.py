@@ -43,7 +43,7 @@ def upload(
     """
     from brickpilot.vehicle import compensation, flight, gains, model, scenario
 
-    settings = settings_of(written)  # these win over the gain set's
+    settings = settings_of(written)  # these settings override those of the gain set
     chosen = scenario.load(scenario.find(scenario_name))
     if not chosen.waypoints:
         raise InputError("has no waypoints", field=scenario_name)
