@@ -39,7 +39,7 @@ class Scale:
 
 
 def scale(value: float, name: str) -> Scale:
-    """Returns the nearest `scale_t` for `scale_apply`: abs(value) below 1.
+    """Returns the nearest `scale_t` for `scale_apply`; abs(value) has to be below 1.
 
     Its relative error is at most 3.1e-5; a value below `NEGLIGIBLE` becomes 0.
 
@@ -59,7 +59,7 @@ def scale(value: float, name: str) -> Scale:
 
 
 def scale16(value: float, name: str) -> Scale:
-    """Returns the nearest `scale_t` for `scale_apply16`: abs(value) below 32767. Raises as `scale`."""
+    """Returns the nearest `scale_t` for `scale_apply16`; abs(value) has to be below 32767. Raises as `scale`."""
     return scale(value / 2**MANTISSA_BITS, name)
 
 

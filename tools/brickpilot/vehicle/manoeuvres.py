@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 Points = tuple[tuple[float, float, float], ...]
 """Break points: time, s, and the commands of the left and the right motor as shares of a voltage."""
 
-_REST_S, _END_S = 0.5, 1.0  # rest before and after a manoeuvre
+_REST_S, _END_S = 0.5, 1.0  # s of rest before and after a manoeuvre
 _REVERSALS = (1.6, 1.6, 0.8, 0.8, 0.4, 0.4, 0.2, 0.2, 0.2, 0.2)  # s from one reversal to the next
 
 
@@ -36,7 +36,7 @@ def manoeuvres(vehicle: str, volts: float) -> tuple[Manoeuvre, ...]:
 
 
 def commands(manoeuvre: Manoeuvre, time: Array) -> Array:
-    """Returns (n, 2) V: the commands of the left and the right motor at `time` (n,), s; at a step the later value."""
+    """Returns (n, 2) V: the commands of the left and the right motor at `time` (n,), s; at a step, the new value."""
     sides = (np.array(side).T for side in (manoeuvre.voltage_left, manoeuvre.voltage_right))
     return np.column_stack([np.interp(time, at, volts) for at, volts in sides])
 
