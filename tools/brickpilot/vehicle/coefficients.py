@@ -85,7 +85,7 @@ def _fits(bound: float, name: str) -> None:
 
 
 def prove_motor(exact: MotorStep, name: str, wheels: int = 1) -> None:
-    """Proves that sums of absolute terms at all limits fit 32 bits. `wheels`: how many such currents are added."""
+    """Proves that sums of absolute terms at all limits fit 32 bits. `wheels`: how many wheel currents are added."""
     transition, voltage = np.abs(exact.transition), np.abs(exact.voltage)
     steady = (transition[0, 1] * WHEEL_SPEED_LIMIT + voltage[0] * VOLTAGE_LIMIT) / (1 - transition[0, 0])
     _fits(wheels * steady * CURRENT, f"{name} current")

@@ -46,7 +46,7 @@ class Formula:
 
 
 def loss(values: Values) -> float:
-    """Returns a wheel's viscous plus rolling friction in N m s/rad (eq. 13 and 14); it carries the whole weight."""
+    """Returns a wheel's viscous plus rolling friction under the whole weight, in N m s/rad (eq. 13 and 14)."""
     rolling = values["mass"] * values["gravity"] * values["rolling_friction"] * values["wheel_radius"] ** 2
     return values["viscous_friction"] + rolling
 
@@ -190,12 +190,15 @@ def _scaled(name: str, factor: _Rule) -> _Rule:
 
 
 ADDS_TO = {"wheel_inertia": "mass", "viscous_friction": "emf_constant", "rolling_friction": "emf_constant"}
-"""Data identify only the sum of a pair, as mass + 2 wheel_inertia / wheel_radius^2. The held one keeps its ratio."""
+"""Parameter -> its partner. Data identify only the sum of both, such as mass + 2 wheel_inertia / wheel_radius^2.
+
+A held parameter keeps its ratio to the partner.
+"""
 
 _FITTED_FIRST = ("emf_constant", "mass", "yaw_inertia", "half_track", "wheel_radius", "wheel_inertia")
 """The parameters of a sum that are fitted first: each alone can give its sum any value."""
 
-_CURVES_V = (3.0, 1.0), (6.0, 5.0)  # left and right, per curve: one voltage cannot separate friction from a gain
+_CURVES_V = (3.0, 1.0), (6.0, 5.0)  # (left, right) per curve; one voltage alone cannot separate friction from a gain
 _CURVE_S, _SAMPLES = 20.0, 60
 _TOLD_APART = 1e-2  # least share of a signature outside the other signatures' span; less is a finite-difference error
 

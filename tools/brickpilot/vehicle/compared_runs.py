@@ -72,12 +72,12 @@ def contradictions(dataset: Dataset) -> tuple[Fault, ...]:
     return against_model.contradictions(dataset, simulated)
 
 
-_LARGEST = 1e30  # SI: far above anything measured, far below where squares overflow
+_LARGEST = 1e30  # SI: far above any measurement, and its square does not overflow
 
 
 @dataclass(frozen=True)
 class ComparedSignals:
-    """The measured signals that the model gives, and a note on the others."""
+    """The measured signals that the model gives, and notes on the other signals."""
 
     names: tuple[str, ...]
     notes: tuple[str, ...]

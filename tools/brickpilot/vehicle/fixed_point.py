@@ -1,4 +1,4 @@
-"""Converts real numbers to the firmware's fixed-point formats, and writes them as C initialisers of its structs.
+"""Converts real numbers to the firmware's fixed-point formats, and writes C initialisers of the firmware's structs.
 
 A value that would lose too much precision is refused.
 """

@@ -1,7 +1,7 @@
 """How much of each measured signal a model explains: over whole runs and a short time ahead, on each kind of run.
 
 `compare`, `calibrate` and `discover` get their numbers here, so that these numbers agree for the same model and the
-same runs. `data.agreement` defines the number; `Comparable` defines where runs start. A short horizon is a row of
+same runs. `data.agreement` defines the number fit %; `Comparable` defines where runs start. A short horizon is a row of
 open-loop windows that each start from measured values.
 """
 
@@ -36,7 +36,7 @@ AHEAD: Mapping[str, float] = {"1_s": 1.0}
 """The horizons of every headline number besides the free run: name -> s."""
 
 _LEAST_SAMPLES = 4  # least number of samples in a window; with fewer, a horizon says nothing
-_SMOOTHED_S = 0.04  # s of samples around the start of a window from which a rate is estimated
+_SMOOTHED_S = 0.04  # s around a window's start; its samples give the rate at the start
 _SIDES = ("left", "right")
 
 
@@ -45,9 +45,9 @@ class Stretch:
     """One run at one horizon.
 
     Attributes:
-        start: (n,) the sample at which the window of each sample starts; a sample at the edge of two windows belongs to
-            the earlier one.
-        within: (n,) whether the sample lies within the horizon of its start.
+        start: (n,) for each sample, the index at which its window starts; a sample at the edge of two windows belongs
+            to the earlier window.
+        within: (n,) whether each sample lies within the horizon, counted from the start of its window.
     """
 
     run: Run
@@ -89,7 +89,7 @@ def track(measured_runs: Dataset, dataset: Dataset, model: Model, horizons: Mapp
     """Returns the measured signals that `model` gives, with the windows of each horizon.
 
     Args:
-        measured_runs, dataset: as measured, and as simulated; see `Comparable`.
+        measured_runs, dataset: the data set as measured, and as simulated; see `Comparable`.
         horizons: name -> how far a prediction reaches, s; the free run is always added.
     """
     given = output_names(model)
@@ -149,7 +149,7 @@ _STATES = (
 
 
 def _smoothed(time: Array, values: Array) -> Array:
-    """Returns `values` with little noise and no delay: a parabola is fitted to the samples around each one."""
+    """Returns `values` with little noise and no delay: a parabola is fitted around each sample."""
     from scipy.signal import savgol_filter
 
     known = np.isfinite(values)
@@ -198,7 +198,7 @@ def _stretch(run: Run, edges: Sequence[int], length: float) -> Stretch:
 
 @dataclass(frozen=True)
 class Headline:
-    """The numbers of one model on one data set.
+    """How well one model agrees with one data set: its headline numbers.
 
     Attributes:
         by_run: run -> horizon -> signal -> role -> agreement. A run has one role, or two if a stretch is held out.
@@ -220,7 +220,7 @@ class Headline:
         return next((role for role in ROLES if self.mean(role) is not None), "fit")
 
     def of(self, signal: str, role: str, horizon: str = FREE_RUN) -> Agreement:
-        """Returns the agreement of a signal over all runs, and stretches of runs, of a role."""
+        """Returns the agreement of a signal over all runs and stretches of runs that have this role."""
         parts = [run.get(horizon, {}).get(signal, {}).get(role) for run in self.by_run.values()]
         return together(one for one in parts if one is not None)
 
@@ -306,7 +306,7 @@ def headline_of(compared: Track, simulated: Mapping[str, Mapping[str, Outputs]],
 
 
 def noise_sd(dataset: Dataset, signal: str, parts: Sequence[Array]) -> float:
-    """Returns the sd of a signal's noise, SI: the larger of stated and estimated. `parts`: the signal in each run."""
+    """Returns a signal's noise sd, SI: the stated or the estimated sd, if larger. `parts`: the signal in each run."""
     described = dataset.signals.get(signal)
     stated = (described.noise_sd if described is not None else None) or 0.0
     step = (described.resolution if described is not None else None) or 0.0
@@ -314,7 +314,7 @@ def noise_sd(dataset: Dataset, signal: str, parts: Sequence[Array]) -> float:
 
 
 def _held_out(run: Run, roles: Roles) -> NDArray[np.bool_]:
-    """Returns (n,) whether each sample of a run is held out."""
+    """Returns (n,): whether each sample of a run is held out."""
     stretch = roles.stretches.get(run.name)
     if stretch is None:
         return np.full(len(run.time), roles.by_run[run.name] == "held_out")

@@ -8,7 +8,7 @@ for `brickpilot firmware`, your model may also contain tables like those of the 
     vehicle = "diff_drive"            # or "motor" or "skid_steer"
     profile = "coupled"               # or "paper"
 
-    [parameters]                      # a value in SI, or with unit and basis; an absent one keeps its preset
+    [parameters]                      # a value in SI, or with unit and basis; absent parameters keep their presets
     mass = { value = 0.9, unit = "kg", basis = "weighed" }
     wheel_radius = 0.0408             # and [effects.NAME] with the parameters of an effect in the same form
 """
@@ -88,7 +88,7 @@ def of_dataset(dataset: Dataset, effects: Sequence[str] = ()) -> Model:
 
 
 def _absent_values(dataset: Dataset) -> dict[str, float]:
-    """Returns the presets of the vehicle. A motor has one load: a mass where a force drives it, else an inertia."""
+    """Returns values for unstated parameters. A motor has one load: a mass if its input is a force, else an inertia."""
     absent = [info.name for info in catalogue.parameters() if info.zero_if_unstated]
     values = catalogue.presets(dataset.vehicle) | dict.fromkeys(absent, 0.0)
     if dataset.nominal.get("force_per_volt", Nominal(0.0)).value > 0:

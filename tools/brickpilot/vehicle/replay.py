@@ -121,7 +121,7 @@ class Replay:
         return {(r.name, name): places[r.name] + k * len(r.time) for r in runs for k, name in enumerate(names)}, length
 
     def _places(self, names: Sequence[str]) -> tuple[dict[str, int], int]:
-        """Returns run -> index at which its outputs begin in a row of `names`; and the length of a row."""
+        """Returns run -> index of the run's first output in a row of the outputs `names`; and the length of a row."""
         ends = np.cumsum([0, *(len(names) * len(run.time) for run in self.dataset.runs)]).tolist()
         return {run.name: end for run, end in zip(self.dataset.runs, ends, strict=False)}, ends[-1]
 
@@ -288,7 +288,7 @@ def _readings(
 
 @cache
 def _needs(effects: tuple[str, ...], vehicle: str) -> tuple[bool, tuple[float, ...]]:
-    """Returns whether charge or heat carries over from run to run with these effects, and their longest motor steps."""
+    """Returns whether these effects carry charge or heat over from run to run, and the longest motor step of each."""
     infos = catalogue.effects_of(effects)
     steps = tuple(one.motor_step for one in infos if one.motor_step > 0)
     return any(one.carries_over for one in infos), (*steps, _SLIDING_S) if vehicle == "skid_steer" else steps
