@@ -104,8 +104,7 @@ def from_model(model: Model, believed: Model | None = None, controller: Values |
 
     Returns:
         None: nothing can be undone, or the model is a motor, has the profile `paper`, or has motors without torque. If
-            only
-        nominal values differ, `undone` is empty.
+        only nominal values differ, `undone` is empty.
     """
     model = two_wheeled(model)
     if model.vehicle == "motor" or model.profile != "coupled" or model.parameters.get("torque_constant") == 0:
@@ -332,7 +331,7 @@ packaged robot, 6 seeds each: at 0.49 (3 times the yaw inertia) the robot reache
 7."""
 
 HIGHEST_BATTERY, HIGHEST_OWN = 20.0, 32.0
-"""V: the highest battery voltage that packaged images measure, and that any mixer allows (VOLTAGE_MAX_MV)."""
+"""V: the highest battery voltages that packaged images can measure, and that any mixer allows (VOLTAGE_MAX_MV)."""
 
 
 @cache

@@ -1,8 +1,8 @@
 """The terms of a model's composed effect, read from the plant's table, and how they are written as equations.
 
-In the table, the composed effect has one coefficient c for each term. A coefficient's meaning reads, for example, ``X
-+= -c * [fabs(u)] * u``. The expression in brackets is valid C and Python, so it is parsed here and not listed a second
-time.
+In the table, the composed effect has one coefficient c for each term. The meaning of a coefficient reads, for example,
+``X += -c * [fabs(u)] * u``. The expression in brackets is valid C and Python, so it is parsed here and not listed a
+second time.
 """
 
 from __future__ import annotations

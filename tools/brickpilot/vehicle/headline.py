@@ -306,7 +306,7 @@ def headline_of(compared: Track, simulated: Mapping[str, Mapping[str, Outputs]],
 
 
 def noise_sd(dataset: Dataset, signal: str, parts: Sequence[Array]) -> float:
-    """Returns a signal's noise sd, SI: the stated or the estimated sd, if larger. `parts`: the signal in each run."""
+    """Returns a signal's noise sd, SI: the larger of stated and estimated sd. `parts`: the signal in each run."""
     described = dataset.signals.get(signal)
     stated = (described.noise_sd if described is not None else None) or 0.0
     step = (described.resolution if described is not None else None) or 0.0

@@ -313,7 +313,7 @@ def simulate_into(
 
     Args:
         starts: (runs, models) index in `values` at which the outputs of each run begin: all samples of the first name,
-            then of the next. Or (models,), if `requests` is.
+            then of the next. The shape is (models,) if that of `requests` is.
         requests: the runs as `OpenLoopRun.as_c` gives them, (runs, models): each run under every model; or (models,):
             each run under its own model. The call writes to `requests`. The arrays to which they point have to outlive
             the call.
