@@ -1,4 +1,4 @@
-"""Coordinates along which a residual may be periodic: time, a wheel's angle and the position; and its spectra."""
+"""Coordinates along which a residual may be periodic (time, a wheel's angle, the position), and their spectra."""
 
 from __future__ import annotations
 

@@ -167,7 +167,7 @@ class _Prediction:
 
 
 def _predicted(runs: Sequence[Run], commands: Sequence[str], output: str) -> _Prediction | None:
-    """Returns the result for runs of one controller; None: too few decisions, or exact planning."""
+    """Returns the result for runs of one controller; None: too few, or exactly planned, decisions."""
     best, ages, least = None, np.empty(0), math.inf
     for number in _PAST:
         decisions = [of_run for run in runs if (of_run := _decisions(run, commands, output, number)) is not None]
@@ -207,7 +207,7 @@ def _errors(table: Array, columns: Sequence[int]) -> Array:
 
 
 def _weighted(tables: Sequence[Array]) -> tuple[Array, float] | None:
-    """Returns all decisions in one table, and the mean log of the residual sd; None: the commands' past is exact.
+    """Returns all decisions in one table, and the mean log residual sd; None: earlier commands predict them exactly.
 
     The residual is that of a prediction from the commands alone. Each run's rows are divided by the sd of the run's
     residual, rows with a large residual get less weight, and each column except the first is divided by its rms.

@@ -78,7 +78,7 @@ def gaps(
 
 
 def residual(run: Run, signal: str, simulated: Array) -> Array:
-    """Returns measured less simulated, (n,); NaN where not measured. For sums of motion it starts from 0."""
+    """Returns measured less simulated, (n,); NaN where not measured. For a sum of motion, the result starts from 0."""
     left = run.outputs[signal] - simulated
     if signal in SUMMED:
         known = np.flatnonzero(np.isfinite(left))

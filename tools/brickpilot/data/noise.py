@@ -22,7 +22,7 @@ Colour = Literal["white", "differentiated", "filtered", "quantised"]
 
 _DISTANCES = np.array([1, 2, 3, 4, 6])  # samples
 _LEAST_SAMPLES = 40  # least number of samples that show a colour; in shorter runs noise counts as white
-_THIRD = np.array([20.0, -30.0, 12.0, -2.0])  # variance of a third difference: weights of the autocorrelation at 0 to 3
+_THIRD = np.array([20.0, -30.0, 12.0, -2.0])  # variance of a third difference: weights of autocorrelations, lags 0 to 3
 _FILTERS = np.array([0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9])  # lag-one autocorrelations that are tried
 _MOST = 0.85  # limit of an accepted autocorrelation: smoother noise cannot be told from motion
 _CLEARLY = 0.5  # an accepted colour has a smaller ratio of its misfit to white noise's misfit
