@@ -20,7 +20,7 @@ class Result:
             cls.__repr__ = Result.__repr__  # type: ignore[method-assign]
 
     def __repr__(self: Any) -> str:
-        """Returns a few lines, made by `report` through `brickpilot`: other rooms may not import `report`."""
+        """Returns a few lines from `report`, called through `brickpilot`: other rooms may not import `report`."""
         return brickpilot.to_text(self)
 
     def _repr_html_(self: Any) -> str:
