@@ -34,7 +34,7 @@ class Segment:
         place: the segment's rows in the stacked residual.
         time: (n,) s since the run's first sample.
         age: s from power-on to the run's first sample.
-        at: the values of the base model at these rows, by name: wheel angles, "x", or "angle" and "position" of a
+        at: name -> values from the base model at these rows; names: wheel angles, "x", or "angle" and "position" of a
             motor. Terms that depend on a value missing here are not screened.
     """
 

@@ -57,7 +57,7 @@ class Run:
         outputs: signal -> values; NaN where the cell is blank or the sample is damaged (`Dataset.faults`).
         raw_outputs: as `outputs`, but with the damaged samples as measured.
         gap_s: pause in s between the end of the previous run in the file and the start of this run.
-        replicate_of: name of the run that this one repeats.
+        replicate_of: name of the run that this run repeats.
         initial: the stated values of the state at the start, by the names in `signals.INITIAL_UNITS`.
         recording: name of the recording that the run belongs to; empty: there is only one recording.
     """
@@ -129,7 +129,7 @@ class Dataset(Result):
 
     @property
     def guesses(self) -> tuple[str, ...]:
-        """Guesses and presets for unstated numbers that scale all speeds or voltages; no run can confirm them."""
+        """Guesses and presets for unstated numbers that scale all speeds or voltages. No run can confirm a guess."""
         is_preset = any(name.startswith("duty") for name in self.signals) and not (
             "battery_voltage" in self.signals or "battery_voltage" in self.nominal
         )
@@ -200,7 +200,7 @@ class Dataset(Result):
         return Dataset._of_frames(frames, signals, known, stated, floats)
 
     def to_frame(self, run: str | None = None) -> pandas.DataFrame:
-        """Returns a row for each run: its role, samples, duration (s), median step (s) and faults.
+        """Returns a table with a row for each run: role, samples, duration (s), median step (s) and faults.
 
         With the name of a run, the table has a row for each sample of this run, in SI and the data set's own frame.
         """
@@ -322,7 +322,7 @@ class OwnUnit:
 
     Attributes:
         unit: the unit's name in the data set.
-        per_si: how many of this unit make one SI unit, above 0.
+        per_si: how many of these units make one SI unit; above 0.
         sign: -1 if the signal has the opposite sign in the data set's frame, else 1.
     """
 

@@ -24,13 +24,13 @@
     [[runs]]
     name = "straight_half"
     file = "straight_half.csv"   # name and file are needed; the other keys are optional:
-    role = "fit"                 # or "held_out"; without a role the program chooses it, and says so
+    role = "fit"                 # or "held_out"; if absent, the program chooses the role, and says so
     gap_s = 2.5                  # pause before this run, s
     initial = { surge = 0.2 }    # replicate_of = "name" says that this run repeats another run
 
 - Units are written as usual: `mm`, `ft`, `deg/s`, `rpm`, `mV`, `ms`, `rotation`, and `g0` for gravity. Inside the
   program all values are in SI and FRD.
-- A blank voltage means that the motor floats. 0 V means that it is shorted. A blank output is a missing sample.
+- A blank voltage means that the motor floats; 0 V means that the motor is shorted. A blank output is a missing sample.
   Sampling may be irregular.
 - Duty is a share of the battery voltage, -1 to 1. The program uses the measured battery voltage, or else
   `battery_voltage` of `[nominal]`, or else 9 V, with a note. `duty_mean` is (left + right) / 2, and `duty_diff` is left

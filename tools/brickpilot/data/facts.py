@@ -33,7 +33,7 @@ class RunFacts:
     Attributes:
         role: "fit" or "held_out": how discovery uses the run.
         manoeuvre: the kind of drive, such as "straight step forward".
-        step_s: median time between samples, s; `late_s`: its 99 % quantile, s.
+        step_s: median time between samples, s; `late_s`: the 99 % quantile of this time, s.
     """
 
     name: str
@@ -211,7 +211,7 @@ def _yaw(run: Run, volts: Array) -> Array:
 
 
 def of_run(run: Run, role: str, inputs: Array) -> RunFacts:
-    """Returns the facts of a run. `inputs`: the voltages of its motors, (n, 1) or (n, 2) V."""
+    """Returns the facts of a run. `inputs`: the voltages of the run's motors, (n, 1) or (n, 2) V."""
     time = run.time[_logged(run)]
     steps = np.diff(time)
     return RunFacts(

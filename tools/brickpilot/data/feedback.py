@@ -61,7 +61,7 @@ class Loop:
 
 
 def follows_outputs(dataset: Dataset, level: float) -> Loop | None:
-    """Returns the feedback loop with the smallest p-value; None: no loop is significant, or the data cannot show one.
+    """Returns the feedback loop with the smallest p-value; None: no loop is significant or testable.
 
     The past of a planned command may predict it, and sensor readings do not improve this prediction. This is a test of
     Granger causality from outputs to commands. Only rows in which a command changes count. Three predictions of the

@@ -21,7 +21,7 @@ _CONDITION_LIFT = 1.3  # a condition's share of the gap has to exceed this facto
 
 @dataclass(frozen=True)
 class Place:
-    """A place of the gap: a time span of one signal of one run.
+    """A place of the gap: a time span in one signal of one run.
 
     Attributes:
         share_of_gap: this place's share, 0..1, of the sum of squared differences over all places, in noise sds.

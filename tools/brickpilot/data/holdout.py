@@ -1,4 +1,4 @@
-"""Chooses fit runs and held-out runs if the data set does not state them, and some of the fit runs if there are many.
+"""Chooses fit runs and held-out runs if the data set does not state roles; of very many fit runs it chooses some.
 
 It also finds runs that repeat each other.
 """
@@ -48,7 +48,7 @@ class Roles:
     Attributes:
         by_run: run -> "fit" or "held_out".
         note: a sentence that says who chose the roles and how.
-        stretches: fit run -> first and last time of its held-out samples, s on the run's clock.
+        stretches: fit run -> first and last time of its held-out samples, in s on the run's clock.
     """
 
     by_run: Mapping[str, str]
@@ -214,8 +214,8 @@ def _last_drive(run: Run, driven: Array) -> tuple[float, float] | None:
 
 
 MANY, ENOUGH = 100_000, 30_000
-"""If the fit runs have more than `MANY` samples, only some runs with at least `ENOUGH` samples are fitted. With so many
-samples the model's own error limits how well a value is known. Twelve runs of 10 s at 500 Hz are all fitted."""
+"""If the fit runs have more than `MANY` samples, only some runs with at least `ENOUGH` samples are fitted. With more
+samples the model's own error limits the accuracy of a value. Twelve runs of 10 s at 500 Hz are all fitted."""
 
 
 def enough_to_fit(dataset: Dataset) -> tuple[Dataset, str | None]:

@@ -81,7 +81,7 @@ def with_rows(run: Run, time: Array, inputs: Mapping[str, Array]) -> Run:
 
 
 def mean_over_steps(time: Array, driven: Array, grid: Array) -> Array:
-    """Returns (grid, columns): the mean of each input over each step of the grid. Inputs hold from sample to sample.
+    """Returns (grid, columns): the mean of each input over each step of the grid. Inputs are held between samples.
 
     Args:
         time: (n,) s, when each row of `driven` begins to act; before the first row the input is 0.

@@ -133,8 +133,8 @@ def measured_rates(run: Run) -> dict[str, Array]:
 def zero_phase_rate(time: Array, values: Array) -> Array:
     """Returns the derivative of `values` without delay, (n,); NaN where `values` are.
 
-    The filter is that of Savitzky & Golay 1964, cubic over 21 samples. It needs even steps, so irregular samples are
-    first interpolated to the median step, or to a twentieth of the mean step if that is larger.
+    The filter is cubic over 21 samples (Savitzky & Golay 1964). It needs even steps, so irregular samples are first
+    interpolated to the median step, or to a twentieth of the mean step if that is larger.
     """
     from scipy.signal import savgol_filter
 
@@ -156,7 +156,7 @@ _WINDOW = ", window "  # text between the run's name and the window's number
 
 
 def run_of(name: str) -> str:
-    """Returns the name of the run that a window was cut from; a whole run keeps its name."""
+    """Returns the name of the run from which a window was cut; for a whole run, its own name."""
     return name.rsplit(_WINDOW, 1)[0]
 
 
@@ -264,7 +264,7 @@ def _least_window_s(dataset: Dataset) -> float:
 
 
 def check_window(dataset: Dataset, asked: float) -> None:
-    """Raises InputError where windows of `asked` s cannot be cut from a data set."""
+    """Raises InputError if a data set cannot be cut into windows of `asked` s."""
     if dataset.vehicle != "motor":
         raise InputError("windows need a data set of a motor", field="--window")
     least = _least_window_s(dataset)

@@ -62,7 +62,7 @@ def si_factor(unit: str, si_unit: str) -> float:
         si_unit: a unit of the same dimension, e.g. ``rad/s``.
 
     Raises:
-        ValueError: an unknown unit, or one of another dimension. The message is for the user.
+        ValueError: an unknown unit, or a unit of another dimension. The message is for the user.
     """
     hint = f"; {_HINTS[unit.strip()]}" if unit.strip() in _HINTS else ""
     if len(unit) > 40 or not _UNIT.fullmatch(unit):

@@ -196,7 +196,7 @@ A held parameter keeps its ratio to the partner.
 """
 
 _FITTED_FIRST = ("emf_constant", "mass", "yaw_inertia", "half_track", "wheel_radius", "wheel_inertia")
-"""The parameters of a sum that are fitted first: each alone can give its sum any value."""
+"""The parameters of sums that are fitted first, because each can give its sum any value on its own."""
 
 _CURVES_V = (3.0, 1.0), (6.0, 5.0)  # (left, right) per curve; one voltage alone cannot separate friction from a gain
 _CURVE_S, _SAMPLES = 20.0, 60
@@ -211,7 +211,7 @@ def signatures_of(model: Model, measured: Collection[str], stated: Collection[st
 
     Args:
         measured: names of signals.
-        stated: parameters that are included although they have the role "fixed".
+        stated: parameters to include although their role is "fixed".
     """
     after = np.geomspace(STEP_S, _CURVE_S, _SAMPLES)
     time = np.concatenate([[0.0], after, _CURVE_S + after])

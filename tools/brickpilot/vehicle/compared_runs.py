@@ -27,7 +27,7 @@ class Comparable:
     """Measured runs that are ready to be compared with a model.
 
     Attributes:
-        measured: the data set as read, without channels that contradict its stated values.
+        measured: the data set as read, without channels that contradict the stated values.
         started: the data set that is simulated: as `measured`, with each run's start estimated from several samples,
             and with the velocity of a motor beside its position.
         roles: the roles of the runs, and of stretches of runs.

@@ -1,7 +1,7 @@
 """A compensation: the differences of one robot that the firmware corrects, in fixed point.
 
-The firmware's constants are those of the packaged robot. A compensation converts the firmware's voltages into those
-that another robot's motors need, and that robot's readings into those of the packaged robot
+The firmware's constants are those of the packaged robot. A compensation converts the firmware's voltages into the
+voltages that another robot's motors need, and the readings of that robot into readings of the packaged robot
 (`firmware/app/parameters`). It works in the profile `coupled`. `discover` writes `compensation.toml`, and so does
 `from_model(model).save(path)`:
 
@@ -275,7 +275,7 @@ def si_values(model: Model, believes: Model) -> dict[str, float]:
 
     (eq. 12 to 14, solved for V). Yaw has an inertia of its own; the heading controller corrects the difference.
 
-    An effect's own C file adds to these quantities: see `bp_undoable`.
+    The C file of each effect adds to these quantities; see `bp_undoable`.
 
     Args:
         model: the real robot, a coupled diff_drive.
@@ -303,7 +303,7 @@ def si_values(model: Model, believes: Model) -> dict[str, float]:
 
 @cache
 def undone(effect: str) -> tuple[str, ...]:
-    """Returns the parameters of an effect that `si_values` undoes: those that change the effect's `Undoable`."""
+    """Returns the parameters of an effect that `si_values` undoes: those that change its `Undoable`."""
     infos = catalogue.effect(effect).parameters
     presets = {info.name: info.preset for info in infos}
 

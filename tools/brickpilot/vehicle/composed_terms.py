@@ -33,7 +33,7 @@ PLACES = {
 """The place where a term may act -> its description."""
 
 OF_A_MOTOR = frozenset({"drive", "wheel", "surge"})
-"""The places where a term also acts on a single motor, if its sign is the same at left and right."""
+"""The places where a term may also act on a single motor, if the term's sign is the same at left and right."""
 
 _MECHANISMS = {"drive": "drive", "wheel": "bearing", "surge": "body", "yaw": "body", "floor": "floor"}
 
@@ -49,7 +49,7 @@ class Basis:
     """One term that a composed law may contain.
 
     Attributes:
-        info: the row of its coefficient in the table.
+        info: the row of the term's coefficient in the table.
         place: key of `PLACES`.
         kind: how the term acts at its place: gain, add, dry, loss or push.
         sided: whether the term's sign differs between left and right.

@@ -26,7 +26,7 @@ _LEVELS = (0.3, 0.45, 0.6, 0.75, 0.9)  # shares of the battery's voltage, each h
 _HELD_S = 2.0
 _NOTHING = 1e-6  # share of the battery's voltage: a smaller kS is a rounding error, and becomes 0
 _MOVING = 0.1  # share of the top speed: slower samples hold little information, and are left out
-_SETTLED = 0.5  # share of a drive's time: after it, the drive counts as steady
+_SETTLED = 0.5  # share of a drive's duration, after which the drive counts as steady
 _DRIVE_S = 3.0
 _LEVEL, _CURVE = 0.6, 0.4  # shares of the battery's voltage: in a straight drive, and at a curve's inner wheel
 _TURNS = "as the skid steer turns in a curve, which is as if its track were wider"
@@ -121,13 +121,13 @@ def odometry(model: Model, stated: Mapping[str, float]) -> Odometry | None:
 def two_wheeled(model: Model) -> Model:
     """Returns the diff_drive that turns as a skid_steer does: with its effective track, and without contacts.
 
-    The firmware assumes this vehicle, because it knows no slip. Any other vehicle is returned unchanged.
+    The firmware assumes such a vehicle, because it does not model slip. Any other vehicle is returned unchanged.
     """
     if model.vehicle != "skid_steer":
         return model
     values = {name: model.parameters.get(name, preset) for name, preset in catalogue.presets("diff_drive").items()}
     effective = odometry(model, values)
-    assert effective is not None  # it has two sides
+    assert effective is not None  # only a motor has no odometry
     values["half_track"] *= effective.turning
     basis = {**model.basis, "half_track": _TURNS}
     return dataclasses.replace(model, vehicle="diff_drive", parameters=values, basis=basis)

@@ -17,12 +17,12 @@ NEGLIGIBLE = 2.0**-32
 
 
 class QuantisationError(ValueError):
-    """A value that its fixed-point format cannot hold well enough."""
+    """A value that its fixed-point format cannot hold with enough precision."""
 
 
 @dataclass(frozen=True)
 class Scale:
-    """A `scale_t`: mantissa * 2^-(15 + shift), or mantissa * 2^-shift where it multiplies a 16-bit value."""
+    """A `scale_t`: mantissa * 2^-(15 + shift), or mantissa * 2^-shift if it multiplies a 16-bit value."""
 
     mantissa: int
     shift: int
@@ -41,7 +41,7 @@ class Scale:
 def scale(value: float, name: str) -> Scale:
     """Returns the nearest `scale_t` for `scale_apply`; abs(value) has to be below 1.
 
-    Its relative error is at most 3.1e-5; a value below `NEGLIGIBLE` becomes 0.
+    The relative error of the result is at most 3.1e-5; a value below `NEGLIGIBLE` becomes 0.
 
     Raises:
         QuantisationError: the value is too large.

@@ -162,7 +162,7 @@ def request(
 ) -> Iterator[Any]:
     """Yields the plan as a ``bp_flight *`` for the C interface. Its pointers are valid within the context only.
 
-    `log` has a row for each step; with `columns` it has a row for each of these columns instead.
+    `log` has a row for each step; with `columns`, a row for each of these columns instead.
     """
     ffi: Any
     ffi, _ = compiled.interface()

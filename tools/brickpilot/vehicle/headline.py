@@ -117,7 +117,7 @@ def track(measured_runs: Dataset, dataset: Dataset, model: Model, horizons: Mapp
 def deviation(track: Track, stretch: Stretch, signal: str, simulated: Array) -> tuple[Array, Array]:
     """Returns (n,) measured minus simulated and (n,) the measured signal; NaN: there is nothing to compare.
 
-    A signal that sums up motion counts from the start of its window, because only its change has a meaning.
+    Of a signal that sums up motion, the value at the window's start is subtracted: only the change has a meaning.
     """
     values = track.measured[stretch.run.name][signal]
     if signal not in SUMMED:
@@ -125,7 +125,7 @@ def deviation(track: Track, stretch: Stretch, signal: str, simulated: Array) -> 
     else:
         known = np.flatnonzero(np.isfinite(values))
         at_start = np.where(stretch.start > 0, values[stretch.start], values[known[0]])
-        # A window starts from a measured value, but a run from a simulated one.
+        # A window starts from a measured value, but a run starts from a simulated value.
         simulated_start = np.where(stretch.start > 0, values[stretch.start], simulated[known[0]])
         reference = values - at_start
         error = reference - (simulated - simulated_start)
@@ -162,7 +162,7 @@ def _smoothed(time: Array, values: Array) -> Array:
 
 
 def _known_at_starts(dataset: Dataset, starts: Mapping[str, Mapping[str, Array]]) -> tuple[bool, list[str]]:
-    """Returns whether windows can start from measured values, and a note if they cannot, or only in part."""
+    """Returns whether windows can start from measured values, and a note if they cannot, or can only in part."""
     names = set.intersection(*(set(starts[run.name]) for run in dataset.runs))
     if dataset.vehicle == "motor":
         if names & {"speed", "velocity"}:
@@ -229,7 +229,7 @@ class Headline:
         return together(self.by_run.get(run, {}).get(horizon, {}).get(signal, {}).values())
 
     def mean(self, role: str, horizon: str = FREE_RUN) -> float | None:
-        """Returns the mean fit in percent over the signals; None: there is no such run or horizon."""
+        """Returns the mean fit in percent over the signals; None: no run has this role or horizon."""
         return mean_fit({signal: self.of(signal, role, horizon).fit_percent for signal in self.signals})
 
     def to_json(self) -> dict[str, Any]:

@@ -42,7 +42,7 @@ _TOP_KEYS = (
 
 _ENTRY_KEYS = ("value", "unit", "basis")
 
-# If an effect has more parameters than this, a file holds only those that differ from their presets.
+# If an effect has more parameters than this, a file holds only the parameters that differ from their presets.
 _SPELT_OUT = 8
 
 
@@ -261,7 +261,7 @@ def save(model: Model, path: Path | str) -> None:
 
 
 def read_back(model: Model) -> Model:
-    """Returns the model as its file states it, so that the shown results are simulated from the written values.
+    """Returns the model after it is saved and loaded, so that shown results are simulated from the written values.
 
     Raises:
         InputError: as `save`.

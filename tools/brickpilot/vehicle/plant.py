@@ -1,4 +1,4 @@
-"""The host plant, called through its C interface `brickpilot_sim.h`. The model itself is in C only."""
+"""Calls the host plant through its C interface `brickpilot_sim.h`. The model itself is in C only."""
 
 from __future__ import annotations
 

@@ -170,7 +170,7 @@ class Replay:
     def _restarts(
         self, models: Sequence[Model], marks: Mapping[str, Sequence[Mark]]
     ) -> dict[tuple[int, str], NDArray[np.void]]:
-        """Returns (number of the model, run) -> (marks,) the samples and states to continue from, as C holds them."""
+        """Returns (index of the model, run) -> (marks,): samples and states from which the run continues, as in C."""
         restarts = {}
         for run, age in self.aged:
             if not (of_run := marks.get(run.name)):

@@ -8,7 +8,7 @@ packaged scenarios are in `sim_host/run/scenarios`.
     kind       = "mission"            # or "manoeuvre"
     duration_s = 60                   # up to an hour
     start      = { x_m = 0, y_m = 0, heading_deg = 0 }
-    profile    = "coupled"            # profile, sensors and seed are used where the command line gives none
+    profile    = "coupled"            # profile, sensors and seed are used if the command line does not give them
     sensors    = "imu"
     seed       = 0
     waypoints_m = [[0.5, 0], [0.5, 0.5]]    # a mission needs 1 to 32 within 30 m

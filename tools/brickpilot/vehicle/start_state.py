@@ -42,7 +42,7 @@ class Readings:
 
     Attributes:
         measured: signal -> (samples,) reading, SI; NaN where blank.
-        stated: signal -> (samples,) true value; NaN where none is stated.
+        stated: signal -> (samples,) true value; NaN where no value is stated.
         models: the models for which states are made.
         of: (samples,) the index in `models` of each sample's model.
         age: (samples,) time since power-on, s.
@@ -76,7 +76,7 @@ class Readings:
         return readings
 
     def geometry(self, name: str) -> Array:
-        """Returns (samples,) values of a parameter in `GEOMETRY`; NaN where the model does not have it."""
+        """Returns (samples,) values of a parameter in `GEOMETRY`; NaN where the model lacks the parameter."""
         return np.array([model.parameters.get(name, np.nan) for model in self.models], dtype=np.float64)[self.of]
 
     def states(self, values: Mapping[str, Array], *, restart: bool = False) -> NDArray[np.void]:

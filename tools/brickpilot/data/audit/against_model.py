@@ -21,7 +21,7 @@ from brickpilot.data.dataset import Dataset, Run
 
 _LEAST = 9.0  # smallest factor of a unit that counts
 _FITS = (0.45, 1.6)  # limits of (ratio / factor of a unit): nominal values are inexact, friction may be missing
-_MOVES = 0.3  # share of the motion in the run that moves most: above it, a run counts as moving
+_MOVES = 0.3  # share of the motion in the run with most motion: a run with more than this counts as moving
 _ALIKE = 2.0  # limit of (largest ratio / smallest ratio) of runs with one fault, for ratios above 1
 _ALIKE_SMALL = 1.3
 

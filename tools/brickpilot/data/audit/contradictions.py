@@ -63,7 +63,7 @@ class RunSet:
     """The runs that are long enough to be compared.
 
     Attributes:
-        windows: number of the run -> its windows.
+        windows: number of a run -> the run's windows.
         names: the output channels.
         least: drive -> the least rms per second of this drive that counts as evidence.
         relations: all relations among the channels.
@@ -375,7 +375,7 @@ def _is_confirmed(runs: RunSet, number: int, name: str) -> bool:
 def _wrong_batteries(views: Sequence[RunView], nominal: float | None) -> list[Contradiction]:
     """Returns runs whose battery voltage is 100 or 1000 times off.
 
-    The voltage is compared with the stated one, with the other runs, or with that of a typical battery.
+    The voltage is compared with the stated voltage, with the other runs, or with a typical battery's voltage.
     """
     name = "battery_voltage"
     known = {k: one.outputs[name] for k, one in enumerate(views) if np.isfinite(one.outputs.get(name, ())).any()}

@@ -60,7 +60,7 @@ class Fault:
 def rows_note(found: Sequence[Fault], samples: int, of: int, start_s: float) -> str:
     """Describes faults of one kind in one signal of one run. `samples` of the run's `of` samples are damaged.
 
-    Times count from `start_s`, the run's start on its own clock, as they do on plots.
+    Times in the note are relative to `start_s`, the run's start on its own clock, as on plots.
     """
     first = found[0]
     single = first.from_s == first.to_s

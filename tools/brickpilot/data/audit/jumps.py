@@ -21,7 +21,7 @@ _DROPOUT_SHARE = 0.02  # largest share of dropouts in a signal: more jumps are p
 _OUTLYING = 12.0  # in scales of the residual: least size of a jump
 _BACK = 0.2  # share of the jump's size: largest difference between the samples before and after the jump
 _BEYOND_REST = 5.0  # least ratio of a dropout's size to the largest residual of sound samples
-_BEYOND_ALL = 50.0  # as `_BEYOND_REST`, to the span of all other samples, for impulsive signals; worn gears reach 20
+_BEYOND_ALL = 50.0  # impulsive signals: least ratio of the size to the span of all other samples; worn gears reach 20
 _IMPULSIVE = ("accel_", "current", "force")  # an impact or a switch of the motor's winding may last a single sample
 _INPUT_STEP = 0.1  # share of an input's largest value: a larger change is a step
 _SWAP_APART = 8.0  # in scales of the residual: least distance of both swapped cells from their lines
@@ -85,7 +85,7 @@ def _dropout(view: RunView, name: str, signal: Signal) -> Mask:
 
 
 def _events(time: Vector, level: Vector, scale: float) -> list[tuple[float, int, int]]:
-    """Returns stretches that jump away and back, (jump, start, length). Each sample is in its shortest stretch only."""
+    """Returns stretches that jump away and back, (jump, start, length). A sample is in the shortest of these only."""
     events: list[tuple[float, int, int]] = []
     taken = np.zeros(len(level), dtype=bool)
     for length in range(1, min(_DROPOUT_SAMPLES, len(level) - 2) + 1):

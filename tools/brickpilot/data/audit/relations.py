@@ -1,4 +1,4 @@
-"""Relations between two motions of one run that hold for any machine: an angle and its speed, wheels and gyro.
+"""Relations that hold for any machine between two motions of one run: an angle and its speed, wheels and gyro.
 
 A relation compares two motions over windows. It holds if the two motions are equal within the limits of slip, inexact
 lengths and lags. It is broken if the motions are correlated, but have opposite signs or a ratio that another unit
@@ -273,7 +273,7 @@ def _swaying(yaw: str, kind: str, metres: float) -> Motions:
     def motions(windows: Windows) -> tuple[Vector, Vector]:
         turn = windows.of(yaw)
         ahead = metres * (windows.of(f"wheel_{kind}_left") + windows.of(f"wheel_{kind}_right")) / 2
-        # In a turn on the spot, a sensor off the centre measures its own acceleration, not the vehicle's.
+        # In a turn on the spot, a sensor away from the centre measures an acceleration of its own, not the vehicle's.
         ahead = np.where(np.abs(ahead) > _WIDE * np.abs(turn), ahead, np.nan)
         return windows.of("accel_sway"), ahead * turn / windows.seconds
 

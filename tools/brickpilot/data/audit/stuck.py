@@ -48,7 +48,7 @@ class AcrossRuns:
 
     Attributes:
         views: the views of all runs.
-        noise: the channels whose value changes direction so often that they show noise.
+        noise: the channels that change direction so often that noise must be the cause.
         fastest: motion channel -> its largest mean rate over one fortieth of a run.
         usual_drive: sum -> mean size of its drive while the sum moves; 0 if values repeat outside long stretches of one
             value, too.
@@ -342,7 +342,7 @@ _TOGETHER = 0.9  # a larger share of a coarse channel's changes has to be in row
 
 
 def held(time: Vector, outputs: Mapping[str, Vector], resolution: Mapping[str, float]) -> dict[str, Held]:
-    """Returns the channels of one run that are held, by name.
+    """Returns channel -> `Held`, for the channels of one run that hold their samples.
 
     A channel is held if its value changes at a regular beat of several rows, and by more than one step of its
     resolution. A coarse channel that changes only together with a held channel is held, too. At rest, two samples may

@@ -150,7 +150,7 @@ class Windows:
         return self.moved.get(name, np.full_like(self.seconds, np.nan))
 
     def rms(self, values: Vector) -> float:
-        """Returns the rms per second of (w,) values; 0 where none is known."""
+        """Returns the rms per second of (w,) values; 0 if no value is known."""
         known = np.isfinite(values)
         return float(np.sqrt(np.mean((values[known] / self.seconds[known]) ** 2))) if known.any() else 0.0
 

@@ -192,7 +192,8 @@ class Motion:
         slow = np.abs(turn) < 0.5 * float(np.nanmax(np.abs(turn), initial=0.0))
         apart = x @ whole.gains
         known = np.isfinite(turn) & np.isfinite(apart)
-        # The error from slip, or from a gyro at the end of its range, grows with speed; that of wrong counts does not.
+        # The error from slip, or from a gyro at the end of its range, grows with speed; the error from wrong counts
+        # does not.
         ratios = [float(turn[some] @ apart[some]) / max(float(apart[some] @ apart[some]), 1e-12)
                   for some in (known & slow, known & ~slow)]  # fmt: skip
         alike = min(ratios) > 0.0 and max(ratios) < FREE * min(ratios)
@@ -398,7 +399,7 @@ def _gains(x: Vector, y: Vector, seconds: float, least: float = _EXPLAINED) -> G
 
 
 def _correlation(one: Vector, other: Vector) -> float:
-    """Returns the correlation of two motions about 0; 0 where one of them is zero."""
+    """Returns the correlation of two motions about 0; 0 if one motion is zero."""
     known = np.isfinite(one) & np.isfinite(other)
     power = sqrt(float(one[known] @ one[known]) * float(other[known] @ other[known]))
     return float(one[known] @ other[known]) / power if power > 0.0 else 0.0
