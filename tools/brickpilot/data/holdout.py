@@ -214,8 +214,8 @@ def _last_drive(run: Run, driven: Array) -> tuple[float, float] | None:
 
 
 MANY, ENOUGH = 100_000, 30_000
-"""If the fit runs have more than `MANY` samples, only some runs with at least `ENOUGH` samples are fitted. With more
-samples the model's own error limits the accuracy of a value. Twelve runs of 10 s at 500 Hz are all fitted."""
+"""If the fit runs have more than `MANY` samples, only some runs with at least `ENOUGH` samples are fitted. Beyond
+`ENOUGH` samples, the model's own error limits the accuracy of a value. Twelve runs of 10 s at 500 Hz are all fitted."""
 
 
 def enough_to_fit(dataset: Dataset) -> tuple[Dataset, str | None]:

@@ -30,7 +30,7 @@ class Nominal:
 
 
 def read_nominal(toml: TomlFile, table: Mapping[str, Any], vehicle: Vehicle) -> dict[str, Nominal]:
-    """Returns the nominal parameters, after a check that the plant knows each and that it is in its physical range.
+    """Returns the nominal parameters, checked: the plant knows each, and each is in its physical range.
 
     Raises:
         InputError: the message names the parameter's line.

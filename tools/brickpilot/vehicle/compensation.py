@@ -275,7 +275,7 @@ def si_values(model: Model, believes: Model) -> dict[str, float]:
 
     (eq. 12 to 14, solved for V). Yaw has an inertia of its own; the heading controller corrects the difference.
 
-    The C file of each effect adds to these quantities; see `bp_undoable`.
+    The C files of the effects add to these quantities; see `bp_undoable`.
 
     Args:
         model: the real robot, a coupled diff_drive.

@@ -237,7 +237,7 @@ def checks(figures: Mapping[str, Any]) -> list[Check]:
 
 
 def failure(figures: Mapping[str, Any]) -> str | None:
-    """Returns why the mission was not flown, in one line, or None if it was; a manoeuvre has no such failure."""
+    """Returns why the mission was not flown, in one line, or None if it was flown; None for a manoeuvre, too."""
     failed = [check.failure for check in checks(figures) if check.failure is not None]
     if not failed:
         return None

@@ -30,7 +30,7 @@ Indices = NDArray[np.int64]
 
 ROLES = ("held_out", "fit")
 FREE_RUN = "free_run"
-"""The horizon from the first sample of a run to its last."""
+"""The horizon from the first to the last sample of a run."""
 
 AHEAD: Mapping[str, float] = {"1_s": 1.0}
 """The horizons of every headline number besides the free run: name -> s."""
