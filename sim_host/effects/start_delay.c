@@ -25,7 +25,8 @@ static const bp_parameter_info PARAMETERS[] = {
      .meaning = "time from the run's start to its first input; later inputs act in time",
      .minimum = 0,
      .maximum = 10,
-     .preset = 0.2},
+     .preset = 0.2,
+     .run_value = "start"},
 };
 
 const effect_t effect_start_delay = {

@@ -11,6 +11,7 @@ from pathlib import Path
 import junitparser
 import pytest
 from brickpilot.hil import ends, fly
+from brickpilot.link.brick import open_link
 from brickpilot.link.session import REALTIME
 from brickpilot.report import flight_text
 from brickpilot.vehicle import flight_figures
@@ -106,7 +107,7 @@ def test_a_late_tick_has_a_fault_of_its_own() -> None:
             threading.Event().wait(0.04)
             os.kill(process.pid, signal.SIGCONT)
 
-    link = ends.open_link(address)
+    link = open_link(address)
     wanted = plan(duration=6.0)
     flown = fly.fly(ends.Ends(link, None), "x", wanted, pace=REALTIME, telemetry_every=5, progress=stall)
     link.close()

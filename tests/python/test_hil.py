@@ -20,6 +20,7 @@ import pytest
 from brickpilot.cli import main
 from brickpilot.errors import InputError
 from brickpilot.hil import ends, fly
+from brickpilot.link.brick import open_link
 from brickpilot.link.messages import book
 from brickpilot.link.session import LOCKSTEP, REALTIME, Session
 from brickpilot.vehicle import flight, flight_figures, scenario
@@ -201,7 +202,7 @@ def test_a_manoeuvre_is_refused_as_it_needs_no_controller(tmp_path: Path, capsys
 def test_a_brick_that_dies_leaves_the_robot_with_its_motors_off(spec: str, tmp_path: Path) -> None:
     wanted = plan(duration=12.0)
     process, address = ends.start_brick(ends.STARTED[spec])
-    link = ends.open_link(address)
+    link = open_link(address)
 
     def kill(done: int, _steps: int, _text: str) -> None:
         if done == 1000:

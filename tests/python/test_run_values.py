@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from brickpilot import catalogue
 from brickpilot.data import reading
 from brickpilot.data.input_timing import held_back, later
 from brickpilot.discover import pipeline
@@ -146,6 +147,12 @@ def test_a_start_of_a_run_adds_to_the_start_delay_and_their_sum_is_never_negativ
         same = dataclasses.replace(robot(), by_run={"start": {name: delay}})
         expected = Replay(logged).simulate([same])[0]
         assert found[name]["wheel_speed_left"] == pytest.approx(expected[name]["wheel_speed_left"], abs=1e-9)
+
+
+def test_the_effect_table_names_values_of_runs_that_exist():
+    named = {info.run_value for effect in catalogue.effects() for info in effect.parameters} - {""}
+    assert named == {"start"}
+    assert named <= set(RUN_KINDS)
 
 
 def test_runs_that_do_not_differ_have_no_values(logged):

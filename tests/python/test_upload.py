@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from brickpilot.cli import main
 from brickpilot.errors import InputError
-from brickpilot.hil import ends
+from brickpilot.link import brick as brick_link
 from brickpilot.link import lnp as infrared_link
 from brickpilot.link import tower
 from brickpilot.link.session import REALTIME, Session
@@ -34,7 +34,7 @@ def _fast_line(monkeypatch: pytest.MonkeyPatch) -> None:
     def fast_tower(device: str) -> tower.Tower:
         return tower.Tower(device, BYTE_S)
 
-    monkeypatch.setattr(ends, "Tower", fast_tower)
+    monkeypatch.setattr(brick_link, "Tower", fast_tower)
 
 
 def upload(capsys: pytest.CaptureFixture[str], *options: str) -> dict[str, object]:
@@ -53,7 +53,7 @@ def test_a_mission_and_settings_arrive_and_it_starts(tmp_path: Path, capsys: pyt
         found = upload(capsys, str(tmp_path / "two.toml"), "--link", f"infrared:{far.path}", *options)
         assert (found["waypoints"], found["started"], found["sent_again"]) == (2, True, 0)
     with RcxBrick(device=brick) as far:  # a pseudo-terminal cannot be set up twice
-        session = Session(ends.open_link(f"infrared:{far.path}"), "again")
+        session = Session(brick_link.open_link(f"infrared:{far.path}"), "again")
         assert (session.read("heading_kp"), session.read("acceptance")) == (900, 150)  # --set overrides --gains
         assert session.read("speed_ki") == 1111
         assert session.route() == [(1000, 500), (0, -250)]
@@ -77,7 +77,7 @@ def test_each_request_is_obeyed_once_on_a_line_that_loses_bytes(seed: int, capsy
 def test_a_start_whose_reply_is_lost_is_answered_again_and_obeyed_once() -> None:
     brick = Autopilot()
     with RcxBrick(device=brick, lose_replies=frozenset({5})) as far:
-        session = Session(ends.open_link(f"infrared:{far.path}"), "infrared")
+        session = Session(brick_link.open_link(f"infrared:{far.path}"), "infrared")
         session.open("coupled", REALTIME)
         session.upload([(1000, 0), (0, 500)])
         session.command("start")

@@ -1,8 +1,8 @@
 """Brickpilot: from measured runs of a small robot or a motor to a model that explains them.
 
-What you provide is a data set: DataFrames, or a folder with `dataset.toml` and a table of columns for each run. What
-you get is a calibrated model, its gap to the measurement, and the effects that the model lacks. `brickpilot COMMAND`
-prints what the function of the same name returns.
+You provide a data set: DataFrames, or a folder with `dataset.toml` and a table of columns for each run. You get a
+calibrated model, its gap to the measurement, and the effects that the model lacks. `brickpilot COMMAND` prints the
+result of the function of the same name.
 
 Three runs of a motor, here simulated, as DataFrames. Every value is in SI unless a unit is given:
 
@@ -50,9 +50,9 @@ The model simulates runs that were never measured, and the robot flies its missi
 The other commands are functions too, with the same files: `bp.import_log`, `bp.why`, `bp.changed`, `bp.campaign`,
 `bp.tune`, `bp.export`, `bp.firmware` and `bp.hil`; `help` of each has its arguments.
 
-The names below are the public face. Each is loaded when it is first used, so that `import brickpilot` takes no time.
-`discover`, `changed`, `campaign`, `tune`, `export`, `firmware` and `hil` are also packages of these names:
-`bp.discover(dataset)` works before and after an import of its modules.
+The names below are the public interface. Each name is loaded at its first use, so `import brickpilot` takes no time.
+`discover`, `changed`, `campaign`, `tune`, `export`, `firmware` and `hil` are also names of packages:
+`bp.discover(dataset)` works before and after an import of the package's modules.
 """
 
 from __future__ import annotations
@@ -126,7 +126,7 @@ _CALLS = {
     "hil": "brickpilot.public.flights:hil",
     "tune": "brickpilot.public.making:tune",
 }
-"""Functions whose names are also those of packages: calling the package calls the function."""
+"""Functions that have the name of a package: a call of the package calls the function."""
 
 __all__ = [
     "Calibration",
@@ -174,7 +174,7 @@ def _loaded(place: str) -> Any:
 
 
 class _CallableRoom(ModuleType):
-    """A package that can be called; `inspect.signature` and `help` find the function behind it."""
+    """A package that can be called; `inspect.signature` and `help` show the function that is called."""
 
     @property
     def __wrapped__(self) -> Any:
@@ -191,7 +191,7 @@ class _CallableRoom(ModuleType):
 
 
 def make_callable(package: str) -> None:
-    """Lets a package be called as the public function of its name. Its own `__init__` calls this."""
+    """Makes a call of the package a call of the public function of its name; the package's `__init__` calls this."""
     sys.modules[package].__class__ = _CallableRoom
 
 

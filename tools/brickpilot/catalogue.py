@@ -1,6 +1,6 @@
 """The tables of the compiled plant: nominal parameters, effects and output signals, each with unit and range.
 
-C alone holds these tables: `sim_host/plant/model.c`, `sim_host/effects` and `sim_host/plant/output.c`.
+The tables exist only in C: `sim_host/plant/model.c`, `sim_host/effects` and `sim_host/plant/output.c`.
 """
 
 from __future__ import annotations
@@ -29,17 +29,18 @@ class ParameterInfo:
     """One parameter of the nominal model or of an effect, SI: a row of the C table, whose header explains every field.
 
     Attributes:
-        linear_unit: the unit where the input of a motor commands a force.
-        odd: its sign changes when left and right are swapped.
+        linear_unit: the unit if the input of a motor commands a force.
+        odd: whether the value changes its sign if left and right are swapped.
         scan: sizes that a search tries one by one; empty: none.
-        limits: the signal that does not go beyond this value; empty: none.
-        arm_of, only_with: the parameter of the same effect whose lever arm this is, or that it adds to; empty: none.
-        in_volts: the name of the voltage R / K_t times this torque; empty: there is none.
-        variation: how the effect's law differs if this is not 0, worded to follow "but"; empty: it does not.
-        mechanism: that of the law with this parameter alone; empty: the effect's mechanism.
-        same_as: the nominal parameter that this one adds to; empty: none.
+        limits: the signal that this value limits; empty: no signal.
+        arm_of, only_with: the parameter of the same effect whose lever arm this is, or to which this adds; empty: none.
+        in_volts: the name of the voltage R / K_t times this torque; empty: there is no such voltage.
+        variation: how the effect's law differs if this value is not 0, worded to follow "but"; empty: no difference.
+        mechanism: the mechanism of the law with this parameter alone; empty: the effect's mechanism.
+        same_as: the nominal parameter to which this parameter adds; empty: none.
         says, says_below: what a value above and below 0 means, as a clause with {} for its size; empty: none.
-        over_mean: the value is left less right, over their mean.
+        over_mean: whether the value is (left - right) / mean of both.
+        run_value: the value of single runs that adds to this parameter, by its name in `replay.RUN_KINDS`; empty: none.
     """
 
     name: str
@@ -65,6 +66,7 @@ class ParameterInfo:
     says: str = ""
     says_below: str = ""
     over_mean: bool = False
+    run_value: str = ""
 
 
 @dataclass(frozen=True)
@@ -76,19 +78,19 @@ class EffectInfo:
         words: a noun phrase, as in "The simulator lacks ...".
         summary: one sentence for a reader who does not know the name.
         mechanism: supply, drive, timing, motor, gear, bearing, tyre, body, floor or sensor.
-        prior: how often the simulator of a wheeled robot or a motor lacks it, before any data.
-        prior_reason: one sentence that says why.
+        prior: how often the simulator of a wheeled robot or a motor lacks this effect, before any data.
+        prior_reason: one sentence on the reason for the prior.
         advice: one sentence on what to do if the first odd size is above 0; if it is below 0, left and right swap.
-        motor_step: s, the longest motor step that still resolves the effect; 0: it sets no limit.
-        carries_over: charge or heat that one run leaves changes the next.
-        composed: a sum of terms that discovery composes, never a candidate of its own.
+        motor_step: the longest motor step in s that still resolves the effect; 0: no limit.
+        carries_over: whether charge or heat that one run leaves changes the next run.
+        composed: whether the effect is a sum of terms that discovery composes, and never a candidate by itself.
         variant_of: the better known effect of which this one is a variant; empty: none.
-        variation: how its law differs from that of `variant_of`, worded to follow "but"; empty: none.
-        contains: the effects whose laws this law becomes if some of its parameters are 0, one period a turn or equal to
-            each other.
+        variation: how the effect's law differs from that of `variant_of`, worded to follow "but"; empty: no difference.
+        contains: the effects whose laws this law becomes if some of its parameters are 0, are one period per turn, or
+            are equal to each other.
         made_of: the effects that together give this law, each with its own size.
-        stated_by: how a data set states it: for an effect on sensors, a key of a rotation sensor's channel; for an
-            effect on drives, how the names of the inputs begin; empty: in neither way.
+        stated_by: how a data set states the effect: for an effect on sensors, a key of a rotation sensor's channel; for
+            an effect on drives, the beginning of the inputs' names; empty: in neither way.
     """
 
     name: str
@@ -113,7 +115,7 @@ class EffectInfo:
 
     @property
     def is_searched(self) -> bool:
-        """Whether discovery searches for it: not if it is composed, or if the kind of the inputs states it."""
+        """Whether discovery searches for the effect: not if it is composed, or if the kind of the inputs states it."""
         return not self.composed and (not self.stated_by or self.acts_on == "sensor")
 
 
@@ -122,7 +124,7 @@ def _text(value: Any) -> str:
 
 
 def _constant(kind: str, value: int, names: Sequence[Any]) -> Any:
-    """Returns the name of the constant of C with this value: "size" for BP_ROLE_SIZE of the kind "ROLE"."""
+    """Returns the name of the C constant with this value: "size" for BP_ROLE_SIZE, if the kind is "ROLE"."""
     return next(name for name in names if getattr(interface()[1], f"BP_{kind}_{name.upper()}") == value)
 
 
@@ -151,7 +153,7 @@ def parameters() -> tuple[ParameterInfo, ...]:
 
 
 def parameter(name: str) -> ParameterInfo:
-    """Returns the nominal parameter of that name; raises StopIteration where there is none."""
+    """Returns the nominal parameter `name`; raises StopIteration if there is none."""
     return next(info for info in parameters() if info.name == name)
 
 
@@ -177,7 +179,7 @@ def effects_of(names: Container[str]) -> list[EffectInfo]:
 
 @cache
 def effect(name: str) -> EffectInfo:
-    """Returns the effect of that name; raises KeyError where there is none."""
+    """Returns the effect `name`; raises KeyError if there is none."""
     for info in effects_of((name,)):
         return info
     raise KeyError(name)
@@ -192,7 +194,7 @@ def family(name: str) -> str:
 
 
 def law(name: str, values: Mapping[str, float]) -> str:
-    """Returns what the law of effect `name` with these parameters is called: "FAMILY, but DIFFERENCE and DIFFERENCE".
+    """Returns the name of effect `name`'s law with these parameters: "FAMILY, but DIFFERENCE and DIFFERENCE".
 
     Parameters that are absent from `values` count as 0.
     """
@@ -203,12 +205,12 @@ def law(name: str, values: Mapping[str, float]) -> str:
 
 
 def mirrored(text: str) -> str:
-    """Returns a text in which left and right have changed places."""
+    """Returns a text in which the words left and right are exchanged."""
     return re.sub(r"\b(left|right)\b", lambda match: "right" if match[0] == "left" else "left", text)
 
 
 def says(name: str, parameter: str, value: float) -> str:
-    """Returns what a value of a parameter of effect `name` means, a clause with {} for its size; empty: no clause."""
+    """Returns the meaning of a parameter's value in effect `name`: a clause with {} for its size; empty: no clause."""
     info = next(row for row in effect(name).parameters if row.name == parameter)
     if value >= 0.0:
         return info.says
@@ -223,7 +225,7 @@ def advice(name: str, values: Mapping[str, float]) -> str:
 
 
 def mechanism(name: str, values: Mapping[str, float]) -> str:
-    """Returns the mechanism of effect `name` with these parameters: that of its only nonzero size if that has one."""
+    """Returns effect `name`'s mechanism with these parameters: that of its only nonzero size, if it has a mechanism."""
     info = effect(name)
     acting = [row for row in info.parameters if row.role == "size" and values.get(row.name, 0.0) != 0]
     return acting[0].mechanism or info.mechanism if len(acting) == 1 else info.mechanism

@@ -1,4 +1,4 @@
-"""The errors of this package: bad input, a failed simulation, and work that was done and failed."""
+"""The errors of this package: bad input, a failed simulation, and failed work."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class SimulationError(Exception):
 
 
 class WorkFailedError(Exception):
-    """The work was done and failed, such as a mission that was not flown. The CLI prints one line; exit status 1."""
+    """The work failed, such as a mission that was not flown. The CLI prints one line and exits with status 1."""
 
 
 class DiskFullError(WorkFailedError):
@@ -65,7 +65,7 @@ class InputError(Exception):
 
 @contextmanager
 def disk_named(path: Path | str) -> Iterator[None]:
-    """Turns the error of a full disk, which names no file, into one line that names it.
+    """Turns the error of a full disk, which names no file, into an error of one line that names `path`.
 
     Args:
         path: what is being written, as the user named it.
@@ -75,7 +75,7 @@ def disk_named(path: Path | str) -> Iterator[None]:
     """
     try:
         yield
-    except DiskFullError as error:  # it names a part of `path`, which the user did not name
+    except DiskFullError as error:  # the error names a part of `path` that the user did not name
         raise DiskFullError(path, error.reason) from error
     except OSError as error:
         if error.errno not in _FULL:
@@ -84,6 +84,6 @@ def disk_named(path: Path | str) -> Iterator[None]:
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Returns "; did you mean A or B?" with the known names that are most like `name`, or nothing if none is."""
+    """Returns "; did you mean A or B?" with the known names most similar to `name`; empty: no name is similar."""
     close = get_close_matches(name, list(known), n=3, cutoff=0.6)
     return f"; did you mean {' or '.join(close)}?" if close else ""

@@ -1,9 +1,9 @@
 """Calls a function on several items at the same time.
 
-Threads of Python take turns, so two threads made a search only a fifth faster. So this process is copied (fork): a copy
-has all that the function needs, and sends back the results. This process works too, because a copy costs 6 ms and its
-stored simulations are lost. Only Linux copies processes safely; other systems use threads instead. The results depend
-neither on this choice nor on the number of jobs.
+Threads of Python take turns, so two threads make a search only a fifth faster. So this process is copied (fork): a copy
+has everything that the function needs, and sends back the results. This process works, too, because a copy costs 6 ms
+and the simulations that it stores are lost. Only Linux copies processes safely; other systems use threads instead. The
+results depend neither on this choice nor on the number of jobs.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
 
 _TURN = struct.Struct("=I")
-_MOST_AT_ONCE = 4096  # number of items whose turns a pipe holds on every Linux
+_MOST_AT_ONCE = 4096  # number of items whose numbers a pipe can hold on every Linux
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ def side_by_side(work: Callable[[_Item], _Result], items: Sequence[_Item], jobs:
         jobs: limited to the number of processors that this process may use.
 
     Raises:
-        Exception: what `work` raised for the first item that failed.
+        Exception: the error that `work` raised for the first failed item.
     """
     jobs = min(jobs, len(items), _processors())
     if jobs < 2:
@@ -61,7 +61,7 @@ def _processors() -> int:
 
 
 def _in_copies(work: Callable[[_Item], _Result], items: Sequence[_Item], jobs: int) -> list[_Result]:
-    """Works in this process and in copies of it. This process repeats the items of a copy that died."""
+    """Works in this process and in copies of it. If a copy dies, this process does the copy's items again."""
     with _turns(len(items)) as turns:
         copies: dict[int, BinaryIO] = {}
         try:
@@ -93,7 +93,7 @@ def _in_copies(work: Callable[[_Item], _Result], items: Sequence[_Item], jobs: i
 
 @contextlib.contextmanager
 def _turns(count: int) -> Iterator[int]:
-    """Yields a pipe from which each reader takes the number of the next item, until none is left."""
+    """Yields a pipe from which each reader takes the number of the next item, until no number is left."""
     reading, writing = os.pipe()
     os.write(writing, b"".join(map(_TURN.pack, range(count))))
     os.close(writing)
@@ -104,7 +104,7 @@ def _turns(count: int) -> Iterator[int]:
 
 
 def _copy(work: Callable[[_Item], Any], items: Sequence[_Item], turns: int) -> tuple[int, BinaryIO]:
-    """Returns the process number of a copy that takes turns, and the pipe that it writes its results to."""
+    """Returns the process number of a copy that takes items, and the pipe to which the copy writes its results."""
     reading, writing = os.pipe()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # Python 3.12 warns of other threads; `work` needs none
@@ -134,7 +134,7 @@ def _taken(work: Callable[[_Item], Any], items: Sequence[_Item], turns: int) -> 
 
 
 def _done(work: Callable[[_Item], Any], item: _Item) -> Any:
-    """Returns what `work` returned, or the error that it raised."""
+    """Returns the result of `work`, or the error that `work` raised."""
     try:
         return work(item)
     except Exception as error:

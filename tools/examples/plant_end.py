@@ -1,9 +1,9 @@
-"""The plant's end of a link, with Python's standard library alone: your own robot behind hal/README.md's messages.
+"""The plant's end of a link, with only Python's standard library: your own robot behind hal/README.md's messages.
 
 .venv/bin/brickpilot brick --pty                                        prints serial:/dev/pts/N
 python tools/examples/plant_end.py /dev/pts/N hal/wire/brickpilot.dbc   in another terminal
 
-In lockstep: the robot waits for the motor command of each step. Put your own simulator in place of `Robot`.
+It runs in lockstep: in each step, the robot waits for the motor command. Put your own simulator in place of `Robot`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ OPEN, HELLO, COMMAND, COMMAND_REPLY = 32, 33, 48, 49
 BATTERY, REFERENCE_X, REFERENCE_Y, REFERENCE_TURN = 130, 131, 132, 133
 SYNC, MOTORS, WAYPOINT_REQUEST, WAYPOINT, ROUTE_REQUEST, ROUTE, HEARTBEAT = 134, 144, 258, 259, 260, 261, 384
 PROTOCOL, COUPLED, LOCKSTEP, START, WRITE, ARRIVED, FAULT = 1, 0, 0, 1, 64, 2, 3
-STATUSES = 0b00000101  # of IMU and rotation sensors: absent; of battery and reference: ok
+STATUSES = 0b00000101  # status of IMU and rotation sensors: absent; of battery and reference: ok
 STEP_MS, LONGEST_MS = 3, 60_000
 Message = tuple[int, bytes]
 
@@ -63,7 +63,7 @@ def unframed(block: bytes) -> Message | None:
 
 
 class Line:
-    """A serial line to the brick. `mode` is that of its newest heartbeat."""
+    """A serial line to the brick. `mode` is the mode in the brick's newest heartbeat."""
 
     def __init__(self, path: str) -> None:
         self.file, self.rest, self.mode, self.sequence = os.open(path, os.O_RDWR | os.O_NOCTTY), b"", 0, 0
@@ -71,7 +71,7 @@ class Line:
         os.write(self.file, b"\0")  # ends a frame that another program has left
 
     def ask(self, messages: list[Message], reply: int, place: int) -> bytes:
-        """Sends messages until their reply comes, whose byte at `place` is their sequence number, up to four times."""
+        """Sends messages, up to four times, until a reply comes whose byte at `place` is their sequence number."""
         for _ in range(4):
             os.write(self.file, b"".join(map(framed, messages)))
             while select.select([self.file], [], [], 0.25)[0]:
@@ -89,7 +89,7 @@ class Line:
         return self.ask([(identifier, data + crc(struct.pack("<H", identifier) + data))], reply, 0)
 
     def step(self, time_ms: int, robot: Robot) -> tuple[int, int]:
-        """Sends what the sensors say, as a set, and returns both duties, -32767..32767."""
+        """Sends the sensors' readings as a set, and returns both duties, -32767..32767."""
         self.sequence = self.sequence + 1 & 255
         end = struct.pack("<BB", self.sequence, time_ms & 255)  # of each part
         turn = (round(robot.heading * 32768 / math.pi) + 0x8000 & 0xFFFF) - 0x8000
@@ -106,7 +106,7 @@ class Line:
 
 
 def fly(path: str, dbc: bytes, route_mm: list[tuple[int, int]]) -> tuple[bool, list[tuple[float, float]]]:
-    """Flies the route. Returns whether the brick says that it has arrived, and the positions of all steps, m."""
+    """Flies the route. Returns whether the brick reports its arrival, and the positions in all steps, in m."""
     line, robot, track = Line(path), Robot(), []
     hello = line.request(OPEN, HELLO, "BHBB", PROTOCOL, binascii.crc_hqx(dbc, 0xFFFF), COUPLED, LOCKSTEP)
     refused = [hello[5]]

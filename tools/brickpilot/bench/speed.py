@@ -3,8 +3,8 @@
 One peer is the packaged robot as a text-book ODE for SciPy's `solve_ivp`, at equal accuracy. The equations
 are those of the plant's profile `coupled` (eq. 2, 5, 12 to 14), written here from the paper. `loosest` finds the
 largest tolerance with the accuracy of the plant, which has steps of 0.3 ms and 3 ms. `METHODS` are SciPy's fastest
-methods here. If inputs are held, LSODA is faster than the others by 1.6 times or more. If the solver restarts in each
-step, RK23 needs half of RK45's evaluations.
+methods here. If inputs are held, LSODA is at least 1.6 times as fast as the other methods. If the solver restarts in
+each step, RK23 needs half of RK45's evaluations.
 """
 
 from __future__ import annotations
@@ -43,9 +43,9 @@ _LANES = {"alone": 1, "many": plant.MOST_LANES}
 
 @dataclass(frozen=True)
 class Figure:
-    """One speed: ``value`` in ``unit`` is ``ratio`` times the speed of ``peer``, which ran in the same process.
+    """One speed: ``value`` in ``unit``, which is ``ratio`` times the speed of ``peer`` in the same process.
 
-    If the unit is a cost, such as cycles/step, the ratio is the peer's cost over ours: it is above 1 if we are faster.
+    If the unit is a cost, such as cycles/step, the ratio is the peer's cost divided by ours: above 1, we are faster.
     ``machine`` is the machine on which both ran.
     """
 
@@ -63,7 +63,7 @@ class LawFigure(Figure):
     Attributes:
         most, peer_most: the worst step, in the same unit.
         flash_bytes, peer_flash_bytes: code and constants of the law, with the routines of its arithmetic.
-        apart_v: V, the largest difference between the two programs' motor voltages.
+        apart_v: the largest difference between the motor voltages of the two programs, in V.
     """
 
     most: int
@@ -74,7 +74,7 @@ class LawFigure(Figure):
 
 
 def _best(works: Mapping[str, Callable[[], float]], repeats: int = 5) -> dict[str, float]:
-    """Returns the best speed of several runs of each work, in times real time. A work returns simulated seconds.
+    """Returns each work's best speed of `repeats` runs, as a multiple of real time. A work returns simulated seconds.
 
     The works run in turn, so that other programs on the machine disturb all works equally. Times are processor times.
     """
@@ -112,7 +112,7 @@ def _many(model: Model, lanes: int) -> float:
 
 
 def _side_by_side(model: Model) -> dict[str, Figure]:
-    """Returns the plant's speed for many runs together on one core, compared with the same runs one at a time."""
+    """Returns the plant's speed for many runs side by side on one core, compared with the same runs one at a time."""
     figures = {}
     rubs = next(one.name for one in catalogue.effects() if one.mechanism == "bearing" and not one.variant_of)
     dry = dataclasses.replace(model, effects={**model.effects, rubs: {}})
@@ -139,14 +139,14 @@ _MUJOCO_ROBOT = f"""
 
 @cache
 def _mujoco_model() -> Any:
-    """Returns MuJoCo's robot, compiled once. The functions that it does not need are off, which makes it faster."""
+    """Returns the robot in MuJoCo, compiled once. For speed, the functions that the robot does not need are off."""
     import mujoco
 
     return mujoco.MjModel.from_xml_string(_MUJOCO_ROBOT)
 
 
 def _mujoco(seconds: float = 6.0) -> float:
-    """Simulates a planar body with two driven wheels in MuJoCo, without contacts, at the same step of 0.3 ms."""
+    """Simulates a planar body with two driven wheels in MuJoCo, without contacts, at the plant's step of 0.3 ms."""
     import mujoco
 
     model = _mujoco_model()
@@ -172,15 +172,16 @@ def host() -> dict[str, Figure]:
     """Returns the speeds of the full loop (plant, sensors, controller), of the plant alone, and of a link.
 
     The plant takes motor steps of 0.3 ms and body steps of 3 ms. The peers are MuJoCo, if it is installed, and SciPy's
-    solve_ivp at the plant's own accuracy. Their inputs change every 3 ms for the full loop, and every second for the
-    plant alone. Both simulate the robot without its controller and sensors. The peer of the link is real time.
+    solve_ivp at the plant's own accuracy. The inputs of both peers change every 3 ms for the full loop, and every
+    second for the plant alone. Both peers simulate the robot without controller and sensors. The link is compared with
+    real time.
     """
     model, on = rcx(), this_machine()
     ours: dict[str, Callable[[], float]] = {"full_loop": _full_loop, "plant": partial(_plant_alone, model)}
     scipy = {"full_loop": _scipy(model, controlled()), "plant": _scipy(model, held())}
     mujoco: dict[str, Callable[[], float]] = {}
     if find_spec("mujoco"):
-        _mujoco_model()  # before the clock starts
+        _mujoco_model()  # compiles before the clock starts
         mujoco = {"MuJoCo, planar body and two wheels without contacts, 0.3 ms": _mujoco}
     rates = _best(ours | mujoco | scipy["full_loop"] | scipy["plant"])
     first, by_scipy = {}, {}
@@ -196,7 +197,7 @@ def host() -> dict[str, Figure]:
 
 
 def _scipy(model: Model, manoeuvre: Manoeuvre) -> dict[str, Callable[[], float]]:
-    """Returns description of a SciPy method -> function that solves the manoeuvre by it, as accurately as the plant."""
+    """Returns a SciPy method's description -> a function that solves the manoeuvre as accurately as the plant does."""
 
     def fly(setting: SolverSetting) -> float:
         solve(model, manoeuvre, setting.tolerance, setting.method)
@@ -214,7 +215,7 @@ def _scipy(model: Model, manoeuvre: Manoeuvre) -> dict[str, Callable[[], float]]
 def control_law() -> tuple[dict[str, LawFigure], list[str]]:
     """Returns the control law's cost on each brick's processor, compared with its peers, and why bricks are missing.
 
-    It is measured in a checkout, by `tests/lab/control_peers.py`.
+    In a checkout, `tests/lab/control_peers.py` measures the cost.
     """
     try:
         done = in_lab("step_costs", "law", field="control law", stdout=subprocess.PIPE)
@@ -243,10 +244,10 @@ TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 _EXACT = 1e-10
 
 VOLTAGES = ((4.5, 3.0), (-3.0, 6.0), (6.0, 6.0))
-"""V, (left, right), each held for `HELD` steps: a curve, nearly a turn on the spot, and a straight drive."""
+"""Voltages (left, right) in V, each held for `HELD` steps: a curve, nearly a turn on the spot, a straight drive."""
 
 HELD = 333
-_FIRST_STEP = STEP_S / 5  # SciPy's first step in a control step: the fastest of six tried values
+_FIRST_STEP = STEP_S / 5  # SciPy's first step within a control step; of six tried values, this one is fastest
 STATES = 7
 
 
@@ -268,7 +269,7 @@ def held() -> Manoeuvre:
 
 
 def controlled() -> Manoeuvre:
-    """Returns `VOLTAGES` as in a closed loop: a controller's voltages change a little in every step of 3 ms."""
+    """Returns `VOLTAGES` with a small change in every step of 3 ms, like a controller's voltages in a closed loop."""
     pieces = np.repeat(np.array(VOLTAGES), HELD, axis=0)
     ripple = 0.2 * np.sin(0.7 * np.arange(len(pieces)))
     return Manoeuvre(1, pieces + np.column_stack([ripple, -ripple]))
@@ -342,7 +343,7 @@ def simulate_plant(model: Model, manoeuvre: Manoeuvre) -> Array:
 
 @dataclass(frozen=True)
 class SolverSetting:
-    """A method, its tolerance by `loosest`, and the largest position errors of the plant and of SciPy, m."""
+    """A method, the tolerance that `loosest` found, and the largest position errors of plant and SciPy, in m."""
 
     method: str
     tolerance: float
@@ -354,12 +355,12 @@ class SolverSetting:
 
 
 def loosest(model: Model, manoeuvre: Manoeuvre) -> list[SolverSetting]:
-    """Returns for each of `METHODS` the largest of `TOLERANCES` with an error of position no larger than the plant's.
+    """Returns, for each of `METHODS`, the largest of `TOLERANCES` whose position error does not exceed the plant's.
 
     An error is the largest difference over the manoeuvre from a solution at a tolerance of 1e-10.
 
     Raises:
-        SimulationError: no tolerance is as accurate.
+        SimulationError: no tolerance is as accurate as the plant.
     """
     exact = solve(model, manoeuvre, _EXACT, "LSODA")[:, 5:]
     plant_m = float(np.abs(simulate_plant(model, manoeuvre) - exact).max())

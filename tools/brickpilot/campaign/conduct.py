@@ -67,8 +67,8 @@ class Replayed:
     """A run that was flown again.
 
     Attributes:
-        inputs: the values that the campaign drew for the run; a value is None if the robot lacks its effect.
-        figures: the keys of `brickpilot run --json`, or of `hil --json` where the run has faults.
+        inputs: the values that the campaign drew for the run; a value is None if the robot lacks the value's effect.
+        figures: the figures of `brickpilot run --json`, or of `hil --json` if the run has faults.
         ticks: the columns of ticks.csv; None: the run has no link.
     """
 
@@ -79,7 +79,7 @@ class Replayed:
 
 
 def replay(campaign: Campaign, index: int) -> Replayed:
-    """Flies run `index` again; its motor commands are the same to the last bit.
+    """Flies run `index` again; the motor commands are the same to the last bit.
 
     Raises:
         InputError: the campaign has no such run.
@@ -108,12 +108,12 @@ SHOWN = (
 """The figures whose distribution the page draws."""
 
 MOST_DOTS = 1500
-"""The largest number of runs in a scatter plot: more points overlap and take long to draw."""
+"""Largest number of runs in a scatter plot; more points would overlap and take long to draw."""
 
 STRONGEST = 3
 """Each figure is drawn against this number of its strongest inputs."""
 
-_DRAWN_OUT = (0.001, 0.999)  # quantiles: range of a histogram; runs beyond it count in its end bars
+_DRAWN_OUT = (0.001, 0.999)  # range of a histogram, in quantiles; runs beyond this range count in the end bars
 _BARS = 40
 
 

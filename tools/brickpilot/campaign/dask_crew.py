@@ -29,10 +29,10 @@ CONNECT_S = 5.0
 WORKERS_S = 10.0
 """s: time to wait for the first worker."""
 ALONE_S = 60.0
-"""s: a campaign that has no worker for this time ends. A queue may need a minute to replace workers that it stopped."""
+"""s: a campaign without a worker for this time ends; a queue may need a minute to replace stopped workers."""
 
 _LOOK_S = 2.0  # s between two counts of the workers
-_AHEAD = 2  # number of parts given to each thread of a worker: one runs, one waits
+_AHEAD = 2  # number of parts given to each thread of a worker: one part runs, one part waits
 
 _ONE_AT_A_TIME = threading.Lock()
 """The threads of a worker take turns, because BLAS or the function may not be safe in several threads."""
@@ -43,7 +43,7 @@ def dask_crew(function: Function, scheduler: str) -> Iterator[DaskCrew]:
     """Yields the workers of the scheduler at this address, which call `function`.
 
     Raises:
-        InputError: the library is not installed, nothing answers there, no worker comes, or one has another version.
+        InputError: the library is not installed, no scheduler answers, no worker comes, or its version differs.
     """
     try:
         import distributed  # noqa: F401  (makes the loggers that `_quiet` silences)
@@ -85,7 +85,7 @@ class DaskCrew:
         return max(_AHEAD * self._threads, 1) - len(self._flying)
 
     def give(self, part: Part) -> None:
-        # Pickled here, so that Dask does not look into the argument and the scheduler needs no import for it.
+        # Pickled here, so that Dask does not inspect the argument and the scheduler need not import its module.
         task = pickle.dumps((self._function, part.argument))
         key = f"{self._name}-{part.key}"
         future = self._client.submit(_called, store.versions_here(), self._scheduler, task, key=key, pure=False)
@@ -156,14 +156,14 @@ class DaskCrew:
         self._look()
 
     def compare_versions(self) -> None:
-        """Compares the versions of all workers with those of this process, before anything is run on them.
+        """Compares the versions of all workers with those of this process, before the workers run any part.
 
         The scheduler only forwards parts, so it may load any version of this program.
         """
         field = _field(self._scheduler)
         try:
             self._client.run_on_scheduler(store.versions_here)
-        except Exception as error:  # whatever its import may raise
+        except Exception as error:  # any error that an import on a worker may raise
             raise InputError(f"the scheduler cannot load this brickpilot: {error}", field=field) from None
         for address, versions in sorted(self._client.run(store.versions_here, on_error="return").items()):
             if not isinstance(versions, Versions):
@@ -179,7 +179,7 @@ def _client(scheduler: str) -> Any:
     """Returns a connected client of a scheduler.
 
     Raises:
-        InputError: nothing answers there.
+        InputError: no scheduler answers.
     """
     from distributed import Client
 
@@ -192,7 +192,7 @@ def _client(scheduler: str) -> Any:
 
 
 async def _greet(scheduler: str) -> None:
-    """Waits for a scheduler's answer. A client alone waits for ever if a program only accepts the connection."""
+    """Waits for a scheduler's answer. A client would wait for ever for a program that only accepts the connection."""
     from distributed.comm import connect
 
     greeted = await connect(scheduler, timeout=CONNECT_S)
@@ -220,7 +220,7 @@ def _called(wanted: Versions, scheduler: str, task: bytes) -> Any:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Silences Dask's log, which has many lines for each lost connection; an error reports it in one line."""
+    """Silences Dask's log, which has many lines for each lost connection; an error reports the loss in one line."""
     loggers = [
         logging.getLogger(name)
         for name in logging.root.manager.loggerDict

@@ -21,13 +21,13 @@ Array = NDArray[np.float64]
 
 MORRIS_LEVELS = 4
 MORRIS_EDGE = 0.025
-"""Morris's levels go from the 2.5 % to the 97.5 % quantile, because a distribution may be unbounded."""
+"""Share of Morris's lowest level. The levels end at the 97.5 % quantile, because distributions may be unbounded."""
 
 
 def drawn_shares(campaign: Campaign) -> Callable[[int, int], Array]:
     """Returns a function that gives the shares of the runs start..stop - 1, (runs, inputs drawn), each 0..1.
 
-    The designs monte_carlo and grid draw run by run. The other designs draw all runs here.
+    The designs monte_carlo and grid draw run by run. For other designs, this function draws all runs.
     """
     if campaign.design == "monte_carlo":
         return partial(_independent, campaign)
@@ -38,7 +38,7 @@ def drawn_shares(campaign: Campaign) -> Callable[[int, int], Array]:
 
 
 def problem(campaign: Campaign) -> dict[str, Any]:
-    """Returns the inputs in SALib's form; SALib samples and analyses their shares."""
+    """Returns the inputs in SALib's form; SALib samples and analyses the inputs' shares."""
     names = [input_.name for input_ in campaign.drawn]
     return {"num_vars": len(names), "names": names, "bounds": [[0.0, 1.0]] * len(names)}
 
@@ -46,8 +46,8 @@ def problem(campaign: Campaign) -> dict[str, Any]:
 def block(campaign: Campaign, index: int) -> int:
     """Returns the block that a run belongs to. The runs of a block share their sensors' noise and their route.
 
-    Some designs compare runs that differ in one input. Such a group of runs is a block, so that nothing else differs.
-    In other designs each run is a block.
+    Some designs compare groups of runs that differ in one input. Each group is a block, so that nothing else differs.
+    In other designs, each run is a block.
     """
     return index // campaign.block_runs
 
@@ -71,9 +71,9 @@ def _independent(campaign: Campaign, start: int, stop: int) -> Array:
 
 
 def _grid(campaign: Campaign, start: int, stop: int) -> Array:
-    """Returns the middle of each level of the axes; inputs that are no axis are drawn for each run.
+    """Returns the middle of the level on each axis; inputs that are no axis are drawn for each run.
 
-    The repeats of a point come one after the other, then the level of the last axis changes.
+    The repeats of a point follow each other; then the level of the last axis changes.
     """
     shares = _independent(campaign, start, stop)
     levels = {column: input_.levels for column, input_ in enumerate(campaign.drawn) if input_.distribution.listed}
@@ -84,7 +84,7 @@ def _grid(campaign: Campaign, start: int, stop: int) -> Array:
 
 
 def _whole(campaign: Campaign) -> Array:
-    """Returns the shares of all runs, for a design that is made as a whole."""
+    """Returns the shares of all runs, for a design that draws all runs together."""
     from scipy.stats import qmc
 
     dimensions = len(campaign.drawn)
@@ -108,7 +108,7 @@ def _by_salib(campaign: Campaign, seed: int) -> Array:
 
 
 def made_by(campaign: Campaign) -> str:
-    """Returns the version of SALib if it draws the runs, else an empty text. Only this process needs the library."""
+    """Returns the version of SALib if SALib draws the runs, else an empty text. Only this process needs SALib."""
     if campaign.design not in ("saltelli", "morris"):
         return ""
     salib("sample.sobol")  # raises an InputError if the library is missing
@@ -116,7 +116,7 @@ def made_by(campaign: Campaign) -> str:
 
 
 def _check_levels(campaign: Campaign) -> None:
-    """Refuses a list of values if Morris's levels do not reach all of them."""
+    """Refuses a list of values if Morris's levels do not reach all values."""
     shares = np.linspace(MORRIS_EDGE, 1.0 - MORRIS_EDGE, MORRIS_LEVELS)
     for input_ in campaign.drawn:
         reached = len(set(input_.distribution.at(shares).tolist()))

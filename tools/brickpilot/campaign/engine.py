@@ -5,9 +5,9 @@
     parts = (Part(f"{seed:06}", seed) for seed in range(100_000))
     run(flown, parts, keep=keep, workers=workers.Local(2), progress=Progress(show, total=100_000))
 
-A part is taken from the generator when a worker is free, so only a few parts are in memory. The result of a
-part must depend on its argument alone; then no result depends on the number of workers, their order or their failures.
-`Crew` and `Workers` are the interface that the local and the Dask workers share.
+A part is taken from the generator when a worker is free, so only a few parts are in memory. The result of a part must
+depend only on the part's argument; then no result depends on the number, the order or the failures of workers. `Crew`
+and `Workers` are the interface that the local and the Dask workers share.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from itertools import islice
 from typing import Any, Protocol, TypeVar
 
 Function = Callable[[Any], Any]
-"""A picklable function: it is defined at the top of a module that the workers can import."""
+"""A picklable function, which is defined at the top of a module that the workers can import."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Finished:
-    """A part and what the function returned for it."""
+    """A part, and the result of the function for this part."""
 
     part: Part
     result: Any
@@ -47,13 +47,13 @@ class Crew(Protocol):
     """Workers that are ready."""
 
     def room(self) -> int:
-        """Returns how many more parts may be given now; at least one if no part is in flight."""
+        """Returns how many more parts may be given now; at least 1 if the crew has no part."""
 
     def give(self, part: Part) -> None:
         """Gives a part to a worker, without waiting for it."""
 
     def wait(self) -> Sequence[Finished]:
-        """Waits until at least one given part is finished, and returns all finished ones.
+        """Waits until at least one given part is finished, and returns all finished parts.
 
         A part whose worker died is given again.
 
@@ -66,7 +66,7 @@ class Workers(Protocol):
     """The place where a campaign runs."""
 
     def crew(self, function: Function) -> AbstractContextManager[Crew]:
-        """Returns the workers that will call `function`. At the end of the `with` they stop, or forget `function`.
+        """Returns the workers that call `function`. At the end of the `with`, the workers stop or forget `function`.
 
         Raises:
             InputError: the workers cannot be reached, or have another version.
@@ -93,7 +93,7 @@ class Progress:
     what: str = "parts"
 
     def after(self, finished: int) -> None:
-        """Shows that `finished` parts are done, besides those that were done before."""
+        """Shows that `finished` parts are done, in addition to those that were done before."""
         done = self.done + finished
         self.show(done, self.total, f"{done} of {self.total} {self.what}")
 
@@ -109,15 +109,15 @@ def run(
     """Calls a function on the argument of each part, and hands each result to `keep`.
 
     Args:
-        function: defined at the top of a module that the workers can import.
-        parts: taken one by one; each worker has only a few at a time.
-        keep: called in this process with each part and its result, in the order in which they finish.
+        function: a function that is defined at the top of a module that the workers can import.
+        parts: the parts, which are taken one by one; each worker has only a few parts at a time.
+        keep: called in this process with each part and its result, in the order in which the parts finish.
         workers: `workers.Local`, `workers.Cluster` or `workers.Here`.
 
     Raises:
         InputError: the workers cannot be reached, or are not of this version.
         WorkFailedError: a part ends each worker that gets it, or no worker is left.
-        Exception: what the function or `keep` raised. No further part is begun.
+        Exception: the error that the function or `keep` raised. No further part is begun.
     """
     left, finished = iter(parts), 0
     progress.after(finished)
@@ -133,7 +133,7 @@ def run(
 
 
 def _fill(crew: Crew, left: Iterator[Part]) -> int:
-    """Gives parts to the crew as long as it has room, and returns how many."""
+    """Gives parts to the crew as long as it has room, and returns the number of these parts."""
     given = 0
     for part in islice(left, crew.room()):
         crew.give(part)

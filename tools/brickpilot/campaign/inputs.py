@@ -34,11 +34,11 @@ NUMBERS = {
     "normal": ("mean", "sd"),
     "lognormal": ("median", "sd_of_log"),
 }
-"""Distribution of a number -> the numbers that it needs. `normal` and `lognormal` may have `low` and `high` too."""
+"""Distribution -> the numbers that it needs. `normal` and `lognormal` may have `low` and `high`, too."""
 
 DISTRIBUTIONS = (*NUMBERS, "choice", "fixed")
 
-_LEAST_KEPT = 0.01  # least probability within the limits: below it, the file is probably wrong
+_LEAST_KEPT = 0.01  # least probability within the limits: with a smaller one, the file is probably wrong
 
 
 @dataclass(frozen=True)
@@ -57,9 +57,9 @@ class Distribution:
 
     Attributes:
         kind: one of DISTRIBUTIONS; `fixed` and `choice` use `values`, which are equally likely or have `weights`.
-        first, second: the numbers that the kind needs, in the order of NUMBERS.
+        first, second: the numbers that the distribution's kind needs, in the order of NUMBERS.
         low, high: the limits at which the distribution is truncated.
-        listed: whether the file gives a plain list, which is an axis of a grid.
+        listed: whether the file gives the values as a plain list; such a list is an axis of a grid.
     """
 
     kind: str
@@ -192,7 +192,7 @@ _OTHER_DEVICES = {
 
 
 def _sensor_ranges() -> dict[str, Range]:
-    """Returns field of `bp_devices` -> physical range."""
+    """Returns, for each field of `bp_devices`, its physical range."""
     possible = {}
     for name, _ in interface()[0].typeof("bp_devices").fields:
         axis, _, rest = name.partition("_")
@@ -203,7 +203,7 @@ def _sensor_ranges() -> dict[str, Range]:
 
 @cache
 def devices() -> Mapping[str, float]:
-    """Returns field of `bp_devices` -> value of the packaged robot's sensors, SI."""
+    """Returns, for each field of `bp_devices`, its value for the packaged robot's sensors, in SI."""
     sensors = TomlFile(RCX).data["sensors"]
     return {
         **plain(sensors["imu"]),
@@ -214,7 +214,7 @@ def devices() -> Mapping[str, float]:
 
 @cache
 def ranges() -> Mapping[str, Mapping[str, Range]]:
-    """Returns kind -> name -> range of all inputs of `[vary]`: parameter, sensor, gain and start."""
+    """Returns kind -> name -> range, for all inputs of `[vary]`. The kinds are parameter, sensor, gain and start."""
     far = farthest()
     tuned = {
         name: Range(gain.value(gain.low), gain.value(gain.high), "" if gain.format.unit == "1" else gain.format.unit)
@@ -250,7 +250,7 @@ class Input:
     """One input.
 
     Attributes:
-        name: KIND.NAME, as "parameter.mass"; or "scenario" or "sensors".
+        name: KIND.NAME, such as "parameter.mass"; or "scenario" or "sensors".
         labels: the texts for the values 0, 1, ... of the distribution; empty: the input is a number.
         chance: for a switch, the probability that its effect or fault is on; None: the input is no switch.
     """
@@ -267,7 +267,7 @@ class Input:
         return len(self.distribution.values)
 
     def values(self, shares: NDArray[np.float64]) -> list[Value]:
-        """Returns the quantiles at these shares (n,), as a flight needs them: a gain is rounded as in the firmware."""
+        """Returns the quantiles at `shares` (n,), as values of a flight: a gain is rounded as in the firmware."""
         quantiles: list[float] = self.distribution.at(shares).tolist()
         if self.labels:
             return [self.labels[int(quantile)] for quantile in quantiles]
@@ -280,7 +280,7 @@ class Input:
 
 
 def labelled(name: str, labels: Sequence[str]) -> Input | None:
-    """Returns the input that chooses among texts; None: there is only one text."""
+    """Returns the input that chooses one of the texts `labels`; None: there is only one text."""
     if len(labels) < 2:
         return None
     numbers = Distribution("choice", values=tuple(float(number) for number in range(len(labels))), listed=True)
@@ -366,13 +366,13 @@ def faults(toml: TomlFile, duration: float) -> tuple[dict[str, Fault], list[Inpu
                 inputs.append(_input(toml, (*key, number), f"{name}.{number}", table[number], physical))
                 drawn = inputs[-1].distribution
                 low, high = (min(drawn.values), max(drawn.values)) if drawn.values else (drawn.low, drawn.high)
-                table[number] = high if number == "from_s" else low  # a fault has to end after its latest start
+                table[number] = high if number == "from_s" else low  # every drawn end has to be after the latest start
         fixed.append(table)
     return dict(zip(names, parse_faults(toml, fixed, duration), strict=True)), inputs
 
 
 def tuned(known: gains.Gains | None, drawn: Drawn) -> gains.Gains | None:
-    """Returns the gain set of a run: the known one with the drawn gains; None: the firmware's own."""
+    """Returns the gain set of a run: the `known` set with the drawn gains; None: the firmware's own set."""
     raw = {name: settings()[name].raw(float(value)) for name, value in _by_kind(drawn).get("gain", {}).items()}
     if not raw:
         return known
@@ -392,7 +392,7 @@ def applied(plan: Plan, drawn: Drawn, faults: Mapping[str, Fault]) -> Plan:
 
     Args:
         plan: the plan with the scenario, the sensors and the gains that were drawn for the run.
-        drawn: the inputs that are named KIND.NAME; other names are ignored.
+        drawn: the drawn inputs, of which only those named KIND.NAME are used.
         faults: name -> the values of a fault that the file gives as constants.
     """
     of = _by_kind(drawn)

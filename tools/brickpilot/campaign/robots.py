@@ -1,12 +1,12 @@
-"""Draws robots that the data allow, from the files that `calibrate` and `discover` write beside model.toml.
+"""Draws robots that the data allow, according to the files that `calibrate` and `discover` write beside model.toml.
 
-- Fitted parameters are drawn jointly about their estimates, with the fit's covariance. Along a direction that the data
-  do not determine, the sd is at most `VAGUE_SD`, because the covariance is that of a linearised fit.
+- Fitted parameters are drawn jointly about their estimates, with the fit's covariance. The covariance is that of a
+  linearised fit, so along a direction that the data do not determine, the sd is limited to `VAGUE_SD`.
 - Unmeasured values have the relative sd that is usual for their kind: `shares` for a nominal parameter, `EFFECT_SHARE`
   for an effect's size, `BATTERY_SHARE` for the battery. The sd of a sensor's bias is its stated size.
-- If a verdict is ambiguous, each explanation that the data cannot separate from the best one is drawn equally often.
+- If a verdict is ambiguous, all explanations that the data cannot separate from the best one are equally likely.
 
-A robot is the same for any number of drawn robots: its random numbers depend on seed, stream and place.
+A robot does not depend on the number of drawn robots: its random numbers depend only on seed, stream and place.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ from brickpilot.vehicle.spread import from_json as spread_of
 Array = NDArray[np.float64]
 
 VAGUE_SD = 0.2
-"""Largest sd of a coordinate (a logarithm, or a share of the change that moves the signals by their rms)."""
+"""Largest sd of a coordinate: a logarithm, or a value in units of the change that moves the signals by their rms."""
 
 EFFECT_SHARE = 0.1
-"""Relative sd of the size of an effect without an interval: discovery uses the same value for a model of other data."""
+"""Relative sd of an effect's size that has no interval; discovery uses the same value for a model of other data."""
 
 BATTERY_SHARE = 0.05
 """Relative sd of the battery's voltage: from full to half empty, six cells lose about a tenth."""
@@ -44,12 +44,12 @@ SOURCES = ("calibrate.json", "verdict.json")
 """The result files beside model.toml; the first one that exists is read."""
 
 _TRIES = 1000  # largest number of draws until a robot is within the physical ranges
-_SAME = 1e-6  # relative tolerance between a value of model.toml and its estimate in the other file
+_SAME = 1e-6  # relative tolerance between a value in model.toml and its estimate in the result file
 
 
 @dataclass(frozen=True)
 class Explanation:
-    """A model that the data allow; its robots are drawn about its values."""
+    """A model that the data allow; robots are drawn about the values of this model."""
 
     name: str
     model: Model
@@ -60,10 +60,10 @@ class Allowed:
     """The robots that the data allow.
 
     Attributes:
-        explanations: the explanations of the data, the best first; only one unless a verdict is ambiguous.
-        spread: the spread of the fitted parameters; None: nothing was fitted.
-        shares: nominal parameter -> relative sd, used if nothing was fitted.
-        devices: the robot's sensors, as `flight.Plan.devices`; None: the packaged robot's.
+        explanations: the explanations of the data, the best one first; only an ambiguous verdict has several.
+        spread: the spread of the fitted parameters; None: no parameter was fitted.
+        shares: nominal parameter -> relative sd, used if no parameter was fitted.
+        devices: the robot's sensors, as in `flight.Plan.devices`; None: those of the packaged robot.
         source: the source of the spread, in words.
     """
 
@@ -102,9 +102,9 @@ class Robot:
     """A drawn robot.
 
     Attributes:
-        place: its place in its stream of draws.
-        explanation: name of the explanation that it was drawn from.
-        seed: seed of its sensors' noise.
+        place: the robot's place in its stream of draws.
+        explanation: name of the explanation from which the robot was drawn.
+        seed: seed of the noise of the robot's sensors.
     """
 
     place: int
@@ -158,12 +158,12 @@ def _rivals(model: Model, given: Mapping[str, Any]) -> list[Explanation]:
 
 
 def _numbers(table: Mapping[str, Any]) -> dict[str, float]:
-    """Returns a table's values as numbers; ValueError, TypeError or OverflowError: one of them is not valid."""
+    """Returns a table's values as numbers; ValueError, TypeError or OverflowError: a value is not valid."""
     return {name: float(value) for name, value in table.items()}
 
 
 def draw(allowed: Allowed, seed: int, stream: int, places: Sequence[int]) -> list[Robot]:
-    """Returns the robots of these places in a stream; robots of two streams are independent.
+    """Returns the robots at `places` of a stream; robots of two streams are independent.
 
     Raises:
         InputError: the data allow no robot within the physical ranges.
@@ -211,14 +211,14 @@ def _root(spread: Spread) -> Array:
 
 
 def _unmeasured(allowed: Allowed, model: Model, random: np.random.Generator) -> dict[str, float]:
-    """Returns a draw of each value that has a usual spread; drawn values of fitted parameters replace these later."""
+    """Returns a draw of each value with a usual spread; draws of fitted parameters later replace these draws."""
     shares, own = _usual(allowed, model), values(model)
     draws = random.normal(size=len(shares))
     return {name: own[name] * math.exp(share * x) for (name, share), x in zip(shares.items(), draws, strict=True)}
 
 
 def _usual(allowed: Allowed, model: Model) -> dict[str, float]:
-    """Returns the usual relative sd of each value that has one."""
+    """Returns the usual relative sd of each value, if the value has one."""
     shares = {name: share for name, share in allowed.shares.items() if name in model.parameters}
     shares |= {"battery_voltage": BATTERY_SHARE}
     for name, table in model.effects.items():
@@ -228,7 +228,7 @@ def _usual(allowed: Allowed, model: Model) -> dict[str, float]:
 
 
 def values(model: Model) -> dict[str, float]:
-    """Returns all values of a model, by "mass" or "effect.parameter"."""
+    """Returns all values of a model; the keys are "mass" or "effect.parameter"."""
     presets = catalogue.presets(model.vehicle) | dict(model.parameters)
     return presets | {f"{effect}.{name}": v for effect, table in model.effects.items() for name, v in table.items()}
 

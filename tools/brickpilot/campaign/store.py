@@ -1,9 +1,9 @@
 """The folder of a campaign: each part as a file, until all of them are merged into one table.
 
-A part is written beside its place and then renamed, so that a part is never incomplete. Its name, KEY.CRC32.parquet,
-holds the checksum of its bytes. So a part that a power cut has damaged is found, and its runs are flown again. The
-bytes depend on the table alone, not on time or host. The folder also holds the versions of this program and of its
-libraries, because a result may depend on them.
+A part is written beside its final place and then renamed, so that a part is never incomplete. The part's name,
+KEY.CRC32.parquet, holds the checksum of its bytes. So a part that a power cut has damaged is found, and its runs are
+flown again. The bytes depend only on the table, not on time or host. The folder also holds the versions of this program
+and of its libraries, because a result may depend on them.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ class Versions:
 
     Attributes:
         brickpilot: the version of the program.
-        code: hash of its Python files and tables.
-        plant: hash of its compiled libraries.
+        code: hash of the program's Python files and tables.
+        plant: hash of the program's compiled libraries.
         python: the version of Python, without its last number.
         numpy, scipy, pyarrow: the versions of the libraries.
     """
@@ -54,7 +54,7 @@ class Versions:
     pyarrow: str
 
     def differences(self, other: Versions) -> str:
-        """Returns the differences as text, own version first: "brickpilot 0.1.0, not 0.2.0"; empty if there is none."""
+        """Returns the differences as text, own version first: "brickpilot 0.1.0, not 0.2.0"; empty: no difference."""
         mine, theirs = dataclasses.asdict(self), dataclasses.asdict(other)
         return "; ".join(f"{name} {mine[name]}, not {theirs[name]}" for name in mine if mine[name] != theirs[name])
 
@@ -90,7 +90,7 @@ _BESIDE = ".unfinished"
 _KEY = re.compile(r"[A-Za-z0-9_-]{1,100}")
 _NAME = re.compile(r"([A-Za-z0-9_-]{1,100})\.([0-9a-f]{8})\.parquet")
 
-# Every option that affects the bytes is stated, so that the bytes do not depend on a version's defaults.
+# Every option that affects the bytes is given here, so the bytes do not depend on the defaults of a version.
 _WRITER: dict[str, Any] = {
     "version": "2.6",
     "data_page_version": "1.0",
@@ -104,7 +104,7 @@ _WRITER: dict[str, Any] = {
 
 
 class Parts:
-    """The parts in a folder, as a context manager: until its end no other process can open the folder.
+    """The parts in a folder, as a context manager: within its block, no other process can open the folder.
 
     Attributes:
         damaged: keys of the parts that were damaged and therefore removed.
@@ -114,8 +114,8 @@ class Parts:
         """Prepares the use of a folder, which need not exist.
 
         Args:
-            campaign: all that the rows depend on, as a JSON object. A folder of another campaign, or of another version
-                of this program, is refused.
+            campaign: everything on which the rows depend, as a JSON object. A folder of another campaign, or of another
+                version of this program, is refused.
         """
         self.folder = folder
         self.damaged: tuple[str, ...] = ()
@@ -150,11 +150,11 @@ class Parts:
         return set(self._files)
 
     def write(self, key: str, table: pa.Table) -> None:
-        """Keeps the table of a part.
+        """Writes the table of a part into the folder.
 
         Raises:
             ValueError: the key cannot be a file's name.
-            WorkFailedError: the disk is full, or cannot be written for another reason. The part is not written.
+            WorkFailedError: the disk is full or cannot be written. The part is not written.
         """
         if not _KEY.fullmatch(key):
             raise ValueError(f"{key!r} is no key: letters, digits, - and _ alone, at most 100")
@@ -167,7 +167,7 @@ class Parts:
         self._files[key] = path
 
     def merge(self, keys: Iterable[str], path: Path) -> None:
-        """Writes the rows of these parts into one table, in this order; it needs the memory of one row group.
+        """Writes the rows of these parts into one table, in the order of `keys`; needs memory for one row group.
 
         Raises:
             WorkFailedError: a part is missing or was damaged meanwhile, or the disk is full. No table is written.
@@ -183,7 +183,7 @@ class Parts:
                     writer.write_table(group, row_group_size=group.num_rows)
 
     def _tables(self, keys: Iterable[str]) -> Iterator[pa.Table]:
-        """Yields the tables of parts; each must have the columns of the first."""
+        """Yields the tables of parts; each table must have the columns of the first one."""
         schema = None
         for key in keys:
             table = self._read(key)
@@ -203,7 +203,7 @@ class Parts:
         return pq.ParquetFile(pa.BufferReader(data)).read(use_threads=False)  # parts are small
 
     def _claim(self) -> None:
-        """Writes the campaign's identity into the folder, or refuses the folder of another campaign."""
+        """Writes the campaign's identity into the folder; refuses the folder of another campaign."""
         path = self.folder / _CAMPAIGN
         here = dataclasses.asdict(versions_here())
         text = json.dumps(self._campaign, sort_keys=True, allow_nan=False)
@@ -225,7 +225,7 @@ class Parts:
             raise InputError(f"was begun with {differences}: name another folder, or remove this one", file=self.folder)
 
     def _look_through(self) -> None:
-        """Finds the parts that are whole, and removes damaged and unfinished ones."""
+        """Finds the complete parts, and removes damaged and unfinished parts."""
         damaged = []
         for path in sorted((self.folder / _PARTS).iterdir()):
             name = _NAME.fullmatch(path.name)
@@ -240,13 +240,13 @@ class Parts:
 
 
 def _whole(path: Path) -> bytes | None:
-    """Returns the bytes of a part, or None if their checksum is wrong."""
+    """Returns the bytes of a part; None: the checksum of the bytes is wrong."""
     data = path.read_bytes()
     return data if path.name.split(".")[-2] == f"{zlib.crc32(data):08x}" else None
 
 
 def _groups(tables: Iterable[pa.Table]) -> Iterator[pa.Table]:
-    """Yields the rows of tables in larger tables of at least `ROWS` rows; the last one may have fewer."""
+    """Yields the rows of tables in larger tables of at least `ROWS` rows; the last table may have fewer rows."""
     waiting: list[pa.Table] = []
     for table in tables:
         waiting.append(table)
@@ -259,7 +259,7 @@ def _groups(tables: Iterable[pa.Table]) -> Iterator[pa.Table]:
 
 @contextmanager
 def _written_beside(path: Path, *, durable: bool = False) -> Iterator[IO[bytes]]:
-    """Yields a file that becomes `path` at the end, if nothing was raised; `durable`: the file survives a power cut.
+    """Yields a file that becomes `path` at the end if no error was raised. `durable`: the file survives a power cut.
 
     A part need not be durable, because it has a checksum.
     """
@@ -279,7 +279,7 @@ def _written_beside(path: Path, *, durable: bool = False) -> Iterator[IO[bytes]]
 
 @contextmanager
 def _one_line(path: Path) -> Iterator[None]:
-    """Turns an error of the system into one that names the file and the cause."""
+    """Turns an error of the operating system into a WorkFailedError that names the file and the cause."""
     try:
         yield
     except OSError as error:

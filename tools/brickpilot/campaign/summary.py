@@ -1,12 +1,12 @@
 """The results of a campaign's table: rates with intervals, quantiles, causes, worst runs, and sensitivity.
 
-The sensitivity says which inputs a figure depends on: SALib's indices, each with its 95 % interval.
+The sensitivity says on which inputs a figure depends. It consists of SALib's indices, each with its 95 % interval.
 
 - `saltelli`: Sobol indices, of first order and total (Saltelli et al. 2010, Comput. Phys. Commun. 181).
-  The compared runs have the same noise. So if an input changes the effect of the noise, this counts for the input.
+  The compared runs have the same noise. So if an input changes the effect of the noise, its index includes this change.
 - `morris`: mu*, the mean size of an input's elementary effects (Campolongo et al. 2007, Environ. Model. Softw. 22).
 - Independent draws: indices of first order by RBD-FAST (Tarantola et al. 2006, Reliab. Eng. Syst. Saf. 91). An input
-  that matters only together with another one has no index.
+  that acts only together with another input has an index of about 0.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ Array = NDArray[np.float64]
 EXPLAINED_FIGURES = ("success", "cross_track_rms_m", "position_estimate_error_m", "time_s")
 
 LEAST_RUNS = 100
-"""Least number of runs with a known figure for RBD-FAST: with fewer runs, its ten harmonics give mostly bias."""
+"""Least number of runs with a known figure for RBD-FAST; with fewer runs, its ten harmonics give mostly bias."""
 
 METHODS = {
     "saltelli": "Sobol indices: the share of the figure's variance that the input explains alone, and with all others "
@@ -79,10 +79,11 @@ def sensitivity_method(campaign: Campaign) -> str | None:
 
 
 def sensitivity_indices(campaign: Campaign, inputs: Mapping[str, Array], figure: Array) -> list[Index]:
-    """Returns the indices of one figure, the largest first; empty if too few runs have the figure, or it is constant.
+    """Returns the indices of one figure, from the largest on; empty: the figure is constant, or too few runs have it.
 
     Args:
-        inputs: drawn input -> values (runs,); texts as numbers, NaN where the run lacks the input's effect or fault.
+        inputs: drawn input -> its values (runs,); a text is a number, and NaN means that the run lacks the input's
+            effect or fault.
         figure: (runs,); NaN where a run does not have the figure. A block that lacks a figure is left out.
 
     Raises:
@@ -119,8 +120,8 @@ def _analysed(campaign: Campaign, inputs: Mapping[str, Array], kept: NDArray[np.
         keys = ("S1", "S1_conf")
         columns = np.column_stack([inputs[name][kept] for name in names])
         if np.isnan(columns).any():
-            # A parameter of an effect that is off has no value. A number in its place would act like the effect's
-            # switch, and would get the switch's index.
+            # A parameter of an effect that is off has no value. A number in its place would act like the switch of the
+            # effect, and would get the switch's index.
             columns = designs.drawn_shares(campaign)(0, len(kept))[kept]
         analysis = designs.salib("analyze.rbd_fast").analyze(problem, columns, values, seed=seed)
     rows = zip(names, *(analysis[key] for key in keys), strict=True)
@@ -143,11 +144,11 @@ class Table:
         self._path = path
 
     def column(self, name: str) -> pa.ChunkedArray:
-        """Returns a column as it is in the file."""
+        """Returns a column of the file without changes."""
         return pq.read_table(self._path, columns=[name]).column(0)
 
     def numbers(self, name: str) -> Array:
-        """Returns a column as numbers (runs,): NaN where a value is missing, true as 1, texts by first appearance."""
+        """Returns a column as numbers (runs,): NaN for a missing value, 1 for true; texts count by first appearance."""
         column = self.column(name)
         if pa.types.is_string(column.type):
             codes: Array = pc.dictionary_encode(column).combine_chunks().indices.to_numpy(zero_copy_only=False)
@@ -155,7 +156,7 @@ class Table:
         return np.asarray(pc.cast(column, pa.float64()).to_numpy(zero_copy_only=False), dtype=np.float64)
 
 
-_Z = 1.959963984540054  # sd: half the width of the interval that holds 95 % of a normal distribution
+_Z = 1.959963984540054  # half the width, in sd, of the interval that holds 95 % of a normal distribution
 
 
 def rate(success: NDArray[np.bool_], blocks: NDArray[np.int64]) -> dict[str, Any]:
@@ -164,7 +165,7 @@ def rate(success: NDArray[np.bool_], blocks: NDArray[np.int64]) -> dict[str, Any
     Args:
         success: (runs,).
         blocks: (runs,), see `designs.block`. Runs of a block are correlated. So the interval is that of a smaller
-            number of independent runs, whose share has the same variance (Kish's effective size).
+            number of independent runs whose share has the same variance (Kish's effective size).
     """
     count, of = int(success.sum()), len(success)
     share = count / of
@@ -175,7 +176,7 @@ def rate(success: NDArray[np.bool_], blocks: NDArray[np.int64]) -> dict[str, Any
 
 
 def _effective(success: NDArray[np.bool_], blocks: NDArray[np.int64]) -> float:
-    """Returns Kish's effective number of runs; if all runs end alike, the number of blocks."""
+    """Returns Kish's effective number of runs; if all runs succeed or all fail, the number of blocks."""
     _, codes = np.unique(blocks, return_inverse=True)
     members, hits = np.bincount(codes), np.bincount(codes, weights=success)
     number, of, share = len(members), len(success), float(success.mean())
@@ -226,7 +227,7 @@ def _text(value: Any) -> str:
 
 
 def _figures(table: Table) -> dict[str, dict[str, Any]]:
-    """Returns figure -> unit, number of runs with this figure, mean, sd and quantiles."""
+    """Returns figure -> its unit, number of runs with this figure, mean, sd and quantiles."""
     figures = {}
     for name, unit in runs.UNITS.items():
         if name in _NO_DISTRIBUTION or name in runs.WORDS:
@@ -255,7 +256,7 @@ def _worst(table: Table) -> list[dict[str, Any]]:
 
 
 def _sensitivity(campaign: Campaign, table: Table) -> dict[str, Any] | None:
-    """Returns the indices of each figure; None: the design has none, or SALib is not installed."""
+    """Returns the indices of each figure; None: the design has no indices, or SALib is not installed."""
     method = sensitivity_method(campaign)
     if method is None:
         return None

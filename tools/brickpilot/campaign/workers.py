@@ -90,7 +90,7 @@ class _HereCrew:
 
 
 def chosen(jobs: int, scheduler: str | None) -> Local | Cluster:
-    """Returns the workers that the options name; a scheduler takes precedence.
+    """Returns the workers that the options name: a scheduler's workers if `scheduler` is given.
 
     Raises:
         InputError: the scheduler's address is not valid.
@@ -99,10 +99,10 @@ def chosen(jobs: int, scheduler: str | None) -> Local | Cluster:
 
 
 def shared(path: Path) -> Path:
-    """Checks that a file or folder, which the function of a part reads, exists on this worker, and returns it.
+    """Checks that a file or folder that a part's function reads exists on this worker, and returns its path.
 
     Raises:
-        InputError: it is not on this worker.
+        InputError: the file or folder is not on this worker.
     """
     if not path.exists():
         raise InputError(f"is missing on the worker {platform.node()}: each worker needs the same files", file=path)
@@ -110,12 +110,12 @@ def shared(path: Path) -> Path:
 
 
 DEATHS = 3
-"""The campaign ends if a part has ended this number of workers. One worker may die by chance or by a lack of memory."""
+"""The campaign ends if one part has ended this number of workers. A worker may die by chance or for lack of memory."""
 
-_STOP_S = 2.0  # s: time for a process to end by itself; then it is killed
+_STOP_S = 2.0  # s: time for a process to end by itself before it is killed
 _ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
-# "spawn" starts a new Python. A forked process would also get locks that the threads of BLAS or Arrow hold here.
+# "spawn" starts a new Python. A forked process would inherit locks that threads of BLAS or Arrow hold here.
 _CONTEXT = multiprocessing.get_context("spawn")
 
 
@@ -139,14 +139,14 @@ class LocalCrew:
     def __enter__(self) -> LocalCrew:
         is_main = threading.current_thread() is threading.main_thread()
         self._had_handler = not is_main or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL
-        if not self._had_handler:  # without a handler, SIGTERM ends this process alone, and the workers go on
+        if not self._had_handler:  # without a handler, SIGTERM ends only this process, and the workers go on
             signal.signal(signal.SIGTERM, _end)
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self._workers = [worker for worker in self._workers if worker.process.pid is not None]  # those that started
         for worker in self._workers:
-            worker.pipe.close()  # this ends a worker that waits for a part
+            worker.pipe.close()  # a closed pipe ends a worker that waits for a part
             if worker.part is not None:
                 worker.process.terminate()
         for worker in self._workers:
@@ -163,7 +163,7 @@ class LocalCrew:
         worker.part = part
         try:
             worker.pipe.send((self._function, part.argument))
-        except (BrokenPipeError, ConnectionResetError):  # it died while it had nothing to do
+        except (BrokenPipeError, ConnectionResetError):  # the worker died while it was idle
             self._forget(worker)
             self.give(part)
 
@@ -179,21 +179,21 @@ class LocalCrew:
         ours, theirs = _CONTEXT.Pipe()
         process = _CONTEXT.Process(target=_serve, args=(theirs,), name="brickpilot-worker")
         worker = _Worker(process, ours)
-        self._workers.append(worker)  # before it starts, so that `__exit__` ends it in any case
+        self._workers.append(worker)  # before the worker starts, so that `__exit__` always ends it
         with _quiet_and_single_threaded():
             process.start()
         theirs.close()  # so that this process notices when the worker closes the pipe
         return worker
 
     def _heard(self, worker: _Worker) -> Finished | None:
-        """Returns a worker's answer, or gives its part again if it died."""
+        """Returns a worker's answer; if the worker died, gives its part to a worker again."""
         assert worker.part is not None
         part = worker.part
         try:
             if not worker.process.is_alive() and not worker.pipe.poll():
-                raise EOFError  # the worker is dead, but a child of it holds the pipe open
+                raise EOFError  # the worker is dead, but one of its child processes holds the pipe open
             done, answer = worker.pipe.recv()
-        except (EOFError, OSError):  # the end of the pipe, also in the middle of an answer
+        except (EOFError, OSError):  # the pipe ended, perhaps in the middle of an answer
             self._forget(worker)
             self._deaths[part.key] += 1
             if self._deaths[part.key] == DEATHS:
@@ -215,7 +215,7 @@ class LocalCrew:
 
 
 def _end(number: int, frame: object) -> None:
-    """Ends this process by an exception, so that each `with` closes; the exit status is a shell's for the signal."""
+    """Ends this process by an exception, so that each `with` closes; the exit status is that of a shell."""
     sys.exit(128 + number)
 
 
@@ -236,11 +236,11 @@ def _how(exitcode: int | None) -> str:
 
 @contextmanager
 def _quiet_and_single_threaded() -> Iterator[None]:
-    """Gives each process that starts here one thread of BLAS, and leaves Ctrl-C to this process."""
+    """Each process that starts in this block has one thread of BLAS and ignores Ctrl-C, which this process handles."""
     before = {name: os.environ.get(name) for name in _ONE_THREAD}
     has_masks = hasattr(signal, "pthread_sigmask")  # Windows has none
     if has_masks:
-        resource_tracker.ensure_running()  # otherwise the first worker starts it, which lets Ctrl-C through again
+        resource_tracker.ensure_running()  # otherwise the first worker starts the tracker, which unblocks Ctrl-C again
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}) if has_masks else set()  # a child keeps the mask
     os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))
     try:
@@ -256,7 +256,7 @@ def _quiet_and_single_threaded() -> Iterator[None]:
 
 
 def _serve(pipe: Connection) -> None:
-    """Calls each function that comes through the pipe, until the other end is closed. Runs in the worker."""
+    """Calls each function that arrives through the pipe, until the other end is closed. Runs in the worker."""
     while True:
         try:
             function, argument = pipe.recv()
@@ -270,7 +270,7 @@ def _serve(pipe: Connection) -> None:
             pipe.send(answer)
         except (BrokenPipeError, ConnectionResetError):
             return
-        except Exception as error:  # an error of pickling; nothing was sent yet
+        except Exception as error:  # the answer cannot be pickled; no part of it was sent
             pipe.send((False, WorkFailedError(f"a worker cannot send what it made: {error}")))
 
 
@@ -283,7 +283,7 @@ def _called(function: Function, argument: Any) -> tuple[bool, Any]:
 
 
 def _portable(error: Exception) -> Exception:
-    """Returns an error that can be sent, with the worker's traceback as a note: the traceback itself cannot be sent."""
+    """Returns an error that can be sent. A note has the worker's traceback, because a traceback cannot be sent."""
     error.add_note("".join(traceback.format_exception(error)).rstrip())
     try:
         pickle.loads(pickle.dumps(error))

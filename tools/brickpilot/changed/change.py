@@ -1,4 +1,4 @@
-"""What changed, in terms of the machine: each difference with its size before and after, and their intervals."""
+"""What changed, in terms of the machine: each difference with its sizes before and after, and with intervals."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 Answer = Literal["nothing", "changed", "ambiguous", "unknown"]
 
-_STEP = 1e-3  # step of a coordinate of a spread, for slopes
+_STEP = 1e-3  # step of a coordinate of a `Spread`, for numerical derivatives
 _QUANTILE = float(norm.ppf((1 + numbers.SURE) / 2))
 _COMBINATION = {"viscous_friction": "kV", "wheel_inertia": "kA", "mass": "kA"}
 
@@ -38,8 +38,8 @@ _COMBINATION = {"viscous_friction": "kV", "wheel_inertia": "kA", "mass": "kA"}
 def combinations() -> Mapping[str, str]:
     """Returns the combination in which the difference of a constant, or of a torque in volts, is reported.
 
-    The keys are constants, and "effect.parameter" of torques. The data may determine a combination without determining
-    the constant or the torque alone.
+    The keys are constants, and "effect.parameter" for torques. The data may determine a combination but not the
+    constant or the torque alone.
     """
     rows = ((effect.name, row) for effect in catalogue.effects() for row in effect.parameters)
     return {**_COMBINATION, **{f"{effect}.{row.name}": row.in_volts for effect, row in rows if row.in_volts}}
@@ -61,15 +61,15 @@ class Change:
         recording: the name of the later recording that has the difference.
         what: an effect, a combination of constants (kV, kA, dry friction in volts) or a constant.
         mechanism: the mechanism of the difference, as for an effect.
-        side: "left" or "right"; None: the difference belongs to both sides, or to the whole machine.
+        side: the side with the difference, "left" or "right"; None: both sides, or the whole machine.
         parameter: the value of the model that differs.
         unit: the unit of `before`, `after` and `change`.
         before, after: the values.
-        change: after less before.
-        percent: `change` in percent of `before`; None if `before` is 0, or its sign is not sure.
-        since: when it begins; None: at the start of the recording, as far as the data show.
-        rivals: other explanations that the data do not rule out, each as the names of its differences.
-        weight: the weight of the explanations that hold this difference, 0..1.
+        change: `after` minus `before`.
+        percent: `change` in percent of `before`; None if `before` is 0, or if the sign of `before` is not sure.
+        since: when the difference begins; None: at the start of the recording, as far as the data show.
+        rivals: the other explanations that the data do not rule out; each is given by the names of its differences.
+        weight: the sum of the weights of the explanations with this difference, 0..1.
         words: a sentence on the change.
         advice: a sentence on what to do about the change.
     """
@@ -96,8 +96,8 @@ class FitPercent:
     """Fit in percent of one signal in free runs; None: the signal was not measured in this recording.
 
     Attributes:
-        old_model_before, old_model_after: in BEFORE and AFTER, by the model of BEFORE alone.
-        explained_after: in AFTER, by the model with the changes.
+        old_model_before, old_model_after: the fit in BEFORE and in AFTER, by the model of BEFORE alone.
+        explained_after: the fit in AFTER, by the model with the changes.
     """
 
     old_model_before: float | None
@@ -118,7 +118,7 @@ class Constant:
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """One signal of one run of a later recording, SI: measured, and by the models before and after, (n,) each."""
+    """One signal in one run of a later recording, SI, (n,) each: measured, and by the models before and after."""
 
     run: str
     signal: str
@@ -134,13 +134,13 @@ class Changed(Result):
 
     Attributes:
         before, after: the names of the recordings.
-        dataset: the first later recording, for its vehicle and units.
+        dataset: the first later recording, which gives the vehicle and the units.
         verdict: the strongest of the later recordings' verdicts.
         verdicts: later recording -> its own verdict.
-        changes: the changes, the surest first.
+        changes: the changes, from the most certain on.
         fits: later recording -> signal -> fit in percent.
         constants: the combinations of constants that each recording alone determines.
-        traces: later recording -> traces of the runs and signals in which the changes show most.
+        traces: later recording -> traces of those runs and signals in which the changes are largest.
         steps: later recording -> the stages that set or changed its verdict.
         notes: sentences on what was assumed or left out.
         seed: the seed of the random starts.
@@ -205,7 +205,7 @@ def _pooled(fits: Mapping[str, Mapping[str, FitPercent]]) -> dict[str, FitPercen
 
 @dataclass(frozen=True)
 class Quantity:
-    """The quantity by which a difference is reported: its name, unit, and value in the model of a recording."""
+    """The quantity in which a difference is reported: its name, its unit, and its value in a recording's model."""
 
     what: str
     unit: str
@@ -213,7 +213,7 @@ class Quantity:
 
 
 def quantity_of(difference: Difference, vehicle: str) -> Quantity:
-    """Returns the quantity by which a difference is reported: the combination that the data determine, or the value."""
+    """Returns the quantity in which a difference is reported: the combination that the data determine, or the value."""
     name = difference.what
     formula = next((row for row in FORMULAS[vehicle] if row.name == combinations().get(name)), None)
     if formula is not None:
@@ -244,11 +244,11 @@ def in_model(formula: Formula, model: Model) -> float:
 def sized(value_in: Callable[[Model], float], model: Model, spread: Spread | None, extra_sd: float = 0.0) -> Sized:
     """Returns a value with its interval, by first-order propagation of a fit's spread.
 
-    The data may determine this value without determining single parameters: the value is constant along the directions
-    that the data leave open.
+    The data may determine this value but not single parameters, if the value is constant along the directions that the
+    data leave open.
 
     Args:
-        extra_sd: further sd of the value, beside that of the fit.
+        extra_sd: a further sd of the value, independent of the sd of the fit.
     """
     variance = 0.0
     if spread is not None and spread.names:
@@ -273,11 +273,12 @@ def change_of(
     Args:
         model: the model of the explanation that holds the difference.
         spread: the uncertainty of the fitted values of `model`.
-        sd: sd of the difference's first value between recordings of one state, in the value's own unit.
+        sd: sd of the difference's first value between recordings of an unchanged machine, in the value's own unit.
         before, after: the names of the recordings.
-        alone: combination -> its value by each recording alone, (before, after). These values are reported if they
-            surely differ, because a difference that is too small to be named still moves the values of `model`.
-        told: further fields of the change, which the explanation does not give.
+        alone: combination -> its values (before, after), each determined by one recording alone. These values are
+            reported if they surely differ, because a difference too small to be named still shifts the values of
+            `model`.
+        told: further fields of `Change`, which the explanation does not give.
     """
     quantity = quantity_of(difference, model.vehicle)
 
@@ -315,7 +316,7 @@ def change_of(
 
 
 def _slope(quantity: Quantity, model: Model, difference: Difference) -> float:
-    """Returns the change of the reported quantity per unit of the first value that differs."""
+    """Returns the derivative of the reported quantity with respect to the first value that differs."""
     recording, key = difference.recording, difference.free[0]
     step = 1e-3 * difference.rows[key].trial
     value = model.by_run[key][recording]
@@ -333,9 +334,9 @@ def is_sure(change: Sized) -> bool:
 
 
 def _apart(before: Constant, after: Constant, sd: float) -> tuple[Sized, Sized | None]:
-    """Returns the change of a value, and the change in percent; None: the value before is not above 0.
+    """Returns the change of a value, and the change in percent; None in its place: the value before is not above 0.
 
-    `sd`: the sd of the change between recordings of one state.
+    `sd`: the sd of the change between recordings of an unchanged machine.
     """
     first, second = ((constant.ci95[1] - constant.ci95[0]) / 2 for constant in (before, after))
     change = _within(after.value - before.value, math.hypot(first, second, _QUANTILE * sd))

@@ -1,7 +1,7 @@
-"""What may differ between two recordings of one machine: parts of an explanation, and where a search finds them.
+"""What may differ between two recordings of one machine: differences as parts of an explanation, and their search.
 
-A difference belongs to one recording, AFTER. It is a change of a size that the machine always has, such as its
-friction, its load or the delay of its link; or it is an effect of the library that the other recording does not show.
+A difference belongs to one recording, AFTER. It is either a change of a value that the machine always has, such as its
+friction, its load or the delay of its link; or an effect of the library that the other recording does not show.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ from brickpilot.vehicle.combinations import loss
 from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.replay import ADDED, RUN_KINDS, in_recording
 
-MOST_DIFFERENCES = 3  # most differences of an explanation
-_NEW = 10  # effects of the library that are fitted beside the machine's own sizes
-_LEAST = 0.1  # share of a usual size: a difference is tried at no smaller size
-_MOST = 3.0  # sd of the usual change: a larger change of a constant that hardly varies means another machine
-_SHARES = (-0.95, 20.0)  # range of a constant's relative change: from almost 0 to 21 times the value
-_STARTS = (0.5, -0.5)  # shares of a usual size from which each of the machine's own sizes is fitted
+MOST_DIFFERENCES = 3  # largest number of differences in an explanation
+_NEW = 10  # number of effects of the library that are fitted in addition to the machine's own values
+_LEAST = 0.1  # least size at which a difference is tried, as a share of the usual size
+_MOST = 3.0  # largest change of a constant that hardly varies, in sd of the usual change; more means another machine
+_SHARES = (-0.95, 20.0)  # range of a constant's relative change: the value becomes 0.05 to 21 times as large
+_STARTS = (0.5, -0.5)  # start values of the fit of each of the machine's own values, as shares of the usual size
 
 
 @dataclass(frozen=True)
@@ -41,10 +41,10 @@ class Constant:
     """A nominal value that may change from one recording to the next.
 
     Attributes:
-        odds: prior odds that it changed.
-        sd: the usual change, as a share of the value; 0: the change may have any size.
+        odds: prior odds that the value changed.
+        sd: sd of the usual change, as a share of the value; 0: the change may have any size.
         mechanism: the mechanism of the change, as for an effect.
-        words: its name, as the subject of a sentence.
+        words: the name of the value, as the subject of a sentence.
     """
 
     odds: float
@@ -62,27 +62,27 @@ CONSTANTS = {
     "wheel_radius": Constant(numbers.RARE, numbers.RULER, "tyre", "the radius of the wheels"),
     "half_track": Constant(numbers.RARE, numbers.RULER, "tyre", "the width of the track"),
 }
-"""The constants of a machine that may change. A motor's windings and magnets do not change: they are left out."""
+"""The constants of a machine that may change. A motor's windings and magnets do not change, so they are left out."""
 
 _OWN_OF_RUNS = ("supply_gain", "delay")  # a late start of a recording says nothing about the machine
 
 
 @cache
 def always() -> Mapping[str, str]:
-    """Returns effect -> the name of its size, for the effects of every machine: dry friction, reported in volts."""
+    """Returns effect -> name of its size, for the effects that all machines have: dry friction, reported in volts."""
     rows = ((effect.name, row) for effect in catalogue.effects() for row in effect.parameters)
     return {effect: row.name for effect, row in rows if row.in_volts}
 
 
 @dataclass(frozen=True)
 class Difference(Part):
-    """One difference, of one recording. `effect` is its name, and `free` are its keys in `Model.by_run`.
+    """One difference of one recording. `effect` is the difference's name; `free` has its keys in `Model.by_run`.
 
     Attributes:
         recording: the recording that differs.
-        what: the nominal parameter, the kind of value of runs, the "effect.parameter" or the effect.
+        what: what differs: a nominal parameter, a kind of value of runs, an "effect.parameter" or an effect.
         log_odds, mechanism, contains: as for other parts.
-        rows: key -> its row, with the range of a difference.
+        rows: key -> the row of its parameter, with the range of the difference.
         known: key -> the prior of the difference.
     """
 
@@ -99,7 +99,7 @@ class Difference(Part):
 
     @property
     def is_new(self) -> bool:
-        """Whether it is an effect that no other recording has."""
+        """Whether the difference is an effect that no other recording has."""
         return bool(self.fixed)
 
     @property
@@ -198,7 +198,7 @@ def no_further(model: Model, recording: str) -> Model:
 
 
 def _brakes(model: Model) -> float:
-    """Returns the factor of a wheel's braking in proportion to its speed, N m s/rad: D / R of `combinations`."""
+    """Returns a wheel's braking torque divided by its speed, in N m s/rad: D / R of `combinations`."""
     values = model.parameters
     if not values.get("resistance"):
         return loss(values)
@@ -208,7 +208,7 @@ def _brakes(model: Model) -> float:
 def new_differences(model: Model, measured: Collection[str], recording: str) -> Iterator[Difference]:
     """Yields the effects of the library that the machine may have in one recording alone.
 
-    Laws whose phase a fit has to find are left out. So are laws that duplicate one of the machine's own sizes: a delay,
+    Left out are laws whose phase a fit has to find, and laws that duplicate one of the machine's own values: a delay,
     and a nominal parameter by another name.
     """
     for part in library_parts(model, measured):
@@ -229,16 +229,16 @@ def new_differences(model: Model, measured: Collection[str], recording: str) -> 
 
 @dataclass
 class Differences:
-    """All that may differ in a recording, as a `Source` of a search.
+    """All possible differences of a recording, as a `Source` of a search.
 
-    The machine's own sizes are all fitted, each from two starts, whatever the screen says: the screen is linear, but a
-    size near 0 in one recording may be large in another.
+    All of the machine's own values are fitted, each from two starts, whatever the screening finds: the screening is
+    linear, but a value near 0 in one recording may be large in another.
 
     Attributes:
         nominal: the nominal parameters that the vehicle's equations use.
-        recording: the later recording, in which the machine's own sizes differ.
+        recording: the later recording, in which the machine's own values may differ.
         new_in: the recordings that may have an effect that the other recording lacks.
-        most: most differences of an explanation.
+        most: largest number of differences in an explanation.
     """
 
     nominal: Collection[str]
@@ -250,7 +250,7 @@ class Differences:
     word, width = "difference", Width(rough=40, fine=12, least=12, paired=12, swapped=0)
 
     def screened(self, problem: Problem, point: Array, deadline: Deadline) -> list[Trial]:
-        """Returns trials of the machine's own sizes, and then of the new effects that explain most beside them."""
+        """Returns trials of the machine's own values, and then of the new effects that explain most in addition."""
         base = problem.plan.at(point)
 
         def lacks(part: Difference) -> bool:

@@ -7,8 +7,8 @@
                                 if one recording keeps more residual than the other, in new effects (differences.py)
     _changes     -> Change      each difference in the machine's words, with its interval                 (change.py)
 
-The criterion is that of `discover`, with its numbers. Nothing is held out: the evidence comes from stretches that an
-explanation was not fitted to. A change has to exceed the spread between runs of one recording.
+The criterion is that of `discover`, with its numbers. No run is held out: the evidence comes from stretches to which an
+explanation was not fitted. A change has to exceed the spread between runs of one recording.
 """
 
 from __future__ import annotations
@@ -64,9 +64,9 @@ from brickpilot.vehicle.replay import Replay, in_recording
 BEFORE = "before"
 _LEFT = "Whatever may differ leaves {:.2g} nats a value more of one recording than of the other: something is missing."
 _RUNS = "Runs of one recording differ among themselves by as much."
-_DRAWN = 2  # signals with a plot
-_MOST_NAMED = 2  # most effects of BEFORE beside the dry friction of every machine
-_LITTLE = 0.03  # share of a usual size: the start of the fit of the friction that every machine has
+_DRAWN = 2  # number of signals with a plot
+_MOST_NAMED = 2  # largest number of effects that are named in BEFORE, without the dry friction of every machine
+_LITTLE = 0.03  # the fit of the friction that every machine has starts at this share of the friction's usual size
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +75,7 @@ class Joint:
 
     Attributes:
         base: the explanation of both recordings without a difference.
-        alone: recording -> this recording alone, ready for fits, and its explanation by the same parts.
+        alone: recording -> this recording alone, ready for fits, and its explanation by the parts of `base`.
         recording: the name of the later recording.
         old: the model of the machine before the change.
     """
@@ -134,7 +134,7 @@ class Joint:
         return _largest([rest for name, rest in rests.items() if name not in self.left_more] or list(rests.values()))
 
     def weighed(self, floors: Mapping[str, float]) -> Joint:
-        """Returns the same recordings with these floors, signal -> SI: an error below its floor is no change."""
+        """Returns these recordings with `floors`, signal -> SI: an error below the floor of its signal is no change."""
         noise = {name: max(floors.get(name, 0.0), scale.noise) for name, scale in self.data.scales.items()}
         coarse = self.data.with_floors(noise)
         base = (refine(coarse, [self.base], self.prepared.jobs) or [self.base])[0] if self.base.plan.free else self.base
@@ -143,7 +143,7 @@ class Joint:
 
 
 Parts = Sequence[tuple[Part, Mapping[str, float]]]
-"""Effects, each with its values."""
+"""Effects, each with the values of its parameters."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,13 +163,13 @@ def what_changed(
 
     Args:
         before: the earlier recording; or a model, from which the recordings then differ.
-        after: name -> a later recording. No name is "before", and none holds "@".
-        seed: seed of the random starts. They are used where nominal values are not given.
+        after: name -> a later recording. No name is "before" or contains "@".
+        seed: seed of the random starts of the fits; these starts are used for nominal values that are not given.
         jobs: number of fits at the same time.
         progress: called with (done, total, text).
 
     Raises:
-        InputError: a recording is of another vehicle, or has no signal that the model gives.
+        InputError: a recording is of another vehicle, or has no signal that the model computes.
         SimulationError: the plant diverges with the nominal values.
     """
     with threadpool_limits(1, "blas"):
@@ -201,7 +201,7 @@ def _compared(
     both = {name: after} if isinstance(before, Model) else {BEFORE: before, name: after}
     dataset = with_known_timing(recordings.together(both), None, seed=seed, jobs=jobs)
     joint = _joint(dataset, name, model, parts, seed, jobs)
-    if model is not None:  # it leaves no residual
+    if model is not None:  # a given model leaves no residual
         return Compared(joint, weigh(_search(joint, (name,), tell)))
     begun = _begun(joint, parts, seed, jobs, tell)
     if begun is None:
@@ -218,7 +218,7 @@ def _compared(
 
 
 def _begun(joint: Joint, parts: Parts, seed: int, jobs: int, tell: Stages) -> tuple[recordings.Onset, Joint] | None:
-    """Returns the moment at which the later recording changes, and both recordings cut there; None: it does not."""
+    """Returns the moment at which the later recording changes, and both recordings cut there; None: no change."""
     usual = joint.weighed(joint.usual())
     first = recordings.suspected(usual.data, joint.old, joint.recording)
     if first is None:
@@ -248,8 +248,8 @@ def _joint(
     """Returns two recordings ready for fits, with the explanation that both share.
 
     Args:
-        innovations: whether a feedback loop biases free runs. None: it does if the noise of both recordings is
-            correlated in time. If only one recording has such noise, it may be a new effect.
+        innovations: whether a feedback loop biases free runs. None: yes, if the noise of both recordings is correlated
+            in time. If only one recording has such noise, it may be a new effect.
     """
     prepared, _ = prepare(dataset, model, seed=seed, jobs=jobs)
     # Each constant may differ by itself, so no constant is held.
@@ -292,13 +292,14 @@ def _alone(dataset: Dataset, base: Explanation, seed: int, jobs: int) -> tuple[P
 
 
 def _verdict(joint: Joint, tell: Stages) -> tuple[Joint, Verdict]:
-    """Returns the recordings as they were weighed, and the engine's verdict on what differs.
+    """Returns the recordings with the floors that were used, and the engine's verdict on what differs.
 
-    The error that a recording's own explanation leaves is no change: it counts as noise here. If this error is surely
-    larger in one recording than in the other, the recording may have a new effect. Then the other recording says how
-    much error is usual. If no new effect is found, the machine's own sizes are the answer. If several of them differ,
-    one new effect may explain them all. It is the answer if it has the best score. For example, a gyro that reads 10 %
-    more looks like a narrower robot that turns more easily. The verdict is "unknown" if too much error is left.
+    The residual of a recording's own explanation is no change: it counts as noise here. If this residual is surely
+    larger in one recording than in the other, this recording may have a new effect. Then the residual of the other
+    recording is the usual one. If no new effect is found, the answer is a difference in the machine's own values. If
+    several values differ, one new effect may explain all these differences. This effect is the answer if it has the
+    best score. For example, a gyro that reads 10 % more looks like a narrower robot that turns more easily. The verdict
+    is "unknown" if the residual stays too large.
     """
     ready, verdict = joint, None
     if joint.left_more:
@@ -335,7 +336,7 @@ def _search(joint: Joint, new_in: Sequence[str], tell: Stages, most: int = MOST_
     nominal = [free.name for free in prepared.plan.uncertain if free.effect is None]
     source = Differences(nominal, joint.recording, prepared.excitation, new_in, most)
     search = Search(prepared.coarse, joint.base, source, prepared.excitation, prepared.jobs, NO_LIMIT, tell)
-    # The laws are the same in both recordings, and the floors include the error of their shape.
+    # The laws are the same in both recordings, and the floors include the error in the shape of these laws.
     return search.run(Judge.of(prepared.coarse, prepared.seed, shape=0.0))
 
 

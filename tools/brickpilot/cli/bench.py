@@ -75,7 +75,7 @@ def bench(
 
 
 def _refuse(target: str, **given: str | float | None) -> None:
-    """Raises InputError for an option that is given, and works only with another target."""
+    """Raises InputError if an option is given that works only with another target."""
     for name, value in given.items():
         if value is not None:
             raise InputError(f"works only with --target {target}", field=f"--{name}")

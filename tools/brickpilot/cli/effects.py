@@ -49,10 +49,10 @@ def effects(word: str | None, mechanism: str | None, whole: bool, as_json: bool)
 
 
 def _chosen(known: Sequence[EffectInfo], word: str | None, mechanism: str | None) -> list[EffectInfo]:
-    """Returns the effect of that name, else those that contain the word.
+    """Returns the effect with the name `word`, else the effects whose texts contain this word.
 
     Raises:
-        InputError: there is none; the message lists similar names.
+        InputError: there is no such effect; the message lists similar names.
     """
     if word is None:
         return list(known)

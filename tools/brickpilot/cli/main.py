@@ -40,7 +40,7 @@ def cli() -> None:
 
 
 def whole_lines(command: click.Command) -> click.Command:
-    """Returns `command`; lists of commands then show the first sentence of its help whole. Click would cut it off."""
+    """Makes lists of commands show the whole first sentence of the command's help, which Click would cut off."""
     text = inspect.cleandoc(command.help or "").partition("\n\n")[0].replace("\n", " ")
     command.short_help = command.short_help or text.split(". ")[0].rstrip(".") + "."
     if isinstance(command, click.Group):
@@ -87,7 +87,7 @@ def run_to_exit(command: click.Command, arguments: list[str] | None, program: st
         click.echo(f"{program}: interrupted", err=True)
         sys.exit(130)
     except BrokenPipeError:
-        sys.stderr.close()  # the reader of stdout has closed it: nobody reads further output
+        sys.stderr.close()  # the reader of stdout has closed the pipe, so nobody reads further output
         sys.exit(1)
     except ModuleNotFoundError as error:
         library = (error.name or "").partition(".")[0]

@@ -18,7 +18,7 @@ from tqdm import tqdm
 from brickpilot.constants import VEHICLES
 from brickpilot.errors import InputError
 
-_SHOWN_S = 2.0  # a shorter remaining time is not shown
+_SHOWN_S = 2.0  # s: a shorter remaining time is not shown
 
 Option = Callable[[Callable[..., Any]], Callable[..., Any]]
 """A decorator that adds an option to a command."""
@@ -56,10 +56,10 @@ def interval(ci95: tuple[float, float] | None) -> str:
 
 @contextmanager
 def progress_shown(quiet: bool) -> Iterator[Callable[[int, int, str], None]]:
-    """Yields a function that takes (done, total, text) and shows the progress; 0 of 0 is a line on its own.
+    """Yields a function that takes (done, total, text) and shows the progress; for 0 of 0, it shows only the text.
 
-    On a terminal it draws a bar. If stderr is piped it prints a line for each new text. Both estimate the remaining
-    time from the time so far. `quiet` shows nothing.
+    On a terminal, it draws a bar. If stderr is piped, it prints a line for each new text. Bar and line show the
+    remaining time, estimated from the time so far. If `quiet`, it shows nothing.
     """
     piped, began = not sys.stderr.isatty(), time.monotonic()
     with tqdm(total=1, disable=quiet or piped, leave=False, bar_format="{desc} {bar} {percentage:3.0f}%") as bar:
@@ -82,12 +82,12 @@ def progress_shown(quiet: bool) -> Iterator[Callable[[int, int, str], None]]:
 
 
 def wiring_lines(sentences: Sequence[str], mend: str = "") -> list[str]:
-    """Returns the lines on channels that are wired or stated wrongly, which come before all others."""
+    """Returns the lines on channels that are wired or stated wrongly; these lines come before all other lines."""
     return [*(f"wiring: {sentence}" for sentence in sentences), *([f"to mend it in the log: {mend}"] if mend else [])]
 
 
 def _beginning(typed: str, known: Mapping[str, str | None], *, or_file: bool = False) -> list[CompletionItem]:
-    """Returns those names in `known`, name -> description, that begin as typed; or a file where none does."""
+    """Returns the names in `known` (name -> description) that begin with `typed`; files, if there are none."""
     items = [CompletionItem(name, help=text) for name, text in known.items() if name.startswith(typed)]
     return items or ([CompletionItem(typed, type="file")] if or_file else [])
 
@@ -97,7 +97,7 @@ def _files(_context: click.Context, _parameter: click.Parameter, typed: str) -> 
 
 
 def scenario_names(_context: click.Context, _parameter: click.Parameter, typed: str) -> list[CompletionItem]:
-    """Completes the packaged scenarios, or files if no scenario begins like this."""
+    """Completes the packaged scenarios, or files if no scenario begins with `typed`."""
     from brickpilot.vehicle.scenario import packaged
 
     return _beginning(typed, dict.fromkeys(packaged()), or_file=True)

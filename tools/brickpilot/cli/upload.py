@@ -43,7 +43,7 @@ def upload(
     """
     from brickpilot.vehicle import compensation, flight, gains, model, scenario
 
-    settings = settings_of(written)  # these win over the gain set's
+    settings = settings_of(written)  # these settings override those of the gain set
     chosen = scenario.load(scenario.find(scenario_name))
     if not chosen.waypoints:
         raise InputError("has no waypoints", field=scenario_name)
@@ -66,13 +66,12 @@ def upload(
 
 def _send(spec: str, plan: Plan, settings: dict[str, int], start: bool) -> int:
     """Sends a plan and settings to the brick, reads the route back, and returns how many requests were sent again."""
-    from brickpilot.hil import ends
-    from brickpilot.hil.fly import prepare
+    from brickpilot.link.brick import open_link, prepare
     from brickpilot.link.links import LinkGoneError
     from brickpilot.link.session import REALTIME, Session
 
     try:
-        with closing(ends.open_link(spec)) as link:
+        with closing(open_link(spec)) as link:
             session = Session(link, spec)
             prepare(session, plan, REALTIME, None, settings)
             route = session.route()

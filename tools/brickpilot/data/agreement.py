@@ -1,9 +1,9 @@
-"""The headline number, fit %: how much of a measured signal a model explains. It is defined only here.
+"""The headline number, fit %: how much of a measured signal a model explains. Only this file defines it.
 
     fit % = 100 (1 - norm of the error / norm of the signal)
 
-The error is the measured less the simulated value of each sample. Every sample has the same weight. No mean is removed
-from the signal, so a model that gives only zeros has 0 %. R2 compares the model with the signal's mean. The integral
+The error of a sample is the measured less the simulated value. Every sample has the same weight. No mean is removed
+from the signal, so a model whose output is always 0 has 0 %. R2 compares the model with the signal's mean. The integral
 least squares (eq. 20) of the error and the rms of the error are in the signal's own unit.
 """
 
@@ -17,7 +17,7 @@ import numpy as np
 
 from brickpilot.data.signals import Array
 
-_OVER_NOISE = 3.0  # noise sd: a signal with a smaller rms is taken for noise alone
+_OVER_NOISE = 3.0  # noise sds: a signal with a smaller rms counts as noise alone
 
 
 @dataclass(frozen=True)
@@ -50,11 +50,11 @@ class Agreement:
 
     @property
     def share(self) -> float | None:
-        """The norm of the error over that of the signal: 1 - `fit_percent` / 100. None: as for `fit_percent`."""
+        """The ratio of the error's norm to the signal's norm, 1 - `fit_percent` / 100. None: as for `fit_percent`."""
         return None if self.fit_percent is None else round(1 - self.fit_percent / 100, 8)
 
     def percent_of(self, error: float) -> float | None:
-        """Returns `fit_percent` of a model with another sum of squared errors."""
+        """Returns the `fit_percent` of a model whose sum of squared errors is `error`."""
         if not self._exceeds_noise(self.signal) or not math.isfinite(error / self.signal):
             return None
         return round(100 * (1 - math.sqrt(max(error / self.signal, 0.0))), 3)
@@ -88,8 +88,8 @@ def agreement(error: Array, signal: Array, *, noise_sd: float = 0.0) -> Agreemen
     """Returns how well a signal is simulated.
 
     Args:
-        error, signal: (n,) measured less simulated, and measured, SI; a sample that is NaN in either is left out. A
-            signal of arbitrary origin counts from the first sample of its run or window.
+        error, signal: (n,) measured less simulated values, and measured values, SI; samples that are NaN in either are
+            left out. A signal of arbitrary origin is relative to the first sample of its run or window.
         noise_sd: sd of the signal's noise, SI.
     """
     known = np.isfinite(error) & np.isfinite(signal)
@@ -103,7 +103,7 @@ def agreement(error: Array, signal: Array, *, noise_sd: float = 0.0) -> Agreemen
 
 
 def together(parts: Iterable[Agreement]) -> Agreement:
-    """Returns the agreement of several runs, or parts of runs, taken as one."""
+    """Returns the agreement of several runs, or parts of runs, as of one run."""
     measured = [part for part in parts if part.samples]
     count = sum(part.samples for part in measured)
     if not count:
@@ -137,7 +137,7 @@ class SignalError:
     """The error of one signal of one run, in the signal's SI unit `u`.
 
     Attributes:
-        energy: integral of signal^2 dt, u^2 s. The mean is not removed; see `signal_error` for `relative`.
+        energy: integral of signal^2 dt, u^2 s. The mean is not removed; see `relative` of `signal_error`.
         ils: integral of error^2 dt, u^2 s (eq. 20).
         seconds: the time both integrals cover.
     """
@@ -148,7 +148,7 @@ class SignalError:
 
     @property
     def ils_normalised(self) -> float | None:
-        """ILS over the signal's energy; None where the signal has none."""
+        """The ratio of `ils` to the signal's energy; None if the energy is 0."""
         return self.ils / self.energy if self.energy > 0 else None
 
     @property
@@ -161,7 +161,7 @@ class SignalError:
 
     @property
     def share(self) -> float | None:
-        """rms error over rms signal; None where the signal has no energy."""
+        """The ratio of rms error to rms signal; None if the energy is 0."""
         return None if self.ils_normalised is None else float(np.sqrt(self.ils_normalised))
 
     def to_json(self) -> dict[str, float | None]:
@@ -173,7 +173,7 @@ def signal_error(time: Array, simulated: Array, measured: Array, *, relative: bo
 
     Args:
         time, simulated, measured: (n,); a NaN leaves out the two intervals beside it.
-        relative: the signal's energy counts from its first known sample, for signals of arbitrary origin.
+        relative: whether the energy is that of the signal less its first known sample, for signals of arbitrary origin.
     """
     known = np.isfinite(measured) & np.isfinite(simulated)
     error = np.where(known, simulated - measured, 0.0)
@@ -184,7 +184,7 @@ def signal_error(time: Array, simulated: Array, measured: Array, *, relative: bo
 
 
 def pooled(errors: Iterable[SignalError]) -> SignalError:
-    """Returns the error of several runs, or windows, taken as one."""
+    """Returns the error of several runs, or windows, as of one run."""
     listed = list(errors)
     return SignalError(sum(e.ils for e in listed), sum(e.energy for e in listed), sum(e.seconds for e in listed))
 

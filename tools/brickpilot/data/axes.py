@@ -1,4 +1,4 @@
-"""Coordinates along which a residual may be periodic: time, a wheel's angle and the position; with spectra."""
+"""Coordinates along which a residual may be periodic (time, a wheel's angle, the position), and their spectra."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from brickpilot.data.signals import Array
 
 Spectrum = NDArray[np.complex128]
 Settings = tuple[tuple[str, float], ...]
-"""Names of settings that shape a repeating term, each with its value."""
+"""(name, value) of each setting that shapes a periodic term."""
 
-_NEIGHBOURS = (-1.0, -0.75, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0)  # offsets in resolutions of a spectrum
-_LEAST_STEPS = 20  # a coordinate has to change by at least this number of a spectrum's steps
+_NEIGHBOURS = (-1.0, -0.75, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0)  # offsets from a peak, in resolutions of its spectrum
+_LEAST_STEPS = 20  # a run's coordinate has to change by more than this number of its spectrum's steps
 
-# Setting of a period -> names of its coordinate; this coordinate's step in a spectrum, and one turn or metre of it.
+# Setting that states a period -> (names of the coordinate; its step in a spectrum; the length of one turn or metre).
 _COORDINATES = {
     "order": (("wheel_angle_left", "wheel_angle_right", "angle"), 2 * math.pi / 100, 2 * math.pi),
     "wavelength": (("x", "position"), 0.005, 1.0),
@@ -31,11 +31,11 @@ class Segment:
     """One signal of one run in the stacked residual.
 
     Attributes:
-        place: the segment's rows.
+        place: the segment's rows in the stacked residual.
         time: (n,) s since the run's first sample.
         age: s from power-on to the run's first sample.
-        at: the values of the base model at these rows, by name: wheel angles, "x", or "angle" and "position" of a
-            motor. Terms that depend on a missing value are not screened.
+        at: name -> values from the base model at these rows; names: wheel angles, "x", or "angle" and "position" of a
+            motor. Terms that depend on a value missing here are not screened.
     """
 
     run: str
@@ -52,11 +52,11 @@ class Axis:
 
     Attributes:
         setting: the setting that states a period: "frequency" in Hz, "order", or "wavelength" in m.
-        clock: for time: ("clock", 0) if it counts from the start of each run, ("clock", 1) from power-on.
-        tracks: the segments with their coordinate (n,); one track for each name of the coordinate.
-        step: the step of the spectrum, in the coordinate's unit.
+        clock: for time: ("clock", 0): it counts from the start of each run; ("clock", 1): from power-on; else empty.
+        tracks: for each name of the coordinate, the segments with their coordinate (n,).
+        step: the coordinate's sampling step for a spectrum, in its unit.
         turn: the length in which periods are counted, in the coordinate's unit.
-        extent: the longest span of the coordinate in which the phase is constant.
+        extent: the longest span of the coordinate over which one phase holds.
     """
 
     setting: str
@@ -73,12 +73,12 @@ class Axis:
 
     @property
     def resolution(self) -> float:
-        """The smallest difference in periods per turn, m or s that the runs resolve."""
+        """The smallest difference, in periods per turn, m or s, that the runs resolve."""
         return self.turn / self.extent
 
     @property
     def least(self) -> float:
-        """The least frequency in Hz: a slower change has less than one period in the data and is a drift."""
+        """The least frequency in Hz: a slower change has less than one period in the data and counts as drift."""
         return self.resolution if self.clock else 0.0
 
     def peaks(self, residual: Array) -> list[float]:
@@ -125,7 +125,7 @@ def axes(segments: Sequence[Segment]) -> list[Axis]:
 def _spectrum(
     track: Sequence[tuple[Segment, Array]], residual: Array, step: float, *, coherent: bool
 ) -> tuple[Array, Array]:
-    """Returns frequencies and power over each segment's coordinate. If coherent, runs are added with phases."""
+    """Returns frequencies along the coordinate, and the power summed over segments; if coherent, phases are kept."""
     low = min(float(np.min(coordinate)) for _, coordinate in track)
     high = max(float(np.max(coordinate)) for _, coordinate in track)
     length = 2 ** math.ceil(math.log2(max(PADDING * (high - low) / step, 8)))

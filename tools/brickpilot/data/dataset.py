@@ -37,7 +37,7 @@ __all__ = ["PRESET_BATTERY_VOLTAGE", "Dataset", "Nominal", "Run", "battery", "mo
 PRESET_BATTERY_VOLTAGE = catalogue.parameter("battery_voltage").preset
 """V: the battery voltage that multiplies a duty, if the data set states no voltage."""
 
-_SHOWN_RUNS = 8  # number of runs that a printed data set shows
+_SHOWN_RUNS = 8  # largest number of runs that a printed data set lists
 
 _DROPOUT_SHARE = 0.25  # share of the running median: a larger deviation of the battery's voltage is a dropout
 _MEDIAN_SAMPLES = 5
@@ -51,13 +51,13 @@ class Run:
         name: the run's name, unique in its data set.
         file: the text file that the run is read from.
         role: "fit" or "held_out"; None: the program chooses the role.
-        time: s, strictly increasing, as logged; its start and its steps are arbitrary. Rows faster than the plant's
-            motor step are merged (`reading.decimated`).
-        inputs: signal -> values; NaN where the cell is blank, which means that the motor floats.
+        time: s, strictly increasing, as logged; it may start at any value and have uneven steps. Rows faster than the
+            plant's motor step are merged (`reading.decimated`).
+        inputs: signal -> values; NaN where the cell is blank and so the motor floats.
         outputs: signal -> values; NaN where the cell is blank or the sample is damaged (`Dataset.faults`).
-        raw_outputs: signal -> values, with the damaged samples as measured.
-        gap_s: pause in s between the end of the previous run in the file and the start of this one.
-        replicate_of: name of the run that this one repeats.
+        raw_outputs: as `outputs`, but with the damaged samples as measured.
+        gap_s: pause in s between the end of the previous run in the file and the start of this run.
+        replicate_of: name of the run that this run repeats.
         initial: the stated values of the state at the start, by the names in `signals.INITIAL_UNITS`.
         recording: name of the recording that the run belongs to; empty: there is only one recording.
     """
@@ -75,7 +75,7 @@ class Run:
     recording: str = ""
 
     def rows(self, rows: slice, **changes: Any) -> Run:
-        """Returns a part of the run, which repeats no other run. `changes` are other fields of the new run."""
+        """Returns a part of the run, with `replicate_of` None. `changes` replace further fields of the new run."""
         tables = {
             table: {signal: values[rows] for signal, values in getattr(self, table).items()}
             for table in ("inputs", "outputs", "raw_outputs")
@@ -83,7 +83,7 @@ class Run:
         return replace(self, time=self.time[rows], replicate_of=None, **tables | changes)
 
     def to_frame(self) -> pandas.DataFrame:
-        """Returns a row for each sample: time, inputs and outputs, in SI and the paper's frame."""
+        """Returns a table with a row for each sample: time, inputs and outputs, in SI and the paper's frame."""
         import pandas
 
         return pandas.DataFrame({"time": self.time, **self.inputs, **self.outputs})
@@ -102,12 +102,12 @@ class Dataset(Result):
         runs: the runs in the file's order.
         gap_s: pause in s before a run that does not state its own pause.
         faults: the damaged samples, ordered by run and time; they are NaN in the runs' outputs (see `audit`).
-        notes: for the user: presets used, readings repaired, damage found. One sentence each.
-        input_timing: what an input does between two rows. With "linear", blank rows are added where an input changes,
-            so that rows are at most 5 ms apart; "unknown" is read as held.
+        notes: sentences for the user on used presets, repaired readings and damage.
+        input_timing: what an input does between two rows. With "linear", rows without outputs are added where an input
+            changes, so that rows are at most 5 ms apart; "unknown" is treated as "held".
         guessed: guesses of unstated numbers, such as "960 counts a turn"; see `guesses`.
-        wiring: channels that are swapped, reversed, dead or scaled wrongly in all runs; in `runs` they are mended if
-            the fault is sure.
+        wiring: channels that are swapped, reversed, dead or scaled wrongly in all runs; `runs` holds the mended
+            channels if the fault is sure.
     """
 
     name: str
@@ -125,11 +125,11 @@ class Dataset(Result):
     wiring: tuple[Miswired, ...] = ()
     guessed: tuple[str, ...] = ()
 
-    _of_frames: ClassVar[Callable[..., Dataset]]  # `reading` sets it, because that module imports this one
+    _of_frames: ClassVar[Callable[..., Dataset]]  # `reading` sets this function, because `reading` imports this module
 
     @property
     def guesses(self) -> tuple[str, ...]:
-        """Guesses and presets for unstated numbers that scale all speeds or voltages; no run can confirm them."""
+        """Guesses and presets for unstated numbers that scale all speeds or voltages. No run can confirm a guess."""
         is_preset = any(name.startswith("duty") for name in self.signals) and not (
             "battery_voltage" in self.signals or "battery_voltage" in self.nominal
         )
@@ -160,20 +160,20 @@ class Dataset(Result):
 
         Args:
             frames: run -> its table, with a row for each sample.
-            vehicle: "diff_drive", "motor" or "skid_steer"; it has to be given.
+            vehicle: "diff_drive", "motor" or "skid_steer"; required.
             signals: signal -> its column: a name, in SI; (name, unit); or a mapping of the keys that a data set's file
                 may state, such as {"column": "gz", "unit": "deg/s", "noise_sd": 0.2}. The time is in "time", in s,
-                unless stated. None: each column of the first frame that has the name of a signal, in SI. An index
-                counts as a column by its name.
-            nominal: as [nominal] of a data set's file: a value in SI, or {"value": ..., "sd": ...}.
+                unless stated. None: each column of the first frame that has the name of a signal, in SI. A frame's
+                index is a column, too, if it has a name.
+            nominal: as [nominal] in a data set's file: parameter -> a value in SI, or {"value": ..., "sd": ...}.
             frame: "FLU" or "FRD"; None: FRD.
-            roles: run -> "fit" or "held_out"; the program chooses for the others.
-            gap_s: s of pause between runs, or run -> s of pause before it; None: 0.
+            roles: run -> "fit" or "held_out"; the program chooses the roles of the other runs.
+            gap_s: s of pause between runs, or run -> s of pause before this run; None: 0.
             replicate_of: run -> the other run that this run repeats.
             initial: run -> its state at the start, in SI and `frame`, by the names of `signals.INITIAL_UNITS`; absent
                 values are taken from the first sample.
             input_timing: what an input does between two rows: "held", "linear", or "unknown"; None: held.
-            as_wired: channels that look swapped, reversed or scaled wrongly are not mended.
+            as_wired: True: channels that look swapped, reversed or scaled wrongly are not mended.
             floats: True: a motor floats where its voltage is NaN; False: NaN in a voltage is an error.
 
         Raises:
@@ -200,9 +200,9 @@ class Dataset(Result):
         return Dataset._of_frames(frames, signals, known, stated, floats)
 
     def to_frame(self, run: str | None = None) -> pandas.DataFrame:
-        """Returns a row for each run: its role, samples, duration (s), median step (s) and faults.
+        """Returns a table with a row for each run: role, samples, duration (s), median step (s) and faults.
 
-        With the name of a run it returns that run, a row for each sample, in SI and the data set's own frame.
+        With the name of a run, the table has a row for each sample of this run, in SI and the data set's own frame.
         """
         import pandas
 
@@ -226,7 +226,7 @@ class Dataset(Result):
         return pandas.DataFrame(rows)
 
     def __repr__(self) -> str:
-        """Returns a line on the data set, and one for each of its first runs."""
+        """Returns two lines on the data set, and a line for each of its first runs."""
         shown = [
             f"  {run.name}: {len(run.time)} samples, {run.time[-1] - run.time[0]:.4g} s, {run.role or 'no role stated'}"
             for run in self.runs[:_SHOWN_RUNS]
@@ -237,10 +237,10 @@ class Dataset(Result):
 
 
 def joined(datasets: Sequence[Dataset]) -> Dataset:
-    """Returns one data set with the runs of several data sets of one robot; all else is taken from the first one.
+    """Returns one data set with the runs of several data sets of one robot; all else is the first data set's.
 
     Raises:
-        InputError: one is of another vehicle or states another nominal value.
+        InputError: the vehicles or the stated nominal values differ.
     """
     first = datasets[0]
     for other in datasets[1:]:
@@ -254,7 +254,7 @@ def joined(datasets: Sequence[Dataset]) -> Dataset:
 
 
 def with_all_runs(datasets: Mapping[str, Dataset]) -> Dataset:
-    """Returns one data set with all runs; the rest is the first one's. A run's name begins with its data set's key."""
+    """Returns the first data set with the runs of all data sets. A run's name begins with its data set's key."""
     first = next(iter(datasets.values()))
     signals: dict[str, Signal] = {}
     for dataset in reversed(list(datasets.values())):
@@ -274,9 +274,9 @@ def with_all_runs(datasets: Mapping[str, Dataset]) -> Dataset:
 def motor_inputs(run: Run, dataset: Dataset) -> Array:
     """Returns the voltage at each motor in V: (n, 2) left and right of a diff_drive, (n, 1) of a motor.
 
-    NaN means that the motor floats. A set point becomes the voltage at which the wheel has that speed without a load. A
-    duty is multiplied by the battery voltage of its sample, see `battery`. duty_mean is (left + right) / 2, duty_diff
-    is left - right.
+    NaN means that the motor floats. A set point is converted to the voltage at which the wheel turns at the set speed
+    without a load. A duty is multiplied by the battery voltage at the same sample; see `battery`. duty_mean is (left +
+    right) / 2, duty_diff is left - right.
     """
     first = input_names(run.inputs)[0]
     columns = of_motors(run.inputs, _nominal(dataset, "half_track"))
@@ -289,7 +289,7 @@ def motor_inputs(run: Run, dataset: Dataset) -> Array:
 
 
 def _nominal(dataset: Dataset, name: str) -> float:
-    """Returns a nominal value, or its preset where none is stated."""
+    """Returns a nominal value, or the parameter's preset if no value is stated."""
     stated = dataset.nominal.get(name)
     return catalogue.parameter(name).preset if stated is None else stated.value
 
@@ -297,7 +297,7 @@ def _nominal(dataset: Dataset, name: str) -> float:
 def battery(run: Run, dataset: Dataset) -> tuple[Array, int]:
     """Returns the battery voltage of each sample, V, and how many readings were replaced as dropouts.
 
-    Blanks are filled. If no voltage is measured, the nominal voltage is used, or else `PRESET_BATTERY_VOLTAGE`.
+    Blanks are interpolated. If no voltage is measured, the nominal voltage is used, or else `PRESET_BATTERY_VOLTAGE`.
     """
     measured = run.outputs.get("battery_voltage")
     if measured is not None and np.isfinite(measured).any():
@@ -322,8 +322,8 @@ class OwnUnit:
 
     Attributes:
         unit: the unit's name in the data set.
-        per_si: how many of this unit make one SI unit, above 0.
-        sign: -1 if the data set's frame reverses the signal, else 1.
+        per_si: how many of these units make one SI unit; above 0.
+        sign: -1 if the signal has the opposite sign in the data set's frame, else 1.
     """
 
     unit: str
@@ -340,7 +340,7 @@ class OwnUnit:
 
 
 def own_units(dataset: Dataset, signals: Iterable[str]) -> dict[str, OwnUnit]:
-    """Returns signal -> how the data set states it; a signal that it does not state, such as a rate, is in SI."""
+    """Returns signal -> how the data set states it; an unstated signal, such as a rate, is in SI."""
     return {name: own_unit(dataset, name) for name in signals}
 
 
@@ -354,5 +354,5 @@ def own_unit(dataset: Dataset, signal: str) -> OwnUnit:
 
 
 def frame_text(dataset: Dataset) -> str:
-    """Returns the frame of a data set in words; empty for a motor, which has none."""
+    """Returns the frame of a data set in words; empty for a motor, which has no frame."""
     return "" if dataset.vehicle == "motor" else f"{dataset.frame}: {FRAME_WORDS[dataset.frame]}"

@@ -1,13 +1,13 @@
 """A data set: a folder with `dataset.toml` and a table of columns for each run.
 
     name    = "bench-7"
-    vehicle = "diff_drive"       # or "motor": one motor and its load; or "skid_steer": two wheels or a track a side
+    vehicle = "diff_drive"       # or "motor": a motor and its load; or "skid_steer": two wheels or a track on each side
     frame   = "FLU"              # y left, yaw counter-clockwise positive; or "FRD", the default
     csv     = { delimiter = ",", header = true }    # or semicolon, tab, blank, bar; header = false: columns from 0
-    gap_s   = 0                  # pause between runs in s: charge and heat carry over from one to the next
+    gap_s   = 0                  # pause between runs in s: charge and heat carry over to the next run
     input_timing = "held"        # what an input does between two rows: "held" (the default), "linear" or "unknown"
-    as_wired = false             # true: what looks swapped, reversed or scaled wrongly is not mended
-    guessed = []                 # guesses of an importer that nobody stated, in words
+    as_wired = false             # true: channels that look swapped, reversed or wrongly scaled are not mended
+    guessed = []                 # numbers that an importer had to guess, in words
 
     [signals]                    # column and unit; optional, in unit: scale and offset (value = scale * cell
     time          = { column = "t_s", unit = "s" }                       # + offset), noise_sd, resolution, range
@@ -24,28 +24,28 @@
     [[runs]]
     name = "straight_half"
     file = "straight_half.csv"   # name and file are needed; the other keys are optional:
-    role = "fit"                 # or "held_out"; without a role the program chooses it, and says so
-    gap_s = 2.5                  # before this run
-    initial = { surge = 0.2 }    # replicate_of = "name" marks a repeat
+    role = "fit"                 # or "held_out"; if absent, the program chooses the role, and says so
+    gap_s = 2.5                  # pause before this run, s
+    initial = { surge = 0.2 }    # replicate_of = "name" says that this run repeats another run
 
 - Units are written as usual: `mm`, `ft`, `deg/s`, `rpm`, `mV`, `ms`, `rotation`, and `g0` for gravity. Inside the
   program all values are in SI and FRD.
-- A blank voltage means that the motor floats. 0 V means that it is shorted. A blank output is a missing sample.
+- A blank voltage means that the motor floats; 0 V means that the motor is shorted. A blank output is a missing sample.
   Sampling may be irregular.
 - Duty is a share of the battery voltage, -1 to 1. The program uses the measured battery voltage, or else
   `battery_voltage` of `[nominal]`, or else 9 V, with a note. `duty_mean` is (left + right) / 2, and `duty_diff` is left
   - right.
 - `sampling = "instant"` or `"mean"` under `accel_surge` and `accel_sway` says what a sample of an accelerometer is: the
-  acceleration at its time, or the mean since the sample before it. Without it the mean is taken, and `discover` notes
-  which of the two the data show. The wrong choice changes the fitted inductance and resistance.
-- `unsigned = true` under a rotation sensor's channel says that the sensor counts up in both directions. The simulated
-  machine then has only such rotation sensors.
-- Rows closer than the plant's motor step of 0.3 ms are merged, with a note: inputs as means, outputs as readings. A
-  channel that is logged faster than it is sampled holds each sample for some rows; each sample is used once, in the
-  first row that has it. Inputs and files are not changed.
+  acceleration at its time, or the mean since the sample before it. The default is the mean, and `discover` notes which
+  of the two the data show. The wrong choice changes the fitted inductance and resistance.
+- `unsigned = true` under a rotation sensor's channel says that the sensor counts up in both directions. All rotation
+  sensors of the simulated machine then do the same.
+- Rows closer than the plant's motor step of 0.3 ms are merged, with a note: an input as the mean, an output as the
+  first reading. A channel that is logged faster than it is sampled holds each sample for some rows; each sample is used
+  once, in the first row that has it. Inputs and files are not changed.
 - If a controller follows set points, and neither voltage nor duty is logged, the inputs are
   `reference_wheel_speed_left` and `_right`, `reference_velocity` and `reference_yaw_rate` (a `cmd_vel`), or
-  `reference_speed` of a motor. Then the model contains a speed controller. Known gains are stated under
+  `reference_speed` of a motor. Then the model contains a speed controller. State known gains under
   `[nominal.effects]`; otherwise `feedforward` and `integral` are fitted. The value of `emf_constant` then sets the
   scale of all voltages, and a proportional gain acts like a smaller resistance.
 - A motor whose drive closes a current loop has `force_per_volt` or `torque_per_volt` under `[nominal]`.
@@ -84,7 +84,7 @@ Role = Literal["fit", "held_out"]
 _TOP = {"name", "vehicle", "frame", "csv", "signals", "nominal", "gap_s", "input_timing", "guessed", "as_wired", "runs"}
 _SIGNAL = {"column", "unit", "scale", "offset", "noise_sd", "resolution", "range"}
 _TIME = {"column", "unit", "scale", "offset"}
-_SAMPLED = ("instant", "mean")  # what an accelerometer's sample is
+_SAMPLED = ("instant", "mean")  # what a sample of an accelerometer may be
 _RUN = {"name", "file", "role", "gap_s", "replicate_of", "initial"}
 
 _SET_POINTS = "reference"  # the names of a controller's set points begin with this word
@@ -94,7 +94,7 @@ _NO_VOLTAGE = (
 )
 
 _LONGEST_GAP_S = 1e8
-_SMALLEST_SIZE = 1e-12  # SI: least noise_sd or resolution, below the last digit of any log
+_SMALLEST_SIZE = 1e-12  # SI: least accepted noise_sd or resolution; the last digit of any log is larger
 
 
 @dataclass(frozen=True)
@@ -115,17 +115,17 @@ class Signal:
     resolution: float | None
     range: tuple[float, float] | None
     sampling: Sampling | None = None  # for an accelerometer: whether a sample is instant or a mean
-    stated: tuple[str, ...] = ()  # for a rotation sensor: its true keys that state an effect, such as `unsigned`
+    stated: tuple[str, ...] = ()  # for a rotation sensor: keys that are true and state an effect, such as `unsigned`
 
     @property
     def to_si(self) -> float:
-        """SI units per ``unit``."""
+        """The number of SI units in one ``unit``."""
         return si_factor(self.unit, SIGNALS[self.name].unit)
 
 
 @dataclass(frozen=True)
 class Description:
-    """A checked dataset.toml: the data set, with runs that have no samples yet, and how its files are to be read."""
+    """A checked dataset.toml: the data set, whose runs have no samples yet, and how the run files are to be read."""
 
     dataset: Dataset
     layout: CsvFormat
@@ -176,7 +176,7 @@ def describe(toml: TomlFile) -> Description:
 
 
 def _controllers(stated: Mapping[str, Mapping[str, Nominal]]) -> dict[str, dict[str, Nominal]]:
-    """Returns the effects of drives with set points as inputs. A parameter of preset 0 stays 0 unless stated."""
+    """Returns the effects of drives whose inputs are set points. A parameter with preset 0 stays 0 unless stated."""
     return {
         effect.name: {row.name: Nominal(0.0) for row in effect.parameters if row.preset == 0}
         | dict(stated.get(effect.name, {}))
@@ -186,7 +186,7 @@ def _controllers(stated: Mapping[str, Mapping[str, Nominal]]) -> dict[str, dict[
 
 
 def _scale_of_volts(toml: TomlFile, nominal: Mapping[str, Nominal], signals: Collection[str]) -> Nominal:
-    """Returns the back EMF constant, without an sd: if no voltage is logged, it is only the scale of all voltages.
+    """Returns the back EMF constant, without an sd: without logged voltages, it only scales all voltages.
 
     Raises:
         InputError: `reference_velocity` needs a length that is not stated; or the drive closes a current loop.

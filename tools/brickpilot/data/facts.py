@@ -1,4 +1,4 @@
-"""The facts of a log without a model: timing, manoeuvre and repeats of runs; size, noise and blanks of signals."""
+"""Facts that a log shows without a model: timing and manoeuvre of runs; size, noise and blanks of signals."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from brickpilot.data.motion import wheel_angles
 from brickpilot.data.noise import Noise, noise_of, step_of
 from brickpilot.data.signals import SIGNALS, Array
 
-_LATE = 0.99  # quantile of the time steps that is reported beside the median
-_EQUAL = 0.02  # share of the larger command: two commands that differ by less are equal
+_LATE = 0.99  # this quantile of the time steps is reported beside the median
+_EQUAL = 0.02  # share of the larger command: two commands count as equal if they differ by less
 _WINDOW_S, _LEAST_WINDOWS = 0.25, 4  # length and least number of the windows in which the two sides are compared
-_FAST = 0.5  # share of the fastest window's motion: a slower window does not count
-_CORRECTION = 0.05  # largest share of turning rows in the driven rows of a straight run
-_REST = 10  # least number of samples before a run's first command whose mean is the gyro's bias
+_FAST = 0.5  # share of the fastest window's motion: windows with less motion are ignored
+_CORRECTION = 0.05  # share of the driven rows: a straight run has fewer turning rows
+_REST = 10  # the gyro's bias is taken from the samples before a run's first command if there are at least 10
 _BLOCKS = 20  # number of blocks of consecutive windows; their scatter gives the error of a ratio
 
 
@@ -31,9 +31,9 @@ class RunFacts:
     """The facts of one run.
 
     Attributes:
-        role: "fit" or "held_out", as discovery uses the run.
+        role: "fit" or "held_out": how discovery uses the run.
         manoeuvre: the kind of drive, such as "straight step forward".
-        step_s: median time between samples, s; `late_s`: its 99 % quantile, s.
+        step_s: median time between samples, s; `late_s`: the 99 % quantile of this time, s.
     """
 
     name: str
@@ -50,7 +50,7 @@ class SignalFacts:
     """The facts of one measured signal, over all runs.
 
     Attributes:
-        rms, noise_sd: rms and noise sd of a sample, in `unit`.
+        rms, noise_sd: rms of the signal and noise sd of a sample, in `unit`.
         colour: the noise's colour; see `data.noise.Noise`.
         resolution: the converter's step in `unit`; 0: no step is visible.
         missing: share of the samples that are blank or left out as damaged, 0..1.
@@ -71,7 +71,8 @@ class WeakerSide:
 
     Attributes:
         side: "left" or "right".
-        share: how much less this side's wheel turns than the other, 0..1; low, high: the share's 95 % interval.
+        share: the share, 0..1, by which this side's wheel turns less than the other wheel; low, high: its 95 %
+            interval.
     """
 
     side: str
@@ -81,7 +82,7 @@ class WeakerSide:
 
 
 def drives_straight_alone(dataset: Dataset) -> bool:
-    """Returns whether all driven runs of a robot are driven straight, except for short corrections."""
+    """Returns whether a robot drives straight in all runs with a drive, except for short corrections."""
     if dataset.vehicle == "motor":
         return False
     driven = [np.nan_to_num(motor_inputs(run, dataset)) for run in dataset.runs]
@@ -91,7 +92,7 @@ def drives_straight_alone(dataset: Dataset) -> bool:
 
 @dataclass(frozen=True)
 class Measure:
-    """A value computed from the channels without a model, with the ends of its 95 % interval."""
+    """A value that is computed from the channels without a model, and the ends of its 95 % interval."""
 
     size: float
     low: float
@@ -99,9 +100,10 @@ class Measure:
 
 
 def weaker_side(dataset: Dataset) -> WeakerSide | None:
-    """Returns which wheel turns less under equal commands; None: neither, or the data do not suffice.
+    """Returns which wheel turns less under equal commands; None: neither wheel, or too few data.
 
-    The turns of both wheels are compared in windows of 0.25 s with the same voltage for both. No model is needed.
+    The motions of the two wheels are compared in windows of 0.25 s in which both motors get the same voltage. No model
+    is needed.
     """
     windows = _equal_windows(dataset)
     if len(windows) < _LEAST_WINDOWS:
@@ -119,7 +121,7 @@ def bend(dataset: Dataset, wheel_radius: float) -> Measure | None:
     """Returns the curvature of the path under equal commands, rad/m, positive to the right; None: not known.
 
     Args:
-        wheel_radius: m, for the distance of wheels whose angles are measured.
+        wheel_radius: m, converts measured wheel angles to distance.
     """
     windows = _equal_windows(dataset)
     windows = windows[np.isfinite(windows[:, 2])]
@@ -132,7 +134,7 @@ def bend(dataset: Dataset, wheel_radius: float) -> Measure | None:
 
 
 def yaw_over_wheels(dataset: Dataset) -> Measure | None:
-    """Returns the ratio of the measured yaw to the yaw from wheels and stated lengths; None: not known.
+    """Returns the ratio of the measured yaw to the yaw computed from wheels and stated lengths; None: not known.
 
     A constant bias of the gyro is removed. The ratio is not known if slip or the gyro's range disturbs it.
     """
@@ -157,7 +159,7 @@ def yaw_over_wheels(dataset: Dataset) -> Measure | None:
 
 
 def _reach(each: Array) -> float:
-    """Returns half the 95 % interval of the mean of some values."""
+    """Returns half the width of the 95 % interval of the mean of `each`."""
     return 2.0 * float(np.std(each, ddof=1)) / math.sqrt(len(each))
 
 
@@ -174,7 +176,7 @@ def _equal_windows(dataset: Dataset) -> Array:
 
 
 def _windows(run: Run, dataset: Dataset) -> Iterator[tuple[float, float, float]]:
-    """Yields the turns of the left and right wheel and the yaw in each window with the same voltage for both."""
+    """Yields, for each window with equal voltages, the motion of the left and the right wheel, and the yaw."""
     travels = {name: travel for name, travel in run.outputs.items() if name.startswith("wheel_travel")}
     turned = wheel_angles(run) or travels
     if dataset.vehicle == "motor" or len(turned) < 2:
@@ -196,7 +198,7 @@ def _windows(run: Run, dataset: Dataset) -> Iterator[tuple[float, float, float]]
 
 
 def _yaw(run: Run, volts: Array) -> Array:
-    """Returns the yaw angle, rad: measured, or the integral of the rate less its bias at rest; else NaN."""
+    """Returns the yaw angle, rad: as measured, or else the integral of the yaw rate less its mean at rest; else NaN."""
     if "yaw_angle" in run.outputs:
         return run.outputs["yaw_angle"]
     rate = run.outputs.get("yaw_rate", np.full_like(run.time, np.nan))
@@ -209,7 +211,7 @@ def _yaw(run: Run, volts: Array) -> Array:
 
 
 def of_run(run: Run, role: str, inputs: Array) -> RunFacts:
-    """Returns the facts of a run. `inputs`: the voltages of its motors, (n, 1) or (n, 2) V."""
+    """Returns the facts of a run. `inputs`: the voltages of the run's motors, (n, 1) or (n, 2) V."""
     time = run.time[_logged(run)]
     steps = np.diff(time)
     return RunFacts(

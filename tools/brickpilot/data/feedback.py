@@ -1,7 +1,7 @@
-"""A feedback loop around the data: whether the commands follow the outputs.
+"""Tests for a feedback loop around the data: whether the commands follow the outputs.
 
-If the output noise is coloured, such a loop biases the fit of a model that simulates from the commands alone. The
-commands then contain this noise, and the model may explain it by a delay that no machine has. Sources: Granger (1969),
+If the output noise is coloured, such a loop biases the fit of a model that simulates from the commands alone: the
+commands contain the noise, and the model may explain the noise by a delay that no machine has. Sources: Granger (1969),
 Econometrica 37; Gustavsson, Ljung & Soederstroem (1977), Automatica 13.
 """
 
@@ -19,16 +19,16 @@ from threadpoolctl import threadpool_limits
 from brickpilot.data.dataset import Dataset, Run
 from brickpilot.data.signals import RATE_OF, Array, input_names
 
-_BLOCKS = 20  # number of blocks in cross-validation: 10 to 30 batch means (Schmeiser 1982, Oper. Res. 30)
+_BLOCKS = 20  # number of blocks in cross-validation; 10 to 30 are usual for batch means (Schmeiser 1982, Oper. Res. 30)
 _PER_UNKNOWN = 10  # least number of decisions for each coefficient of a regression
-_PAST = (1, 2, 4, 8, 16, 32)  # numbers of past decisions that are tried to predict the next one; the best is taken
-_SMOOTHED = 8  # number of means of the command, over 2, 4 ... 256 rows: the memory of a plan or a machine
-_READINGS = 3  # number of readings at past decisions: an incremental PID law needs three
-_SHOWN = 3 + _READINGS  # columns of the output in a table: earlier readings, and the change up to the same row
-_HUBER = 1.345  # sd: a residual beyond it counts less; 95 % efficient for normal noise (Huber 1964)
-_NORMAL_MAD = 1.4826  # sd of normal noise over its median absolute deviation
-_EXACT = 1e-6  # share of the rms change: with a smaller error of its own past, a plan cannot hide a loop
-_RIDGE = 1e-12  # share of the mean square, added because equal readings make the fit singular
+_PAST = (1, 2, 4, 8, 16, 32)  # numbers of past decisions tried as predictors of the next; the best number is used
+_SMOOTHED = 8  # number of means of the command, over 2, 4 ... 256 rows; they stand for a memory of the plan or machine
+_READINGS = 3  # number of readings at past decisions that are used: an incremental PID law needs three
+_SHOWN = 3 + _READINGS  # number of a table's columns for the output: earlier readings, and the change in the row
+_HUBER = 1.345  # sds: a larger residual gets less weight; 95 % efficient for normal noise (Huber 1964)
+_NORMAL_MAD = 1.4826  # ratio of sd to median absolute deviation for normal noise
+_EXACT = 1e-6  # share of the rms change: with a smaller prediction error, the commands are an exact plan
+_RIDGE = 1e-12  # share of the mean square, added to the diagonal because equal readings make the fit singular
 
 
 @dataclass(frozen=True)
@@ -38,10 +38,10 @@ class Loop:
     Attributes:
         command: the input that follows an output.
         output: the signal that the command follows most surely.
-        gain: 0..1, share of the command's change that the output explains, of the part that the command's past leaves
-            unexplained; cross-validated.
-        lag: s from the reading that predicts best to the command; 0: both are in the same row.
-        chance: p-value of the gain without a loop, times the number of tests.
+        gain: 0..1, cross-validated. The command's past leaves a part of its change unexplained; the output explains
+            this share of that part.
+        lag: time in s from the reading that predicts best to the command; 0: both are in the same row.
+        chance: p-value of the gain if there is no loop, times the number of tests.
     """
 
     command: str
@@ -61,22 +61,23 @@ class Loop:
 
 
 def follows_outputs(dataset: Dataset, level: float) -> Loop | None:
-    """Returns the feedback loop with the smallest p-value; None: no loop is significant, or the data cannot show one.
+    """Returns the feedback loop with the smallest p-value; None: no loop is significant or testable.
 
-    A planned command may be predicted from its own past, and readings of the sensors do not improve this prediction
-    (Granger's causality from outputs to commands). Only rows in which a command changes count. Three predictions of
-    the change are compared. The first one uses the earlier commands: the last ones, and means over 2 to 256 rows, which
-    cover a machine's memory. The second one also uses the earlier readings. The third one also uses the reading of the
-    same row. It counts only if the command opposes the motion, as feedback with the right signs does, because a command
-    that was logged late moves that reading, too. Each block of a run is predicted by a fit to the other blocks. The
-    mean log of the ratio of squared errors is tested by its scatter over the blocks. Runs too short for their own fit
-    are pooled.
+    The past of a planned command may predict it, and sensor readings do not improve this prediction. This is a test of
+    Granger causality from outputs to commands. Only rows in which a command changes count. Three predictions of the
+    change are compared. The first uses the earlier commands: the latest ones, and means over 2 to 256 rows, which cover
+    a machine's memory. The second also uses the earlier readings. The third also uses the reading of the same row. The
+    third counts only if the command opposes the motion, as feedback with the right sign does, because a command that
+    was logged late changes the reading of its row, too. Each block of a run is predicted by a fit to the other blocks.
+    A t-test over the blocks shows whether the mean log ratio of squared errors is above 0. Runs that are too short for
+    a fit of their own are pooled.
 
     Only outputs that measure or sum up motion count. Accelerations, forces and currents respond in the command's own
-    row. If the battery is measured, a voltage has to follow both as volts and as duty, because either may have been
-    planned, and the battery's voltage drops with the motion. The test misses a loop whose readings have no noise or
-    disturbance, because the past commands then predict everything. It also misses a loop with too few changes, such as
-    a relay. It sometimes finds a false loop if the commands are coarsely rounded sines (15 of 240 simulated data sets).
+    row. If the battery is measured, a voltage has to follow the output both as volts and as duty. The reason: either
+    may have been planned, and the battery's voltage drops with the motion. The test misses a loop whose readings have
+    no noise or disturbance, because then the past commands predict the next command. It also misses a loop with too few
+    changes, such as a relay. It sometimes finds a false loop if the commands are coarsely rounded sines (15 of 240
+    simulated data sets).
 
     Args:
         level: significance level: a loop with a smaller `chance` counts as shown.
@@ -109,7 +110,7 @@ def _as_duty(run: Run, commands: Sequence[str]) -> Run:
 
 
 def _tested(runs: Sequence[Run], commands: Sequence[str], output: str) -> Loop | None:
-    """Returns how well `output` predicts the first of `commands`, with the p-value over both tests."""
+    """Returns how well `output` predicts the first of `commands`, with the p-value for both tests together."""
     runs = [run for run in runs if output in run.outputs]
     own = [_predicted([run], commands, output) for run in runs]
     pooled = _predicted([run for run, alone in zip(runs, own, strict=True) if alone is None], commands, output)
@@ -127,16 +128,17 @@ def _tested(runs: Sequence[Run], commands: Sequence[str], output: str) -> Loop |
 
 
 def _chance(gained: Array) -> float:
-    """Returns the probability of a mean of `gained` (blocks,) this large or larger if its expectation is 0."""
+    """Returns the p-value of the mean of `gained` (blocks,) against an expectation of 0 (one-sided t-test)."""
     from scipy.stats import ttest_1samp  # slow to load, and most commands need none of it
 
     return float(ttest_1samp(gained, 0.0, alternative="greater").pvalue) if np.ptp(gained) > 0.0 else 1.0
 
 
 def _sign(command: str, output: str) -> float:
-    """Returns the sign with which a command drives an output, by the signals' definition; 0: it is not defined.
+    """Returns the sign with which a command drives an output, by the signals' definitions; 0: no sign is defined.
 
-    The data cannot give this sign: if a loop holds a constant speed, they show the feedback's sign, not the motor's.
+    The data cannot give this sign: if a loop holds a constant speed, the data show the sign of the feedback, not that
+    of the motor.
     """
     if output.startswith("yaw"):
         return {"left": 1.0, "right": -1.0, "diff": 1.0}.get(command.rpartition("_")[2], 0.0)
@@ -151,10 +153,11 @@ class _Prediction:
     """How well the readings of some runs predict a command.
 
     Attributes:
-        past: (blocks,) log of the ratio of squared errors: from commands alone over with earlier readings.
-        now: (blocks,) the same log, if the reading of the same row is also used.
+        past: (blocks,) log of a ratio of squared errors: those of a prediction from commands alone, divided by those of
+            a prediction that also uses earlier readings.
+        now: (blocks,) the same log ratio, if the second prediction also uses the reading of the same row.
         feedback: the coefficient of the reading of the same row; below 0: the command opposes the reading.
-        lag: s, the age of the reading that predicts best.
+        lag: the age of the reading that predicts best, s.
     """
 
     past: Array
@@ -164,7 +167,7 @@ class _Prediction:
 
 
 def _predicted(runs: Sequence[Run], commands: Sequence[str], output: str) -> _Prediction | None:
-    """Returns the result for runs of one controller; None: too few decisions, or a plan predicts them exactly."""
+    """Returns the result for runs of one controller; None: too few, or exactly planned, decisions."""
     best, ages, least = None, np.empty(0), math.inf
     for number in _PAST:
         decisions = [of_run for run in runs if (of_run := _decisions(run, commands, output, number)) is not None]
@@ -190,7 +193,7 @@ def _predicted(runs: Sequence[Run], commands: Sequence[str], output: str) -> _Pr
 
 
 def _errors(table: Array, columns: Sequence[int]) -> Array:
-    """Returns (blocks,): the mean square error of the first column in each block of rows, as `columns` predict it.
+    """Returns (blocks,): in each block of rows, the mean square error of the first column predicted from `columns`.
 
     The prediction is fitted to the other blocks.
     """
@@ -204,10 +207,10 @@ def _errors(table: Array, columns: Sequence[int]) -> Array:
 
 
 def _weighted(tables: Sequence[Array]) -> tuple[Array, float] | None:
-    """Returns the decisions in one table, and the mean log of the residual sd; None: a plan predicts them exactly.
+    """Returns all decisions in one table, and the mean log residual sd; None: earlier commands predict them exactly.
 
-    Each run's rows are divided by the sd of its residual from the plan, rows with a large residual count less, and each
-    column except the first is divided by its rms.
+    The residual is that of a prediction from the commands alone. Each run's rows are divided by the sd of the run's
+    residual, rows with a large residual get less weight, and each column except the first is divided by its rms.
     """
     table = np.concatenate(tables)
     change, planned = table[:, 0], table[:, 1:-_SHOWN]
@@ -224,11 +227,11 @@ def _weighted(tables: Sequence[Array]) -> tuple[Array, float] | None:
 
 
 def _decisions(run: Run, commands: Sequence[str], output: str, past: int) -> tuple[Array, Array] | None:
-    """Returns a run's rows in which the first command changes, with `past` such rows before each; None: there are none.
+    """Returns a run's rows in which the first command changes, with `past` such rows before each; None: no such row.
 
-    The table (n, columns) is in units of the rms change. Its columns are the change, the commands before, the output
-    before, and the output's change up to the same row. The second result is the age of each earlier reading of the
-    output, s.
+    The table (n, columns) is in units of the rms change. Its columns are the command's change, the earlier commands,
+    the earlier readings of the output, and the output's change up to the same row. The second result is the age of each
+    earlier reading of the output, s.
     """
     from scipy.signal import lfilter  # slow to load, and most commands need none of it
 

@@ -1,4 +1,4 @@
-"""The gap: the rms difference of measured and simulated signals of free runs, in noise sd, and where it is."""
+"""The gap: the rms difference between measured and simulated signals in free runs, in noise sds, and its places."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from brickpilot.data.signals import SUMMED, Array
 
 Outputs = Mapping[str, Array]
 
-_SHOWN_S = 0.1  # length of the windows over which the rms of a difference is taken
-_BRIDGED_S = 0.3  # a shorter break in a span is part of it
-_CONDITION_SHARE = 0.6  # least share of a place's gap that a reported condition covers
-_CONDITION_LIFT = 1.3  # least ratio of a condition's share of the gap to its share of the time
+_SHOWN_S = 0.1  # length of the windows in which the rms of a difference is computed
+_BRIDGED_S = 0.3  # a shorter break between two spans is bridged
+_CONDITION_SHARE = 0.6  # a condition is reported only if it covers this share of a place's gap
+_CONDITION_LIFT = 1.3  # a condition's share of the gap has to exceed this factor times its share of the time
 
 
 @dataclass(frozen=True)
 class Place:
-    """A place of the gap: a time span of one signal of one run.
+    """A place of the gap: a time span in one signal of one run.
 
     Attributes:
-        share_of_gap: this place's share, 0..1, of all squared changes by the additions to the model, in noise sd.
+        share_of_gap: this place's share, 0..1, of the sum of squared differences over all places, in noise sds.
         when: what the vehicle was doing.
     """
 
@@ -38,7 +38,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Gap:
-    """rms of measured less simulated in free runs, over the noise sd, before and after discovery; None: no runs."""
+    """rms of measured less simulated values in free runs, in noise sds, before and after discovery; None: no runs."""
 
     before: float | None
     after: float | None
@@ -51,10 +51,10 @@ class Gap:
 def gaps(
     dataset: Dataset, simulated: Mapping[str, Mapping[str, Outputs]], roles: Roles, noise_sd: Mapping[str, float]
 ) -> tuple[dict[str, Gap], dict[str, Gap]]:
-    """Returns the gap by role of the runs, and by signal, for the model before ("nominal") and after ("augmented").
+    """Returns role -> gap, and signal -> gap, for the models before ("nominal") and after ("augmented") discovery.
 
-    A signal that sums up motion counts from its first sample. All signals have the same weight, and so have all samples
-    of a signal.
+    Of a signal that sums up motion, the first sample is subtracted. All signals have the same weight, and so have all
+    samples of a signal.
     """
 
     def rms(runs: Sequence[Run], outputs: Mapping[str, Outputs], signals: Iterable[str]) -> float | None:
@@ -78,7 +78,7 @@ def gaps(
 
 
 def residual(run: Run, signal: str, simulated: Array) -> Array:
-    """Returns measured less simulated, (n,); NaN where not measured. If the signal sums up motion, it starts from 0."""
+    """Returns measured less simulated, (n,); NaN where not measured. For a sum of motion, the result starts from 0."""
     left = run.outputs[signal] - simulated
     if signal in SUMMED:
         known = np.flatnonzero(np.isfinite(left))
@@ -98,9 +98,9 @@ def places(
 
     Args:
         changed, plain: run -> signal -> (n,), SI, over whole runs; NaN: unknown.
-        motion: run -> outputs of the augmented model, from which `Place.when` is found.
+        motion: run -> outputs of the augmented model, which give `Place.when`.
         noise_sd: signal -> noise sd of a sample.
-        above: differences with a larger rms over `_SHOWN_S`, in noise sd, are shown.
+        above: limit in noise sds: a window of `_SHOWN_S` with a larger rms difference is shown.
     """
     spans: list[tuple[Run, str, slice, Array]] = []
     for run in dataset.runs:
@@ -121,7 +121,7 @@ def places(
 
 
 def _spans(time: Array, square: Array, above: float) -> list[slice]:
-    """Returns the samples of each span in which the rms over `_SHOWN_S` is above a limit; short breaks are bridged."""
+    """Returns the samples of each span in which windows of `_SHOWN_S` have an rms above a limit; bridges breaks."""
     number = np.floor((time - time[0]) / _SHOWN_S).astype(np.intp)
     means = np.bincount(number, square) / np.maximum(np.bincount(number), 1)
     shown = means[number] > above**2
@@ -136,10 +136,10 @@ def _spans(time: Array, square: Array, above: float) -> list[slice]:
 
 
 def _condition(time: Array, outputs: Outputs, part: Array) -> str:
-    """Returns the vehicle's motion at the place of the gap: the condition that covers most of it in least time.
+    """Returns the vehicle's motion at the place of the gap: the condition that covers most of the place in least time.
 
     Args:
-        part: (n,) squares of the gap, 0 outside its place.
+        part: (n,) squared differences, 0 outside the place.
     """
     still = np.zeros(len(time))
     speed, turn = (

@@ -1,4 +1,4 @@
-"""Chooses fit runs and held-out runs if the data set does not state them, and some of the fit runs if there are many.
+"""Chooses fit runs and held-out runs if the data set does not state roles; of very many fit runs it chooses some.
 
 It also finds runs that repeat each other.
 """
@@ -15,22 +15,23 @@ import numpy as np
 from brickpilot.data.dataset import Dataset, Run, motor_inputs
 from brickpilot.data.signals import Array
 
-# An input whose spread exceeds this share of its size is a ramp or a sweep, not a step.
+# Share of an input's mean size: if the sd of the size is larger, the input is a ramp or a sweep, not a step.
 _STEP_SPREAD = 0.2
-# If the smaller of sum and difference of two motors' inputs is below this share of the larger one, a run is straight or
-# a turn on the spot.
+# The sum and the difference of two motors' inputs are compared. If the ratio of the smaller to the larger is below this
+# limit, the run is straight or a turn on the spot.
 _PURE = 0.25
-# Two runs whose inputs differ by a larger factor cannot replace each other.
+# Largest ratio of two runs' inputs; beyond it, one run cannot replace the other.
 _AS_LARGE = 1.5
-# If less than this share of a run's input is in one direction, the run belongs to the other direction.
+# Share of a run's input: if less of the input is in one direction, the run belongs to the other direction.
 _ONE_WAY = 0.1
 # A shorter stretch (s) is not held out, because it says little about a free run.
 _SHORTEST_S = 0.3
-# Shares of the input's energy: what the fit keeps in all; what it keeps in each direction; the least that is held out.
+# Shares of the input's energy: the fit's share in total, the fit's share in each direction, and the least held-out
+# share.
 _KEPT, _KEPT_OF_DIRECTION, _LEAST_END = 0.75, 0.5, 0.1
 
-# Two runs repeat each other if their inputs differ by at most this share of their rms, for at least this time (s) and
-# this share of the shorter run. The last number is the step (s) of the grid on which they are compared.
+# Two runs repeat each other if their inputs differ by at most `_SAME_SHARE` of their rms, for at least `_REPEAT_S` s
+# and `_REPEAT_SHARE` of the shorter run. `_GRID_S` is the step in s of the grid on which the inputs are compared.
 _SAME_SHARE, _REPEAT_S, _REPEAT_SHARE, _GRID_S = 0.05, 0.5, 0.5, 0.02
 
 _GIVEN = {
@@ -46,8 +47,8 @@ class Roles:
 
     Attributes:
         by_run: run -> "fit" or "held_out".
-        note: one sentence on who chose the roles and how.
-        stretches: fit run -> first and last time of its held-out samples, s on the run's clock.
+        note: a sentence that says who chose the roles and how.
+        stretches: fit run -> first and last time of its held-out samples, in s on the run's clock.
     """
 
     by_run: Mapping[str, str]
@@ -61,7 +62,7 @@ class Roles:
         return [name for name, role in self.by_run.items() if role == "held_out"]
 
     def tested(self) -> list[str]:
-        """Returns the runs that are held out, as a whole or in a stretch."""
+        """Returns the runs that are held out as a whole or have a held-out stretch."""
         return [name for name, role in self.by_run.items() if role == "held_out" or name in self.stretches]
 
     def samples(self, run: Run, role: str, name: str = "") -> Run:
@@ -82,12 +83,12 @@ def assign(dataset: Dataset, inputs: Mapping[str, Array], *, stretches: bool = F
 
     If the file names held-out runs, its other runs are fitted. Otherwise runs without a role are grouped by manoeuvre
     (straight, turn on the spot or curve; step or ramp) and direction (forward or backward; right or left). Without data
-    in both directions a fit cannot separate friction and asymmetry. So each group keeps runs in the fit, among them the
-    one with the largest input; see `_held_out_of`. Replicates are held out. The same data set always gives the same
-    roles.
+    in both directions a fit cannot separate friction and asymmetry. So some runs of each group stay in the fit, among
+    them the run with the largest input; see `_held_out_of`. Replicates are held out. The same data set always gives the
+    same roles.
 
     Args:
-        stretches: the last part of a run whose manoeuvre occurs once may be held out; see `_last_drive`.
+        stretches: whether the last part of a run whose manoeuvre occurs only once may be held out; see `_last_drive`.
     """
     given = {run.name: run.role for run in dataset.runs if run.role is not None}
     if len(given) == len(dataset.runs):
@@ -108,7 +109,7 @@ def assign(dataset: Dataset, inputs: Mapping[str, Array], *, stretches: bool = F
 
 
 def _note(out: Sequence[str], stretches: Sequence[str]) -> str:
-    """Returns one sentence on the runs that the program held out."""
+    """Returns a sentence that names the runs that the program held out."""
     if not out and not stretches:
         return "No run is held out: the data set names none, and each manoeuvre occurs once in a direction."
     parts = []
@@ -132,9 +133,10 @@ def _by_manoeuvre(runs: Sequence[Run], inputs: Mapping[str, Array]) -> list[Grou
 
 
 def _held_out_of(group: Group) -> list[str]:
-    """Returns the held-out runs of one manoeuvre: of three, the middle one; of more, every third, but not the last.
+    """Returns a group's held-out runs: of three runs, the middle one; of more, every third, but not the largest.
 
-    Of two, the smaller one is held out, unless it is much smaller: then only this run shows the static friction.
+    The runs are ordered by input. Of two runs, the smaller is held out, unless it is much smaller: then only the
+    smaller run shows the static friction.
     """
     ordered = sorted((size, run.name) for size, run in group)
     if len(ordered) == 2:
@@ -144,7 +146,7 @@ def _held_out_of(group: Group) -> list[str]:
 
 
 def kind_of(driven: Array) -> str:
-    """Returns the motion that inputs (n, 1) or (n, 2) drive: rest, straight, spin, curve; of a motor: drive."""
+    """Returns the kind of motion that inputs (n, 1) or (n, 2) drive: rest, drive (a motor), straight, spin, curve."""
     moving = _moving(driven)
     if len(moving) == 0:
         return "rest"
@@ -157,7 +159,7 @@ def kind_of(driven: Array) -> str:
 
 
 def turning_share(driven: Array) -> float:
-    """Returns the share of the driven rows of inputs (n, 2) that drive a spin or a curve, 0..1; a rest has 0."""
+    """Returns the share, 0..1, of driven rows that drive a spin or a curve, from inputs (n, 2); 0 for a rest."""
     moving = _moving(driven)
     common, difference = np.abs(moving.sum(axis=1)), np.abs(moving[:, 0] - moving[:, 1])
     return float(np.mean(difference > _PURE * common)) if len(moving) else 0.0
@@ -191,10 +193,10 @@ def _direction(values: Array, positive: str, negative: str) -> str:
 
 
 def _last_drive(run: Run, driven: Array) -> tuple[float, float] | None:
-    """Returns the start and end of the held-out samples of a run, s on its clock; None: none is held out.
+    """Returns start and end of a run's held-out samples, in s on the run's clock; None: no sample is held out.
 
-    The fit keeps three quarters of the input's energy, and half of that in each direction. So the fit has every part of
-    the manoeuvre, and nearly the largest input of a ramp. It also keeps the stop after the drive.
+    The fit keeps three quarters of the input's energy, and half of the energy in each direction. So the fit has every
+    part of the manoeuvre, and nearly the largest input of a ramp. The fit also keeps the stop after the drive.
     """
     ahead, apart = driven.sum(axis=1), driven[:, 0] - driven[:, -1]
     steps = np.gradient(run.time)
@@ -212,15 +214,16 @@ def _last_drive(run: Run, driven: Array) -> tuple[float, float] | None:
 
 
 MANY, ENOUGH = 100_000, 30_000
-"""If the fit runs have more than `MANY` samples, only some runs with at least `ENOUGH` samples are fitted. With so many
-samples the model's own error limits how well a value is known. Twelve runs of 10 s at 500 Hz are all fitted."""
+"""If the fit runs have more than `MANY` samples, only some runs with at least `ENOUGH` samples are fitted. Beyond
+`ENOUGH` samples, the model's own error limits the accuracy of a value. Twelve runs of 10 s at 500 Hz are all fitted."""
 
 
 def enough_to_fit(dataset: Dataset) -> tuple[Dataset, str | None]:
     """Returns a data set of some fit runs and a note; with at most `MANY` fit samples, the whole data set and None.
 
-    Each manoeuvre and direction gives one run in turn: first the run with the largest input, then the others evenly
-    over the file's order. Pauses are extended by the runs left out, so that each run keeps its age.
+    Runs are chosen from all groups (manoeuvre and direction) in turn: first the run with the largest input, then the
+    other runs, evenly over the file's order. Pauses grow by the duration of the runs left out, so that each run keeps
+    its age.
     """
     inputs = {run.name: motor_inputs(run, dataset) for run in dataset.runs}
     fitted = set(assign(dataset, inputs, stretches=True).fit())
@@ -242,7 +245,7 @@ def enough_to_fit(dataset: Dataset) -> tuple[Dataset, str | None]:
 
 
 def _in_turn(group: Group) -> list[Run]:
-    """Returns the runs of one manoeuvre: the one with the largest input, then the others at halves, quarters ..."""
+    """Returns a group's runs in the order of choice: the largest input, then the others at halves, quarters ..."""
     largest = max(range(len(group)), key=lambda index: group[index][0])
     others = [run for index, (_, run) in enumerate(group) if index != largest]
     bits = max(len(others) - 1, 1).bit_length()
@@ -251,7 +254,7 @@ def _in_turn(group: Group) -> list[Run]:
 
 
 def _kept(dataset: Dataset, chosen: set[str]) -> tuple[Run, ...]:
-    """Returns the chosen runs, stated as fit runs, each with the same age as before."""
+    """Returns the chosen runs with the role "fit", each with the same age as before."""
     kept, left_out = [], 0.0
     for run in dataset.runs:
         if run.name in chosen:
@@ -263,7 +266,7 @@ def _kept(dataset: Dataset, chosen: set[str]) -> tuple[Run, ...]:
 
 
 def repeats(dataset: Dataset) -> tuple[tuple[str, str, float], ...]:
-    """Returns pairs of runs with equal inputs from the start, and for how many s they are equal; replicates or not."""
+    """Returns pairs of runs whose inputs are equal from the start, and for how long, in s; also unstated replicates."""
     inputs = {run.name: motor_inputs(run, dataset) for run in dataset.runs}
     pairs = []
     for first, second in combinations(dataset.runs, 2):
@@ -275,7 +278,7 @@ def repeats(dataset: Dataset) -> tuple[tuple[str, str, float], ...]:
 
 
 def _same_for(first: Run, second: Run, inputs: Mapping[str, Array], grid: Array) -> float:
-    """Returns for how many s from their start the inputs of two runs are the same, on a `grid` of times."""
+    """Returns for how long, in s from the start, the inputs of two runs are the same; compared at times `grid`."""
     rows = (np.searchsorted(run.time - run.time[0], grid + 1e-9, side="right") - 1 for run in (first, second))
     of_first, of_second = (inputs[run.name][held] for run, held in zip((first, second), rows, strict=True))
     if not np.array_equal(np.isnan(of_first), np.isnan(of_second)):

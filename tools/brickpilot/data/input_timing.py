@@ -1,7 +1,7 @@
-"""The inputs between two rows of a log, and their delay: an input is held, or changes linearly to the next row.
+"""The inputs between two rows of a log, and the delay of inputs: an input is held, or linear up to the next row.
 
-A simulation holds an input from row to row. So a linear change becomes several short rows, each with the mean of its
-part; measured signals are blank there.
+A simulation holds an input from row to row. So a linear change becomes several short rows, each with the input's mean
+over this row; measured signals are blank in the added rows.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ UNKNOWN_TIMING = "how the inputs change between two rows is not known: they are 
 """The note of a data set that states "unknown"."""
 
 _STEP_S = 0.005  # the longest time for which a linear input is held
-_MOST_STEPS = 200  # most steps between two rows
+_MOST_STEPS = 200  # largest number of steps between two rows
 _PARTS = 8  # number of steps into which a row of a log is divided
 
 
@@ -39,7 +39,7 @@ def with_linear_inputs(run: Run) -> Run:
 
 
 def ramps(time: Array, inputs: Mapping[str, Array], step_s: float = _STEP_S) -> tuple[Array, dict[str, Array]]:
-    """Returns the times and inputs of finer rows that follow straight lines between the given rows, as means.
+    """Returns times and inputs of finer rows: the means of straight lines between the given rows.
 
     Args:
         time: (n,) s, strictly increasing; the result contains all these times.
@@ -81,7 +81,7 @@ def with_rows(run: Run, time: Array, inputs: Mapping[str, Array]) -> Run:
 
 
 def mean_over_steps(time: Array, driven: Array, grid: Array) -> Array:
-    """Returns (grid, columns): the mean of each input over each step of the grid. Inputs hold from sample to sample.
+    """Returns (grid, columns): the mean of each input over each step of the grid. Inputs are held between samples.
 
     Args:
         time: (n,) s, when each row of `driven` begins to act; before the first row the input is 0.
@@ -92,12 +92,12 @@ def mean_over_steps(time: Array, driven: Array, grid: Array) -> Array:
 
 
 def means_over_grids(time: Array, driven: Array, grids: Sequence[Array]) -> list[Array]:
-    """Returns the result of `mean_over_steps` for each grid; the inputs are summed only once."""
+    """Returns the result of `mean_over_steps` for each grid, but sums the inputs only once."""
     grid, ends = np.concatenate(grids), np.cumsum([len(each) for each in grids])
     held = np.where(np.isnan(driven), 0.0, driven)
     summed = np.vstack([np.zeros(driven.shape[1]), np.cumsum(held[:-1] * np.diff(time)[:, np.newaxis], axis=0)])
     at_grid = np.column_stack([np.interp(grid, time, column) for column in summed.T])
-    with np.errstate(divide="ignore", invalid="ignore"):  # the step from one grid to the next is replaced below
+    with np.errstate(divide="ignore", invalid="ignore"):  # the invalid step between two grids is replaced below
         means = np.vstack([np.diff(at_grid, axis=0) / np.diff(grid)[:, np.newaxis], held[-1]])
     means[ends - 1] = held[-1]
     floats = np.isnan(driven[np.maximum(np.searchsorted(time, grid, side="right") - 1, 0)])
@@ -106,9 +106,9 @@ def means_over_grids(time: Array, driven: Array, grids: Sequence[Array]) -> list
 
 
 def later(time: Array, driven: Array, delay_s: float) -> Array:
-    """Returns (n, columns): inputs that act `delay_s` s later, or earlier if it is negative, at the same samples.
+    """Returns (n, columns): the inputs delayed by `delay_s` s (negative: they act earlier), at the same samples.
 
-    Before the first input arrives, 0 V acts; the last input holds.
+    Before the first input arrives, 0 V acts; the last input is held.
     """
     beyond = max(float(time[-1]), float(time[-1]) + delay_s) + 1.0
     arrives = np.append(time + delay_s, beyond)
@@ -117,14 +117,14 @@ def later(time: Array, driven: Array, delay_s: float) -> Array:
 
 
 def held_back(time: Array, driven: Array, held_s: float) -> Array:
-    """Returns (n, columns): inputs that are 0 V in the first `held_s` s of the run, and unchanged after that."""
+    """Returns (n, columns): the inputs with 0 V in the first `held_s` s of the run."""
     steps = np.diff(time, append=2 * time[-1] - time[-2])
     missing = np.clip((held_s - (time - time[0])) / steps, 0.0, 1.0)[:, np.newaxis]
     return np.where(missing >= 1, 0.0, (1 - missing) * driven)
 
 
 def scaled(_: Array, driven: Array, gain: float) -> Array:
-    """Returns (n, columns): inputs that are larger by a share `gain`."""
+    """Returns (n, columns): the inputs multiplied by 1 + `gain`."""
     return np.asarray(driven * (1 + gain))
 
 
@@ -150,13 +150,13 @@ def refined(dataset: Dataset) -> Dataset:
 
 
 def inputs_acting(run: Run, time: Array, timing: Timing, behind: Behind) -> dict[str, Array]:
-    """Returns the inputs of a logged run, held or linear, as means over the rows at `time`."""
+    """Returns the inputs of a logged run, held or linear and then delayed, as means over the rows at `time`."""
     at, inputs = run.time, run.inputs
     if timing == "linear":
         at, inputs = ramps(at, inputs, float(np.diff(time).min()))
     values = np.column_stack(list(inputs.values()))
     delay = behind.seconds if behind.kind == "delay" else 0.0
-    before = at[0] - delay - 1.0  # from this time on, the first input acts
+    before = at[0] - delay - 1.0  # the first input acts from this time on
     means = mean_over_steps(np.append(before, at + delay), np.vstack([values[:1], values]), time)
     if behind.kind == "lag":
         means = _lagged(time, means, behind.seconds)
@@ -164,7 +164,7 @@ def inputs_acting(run: Run, time: Array, timing: Timing, behind: Behind) -> dict
 
 
 def _lagged(time: Array, values: Array, lag: float) -> Array:
-    """Returns (n, columns): the row means of `values` after a first-order lag that starts settled; NaN stays NaN."""
+    """Returns (n, columns): the row means of `values` after a first-order lag, settled at the start; NaN stays NaN."""
     steps = np.diff(time, append=2 * time[-1] - time[-2])
     kept = np.exp(-steps / lag)
     means = np.empty_like(values)

@@ -14,21 +14,21 @@ from brickpilot.data.dataset import Dataset, Run, motor_inputs
 from brickpilot.data.signals import RATE_OF, SUMMED, Array
 from brickpilot.errors import InputError
 
-_REST_S = 0.5  # longest time that is averaged at the start of a run at rest
+_REST_S = 0.5  # longest time at the start of a run at rest over which samples are averaged
 MOVING_SAMPLES = 12
-"""Number of samples to which a line is fitted where a run starts in motion."""
+"""Number of samples to which a line is fitted if a run starts in motion."""
 _LEAST_KNOWN = 4  # least number of known samples for the fit of a line
 _LEAST_BENT = 6  # least number of known samples to test whether a motion is curved
-_HELD_S = 0.1  # time from a run's start in which the first sample of a held channel is searched
-_TREND_SD = 3.0  # sd of a polynomial's leading term: a larger term is motion and not noise
-_OF_MOTION = (1, 2, 3)  # degrees of polynomials tested for a trend; a swinging pendulum may have no slope
-_SPIKE = 3.0  # spans of 90 % of the run's samples: a sample farther from the median is damaged
+_HELD_S = 0.1  # time from a run's start in which the first sample of a held channel is sought
+_TREND_SD = 3.0  # sds of a polynomial's leading coefficient: a larger coefficient is motion and not noise
+_OF_MOTION = (1, 2, 3)  # degrees of the polynomials tested for a trend: a swinging pendulum may have no slope
+_SPIKE = 3.0  # times the span of the middle 90 % of samples: a sample farther from the median is damaged
 
 
 def with_rates(dataset: Dataset) -> Dataset:
-    """Returns a motor's data set with velocities added; of a position only the first sample is kept.
+    """Returns a motor's data set with velocities added; only the first sample of a position is kept.
 
-    A position sums up all errors of a run. So the velocity is compared, and the position only gives the start of the
+    The errors of a run add up in a position. So the velocity is compared, and the position only gives the start of the
     run.
     """
     runs = []
@@ -48,9 +48,9 @@ def with_rates(dataset: Dataset) -> Dataset:
 def with_averaged_starts(dataset: Dataset, inputs: Mapping[str, Array]) -> Dataset:
     """Returns the data set with each run's first sample replaced by an estimate from its first samples.
 
-    A simulated run starts from the state in the first sample. The noise of this sample would cause a false motion.
-    Before the first command the samples are averaged. In motion a line is fitted to a few samples. If the signal is
-    curved even within these, the measured sample is kept.
+    A simulated run starts from the state in the first sample. The noise of this one sample would cause a false motion.
+    So the samples before the first command are averaged. If the run starts in motion, a line is fitted to the first few
+    samples. If the signal is curved even in these few samples, the measured sample is kept.
 
     Args:
         inputs: run -> (n, 1) or (n, 2) V.
@@ -61,7 +61,7 @@ def with_averaged_starts(dataset: Dataset, inputs: Mapping[str, Array]) -> Datas
         rest = _samples_at_rest(run, inputs[run.name])
         for name, values in outputs.items():
             moving = MOVING_SAMPLES
-            if not np.isfinite(values[0]):  # a held channel: its next sample is a few rows away
+            if not np.isfinite(values[0]):  # a held channel: its first sample may be some rows later
                 moving = max(moving, int(np.searchsorted(run.time, run.time[0] + _HELD_S)))
             if name in SUMMED or name.startswith("accel") or not np.isfinite(values[:moving]).any():
                 continue
@@ -81,7 +81,7 @@ def _samples_at_rest(run: Run, driven: Array) -> int:
 
 
 def _first_value(time: Array, values: Array, rest: int, moving: int) -> float:
-    """Estimates the first of `values` (n,) from the known ones among the first `rest` or else `moving` samples."""
+    """Estimates the first of `values` (n,) from known values in the first `rest`, or else `moving`, samples."""
     known = _without_spikes(values, np.flatnonzero(np.isfinite(values[: max(rest, moving)])))
     chosen = known[known < rest]
     if len(chosen) >= _LEAST_KNOWN and not any(_trends(time[chosen], values[chosen], degree) for degree in _OF_MOTION):
@@ -95,7 +95,7 @@ def _first_value(time: Array, values: Array, rest: int, moving: int) -> float:
 
 
 def _trends(time: Array, values: Array, degree: int) -> bool:
-    """Returns whether the leading term of a fitted polynomial is significantly larger than its noise."""
+    """Returns whether the leading coefficient of a fitted polynomial is significant."""
     clock = (time - time.mean()) / max(float(np.ptp(time)), 1e-300)
     terms = np.vander(clock, degree + 1)
     fitted = np.linalg.lstsq(terms, values, rcond=None)[0]
@@ -105,7 +105,7 @@ def _trends(time: Array, values: Array, degree: int) -> bool:
 
 
 def _without_spikes(values: Array, known: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Returns the indices `known` without those of samples at an impossible distance from the others."""
+    """Returns the indices `known` without those of outliers."""
     low, high = np.nanpercentile(values, [5, 95])
     if len(known) < _LEAST_KNOWN or high <= low:
         return known
@@ -117,11 +117,11 @@ MOTOR_RATE_OF = {summed: RATE_OF[summed] for summed in ("position", "angle")}
 """Position or angle of a motor -> its rate."""
 
 _SAMPLES = 21  # number of samples in the filter's window
-_FINEST = 20  # largest number of interpolated samples for each measured one, for very uneven spacing
+_FINEST = 20  # largest ratio of interpolated to measured samples; a limit for very uneven spacing
 
 
 def measured_rates(run: Run) -> dict[str, Array]:
-    """Returns velocity or speed of a motor's run: as measured, else the derivative of position or angle."""
+    """Returns the velocity or speed in a motor's run: as measured, or else the derivative of position or angle."""
     rates = {
         rate: zero_phase_rate(run.time, run.outputs[summed])
         for summed, rate in MOTOR_RATE_OF.items()
@@ -133,8 +133,8 @@ def measured_rates(run: Run) -> dict[str, Array]:
 def zero_phase_rate(time: Array, values: Array) -> Array:
     """Returns the derivative of `values` without delay, (n,); NaN where `values` are.
 
-    The filter is that of Savitzky & Golay 1964, cubic over 21 samples. It needs even steps, so irregular samples are
-    first interpolated to the median step, or to a twentieth of the mean step where that is more.
+    The filter is cubic over 21 samples (Savitzky & Golay 1964). It needs even steps, so irregular samples are first
+    interpolated to the median step, or to a twentieth of the mean step if that is larger.
     """
     from scipy.signal import savgol_filter
 
@@ -150,23 +150,23 @@ def zero_phase_rate(time: Array, values: Array) -> Array:
     return np.where(known, np.interp(time, even, rate), np.nan)
 
 
-_STILL = 0.01  # share of the fastest run's mean rate: a slower undriven wheel is at rest
+_STILL = 0.01  # share of the largest mean rate of a run: a slower undriven wheel counts as at rest
 HOLE_S = 0.12  # a longer hole in measured angles or speeds is not filled
 _WINDOW = ", window "  # text between the run's name and the window's number
 
 
 def run_of(name: str) -> str:
-    """Returns the name of the run that a window was cut from; a whole run keeps its name."""
+    """Returns the name of the run from which a window was cut; for a whole run, its own name."""
     return name.rsplit(_WINDOW, 1)[0]
 
 
 def cut_into_windows(dataset: Dataset, inputs: Mapping[str, Array], length_s: float) -> Dataset | None:
-    """Returns the data set cut into windows, each a run that starts in the measured state, wheel angles included.
+    """Returns the data set cut into windows: runs that start from the measured state, wheel angles included.
 
     An effect that is periodic in a wheel's angle gets out of phase if the simulated angle drifts. In a short window it
     stays in phase.
 
-    Returns None where neither angles nor speeds of the wheels were measured.
+    Returns None if neither angles nor speeds of the wheels were measured.
     """
     windows: list[Run] = []
     turned = {run.name: wheel_angles(run) for run in dataset.runs}
@@ -215,7 +215,7 @@ def _windows(run: Run, angles: Mapping[str, Array], length_s: float, still: floa
 
 
 def _shows_nothing(run: Run, angles: Mapping[str, Array], rows: slice, still: float) -> bool:
-    """Whether a window has no measurement, or no drive and no wheel that moved by more than `still`."""
+    """Whether a window has no measurement, or neither a drive nor a wheel that moves by more than `still`."""
     if not any(np.isfinite(values[rows]).any() for values in run.outputs.values()):
         return True
     driven = any(np.nan_to_num(values[rows]).any() for values in run.inputs.values())
@@ -223,7 +223,7 @@ def _shows_nothing(run: Run, angles: Mapping[str, Array], rows: slice, still: fl
 
 
 def _without_holes(time: Array, values: Array | None) -> Array | None:
-    """Returns the values with short holes interpolated, as between held samples; None if a hole is long."""
+    """Returns the values with short holes interpolated, such as those of a held channel; None: a hole is too long."""
     known = np.flatnonzero(np.isfinite(values)) if values is not None else np.empty(0, dtype=np.intp)
     if values is None or len(known) < 2 or len(known) == len(values):
         return values if len(known) else None
@@ -251,11 +251,11 @@ def wheel_angles(run: Run) -> dict[str, Array] | None:
 
 
 WINDOW_S = 1.0
-"""s: default length of the open-loop windows in which a motor's velocity is compared."""
+"""The default length in s of the open-loop windows in which a motor's velocity is compared."""
 
 LEAST_WINDOW_S, LEAST_WINDOW_SAMPLES = 1e-3, 10
-"""Least length of a window, in s and in samples. The duration of a sample is the median step of the run with the
-longest steps."""
+"""Least length of a window, in s and in samples. A sample counts as long as the median step of the run with the longest
+steps."""
 
 
 def _least_window_s(dataset: Dataset) -> float:
@@ -264,7 +264,7 @@ def _least_window_s(dataset: Dataset) -> float:
 
 
 def check_window(dataset: Dataset, asked: float) -> None:
-    """Raises InputError where windows of `asked` s cannot be cut from a data set."""
+    """Raises InputError if a data set cannot be cut into windows of `asked` s."""
     if dataset.vehicle != "motor":
         raise InputError("windows need a data set of a motor", field="--window")
     least = _least_window_s(dataset)
@@ -278,10 +278,10 @@ def check_window(dataset: Dataset, asked: float) -> None:
 
 
 def window_length(dataset: Dataset, names: Sequence[str], asked: float | None) -> float:
-    """Returns the length in s of the windows in which a motor's signals are compared; 0: in whole runs.
+    """Returns the length in s of the windows in which a motor's signals are compared; 0: whole runs are compared.
 
     Raises:
-        InputError: a length is asked for, and no velocity and no position is measured.
+        InputError: a length is given, but neither a velocity nor a position is measured.
     """
     moves = any(name in names for pair in MOTOR_RATE_OF.items() for name in pair)
     if asked and not moves:

@@ -1,10 +1,10 @@
-"""The noise of a measured signal: its size, its colour, and its sd in a mean over several samples.
+"""The noise of a measured signal: its size, its colour, and the sd of a mean over several samples.
 
-Third differences of the samples, at several distances, distinguish noise from motion. The part of a smooth motion in
-their variance grows with the sixth power of the distance. The part of white noise is the same at every distance. At the
-shortest distance, the part of differentiated noise is larger, and that of filtered noise is smaller. The colour also
-determines the noise of a mean over n samples: filtered noise falls more slowly with n than white noise, and
-differentiated noise falls faster.
+Third differences of the samples, at several distances, distinguish noise from motion. A smooth motion contributes a
+variance that grows with the sixth power of the distance. White noise contributes the same variance at every distance.
+At the shortest distance, differentiated noise contributes more, and filtered noise less. The colour also determines the
+noise of a mean over n samples: filtered noise falls more slowly with n than white noise, and differentiated noise falls
+faster.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ Colour = Literal["white", "differentiated", "filtered", "quantised"]
 
 _DISTANCES = np.array([1, 2, 3, 4, 6])  # samples
 _LEAST_SAMPLES = 40  # least number of samples that show a colour; in shorter runs noise counts as white
-_THIRD = np.array([20.0, -30.0, 12.0, -2.0])  # variance of a third difference: weights of the autocorrelation at 0 to 3
+_THIRD = np.array([20.0, -30.0, 12.0, -2.0])  # variance of a third difference: weights of autocorrelations, lags 0 to 3
 _FILTERS = np.array([0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9])  # lag-one autocorrelations that are tried
-_MOST = 0.85  # largest accepted autocorrelation: smoother noise looks like motion, and its size would be a guess
-_CLEARLY = 0.5  # largest misfit of an accepted colour over that of white noise
-_MULTIPLE = 0.05  # share of a step: rounding error of a distance that is a whole number of steps
-_DISTANCES_TRIED = 300  # number of smallest distances between values that are used
-_SKIPPED = 60  # largest divisor of the smallest distance: a fast counter skips values
-_TEXT = 30.0  # steps: if the noise is larger, the step is only that of the text's digits
-_ALL = 0.98  # least share of the distances that are whole numbers of steps
-_LEAST_PIECE = 8  # least number of samples in a piece; more missing samples end a piece
-_COARSE = 0.5  # share of samples that repeat: above it, the steps and not the noise set the error
+_MOST = 0.85  # limit of an accepted autocorrelation: smoother noise cannot be told from motion
+_CLEARLY = 0.5  # an accepted colour has a smaller ratio of its misfit to white noise's misfit
+_MULTIPLE = 0.05  # share of a step: limit of the rounding error of a whole number of steps
+_DISTANCES_TRIED = 300  # this number of the smallest distances between values is used
+_SKIPPED = 60  # largest number of steps in the smallest distance: a fast counter skips values
+_TEXT = 30.0  # in steps: if the noise is larger, the step is only that of the log's decimal digits
+_ALL = 0.98  # a larger share of the distances has to be whole numbers of steps
+_LEAST_PIECE = 8  # least number of samples in a piece; a longer gap ends a piece
+_COARSE = 0.5  # share of repeated samples: above it, the error comes from the steps and not from noise
 _LAGS = 400
-_SAME, _SELDOM = 1e-6, 0.05  # a third difference this near to the median equals it; limit of their share
+_SAME, _SELDOM = 1e-6, 0.05  # relative distance at which a third difference equals the median; limit of their share
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ def noise_of(parts: Sequence[Array], step: float = 0.0) -> Noise:
 
     Args:
         parts: the samples of each run, SI, evenly sampled with at most small jitter; NaN is a dropout.
-        step: the converter's step, SI; 0: not known, so it is estimated.
+        step: the converter's step, SI; 0: the step is not known and is estimated.
     """
     known = [piece for part in parts for piece in _without_long_holes(part) if len(piece) >= _LEAST_PIECE]
     if not known:
@@ -85,7 +85,7 @@ def noise_of(parts: Sequence[Array], step: float = 0.0) -> Noise:
 
 
 def _without_long_holes(part: Array) -> list[Array]:
-    """Returns the known samples in pieces, cut where many samples are missing, because motion there is no noise."""
+    """Returns the known samples in pieces, cut where many samples are missing, where motion would count as noise."""
     known = np.flatnonzero(np.isfinite(part))
     return [np.asarray(part[piece]) for piece in np.split(known, np.flatnonzero(np.diff(known) > _LEAST_PIECE) + 1)]
 
@@ -94,11 +94,11 @@ def step_of(parts: Sequence[Array]) -> float:
     """Returns the step of a converter or a counter, SI; 0: no step is visible.
 
     Nearly all differences of values are multiples of the step. A counter of a fast wheel skips most of its values, so
-    the step may be a fraction of the smallest distance. If few values repeat, a step far below the noise is that of the
-    text's digits, and is not returned.
+    the step may be a fraction of the smallest distance. If few values repeat, a step far below the noise comes from the
+    number of digits in the log, and 0 is returned.
 
     Args:
-        parts: the known samples of each run; the runs may have different origins.
+        parts: the known samples of each run; the values of a run may have any origin.
     """
     different = [np.unique(part) for part in parts]
     apart = np.sort(np.concatenate([np.diff(values) for values in different]))
@@ -116,7 +116,7 @@ def _common_divisor(apart: Array) -> float:
     for divisor in range(1, _SKIPPED + 1):
         step = float(apart[0]) / divisor
         reach = 2.0 * divisor
-        while True:  # larger distances determine the step more precisely
+        while True:  # refines the step: larger distances determine it more precisely
             multiples = np.maximum(np.round(apart / step), 1.0)
             near = multiples <= reach
             step = float(multiples[near] @ apart[near] / (multiples[near] @ multiples[near]))
@@ -160,7 +160,7 @@ def _shapes() -> list[tuple[Colour, float, Array]]:
 
 
 def _third_difference(values: Array, distance: int) -> float:
-    """Returns the robust sd of the third differences of samples at a distance."""
+    """Returns a robust sd of the third differences of samples `distance` apart."""
     end = len(values) - 3 * distance
     if end < 1:
         return 0.0
@@ -169,5 +169,5 @@ def _third_difference(values: Array, distance: int) -> float:
     middle = float(np.median(size))
     if middle > 0 and np.mean(np.abs(size - middle) < _SAME * middle) < _SELDOM:
         return 1.4826 * middle
-    limit = 3 * float(np.sqrt(np.mean(size**2)))  # the median of a coarse signal is a whole number of steps
+    limit = 3 * float(np.sqrt(np.mean(size**2)))  # not the median: for a coarse signal it is a whole number of steps
     return float(np.sqrt(np.mean(np.minimum(size, limit) ** 2)))

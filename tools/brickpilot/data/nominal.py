@@ -11,25 +11,26 @@ from brickpilot.catalogue import ParameterInfo
 from brickpilot.data.signals import Frame, Vehicle
 from brickpilot.data.toml_file import Key, TomlFile
 
-# For effects that act on these, lateral values follow the frame's axes, unless the parameter is named by a side.
+# Lateral values of effects that act on these parts follow the frame's axes, unless the parameter is named left or
+# right.
 _IN_AXES = frozenset({"sensor", "body"})
 _SIDES = frozenset({"left", "right"})
 
 _FINEST_SD = 1e-15
-_FINEST_SHARE = 1e-9  # least sd over the value: no measurement is more precise
+_FINEST_SHARE = 1e-9  # least ratio of sd to value: no measurement is more precise
 _WIDEST_SD = 1e9
 
 
 @dataclass(frozen=True)
 class Nominal:
-    """A known value in SI with its sd; ``sd`` None: not stated."""
+    """A known value in SI with its sd; ``sd`` is None if not stated."""
 
     value: float
     sd: float | None = None
 
 
 def read_nominal(toml: TomlFile, table: Mapping[str, Any], vehicle: Vehicle) -> dict[str, Nominal]:
-    """Returns the nominal parameters, each known to the plant and within its physical range.
+    """Returns the nominal parameters, checked: the plant knows each, and each is in its physical range.
 
     Raises:
         InputError: the message names the parameter's line.
@@ -52,8 +53,8 @@ def read_nominal(toml: TomlFile, table: Mapping[str, Any], vehicle: Vehicle) -> 
 def read_nominal_effects(toml: TomlFile, table: Mapping[str, Any], frame: Frame) -> dict[str, dict[str, Nominal]]:
     """Returns the effects that the experimenter's model already contains.
 
-    Values are read in the file's frame and returned in the paper's. From FLU, lateral and yaw values of a sensor or the
-    body change their sign, as their signals do. Values named left or right keep their sign.
+    Values are read in the file's frame and returned in the paper's frame. From FLU, lateral and yaw values of a sensor
+    or the body change their sign, as their signals do. Values named left or right keep their sign.
 
     Raises:
         InputError: the message names the effect's line.
@@ -79,7 +80,7 @@ def read_nominal_effects(toml: TomlFile, table: Mapping[str, Any], frame: Frame)
 
 
 def turns_with_frame(effect: str, parameter: str) -> bool:
-    """Returns whether a parameter's sign depends on the frame; False if it is no parameter of an effect."""
+    """Returns whether a parameter's sign depends on the frame; False if the effect has no such parameter."""
     for row in catalogue.effects_of((effect,)):
         odd = any(info.odd for info in row.parameters if info.name == parameter)
         return odd and row.acts_on in _IN_AXES and parameter not in _SIDES
@@ -87,7 +88,7 @@ def turns_with_frame(effect: str, parameter: str) -> bool:
 
 
 def lengths(nominal: Mapping[str, Nominal], vehicle: Vehicle) -> dict[str, float]:
-    """Returns the stated nominal values, without the track of a skid steer: slip changes its turn."""
+    """Returns the stated nominal values, without a skid steer's track, as slip changes its turns."""
     return {n: known.value for n, known in nominal.items() if (vehicle, n) != ("skid_steer", "half_track")}
 
 

@@ -1,4 +1,4 @@
-"""Finds periods in data: of the measured wheel speeds, and of a model's residual in time.
+"""Finds periods in the measured wheel motion (along the angle) and in a model's residual (along time).
 
 An order is a number of periods per turn.
 """
@@ -21,26 +21,27 @@ Spectrum = NDArray[np.complex128]
 
 _STEP = 2 * math.pi / 256  # rad
 _LOWEST, _HIGHEST = 0.9, 115.0  # orders; `_STEP` resolves 128
-_SLOW = 0.1  # quantile of the turn per sample: slow parts of runs resolve the highest orders
-_TURNS = 1e-3  # rad per sample: a wheel that turns less is at rest
+_SLOW = 0.1  # quantile of the turn per sample, because the slow parts of runs resolve the highest orders
+_TURNS = 1e-3  # rad per sample: a wheel that turns less counts as at rest
 PADDING = 4
-"""Points of a spectrum per resolution."""
+"""The number of points of a spectrum per resolution."""
 
 _NEIGHBOURHOOD = 2.0  # orders: a peak is compared with the spectrum up to this distance
-_PROMINENCE = 6.0  # least power of a peak over the median of its neighbourhood
+_PROMINENCE = 6.0  # least ratio of a peak's power to the median power in its neighbourhood
 _PEAKS = 3  # largest number of peaks of a spectrum that are tried
-_LEAST_ROWS = 3  # least number of rows of a part from which accelerations can be computed
+_LEAST_ROWS = 3  # least number of rows from which accelerations can be computed
 _SAME = 0.003  # orders that differ by less count as one order
-_LONGEST = 2**15  # steps of angle: 800 rad, beyond which angles wrap
+_LONGEST = 2**15  # steps of angle, 800 rad; larger angles wrap around
 _RESOLUTION = 2 * math.pi / (_STEP * _LONGEST * PADDING)
 
 
 def orders(dataset: Dataset) -> tuple[float, ...]:
-    """Returns the orders at which the wheels' acceleration repeats with their angle, the strongest first.
+    """Returns the orders at which the wheels' acceleration is periodic in their angle, the strongest first.
 
-    There are three spectra: with one phase for all runs of a wheel; the same for effects proportional to the current,
-    such as a motor's ripple; and with one phase for each run. The voltage that the speed does not explain is used as
-    the current. No model is needed, because such effects have more periods per turn than the drive.
+    Three spectra are used: the first has one phase for all runs of a wheel. The second is like the first, but for
+    effects proportional to the current, such as a motor's ripple. The third has a phase for each run. The current is
+    estimated as the part of the voltage that the speed does not explain. No model is needed, because such effects have
+    more periods per turn than the drive.
     """
     alone = np.zeros(_LONGEST * PADDING // 2 + 1)
     plain, by_current = dict[str, Spectrum](), dict[str, Spectrum]()
@@ -70,7 +71,7 @@ def orders(dataset: Dataset) -> tuple[float, ...]:
 def _measured(run: Run) -> tuple[Run, slice]:
     """Returns the longest part of a run without a long hole, such as a held-out stretch, and the rows of this part.
 
-    After a hole the wheel's angle is not known any more.
+    After a long hole the wheel's angle is no longer known.
     """
     known = np.flatnonzero(np.any([np.isfinite(values) for values in run.outputs.values()], axis=0))
     is_hole = (np.diff(run.time[known]) > HOLE_S) & (np.diff(known) > 1)
@@ -83,8 +84,8 @@ def _measured(run: Run) -> tuple[Run, slice]:
 def resolved_order(dataset: Dataset) -> float | None:
     """Returns the highest order that the samples resolve; None if no wheel was measured.
 
-    Two samples a period are needed. A ripple of a higher order appears at a wrong order or not at all, and its mean may
-    look like friction or dead time.
+    At least two samples in each period are needed. A ripple of a higher order appears at a wrong order or not at all,
+    and its mean effect may look like friction or dead time.
     """
     steps = [np.abs(np.diff(angle)) for run in dataset.runs for angle in (wheel_angles(run) or {}).values()]
     turning = np.concatenate([step[step > _TURNS] for step in steps]) if steps else np.empty(0)
@@ -107,7 +108,7 @@ def _peaks(power: Array) -> list[float]:
 def separate(
     places: Array, indices: NDArray[np.intp], apart: float, counts: Callable[[int], bool] = lambda _: True
 ) -> list[float]:
-    """Returns the first few of `places` at `indices` that `counts` accepts and that lie `apart` from each other."""
+    """Returns the first `_PEAKS` of `places[indices]` that `counts` accepts and that are at least `apart` apart."""
     chosen: list[float] = []
     for index in indices.tolist():
         if all(abs(places[index] - other) >= apart for other in chosen) and counts(index):
@@ -124,8 +125,8 @@ def _sums(angle: Array, values: Array) -> Spectrum:
     return np.asarray(np.fft.rfft(np.bincount(bins, values, length)))
 
 
-_AROUND = 8  # frequencies on each side of a peak; their 32 degrees of freedom per piece give the background to 25 %
-_GRID = 32  # time points in the shortest period: a sample is moved by at most 1/64 period
+_AROUND = 8  # frequencies on each side of a peak: 32 degrees of freedom per piece, so the background is known to 25 %
+_GRID = 32  # number of grid times in the shortest period: a sample is moved by at most 1/64 period
 _FINER = 20  # number of frequencies between two multiples at which a peak is evaluated
 
 
@@ -137,7 +138,7 @@ class Period:
         frequency: Hz.
         amplitude: amplitude of the sine, in the residual's unit, rms over the pieces.
         share: the disturbance's share of the residual's power, 0..1.
-        chance: p-value of so high a peak at any frequency.
+        chance: p-value of a peak of at least this height at any of the tested frequencies.
     """
 
     frequency: float
@@ -155,14 +156,14 @@ class Period:
 
 
 def own_period(residuals: Sequence[tuple[Array, Array]], level: float) -> Period | None:
-    """Returns the clearest periodic disturbance, with any phase in each run; None: there is none.
+    """Returns the clearest periodic disturbance, whose phase may differ in each run; None: no period is significant.
 
     Runs are cut into pieces as long as the median run. The Lomb-Scargle power of each piece (Scargle 1982, Astrophys.
     J. 263) is divided by the variance of the piece. The power is summed over the pieces at multiples of 1 / duration.
-    The sum is compared with the mean at eight frequencies on each side. The nearest frequency is left out, because a
-    peak between two frequencies appears in both. On a smooth background the ratio is Fisher's F, with two degrees of
-    freedom for each piece and frequency. So a piece must hold at least ten periods. A lightly damped resonance gives
-    the same result.
+    The sum is compared with the mean at eight frequencies on each side. The nearest frequency on each side is left out,
+    because a peak between two frequencies appears in both. On a smooth background the ratio is Fisher's F, with two
+    degrees of freedom for each piece and frequency. So a piece must hold at least ten periods. A lightly damped
+    resonance gives such a peak, too, and cannot be told from a disturbance.
 
     Args:
         residuals: for each run: time (n,) in s, possibly uneven, and residual (n,), NaN where unknown.
@@ -193,7 +194,7 @@ def own_period(residuals: Sequence[tuple[Array, Array]], level: float) -> Period
         return None
     near = (tested[best] + np.linspace(-1.0, 1.0, 2 * _FINER + 1)) / duration
     angular = 2.0 * math.pi * near
-    # (pieces, frequencies): the Lomb-Scargle power of each piece over its variance
+    # (pieces, frequencies): the Lomb-Scargle power of each piece divided by the piece's variance
     shares = np.array([np.asarray(lombscargle(time, left, angular)) / np.mean(left**2) for time, left in pieces])
     peak = int(np.argmax(shares.sum(axis=0)))
     sizes = np.array([np.mean(left**2) for _, left in pieces])
@@ -212,10 +213,11 @@ def _pieces(time: Array, left: Array, duration: float) -> Iterator[tuple[Array, 
 
 
 def _power_at_multiples(time: Array, left: Array, duration: float, count: int) -> Array:
-    """Returns (count,): the Lomb-Scargle power over the variance at 1..`count` periods in `duration`, by two FFTs.
+    """Returns (count,): Lomb-Scargle power divided by variance, at 1..`count` periods in `duration`, by two FFTs.
 
-    Samples are moved to the nearest of evenly spaced times. Sums of sines and cosines are then Fourier sums, of the
-    residual and, at twice the frequency, of the samples themselves (Press & Rybicki 1989, Astrophys. J. 338).
+    Samples are moved to the nearest of evenly spaced times. The sums of sines and cosines are then two Fourier sums:
+    one of the residual, and one, at twice the frequency, of the number of samples at each time (Press & Rybicki 1989,
+    Astrophys. J. 338).
     """
     length = next_fast_len(_GRID * count, real=True)
     bins = np.round(time / duration * length).astype(np.intp) % length

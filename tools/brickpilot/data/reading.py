@@ -1,7 +1,7 @@
 """Reads measured data sets: a folder with `dataset.toml` and one text file of columns per run, or DataFrames.
 
-The values are converted to SI and to the paper's frame, channels that are surely wired wrongly are mended, and damaged
-samples are blanked. DataFrames get the same checks as files.
+The values are converted to SI and to the paper's frame, channels whose wiring is certainly wrong are mended, and
+damaged samples are blanked. DataFrames get the same checks as files.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ Column = str | tuple[str, str] | Mapping[str, Any]
 """A signal's column: a name (SI unit); (name, unit); or a mapping of the keys that a data set's file may state."""
 
 _LONGEST_RUN_S = 1e6
-_ARGUMENTS = {"role": "roles"}  # key -> argument of `Dataset.from_frames` with another name
+_ARGUMENTS = {"role": "roles"}  # key -> its argument in `Dataset.from_frames`, if the names differ
 
 
 def read(folder: Path | str) -> Dataset:
@@ -76,11 +76,11 @@ def _of_frames(
     stated: Mapping[str, Any],
     floats: bool,
 ) -> Dataset:
-    """Returns a data set of DataFrames; `Dataset.from_frames` has the arguments, an example, and the errors.
+    """Returns a data set of DataFrames; `Dataset.from_frames` documents the arguments and errors.
 
     Args:
-        of_runs: statements on single runs, as their tables in a data set's file: key -> run -> value.
-        stated: the top-level keys of that file; None: not stated.
+        of_runs: key -> run -> value: keys of the runs' tables in a data set's file.
+        stated: top-level key of that file -> value; None: not stated.
     """
     toml = _tables(frames, signals, of_runs, stated)
 
@@ -128,7 +128,7 @@ def _tables(
     of_runs: Mapping[str, Mapping[str, Any]],
     stated: Mapping[str, Any],
 ) -> _StatedTables:
-    """Returns the tables that a dataset.toml of these frames would hold.
+    """Returns the tables that a dataset.toml for these frames would hold.
 
     Raises:
         InputError: there is no frame, a frame is no DataFrame, or an argument names an unknown run.
@@ -161,10 +161,10 @@ def _tables(
 
 
 def _read_frame(run: Path, frame: pandas.DataFrame, wanted: Mapping[str, str | int]) -> _FrameColumns:
-    """Returns the wanted columns, signal -> column, of a frame; its index counts as a column by its name.
+    """Returns the columns `wanted` (signal -> column) of a frame; a named index of the frame is a column, too.
 
     Raises:
-        InputError: a missing or double column, a cell that is not a number, or no rows. It names `run`.
+        InputError: a missing or double column, a cell that is not a number, or no rows. The message names `run`.
     """
     names = [str(name) for name in frame.columns]
     if not len(frame):
@@ -185,7 +185,7 @@ def _read_frame(run: Path, frame: pandas.DataFrame, wanted: Mapping[str, str | i
 
 
 def _signal(name: str, column: Column) -> dict[str, Any]:
-    """Returns the table of a signal; an unknown signal is refused later, by the checks of all files."""
+    """Returns the table of a signal; an unknown signal is refused later, by the checks for files."""
     unit = SIGNALS[name].unit if name in SIGNALS else "1"
     if isinstance(column, Mapping):
         return {"unit": unit, **column}
@@ -212,7 +212,7 @@ def _numbers(columns: _FrameColumns, field: str, cells: pandas.Series) -> Array:
 
 
 def _plain(value: Any) -> Any:
-    """Returns the value as a TOML file would give it: no numpy scalar, tuple or foreign mapping."""
+    """Returns the value as a TOML reader would return it: without numpy scalars, tuples or other mappings than dict."""
     if isinstance(value, Mapping):
         return {str(name): _plain(entry) for name, entry in value.items()}
     if isinstance(value, Sequence) and not isinstance(value, str):
@@ -223,7 +223,7 @@ def _plain(value: Any) -> Any:
 def _checked(
     path: Path, description: Description, columns: Callable[[Run, Mapping[str, str | int]], Columns]
 ) -> Dataset:
-    """Returns the audited data set; `columns` reads the columns of its runs."""
+    """Returns the audited data set; `columns` reads the columns of a run."""
     stated = description.dataset
     measured = [_run(run, stated, columns) for run in stated.runs]
     wiring, guessed, wired = _wired(measured, description)
@@ -293,9 +293,10 @@ def channels_of(run: Run) -> Channels:
 
 
 def _channels(runs: list[Run], stated: Dataset) -> list[Channels]:
-    """Returns the channels of runs, without sensors whose errors the data set states.
+    """Returns the channels of runs, without the sensors for which the data set states an effect.
 
-    For example, an unsigned sensor contradicts the other channels in each backward turn, but this is no fault.
+    For example, an unsigned sensor contradicts the other channels whenever its wheel turns backward, but this is no
+    fault.
     """
     sound = {name for name, signal in stated.signals.items() if not signal.stated}
 
@@ -306,7 +307,7 @@ def _channels(runs: list[Run], stated: Dataset) -> list[Channels]:
 
 
 def _wired(runs: list[Run], description: Description) -> tuple[tuple[Miswired, ...], tuple[str, ...], list[Run]]:
-    """Returns the wrong wiring in all runs, the guesses corrected by it, and the runs with sure faults mended."""
+    """Returns the faults of wiring in all runs, the corrected guesses, and the runs with sure faults mended."""
     stated = description.dataset
     faults = miswired(_channels(runs, stated), lengths(stated.nominal, stated.vehicle))
     if description.as_wired:
@@ -331,10 +332,10 @@ def _fixed(table: Mapping[str, Array]) -> Mapping[str, Array]:
 
 
 def decimated(run: Run) -> Run:
-    """Returns the run with rows merged to about one per motor step; the run itself if its rows are not faster.
+    """Returns the run with rows merged to about one per motor step; the run itself if its rows are not closer.
 
-    An input becomes the mean of its rows, and floats if it floats in one of them. An output is the first reading in
-    these rows, so that a channel that is logged less often loses no reading.
+    An input becomes the mean over the merged rows, and floats if it floats in one of these rows. An output is the first
+    reading in these rows, so that a channel with fewer readings than rows loses no reading.
     """
     step = float(np.median(np.diff(run.time)))
     together = int(MOTOR_STEP_S / step * (1 + 1e-6))
@@ -365,7 +366,7 @@ def decimated(run: Run) -> Run:
 
 
 def _to_si(columns: Columns, frame: Frame, signal: Signal) -> Array:
-    """Returns a column in SI and the paper's frame; a value that is infinite or beyond what is physical is refused."""
+    """Returns a column in SI and the paper's frame; refuses infinite and unphysical values."""
     raw, kind, place = columns.values[signal.name], SIGNALS[signal.name], f"{signal.name} (column {signal.column})"
     with np.errstate(over="ignore", invalid="ignore"):
         values = signal.to_si * (signal.scale * raw + signal.offset)

@@ -1,4 +1,4 @@
-"""Reads columns of numbers from text files by pyarrow: files of runs here, logs in `importers.text_table`.
+"""Reads columns of numbers from text files by pyarrow, for run files and for logs (`importers.text_table`).
 
 In a run's file a cell that is not a plain number is refused, and the error names its line.
 """
@@ -25,15 +25,15 @@ SIZE_LIMIT = 256 * 2**20
 """Bytes; a larger run file is refused before it is read."""
 
 DELIMITERS = (",", ";", "\t", " ", "|")
-"""The delimiter " " stands for any number of blanks and tabs; no cell can then be empty."""
+"""The delimiter " " stands for any number of blanks and tabs; with it, no cell can be empty."""
 
 NUMBER = "[+-]?(?:[0-9]+[.]?[0-9]*|[.][0-9]+)(?:[eE][+-]?[0-9]+)?"
 """The pattern of a plain number, for Python and pyarrow."""
 
 CUT = "\x1f"
-"""The separator of rows that are already cut into cells (`joined`)."""
+"""The separator between the cells of rows that are already cut (`joined`)."""
 
-_EMPTY = " "  # replaces an empty line: pyarrow reads it as a row of blank cells
+_EMPTY = " "  # replaces an empty line: pyarrow reads this text as a row of blank cells
 _NO_CUT = str.maketrans(f"{CUT}\n", "  ")
 
 
@@ -69,12 +69,12 @@ def read_columns(path: Path, columns: Mapping[str, str | int], layout: CsvFormat
 
     Args:
         path: the file.
-        columns: signal -> column name, or its number from 0 where the file has no header.
+        columns: signal -> column name, or column number from 0 if the file has no header.
         layout: delimiter and header.
 
     Raises:
-        InputError: no readable UTF-8 text, a missing or double column, rows of different length, a cell that is not a
-            number, or no rows.
+        InputError: the file is no readable UTF-8 text, a column is missing or double, rows differ in length, a cell is
+            not a number, or there are no rows.
     """
     text, delimiter = read_text(path).rstrip("\n"), layout.delimiter
     lines: Sequence[int] = range(1, text.count("\n") + 2)
@@ -117,12 +117,12 @@ def joined(rows: Iterable[Sequence[str]]) -> str:
 
 
 def parse_rows(rows: str, delimiter: str, width: int) -> tuple[pyarrow.Table, list[tuple[int, int]]]:
-    """Returns the cells as text; and of each row of another width, which is left out, (index from 0, number of cells).
+    """Returns the cells as text, and (index from 0, number of cells) of each row left out because its width differs.
 
     Args:
-        rows: a line each, without quotes. An empty line has no cells.
+        rows: text with a line for each row, without quotes. An empty line has no cells.
         delimiter: one character.
-        width: how many cells a row has.
+        width: the number of cells that a row has to have.
     """
     import pyarrow
     from pyarrow.csv import ConvertOptions, ParseOptions, ReadOptions, read_csv
@@ -137,7 +137,7 @@ def parse_rows(rows: str, delimiter: str, width: int) -> tuple[pyarrow.Table, li
     names = [str(column) for column in range(width)]
     table = read_csv(
         pyarrow.BufferReader(content),
-        # One block, because no row may cross two blocks; one thread, because otherwise rows have no number.
+        # One block, because no row may lie in two blocks; one thread, because pyarrow numbers rows only then.
         ReadOptions(column_names=names, use_threads=False, block_size=len(content)),
         ParseOptions(delimiter=delimiter, quote_char=False, invalid_row_handler=left_out),
         ConvertOptions(column_types=dict.fromkeys(names, pyarrow.string())),
@@ -148,13 +148,13 @@ def parse_rows(rows: str, delimiter: str, width: int) -> tuple[pyarrow.Table, li
 def numbers(
     cells: pyarrow.ChunkedArray, blanks: Collection[str] = ("",), decimal: str = "."
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Returns the numbers in cells of text, NaN where there is none, and which cells are neither number nor blank.
+    """Returns the numbers in cells of text, NaN in all other cells, and which cells are neither number nor blank.
 
     A number too large for a double is infinite.
 
     Args:
-        cells: blanks around a number do not count.
-        blanks: texts in lower case that stand for no value.
+        cells: the texts; blanks around a number are ignored.
+        blanks: texts, in lower case, that mean "no value".
         decimal: the decimal sign.
     """
     import pyarrow
@@ -175,10 +175,10 @@ def read_text(path: Path, *, damaged: bool = False) -> str:
 
     Args:
         path: UTF-8 text.
-        damaged: whether the file may contain bytes that are no text, and may be UTF-16.
+        damaged: True: the file may contain bytes that are no text, and may be UTF-16.
 
     Raises:
-        InputError: it cannot be read, is larger than `SIZE_LIMIT`, or is no text.
+        InputError: the file cannot be read, is larger than `SIZE_LIMIT`, or is no text.
     """
     try:
         if not path.is_file():
@@ -197,7 +197,7 @@ def read_text(path: Path, *, damaged: bool = False) -> str:
 
 
 def _cut(path: Path, text: str, delimiter: str) -> tuple[list[list[str]], list[int]]:
-    """Returns the cells of each row and the line where it ends; a quoted cell may hold a delimiter or a line end."""
+    """Returns each row's cells and the line where the row ends; a quoted cell may hold a delimiter or a line end."""
     if delimiter == " ":
         rows = [line.split() for line in text.split("\n")]
         return rows, list(range(1, len(rows) + 1))

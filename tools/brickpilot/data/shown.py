@@ -11,20 +11,20 @@ import brickpilot
 
 
 class Result:
-    """A result that a notebook shows as a table, and a terminal in some lines."""
+    """A result that a notebook shows as a table, and a terminal as a few lines of text."""
 
     def __init_subclass__(cls) -> None:
-        """Gives each result its short text, because a dataclass would show all its fields."""
+        """Gives each subclass the short text below, because a dataclass would show all its fields."""
         super().__init_subclass__()
         if "__repr__" not in vars(cls):
             cls.__repr__ = Result.__repr__  # type: ignore[method-assign]
 
     def __repr__(self: Any) -> str:
-        """Returns some lines, which `report` makes. Other rooms may not import `report`."""
+        """Returns a few lines from `report`, called through `brickpilot`: other rooms may not import `report`."""
         return brickpilot.to_text(self)
 
     def _repr_html_(self: Any) -> str:
-        """Returns the table, which `report` makes."""
+        """Returns the HTML table that `report` makes."""
         return brickpilot.to_html(self)
 
 
@@ -38,6 +38,6 @@ def valid(value: Any) -> Any:
         return {key: valid(one) for key, one in value.items()}
     if isinstance(value, (list, tuple)):
         return [valid(one) for one in value]
-    if isinstance(value, float):  # numpy's float64 is one too
+    if isinstance(value, float):  # numpy's float64 is a float, too
         return float(value) if math.isfinite(value) else None
     return value

@@ -26,7 +26,7 @@ class SignalType:
     Attributes:
         unit: SI unit of its values after reading.
         largest: a cell with a larger magnitude is refused. The limit is far above the values of any machine, so that a
-            single wrong reading is a fault of the sensor, not an error of the file.
+            single wrong reading counts as a sensor fault and not as an error in the file.
     """
 
     unit: str
@@ -85,7 +85,7 @@ INPUT_SETS: dict[Vehicle, tuple[tuple[str, ...], ...]] = {
     "motor": (("voltage",), ("duty",), ("reference_speed",)),
 }
 INPUT_SETS["skid_steer"] = INPUT_SETS["diff_drive"]
-"""The inputs of a vehicle: exactly one of these sets, complete."""
+"""The inputs of a vehicle: a data set has exactly one of these sets, complete."""
 
 INITIAL_UNITS: dict[Vehicle, dict[str, str]] = {
     "diff_drive": {

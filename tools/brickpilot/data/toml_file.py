@@ -15,7 +15,7 @@ Key = tuple[str | int, ...]
 SIZE_LIMIT = 2**20
 """Bytes; a larger file is refused."""
 
-_LARGE = 1e12  # no number in a file is larger unless its reader allows that
+_LARGE = 1e12  # larger numbers are refused unless the caller of `number` sets another limit
 
 _NAME = r"""(?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')"""
 _DOTTED = rf"{_NAME}(?:\s*\.\s*{_NAME})*"
@@ -29,7 +29,7 @@ def _names(dotted: str) -> Key:
 
 
 class TomlFile:
-    """A parsed file: ``data`` and, for any key path in it, its 1-based line.
+    """A parsed file: ``data``, and the 1-based line of any key path in it.
 
     Key paths are tuples of table names and array positions: ``("runs", 2, "file")``.
 
@@ -107,7 +107,7 @@ class TomlFile:
         raise InputError(message, file=self.path, line=self.line(key), field=field or None)
 
     def known_keys(self, key: Key, table: Mapping[str, Any], known: Iterable[str], needed: Iterable[str] = ()) -> None:
-        """Refuses the first key of `table` that is not in `known`, or else the first of `needed` that is missing.
+        """Refuses the first key of `table` that is not in `known`, or else the first missing key of `needed`.
 
         `key`: the place of `table` in the file.
         """
@@ -156,7 +156,7 @@ class TomlFile:
     def file_beside(self, key: Key, value: object) -> Path:
         """Returns the file that `value` names in this file's folder or below it, or refuses it.
 
-        Every path in a file is opened through this function. A symbolic link counts as its target.
+        Every path that a file states is checked here before it is opened. A symbolic link counts as its target.
         """
         name = self.text(key, value)
         folder = self.path.parent

@@ -1,8 +1,8 @@
 """Units of measured columns, by pint with its own registry.
 
-pint's default registry treats angles as plain numbers: it would accept "1/s" or "Hz" as a turn rate, with an error of a
-factor 2 pi. Here the angle is a dimension, and only units that occur in logs are known. Standard gravity is "g0"; "g"
-is the gram.
+pint's default registry treats angles as plain numbers: it would accept "1/s" or "Hz" as a turn rate, which would be
+wrong by a factor of 2 pi. Here the angle is a dimension, and only units that occur in logs are known. Standard gravity
+is "g0"; "g" is the gram.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ standard_gravity = 9.80665 * meter / second ** 2 = g0 = g_0
 newton = kilogram * meter / second ** 2 = N
 volt = newton * meter / second / ampere = V
 """
-# The only numbers are small powers: a unit contains no arithmetic.
+# The only numbers in a unit are small exponents, so a unit contains no arithmetic.
 _FACTOR = r"(?:1|%|[A-Za-zµμ°][A-Za-z0µμ°_]*)(?:(?:\^|\*\*)-?[1-4])?"
 _UNIT = re.compile(rf"\s*{_FACTOR}(?:\s*[*/·\s]\s*{_FACTOR})*\s*")
 _HINTS = {
@@ -62,7 +62,7 @@ def si_factor(unit: str, si_unit: str) -> float:
         si_unit: a unit of the same dimension, e.g. ``rad/s``.
 
     Raises:
-        ValueError: an unknown unit, or one of another dimension. The message is for the user.
+        ValueError: an unknown unit, or a unit of another dimension. The message is for the user.
     """
     hint = f"; {_HINTS[unit.strip()]}" if unit.strip() in _HINTS else ""
     if len(unit) > 40 or not _UNIT.fullmatch(unit):

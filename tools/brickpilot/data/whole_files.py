@@ -1,4 +1,4 @@
-"""Writes files atomically: each is written beside its place and then renamed. Old leftovers are removed."""
+"""Writes files atomically: each is written beside its place and then renamed. Leftovers of killed runs are removed."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ except ImportError:  # no POSIX: leftovers stay
 
 @contextmanager
 def beside(place: Path, *, is_folder: bool = False) -> Iterator[Path]:
-    """Yields a new empty file or folder beside `place`, to be filled and renamed; it is removed if not renamed.
+    """Yields a new empty file or folder beside `place`, which the caller fills and renames; else it is removed.
 
-    Leftovers of a killed run of the same `place` are removed first. A leftover has no lock, because a lock ends with
+    Leftovers of a killed run of the same `place` are removed first. A leftover is not locked, because a lock ends with
     its process.
 
     Raises:
-        OSError: nothing can be made there.
+        OSError: no file or folder can be made there.
     """
     prefix = f".{place.name}-unfinished-"
     for path in place.parent.glob(f"{glob.escape(prefix)}*"):
@@ -40,7 +40,7 @@ def beside(place: Path, *, is_folder: bool = False) -> Iterator[Path]:
         made.mkdir() if is_folder else made.touch(exist_ok=False)
         lock = _locked(made)
         if lock is not None or fcntl is None:
-            break  # else another run treated it as a leftover in between
+            break  # else another run has removed it as a leftover in between
     try:
         yield made
     finally:
@@ -74,12 +74,12 @@ def _remove(path: Path) -> None:
 
 
 def plain_name(name: str) -> str:
-    """Returns a name with "_" for all but letters and digits, so that any file system and program accepts it."""
+    """Returns `name` with "_" in place of all but letters and digits: any file system and program accepts this."""
     return re.sub(r"\W", "_", name, flags=re.ASCII) or "model"
 
 
 def write_files(contents: Mapping[Path, bytes]) -> None:
-    """Writes each path's bytes and makes its folders; the first file is renamed only after all are written.
+    """Writes each path's bytes and makes missing folders; no file is renamed before all files are written.
 
     Raises:
         InputError: a file cannot be written.
@@ -105,7 +105,7 @@ def write_files(contents: Mapping[Path, bytes]) -> None:
 def write_whole(path: Path | str, text: str) -> None:
     """Writes a text file so that a reader finds the old content or the new content, never a part of it.
 
-    It is written beside `path` and renamed.
+    The text is written to a file beside `path`, which is then renamed.
 
     Raises:
         WorkFailedError: the disk is full.

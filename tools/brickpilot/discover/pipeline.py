@@ -23,16 +23,19 @@ Each stage is a function in a module beside this one. It returns a frozen record
 `weigh` gives the first verdict. These functions may change it; `Finding.steps` lists each change by its stage:
 
     stage     function   verdict    if                                                     by (numbers.py)
-    adequacy  adequate   another    what is left refutes an explanation, others hold more  SHARED_REST, UNEXPLAINED_NATS
-                         unknown    what is left refutes 95 % of the weight                SURE
+    adequacy  adequate   another    a black box predicts what is left, or more is left     SHARED_REST, UNEXPLAINED_NATS
+                                    than removed; other explanations hold more weight
+                         unknown    the same, and this refutes 95 % of the weight          SURE
     budget    explain    unknown    time ran out before all was searched                   SEARCHED, in deadline.py
     runs      confirmed  none       only values of runs differ
     samples   confirmed  unknown    the measured samples do not surely show the name       CHANCE_NATS
                          none       and leave little above noise without it                UNEXPLAINED_NATS
-    seal      _prove     unknown    held-out runs contradict the name                      CHANCE_NATS
+    seal      _prove     unknown    the error of held-out runs surely grows, or most       CHANCE_NATS, SURE
+                                    draws of their stretches favour the nominal model
                          ambiguous  they do not confirm it: the name or the nominal model  SURE
 
-Every number that decides a verdict stands in numbers.py, with its reason.
+Every number that decides a verdict stands in numbers.py, with its reason. The sentences of a verdict are made in
+report/discover_text.py.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """A model as an FMU: the plant with its effects, as a co-simulation unit of FMI 2.0 or 3.0.
 
-Its C sources are the plant and the FMI layer, which are installed beside this module, and the robot's table.
+The FMU's C sources are the plant and the FMI layer, which are installed beside this module, and the robot's table.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from brickpilot.export.fmu_description import Variable, variables
 from brickpilot.vehicle.model import Model
 
 VERSIONS = ("2.0", "3.0")
-_EARLIEST = (1980, 1, 1, 0, 0, 0)  # earliest time in a zip file; it is fixed, so a model always gives the same bytes
+_EARLIEST = (1980, 1, 1, 0, 0, 0)  # time of all files, the earliest in a zip file; so equal models give equal bytes
 
 
 def archive(model: Model, version: str, *, binary: bool = True) -> bytes:
@@ -39,7 +39,7 @@ def archive(model: Model, version: str, *, binary: bool = True) -> bytes:
         binary: False leaves the library out, so that no compiler is needed.
 
     Raises:
-        WorkFailedError: there is no C compiler, or it fails.
+        WorkFailedError: there is no C compiler, or the compiler fails.
         InputError, SimulationError: the plant refuses the model.
     """
     content = _content(model, version)
@@ -118,7 +118,7 @@ def source_files(version: str) -> dict[str, bytes]:
 
 
 def robot_table(model: Model, token: str, variables: Sequence[Variable]) -> str:
-    """Returns the C file with the robot's variables. Numbers are hexadecimal, so that none is rounded."""
+    """Returns the C file with the robot's variables. Numbers are hexadecimal, so that no number is rounded."""
     rows = [
         f'    {{FMU_{one.kind}, "{one.name}", {one.effect}, {one.index}, {one.start.hex()}}}, /* {one.start!r} */'
         for one in variables
@@ -165,7 +165,7 @@ def compile_library(sources: Path, library: Path) -> None:
     Raises:
         WorkFailedError: there is no compiler, or it fails.
     """
-    of_python = (sysconfig.get_config_var("CC") or "").split()[:1]  # without its options
+    of_python = (sysconfig.get_config_var("CC") or "").split()[:1]  # the compiler without its options
     known = (name for name in [*of_python, "cc", "gcc", "clang"] if shutil.which(name))
     compiler = os.environ.get("CC") or next(known, None)
     if compiler is None:

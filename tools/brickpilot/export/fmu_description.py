@@ -1,7 +1,7 @@
 """modelDescription.xml of an FMU, for FMI 2.0 and 3.0, and the build description of FMI 3.0.
 
-The variables of an FMU are the values that a simulator may set and read. A variable's index in their list is its value
-reference.
+The variables of an FMU are the values that a simulator may set and read. A variable's value reference is its index in
+the list of variables.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from brickpilot import __version__, catalogue
 from brickpilot.constants import MOTOR_STEP_S, STEP_S
 from brickpilot.vehicle.model import Model, output_names, unit_on
 
-# Parameters that determine the kind of vehicle: with other values it would have other outputs.
+# Parameters that determine the kind of vehicle: with other values, the vehicle would have other outputs.
 _NATURE = frozenset({"force_per_volt", "torque_per_volt"})
 
 _MEANS = {
@@ -42,7 +42,7 @@ _MEANS = {
     "sway": "true speed to the right",
 }
 
-# Fields of bp_state in their order: name, unit, meaning.
+# The fields of bp_state in order: name, unit, meaning.
 _STATE = (
     ("x", "m", "position of the axle's middle along x"),
     ("y", "m", "position of the axle's middle along y, to the right"),
@@ -78,12 +78,12 @@ class Variable:
     """One variable of an FMU.
 
     Attributes:
-        kind: a name of `fmu_kind_t` in the C layer, without FMU_.
+        kind: a name of `fmu_kind_t` in the C layer, without the prefix FMU_.
         name: a structured name, such as ``effects.NAME.PARAMETER``.
-        index, effect: numbers of the row and of its effect in the C layer.
+        index, effect: the numbers of the variable's row and of its effect in the C layer.
         unit: the SI unit; empty for a boolean.
         start: the start value; 0 for an output.
-        minimum, maximum: None: no limit.
+        minimum, maximum: the limits; None: no limit.
         shown: whether the variable is in the description; False: only the C layer needs it.
     """
 
@@ -196,7 +196,7 @@ def description(
         identifier: the model's identifier, which is the name of its library.
         token: the token that the C layer compares.
         variables: the result of `variables`.
-        sources: the C files, which FMI 2.0 lists here and FMI 3.0 in `build_description`.
+        sources: the C files; FMI 2.0 lists them in this file, and FMI 3.0 lists them in `build_description`.
     """
     is_2 = version == "2.0"
     head = {
@@ -254,7 +254,7 @@ def _registry() -> pint.UnitRegistry[float]:
 
 
 def _exponents(unit: str) -> dict[str, str] | None:
-    """Returns the exponents of the base units, or None if an exponent is no whole number, which FMI cannot express."""
+    """Returns the exponents of the base units; None: an exponent is not a whole number, so FMI cannot express it."""
     registry = _registry()
     base = registry.get_base_units(unit)[1] if unit != "1" else registry.Unit("")
     powers = {_BASE[str(name)]: f"{power:g}" for name, power in base._units.items()}
@@ -299,7 +299,7 @@ def _variable(parent: Xml.Element, is_2: bool, number: int, one: Variable) -> No
 
 
 def _structure(root: Xml.Element, is_2: bool, shown: Sequence[tuple[int, Variable]]) -> None:
-    """Lists the outputs, by index in FMI 2.0 and by value reference in FMI 3.0."""
+    """Lists the outputs: FMI 2.0 by index, FMI 3.0 by value reference."""
     structure = Xml.SubElement(root, "ModelStructure")
     outputs = [(place, number) for place, (number, one) in enumerate(shown, 1) if one.kind == "OUTPUT"]
     for name in ("Output", "InitialUnknown"):

@@ -1,6 +1,6 @@
-"""The description of a robot for rigid-body simulators: masses, wheels, motors, losses and sensors, with effects.
+"""The description of a robot for rigid-body simulators: masses, wheels, motors, losses, sensors and effects.
 
-Frame of Brickpilot: x forward, y right, yaw clockwise. Pairs are left and right; for a motor only the first value is
+Frame of Brickpilot: x forward, y right, yaw clockwise. A pair is (left, right); for a motor, only the first value is
 used.
 
 Each effect that can be expressed has one function, with the law of the effect's row in C. An effect without a function,
@@ -29,14 +29,14 @@ class Machine:
 
     Attributes:
         values: the nominal parameters.
-        com: m, centre of mass ahead and to the right of the axle's middle.
-        rim: radius of each wheel over the nominal one.
-        flux: factor of each motor's torque constant and back-EMF constant.
-        gain: factor of each commanded voltage.
+        com: m, position of the centre of mass ahead and to the right of the axle's middle.
+        rim: ratio of each wheel's radius to the nominal radius.
+        flux: factor on each motor's torque constant and back-EMF constant.
+        gain: factor on each commanded voltage.
         limit: V, the largest voltage that a drive reaches; None: no limit.
         delay, lag: s, dead time and time constant of the command.
         dry, viscous: N m and N m s/rad at each wheel, in addition to the nominal losses.
-        load: N m at each wheel, against forward motion.
+        load: N m, constant torque at each wheel against forward motion.
         body_drag, air: N s/m and N s^2/m^2 on the body.
         yaw_drag, yaw_dry: N m s/rad and N m on the body.
         slope: sine of the angle by which the floor falls along x and along y.
@@ -75,7 +75,7 @@ class RobotFile:
 
 
 def robot_file(root: Xml.Element, head: str, left_out: Sequence[str]) -> RobotFile:
-    """Returns the file of an XML tree, which begins with the comment `head` and a line for each part left out."""
+    """Returns an XML tree as a file that begins with a comment: `head`, and a line for each part that is left out."""
     remarks = "\n     ".join([head, "Not in this file:", *(f"  {line}" for line in left_out)]).replace("--", "- -")
     root.insert(0, Xml.Comment(f"{remarks} "))
     Xml.indent(root)
@@ -83,12 +83,12 @@ def robot_file(root: Xml.Element, head: str, left_out: Sequence[str]) -> RobotFi
 
 
 def radii(machine: Machine) -> Pair:
-    """Returns the radius of each wheel, m."""
+    """Returns the radius of each wheel in m."""
     return machine.values["wheel_radius"] * machine.rim[0], machine.values["wheel_radius"] * machine.rim[1]
 
 
 def losses(machine: Machine) -> Pair:
-    """Returns the losses of each wheel that are linear in its speed, N m s/rad: eq. 13 in eq. 14 of the paper."""
+    """Returns each wheel's losses that are linear in speed, in N m s/rad: eq. 13 put into eq. 14 of the paper."""
     values = machine.values
     weight = machine.mass * values["gravity"]
     left, right = (
@@ -99,15 +99,15 @@ def losses(machine: Machine) -> Pair:
 
 
 def chassis(machine: Machine, wheel: float, across: float = 0.0) -> tuple[float, Pair, float]:
-    """Returns mass, centre of mass and yaw inertia of the robot without its wheels, so that the whole has its values.
+    """Returns mass, centre of mass and yaw inertia of the chassis, so that chassis and wheels have the robot's values.
 
-    The centre of mass is ahead and to the left of the axle's middle. If the wheels alone have more inertia than the
-    robot, the chassis has none, or a negative one.
+    The centre of mass is ahead and to the left of the axle's middle. If the wheels alone have at least the robot's
+    inertia, the inertia of the chassis is 0 or negative.
 
     Args:
         machine: the robot.
         wheel: kg, the mass of a wheel.
-        across: kg m^2, the inertia of a wheel about its vertical.
+        across: kg m^2, the inertia of a wheel about its vertical axis.
     """
     mass = machine.mass - 2 * wheel
     com_ahead, com_right = machine.com
@@ -118,9 +118,9 @@ def chassis(machine: Machine, wheel: float, across: float = 0.0) -> tuple[float,
 
 
 def bench(machine: Machine) -> tuple[bool, float, float]:
-    """Returns whether a motor's load slides, because the input commands a force; its inertia; and its damping.
+    """Returns whether a motor's load slides, because the input commands a force; the load's inertia; and its damping.
 
-    Inertia and damping are in kg m^2 and N m s/rad; of a load that slides, in kg and N s/m.
+    Inertia and damping are in kg m^2 and N m s/rad; for a load that slides, in kg and N s/m.
     """
     values = machine.values
     linear = values["force_per_volt"] > 0
@@ -173,7 +173,7 @@ def _more(pair: Pair, left: float, right: float) -> Pair:
 
 
 def _apart(pair: Pair, difference: float) -> Pair:
-    """Returns the factors, changed so that the left one exceeds the right one by the share `difference`."""
+    """Changes a pair of factors so that the left factor exceeds the right factor by the share `difference`."""
     return pair[0] * (1 + 0.5 * difference), pair[1] * (1 - 0.5 * difference)
 
 

@@ -1,7 +1,7 @@
 """A model as MJCF, the file format of MuJoCo: the same robot as far as MuJoCo can represent it.
 
 The robot moves on a plane: it slides along x, y and z and turns about z, and its wheels roll on the floor by the
-firmest contacts that MuJoCo allows. MuJoCo's frame has y to the left and z up, so y and yaw have the other sign.
+firmest contacts that MuJoCo allows. MuJoCo's frame has y to the left and z up, so y and yaw have the opposite sign.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from brickpilot.export.machine import SIDES, Machine, RobotFile, bench, chassis,
 from brickpilot.vehicle.model import Model
 
 _HEAD = "Made by Brickpilot. It needs MuJoCo 3.8 or newer. y is to the left, yaw counter-clockwise."
-_AIR_M = 1e-3  # radius of the ball on which the air's drag acts: too small to have an added mass
+_AIR_M = 1e-3  # m: radius of the ball on which the air's drag acts, so small that it has no added mass
 _WHEEL_SHARE = 1e-4  # mass of a wheel's body as a share of the robot's; its inertia is the joint's armature
 _FIRM = "0.9999 0.9999 0.001"
 _GRIP = 100.0
@@ -27,7 +27,7 @@ def write(model: Model) -> RobotFile:
     """Returns the model as MJCF.
 
     Raises:
-        InputError: the profile is `paper`: its wheels do not carry the body, but those of MuJoCo do.
+        InputError: the profile is `paper`: the wheels of this profile do not carry the body, but those of MuJoCo do.
     """
     if model.profile != "coupled":
         raise InputError("has wheels that do not carry the body, which MuJoCo cannot say; use coupled", field="profile")
@@ -49,7 +49,7 @@ def write(model: Model) -> RobotFile:
 
 
 def _combinations(model: Model, machine: Machine) -> list[str]:
-    """Returns the parts that MuJoCo can represent only without another part of this robot."""
+    """Returns the parts of this robot that MuJoCo cannot represent together with other parts of it."""
     found = []
     if machine.lag > 0 and machine.values["inductance"] > 0:
         found.append("inductance, as the command has a lag and MuJoCo has one state for a motor")
@@ -132,7 +132,7 @@ def _unfelt(name: str, kind: str, size: str) -> dict[str, str]:
 
 
 def _contacts(root: Xml.Element) -> None:
-    """Adds the contacts of wheels and floor. Two steps are the least time constant that MuJoCo accepts."""
+    """Adds the contacts of wheels and floor, with the least time constant that MuJoCo accepts: two steps."""
     contact = Xml.SubElement(root, "contact")
     for side in SIDES:
         firm = {"condim": "3", "friction": _text(_GRIP, _GRIP, 0, 0, 0), "solref": _text(2 * MOTOR_STEP_S, 1)}
@@ -171,8 +171,8 @@ def _late(delay: float) -> dict[str, str]:
 
 def _motor(actuator: Xml.Element, head: dict[str, str], machine: Machine, k: int) -> None:
     """A direct-current motor. MuJoCo has one constant for torque and back EMF. A motor with two constants is equivalent
-    to a motor with K_e for both and K_e / K_t times the resistance and inductance. A gain of the voltage divides all
-    these values."""
+    to a motor with K_e for both and K_e / K_t times the resistance and inductance. All these values are divided by the
+    gain of the voltage."""
     values = machine.values
     per_volt = values["force_per_volt"] or values["torque_per_volt"]
     torque, emf = values["torque_constant"] * machine.flux[k], values["emf_constant"] * machine.flux[k]

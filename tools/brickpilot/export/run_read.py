@@ -1,4 +1,4 @@
-"""Reads a run folder of `brickpilot run` or `hil`, and converts its columns, with their units, to Parquet."""
+"""Reads a run folder of `brickpilot run` or `hil`, and converts columns with their units to Parquet."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _UNITS = {
     "_rad_s": "rad/s", "_m_s2": "m/s^2", "_m_s": "m/s", "_rad": "rad", "_ms": "ms", "_m": "m", "_s": "s", "_a": "A",
     "_v": "V", "_c": "C",
 }  # fmt: skip
-"""Ending of a column's name -> its unit, longer endings first."""
+"""Ending of a column's name -> the column's unit, longer endings first."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ def read(folder: Path) -> Run:
 
 
 def unit(column: str) -> str:
-    """Returns the unit of a column of a run, by its name; 1 for a share, a count or a flag."""
+    """Returns the unit that a column's name shows; 1 for a share, a count or a flag."""
     return next((unit for ending, unit in _UNITS.items() if column.endswith(ending)), "1")
 
 
@@ -81,7 +81,7 @@ def _check_whole(path: Path, content: bytes) -> None:
 
 
 def _table(path: Path) -> dict[str, Array]:
-    """Returns the columns of a table of numbers, each number as the nearest double. NaN counts as a number."""
+    """Returns the columns of a table of numbers, rounded to the nearest double. NaN counts as a number."""
     content = _bytes(path)
     _check_whole(path, content)
     try:
@@ -103,7 +103,7 @@ def _table(path: Path) -> dict[str, Array]:
 
 
 def parquet_tables(run: Run) -> dict[str, bytes]:
-    """Returns suffix of the file's name -> Parquet file: "" for the log, `-ticks` for ticks of a flight over a link.
+    """Returns suffix of the file's name -> Parquet file: "" for the log, `-ticks` for the ticks of a linked flight.
 
     A column's metadata contain its `unit`; the metadata of the log's table contain `summary.json`.
     """

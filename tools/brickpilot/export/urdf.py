@@ -1,7 +1,7 @@
 """A model as URDF, the file format of robots in ROS: links with masses, joints with losses and limits.
 
-Its frame has y to the left and z up, so y and yaw have the other sign. `base_footprint` lies on the floor, in the
-middle between the wheels, and `base_link` above it on the axle.
+URDF's frame has y to the left and z up, so y and yaw have the opposite sign. `base_footprint` lies on the floor, in the
+middle between the wheels; `base_link` lies above it on the axle.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from brickpilot.vehicle.model import Model
 
 _HEAD = "Made by Brickpilot. SI; y is to the left, yaw counter-clockwise."
 _HOLDS = frozenset({"mass", "yaw_inertia", "com", "rim", "limit", "flux", "gain", "dry", "viscous", "imu"})
-_WHEEL_SHARE = 1e-2  # mass of each wheel as a share of the robot's
+_WHEEL_SHARE = 1e-2  # mass of each wheel as a share of the robot's mass
 _ELECTRIC = "motors: their resistance, inductance and constants stand in the limits of effort and velocity alone"
 _AIR = "the drag of the air"
 _FLOOR = "wheels that hold on the floor without slip: a simulator has contacts of its own"
@@ -48,7 +48,7 @@ def _text(*numbers: float) -> str:
 def _link(
     root: Xml.Element, name: str, mass: float, inertia: Sequence[float], centre: Sequence[float] = (0, 0, 0)
 ) -> Xml.Element:
-    """Adds a link. `inertia`: about x, y and z at its centre of mass."""
+    """Adds a link. `inertia`: the inertia about x, y and z at the link's centre of mass."""
     link = Xml.SubElement(root, "link", name=name)
     inertial = Xml.SubElement(link, "inertial")
     Xml.SubElement(inertial, "origin", xyz=_text(*centre), rpy="0 0 0")
@@ -98,7 +98,7 @@ def _robot(root: Xml.Element, machine: Machine) -> None:
 
 
 def _limits(joint: Xml.Element, machine: Machine, k: int, damping: float) -> None:
-    """Writes the motor's limits at the largest voltage: its torque at rest, and its speed without load."""
+    """Writes the motor's limits at the largest voltage: the torque at rest, and the speed without load."""
     values = machine.values
     volts = min(values["battery_voltage"] * machine.gain[k], machine.limit or float("inf"))
     torque, emf = values["torque_constant"] * machine.flux[k], values["emf_constant"] * machine.flux[k]

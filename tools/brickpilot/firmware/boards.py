@@ -1,9 +1,8 @@
 """The boards for which firmware is built: the scripts and flags of each build, and the image's sizes.
 
 For a user's robot, the robot's own headers replace the project's when an image is built. The closed loop is the plant
-and a robot's own firmware, compiled for this machine as one library. It flies some fifty to a hundred times as fast as
-the firmware behind a link (`simulate.fly_own`), with the same motor commands, so that a robot's gains can be tuned over
-many flights.
+and a robot's own firmware, compiled for this machine as one library. It flies 50 to 100 times as fast as the firmware
+behind a link (`simulate.fly_own`), with the same motor commands. So a robot's gains can be tuned over many flights.
 """
 
 from __future__ import annotations
@@ -40,15 +39,16 @@ class Board:
 
     Attributes:
         name: the board's name in `--board`.
-        sensors: sensors of a flight -> arguments of the scripts `flags` and `build` for these sensors.
-        flags: the script that prints the compiler's flags of a build; empty: `own_flags` has the flags.
+        sensors: the sensors of a flight -> the arguments of the scripts `flags` and `build` for these sensors.
+        flags: the script that prints the compiler's flags for a build; empty: `own_flags` holds the flags.
         own_flags: the compiler's flags if no script prints them.
         build: the script that makes the image in a folder.
-        wiring: header of the port with the sensors' scales; empty: there is no such header.
-        images: patterns of a build's files that are kept.
-        sizes: names of the image's sizes in bytes, and the pattern of their numbers in the build's brickpilot.txt.
+        wiring: the port's header with the sensors' scales; empty: there is no such header.
+        images: name patterns of the files of a build that are kept.
+        sizes: the names of the image's sizes in bytes, and the pattern that finds these sizes in the build's
+            brickpilot.txt.
         flashes: the command that puts the image on the board at the serial port PORT; empty: there is no such command.
-        flown: the file of a build that `hil --image` flies; empty: there is none.
+        flown: the file of a build that `hil --image` flies; empty: there is no such file.
         library: whether the sources are also written as an Arduino library.
     """
 
@@ -82,7 +82,7 @@ def build(board: Board, sensors: str, headers: Path, folder: Path, root: Path) -
     """Builds the image in `folder`, with the headers in `headers` in place of the project's, and returns its sizes.
 
     Raises:
-        WorkFailedError: the build fails; its last line says why.
+        WorkFailedError: the build fails; the last line of its output says why.
     """
     run([str(root / board.build), str(folder), *board.sensors[sensors]], root, {"OWN_HEADERS": str(headers)})
     names, pattern = board.sizes
@@ -157,7 +157,7 @@ TEMPLATE = Board(
 BOARDS = {
     board.name: board for board in (RCX, _avr("avr", "328p", "rotation"), _avr("avr:2560", "2560", "all"), TEMPLATE)
 }
-"""Name -> board. `avr` is the ATmega328P, whose image uses either the accelerometers or the rotation sensors."""
+"""Name -> board. `avr` is the ATmega328P; its image uses either the accelerometers or the rotation sensors."""
 
 
 MILLI = 1e3
@@ -172,8 +172,8 @@ _BATTERY = re.compile(r"(#define BOARD_BATTERY_FULL_MV )(\d+)")
 _IMU = re.compile(r"(#define BOARD_IMU )BOARD_ANALOGUE\b")
 ANALOGUE = "analogue"
 IMUS = {ANALOGUE: "BOARD_ANALOGUE", "mpu6050": "BOARD_MPU6050", "lsm6ds": "BOARD_LSM6DS"}
-"""An Arduino's IMU -> its name in board.h."""
-_DIGITAL = {"gyro_range": math.radians(1000.0), "accel_range": 2 * 9.80665}  # set by the port
+"""IMU of an Arduino -> name of the IMU in board.h."""
+_DIGITAL = {"gyro_range": math.radians(1000.0), "accel_range": 2 * 9.80665}  # ranges that the port sets
 _RANGES = {"GYRO": "gyro_range", "SURGE": "accel_range", "SWAY": "accel_range"}
 
 
@@ -214,7 +214,7 @@ def _check_imu(imu: str, robot: Robot, board: Board) -> None:
 
 
 def of_model(robot: Robot, root: Path) -> dict[str, str]:
-    """Returns header -> text of the model's formats; empty if the formats are the packaged ones."""
+    """Returns header -> text, for the headers of the model's formats; empty: the formats are those of the project."""
     bits = params_header.voltage_bits(plain(robot.vehicle["parameters"]))
     if bits == 0:
         return {}
@@ -239,10 +239,10 @@ static const route_waypoint_t MISSION[] = {{
 
 
 def _wiring(text: str, robot: Robot) -> str:
-    """Returns the header of a port with the scales of this robot's sensors, and its counts a turn in words.
+    """Returns the header of a port with the scales of this robot's sensors; a comment states the counts per turn.
 
-    A count is twice the range over 1024. The RCX's header states a count as a whole part and 256ths, the header of the
-    AVR chips in 256ths.
+    One count is twice the range divided by 1024. The header of the RCX states it as a whole part and 256ths; the header
+    of the AVR chips states it in 256ths.
     """
     counts = {axis: 2 * robot.value("sensors", "imu", name) * MILLI / 1024 for axis, name in _RANGES.items()}
     q8 = {axis: round(count * 256) for axis, count in counts.items()}
@@ -274,7 +274,7 @@ def _with_battery(text: str, robot: Robot) -> str:
 
 @dataclass(frozen=True)
 class ClosedLoop:
-    """The input of the library's compilation; it is small, so that it can be sent to another machine.
+    """The input for compiling the library; it is small, so that it can be sent to another machine.
 
     Attributes:
         headers: (file, text) of the headers that replace the project's: the robot's constants.
@@ -285,20 +285,20 @@ class ClosedLoop:
     flags: tuple[str, ...]
 
     def library(self) -> Path:
-        """Returns the library for `flight.Plan.firmware`. It is compiled once in each process, and removed at its end.
+        """Returns the library for `flight.Plan.firmware`. Each process compiles it once, and removes it at the end.
 
         Raises:
-            InputError: the firmware's sources are not there.
+            InputError: the firmware's sources are missing.
             WorkFailedError: the compiler fails.
         """
         return _compiled(self)
 
 
 def closed_loop(robot: Robot, board: Board, sensors: str) -> ClosedLoop:
-    """Returns the closed loop of a robot on a board, with its sensors.
+    """Returns the closed loop of a robot on a board with `sensors`.
 
     Raises:
-        InputError: the firmware's sources are not there; a value that a format cannot hold.
+        InputError: the firmware's sources are missing, or a format cannot hold a value.
     """
     flags = flags_of(board, sensors, sources())
     constants = {"app/params_gen.h": params_header.own_header(robot, step_of(flags)), **of_model(robot, sources())}

@@ -25,24 +25,24 @@ LONGEST_STEP_MS = 20
 """ms: the longest step that firmware/app/loop.c integrates completely; a watchdog must not allow a longer step."""
 
 TRAVEL_SCALE = "travel_scale_q15"
-"""The compensation that has no separate field: it is included in the constant of the travel per count."""
+"""The only compensation without a field of its own: the constant of the travel per count includes it."""
 
 GYRO_FULL = 0.98
-"""Share of the gyro's range: a larger reading counts as saturated; the rest is a margin for noise and resolution."""
+"""Share of the gyro's range above which a reading counts as saturated; the rest is for noise and resolution."""
 
 CURRENT_SHARES = (1.0, 4.0, 16.0, 64.0, 256.0, 0.25, 0.0625)
-"""Factors of the motor's currents over the model's currents, in the order in which they are tried."""
+"""Ratios of the motor's current to the model's current, in the order in which the ratios are tried."""
 
 PER_CURRENT = ("resistance", "inductance", "torque_constant")
 PER_VOLTAGE = ("resistance", "inductance", "emf_constant")
 PER_TURN = {"wheel_radius": 1, "emf_constant": 1, "torque_constant": 1, "viscous_friction": 2, "wheel_inertia": 2}
-"""Parameter -> its exponent when the wheel's radius is scaled and the motion stays the same (eq. 12 to 14)."""
+"""Parameter -> the power of the radius by which it scales, if the motion is to stay the same (eq. 12 to 14)."""
 
 SMALLEST_WHEEL, LARGEST_WHEEL = 1 / 64, 1 / 16
-"""m: for a radius between them, the model's shares of wheel speed and surge are below 1."""
+"""m: limits of the wheel's radius between which the model's shares of wheel speed and surge are below 1."""
 
 BATTERY_MOST = 29.0
-"""V: largest nominal voltage of a battery; charged it has at most `HIGHEST_OWN`."""
+"""V: largest nominal voltage of a battery; a charged battery then has at most `HIGHEST_OWN`."""
 
 MILLIVOLTS = round(HIGHEST_OWN * 1e3)
 
@@ -67,7 +67,7 @@ def _heading(common: Values, gyro_range: float) -> dict[str, Any]:
 
 
 def _friction(profile: str, values: Values) -> dict[str, Any]:
-    """Returns a `friction_config_t`; `paper` learns no friction: its wheels do not roll with the body (fault 1)."""
+    """Returns a `friction_config_t`. `paper` learns no friction: its wheels do not roll with the body (fault 1)."""
     pull = values["torque_constant"] * values["wheel_radius"]
     per_acceleration = values["resistance"] * mean_inertia(values) / pull  # V per m/s^2, both motors
     return {
@@ -148,7 +148,7 @@ def _block(
     in_model: Values,
 ) -> str:
     """Returns the constants of a profile; `in_model`: the parameters for the model's coefficients."""
-    of_hosts = plain(vehicle["rates"])["body_step"]  # only the hosts ask the model for the pose
+    of_hosts = plain(vehicle["rates"])["body_step"]  # only hosts compute the model's pose
     sets = "".join(
         f"#{'elif' if i else 'if'} STEP_MS == {step * 1e3:g}\n"
         f"static const body_coefficients_t MODEL_{profile.upper()} = "
@@ -166,7 +166,7 @@ def _block(
 
 
 def render(vehicle: Mapping[str, Any], settings: Mapping[str, Setting]) -> str:
-    """Returns the header's text, for the packaged robot: both profiles, and the steps of hosts and of the RCX.
+    """Returns the header's text for the packaged robot: both profiles, at the steps of the hosts and of the RCX.
 
     Args:
         vehicle: a vehicle file's tables.
@@ -182,12 +182,12 @@ def render(vehicle: Mapping[str, Any], settings: Mapping[str, Setting]) -> str:
 
 
 def voltage_bits(values: Values) -> int:
-    """Returns MOTOR_VOLTAGE_BITS of firmware/model/limits.h: 1 if the battery exceeds the model's voltages, else 0."""
+    """Returns MOTOR_VOLTAGE_BITS of firmware/model/limits.h: 1 if the battery exceeds the model's range, else 0."""
     return int(values["battery_voltage"] > VOLTAGE_LIMIT)
 
 
 def with_room(values: Values, step: float) -> Values:
-    """Returns the vehicle for the model's coefficients: it has the same motion, and its states fit the model's formats.
+    """Returns a vehicle for the model's coefficients: the motion is the same, and the states fit the model's formats.
 
     The inputs of the model are voltages, and its outputs are speed and yaw rate of the body. Its other states may be
     scaled:
@@ -224,7 +224,7 @@ def with_room(values: Values, step: float) -> Values:
 
 
 def _wheels(radius: float) -> list[float]:
-    """Returns factors, powers of two, that bring the radius within its limits; 1 is the first if it is valid."""
+    """Returns factors, powers of two, that bring the radius within its limits; a valid factor 1 comes first."""
     middle = round(math.log2(math.sqrt(SMALLEST_WHEEL * LARGEST_WHEEL) / radius))
     factors = dict.fromkeys(2.0**power for power in (0, middle, middle + 1, middle - 1))
     return [factor for factor in factors if SMALLEST_WHEEL < radius * factor < LARGEST_WHEEL]
@@ -274,7 +274,7 @@ def _made(robot: Robot, step: float) -> str:
 
 
 def _check_limits(robot: Robot) -> None:
-    """Refuses a value that is outside a range of its own."""
+    """Refuses a value outside its own range."""
 
     def check(place: Place, low: float, high: float, unit: str, because: str, value: float | None = None) -> None:
         value = robot.value(*place) if value is None else value
@@ -322,7 +322,7 @@ def _refuse(robot: Robot, step: float, reason: str) -> NoReturn:
 
 
 def _ways_out(robot: Robot, step: float) -> Iterator[tuple[int, Place, float]]:
-    """Yields (steps, place, nearest value with which the constants can be made): each stated value is changed alone."""
+    """Changes each stated value alone; yields (steps, place, nearest value with which the constants can be made)."""
     used = {("parameters", name) for name in robot.vehicle["parameters"]}
     stated = [place for place in sorted(robot.stated) if place[0] in ("sensors", "robot") or place in used]
     for place in (place for place in stated if robot.value(*place) > 0):
@@ -345,7 +345,7 @@ def _fits(robot: Robot, step: float, place: Place, value: float) -> bool:
 
 
 def _edge(fits: Callable[[float], bool], good: float, bad: float) -> float:
-    """Returns the last value that fits, between `good`, which fits, and `bad`, which does not."""
+    """Returns the last value that fits, between `good`, which fits, and `bad`, which does not fit."""
     for _ in range(_BISECTIONS):
         middle = math.sqrt(good * bad)
         good, bad = (middle, bad) if fits(middle) else (good, middle)

@@ -1,4 +1,4 @@
-"""A user's robot with all values that the firmware needs: the same values as in the packaged robot's file.
+"""A user's robot with all values that the firmware needs: those that the packaged robot's file has, too.
 
 `[parameters]` and `[effects]` of the robot's model file describe the plant. `[robot]`, `[sensors.*]`, `[estimator*]`
 and `[controller.coupled]` may state other values, with the names and units of sim_host/models/rcx.toml. Values that are
@@ -13,9 +13,9 @@ A motor drives one degree of freedom, the straight drive or the turn, as a first
 
 The gains of another robot give its loops the same polynomials, with all poles multiplied by one factor, the pace:
 
-- If this robot accelerates less, the pace is the root of the ratio of accelerations at full voltage: then an error of
-  the heading demands the same share of the robot's voltage.
-- If the robot's own damping is larger than the loop with this pace needs, the pace is larger, up to `FASTEST`.
+- If this robot accelerates less, the pace is the root of the ratio of accelerations at full voltage. With this pace, a
+  heading error demands the same share of the robot's voltage.
+- If the robot's own damping exceeds the damping of the loop with this pace, the pace is larger, up to `FASTEST`.
 
 Speeds scale with the steady speed at battery voltage, decelerations with the acceleration, lengths with the robot's
 length. The voltage for turns scales with the battery, but stays within the gyro's range (`_within_gyro`). The rules
@@ -67,7 +67,7 @@ OWN = (
 )
 """The tables of a model file that describe a robot beside `[parameters]` and `[effects]`."""
 
-_MOST = 1e6  # largest absolute value in SI; the range of its format is checked elsewhere
+_MOST = 1e6  # largest absolute value in SI; the range of a value's format is checked elsewhere
 _LEAST_ABOVE_0 = 1e-6
 _RANGES: Mapping[Place, tuple[float, float]] = {
     ("robot", "length"): (_LEAST_ABOVE_0, _MOST),
@@ -80,10 +80,10 @@ _RANGES: Mapping[Place, tuple[float, float]] = {
 """The ranges of values that the rules use as a divisor, or under a root or a power."""
 
 ACCEPTANCE, FEEDFORWARD = "acceptance", "feedforward"
-"""Settings that a vehicle file does not state: they follow from the robot's length and its losses."""
+"""Settings that a vehicle file does not state; they follow from the robot's length and losses."""
 
 LONGEST_COUNT = 0.016
-"""m: the longest travel per count, just below the limit of its format."""
+"""m: the longest travel per count, just below the limit of the travel's format."""
 
 _PACKAGED = "the packaged robot's"
 _STATED = "stated"
@@ -95,10 +95,10 @@ class Robot:
 
     Attributes:
         model: the plant, with its effects.
-        vehicle: the tables of a vehicle file, `{value, unit, basis}` each.
+        vehicle: the tables of a vehicle file; each entry is `{value, unit, basis}`.
         known: parameter of a compensation -> raw integer: the effects that the firmware compensates.
         remarks: a line for each difference that the firmware cannot compensate.
-        stated: place -> value, SI, of the values that the model file states.
+        stated: place -> value in SI, for the values that the model file states.
         toml: the model file, for errors.
     """
 
@@ -156,7 +156,7 @@ def entry(tables: Tables, place: Place) -> Any:
 
 
 def _stated(toml: TomlFile) -> dict[Place, float]:
-    """Returns place -> value, SI, of the values that the file states in the tables of `OWN`."""
+    """Returns place -> value in SI, for the values that the file states in the tables of `OWN`."""
     known = packaged()
     stated: dict[Place, float] = {}
     for place in OWN:
@@ -174,7 +174,7 @@ def _stated(toml: TomlFile) -> dict[Place, float]:
 
 
 def complete(model: Model, toml: TomlFile, stated: Mapping[Place, float]) -> Robot:
-    """Returns the robot of a model whose file states the values `stated`; the rest follows by rules.
+    """Returns the robot of a model whose file states the values `stated`; the other values follow by rules.
 
     Raises:
         InputError: the compensation refuses the model.
@@ -234,7 +234,7 @@ def _put(vehicle: dict[str, Any], values: Mapping[Place, Chosen]) -> None:
 
 
 def _chosen(vehicle: dict[str, Any], stated: Mapping[Place, float]) -> dict[Place, Chosen]:
-    """Returns every value that a rule gives; writes length and counts a turn, which rules need, into `vehicle`."""
+    """Returns every value that a rule gives; writes length and counts per turn into `vehicle` for these rules."""
     reference = packaged()
     own, other = plain(vehicle["parameters"]), plain(reference["parameters"])
     chosen: dict[Place, Chosen] = {}
@@ -242,7 +242,7 @@ def _chosen(vehicle: dict[str, Any], stated: Mapping[Place, float]) -> dict[Plac
         length = plain(reference["robot"])["length"] * own["half_track"] / other["half_track"]
         chosen["robot", "length"] = Chosen(length, "as the half-track")
     counts = ("sensors", "encoder", "counts_per_turn")
-    finer = float(math.ceil(2 * math.pi * own["wheel_radius"] / LONGEST_COUNT))  # for a large wheel
+    finer = float(math.ceil(2 * math.pi * own["wheel_radius"] / LONGEST_COUNT))  # a large wheel needs more counts
     if counts not in stated and finer > entry(vehicle, counts)["value"]:
         chosen[counts] = Chosen(finer, "a count of 16 mm, the longest that has a format")
     _put(vehicle, chosen)
@@ -272,13 +272,13 @@ def _seen(vehicle: Tables) -> dict[str, float]:
 
 
 FASTEST = 2.0
-"""Largest factor of the packaged robot's poles that a control step of 9 ms can follow: 0.2 of a radian a step."""
+"""Largest factor on the packaged robot's poles that a control step of 9 ms can follow: 0.2 rad per step."""
 
 NOTHING = 0.01
-"""Largest loop gain that does not change the damping and is set to 0."""
+"""Largest loop gain that is set to 0, because it hardly changes the damping."""
 
 FASTEST_CRUISE = 1.6
-"""m/s: four fifths of the limit of a speed's format."""
+"""m/s: fastest cruise, four fifths of the limit of a speed's format."""
 
 LONGEST_TURN = math.pi
 """rad: the largest error of the heading."""
@@ -320,20 +320,20 @@ def turn(values: Values) -> Motion:
 
 
 def _lag(values: Values, inertia: float) -> Motion:
-    """Returns the motion of a wheel, in rad/s, with this inertia at the wheel."""
+    """Returns the motion of a wheel with this inertia; its speed is in rad/s."""
     resistance, torque = values["resistance"], values["torque_constant"]
     held = 1 / wheel_speed_per_volt(values)
     return Motion(1 / held, inertia * resistance / (torque * held))
 
 
 def _pace(own: Motion, accelerates: float, damping: float) -> float:
-    """Returns the factor of the poles; `damping`: sum of the packaged loop's poles, 1/s."""
+    """Returns the factor on the poles. `damping`: minus the sum of the packaged loop's poles, in 1/s."""
     slowed = min(1.0, math.sqrt(accelerates))
     return min(max(slowed, 1 / (own.time * damping)), FASTEST)
 
 
 def _loop_gain(wanted: float) -> float:
-    """Returns a loop gain, or 0 if it is at most `NOTHING`: then the robot's own damping is enough."""
+    """Returns the loop gain `wanted`, or 0 if it is at most `NOTHING`: then the robot's own damping is enough."""
     return wanted if wanted > NOTHING else 0.0
 
 
@@ -362,8 +362,8 @@ def _within_gyro(about: Motion, gyro_range: float) -> float:
     """Returns the voltage at which half a turn from rest ends at the rate `GYRO_SHARE` times the gyro's range.
 
     At the voltage V a first-order lag has the rate gain V (1 - e) at the angle gain V time (x - 1 + e), where x is the
-    elapsed time over the lag's time constant, and e = exp(-x). A light robot reaches the rate gain V at once, a heavy
-    one not within the turn.
+    elapsed time over the lag's time constant, and e = exp(-x). A light robot reaches the rate gain V at once; a heavy
+    robot does not reach it within the turn.
     """
     rate = GYRO_SHARE * gyro_range
 
@@ -388,7 +388,7 @@ class Size:
 
 
 def tuned_controller(own: Size, packaged: Size, constants: Values) -> dict[str, Chosen]:
-    """Returns the constants of `[controller.coupled]` that follow from the robot; all others are the packaged ones.
+    """Returns the constants of `[controller.coupled]` that follow from the robot; the other constants stay as packaged.
 
     Args:
         constants: the constants of the packaged robot.

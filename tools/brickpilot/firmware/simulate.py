@@ -30,7 +30,7 @@ from brickpilot.vehicle.scenario import Scenario
 from brickpilot.vehicle.settings import plain
 
 REST_S = 2.0
-"""s of rest before the start, in which the gyro's bias is learnt; the programs in firmware/targets have the same."""
+"""Time in s at rest before the start, to learn the gyro's bias; the programs in firmware/targets use the same time."""
 
 REPLY_S = 5.0
 SHORTEST_LEG = 3.0  # least length of a leg, in acceptance radii; in the packaged mission it is 4.5
@@ -40,12 +40,12 @@ SLACK = 1.25  # factor on the duration of a scaled mission, because the time for
 def mission(robot: Robot, file: str | None) -> Scenario:
     """Returns the mission of a robot: the user's `file` without changes, or the packaged mission scaled to the robot.
 
-    The scale is the ratio of the robots' lengths. For a slower robot it is smaller, so that the mission does not last
-    longer: the error of the learnt gyro bias grows with time. But no leg becomes shorter than `SHORTEST_LEG` acceptance
-    radii.
+    The scale is the ratio of the robots' lengths. A slower robot has a smaller scale, so that the mission does not last
+    longer, because the error due to the learnt gyro bias grows with time. But no leg is shorter than `SHORTEST_LEG`
+    acceptance radii.
 
     Raises:
-        InputError: the file is bad, or no mission; the scaled mission is larger than a route can hold.
+        InputError: the file is bad or no mission, or the scaled mission is larger than a route can hold.
     """
     if file is not None:
         own = scenario.load(scenario.find(file))
@@ -70,7 +70,7 @@ def mission(robot: Robot, file: str | None) -> Scenario:
 
 
 def plan(robot: Robot, route: Scenario, sensors: str, seed: int) -> flight.Plan:
-    """Returns the plan of the flight, without cruise speed and compensation, because the firmware contains its own."""
+    """Returns the plan of the flight without cruise speed and compensation, because the firmware contains both."""
     made = flight.plan(route, robot.model, profile="coupled", sensors=sensors, seed=seed)
     devices = robot.vehicle["sensors"]  # [imu] and [encoder] have the names of the fields of `bp_devices`
     return dataclasses.replace(
@@ -115,7 +115,7 @@ def fly_own(root: Path, headers: Path, flags: Sequence[str], planned: flight.Pla
 
 
 def undone(robot: Robot) -> dict[str, float]:
-    """Returns setting -> value, SI, of the robot's effects that the firmware compensates."""
+    """Returns setting -> value in SI, for the robot's effects that the firmware compensates."""
     return {FORMATS[name].name: FORMATS[name].value(raw) for name, raw in robot.known.items() if raw}
 
 
@@ -135,10 +135,10 @@ _AVR_MACHINE = b"\x53\x00"
 
 @dataclass(frozen=True)
 class OwnImage:
-    """An image, the target of `hil` with its chip, and the sensors for which it was made.
+    """An image, the target of `hil` with the image's chip, and the sensors for which the image was made.
 
-    `scales`: input -> value of one of 1024 counts, rad/s, m/s^2 or V, by the image's own board.h; empty: the image is
-    for an RCX, and receives readings as messages in these units.
+    `scales`: input -> value of one of 1024 counts in rad/s, m/s^2 or V, from the image's own board.h; empty: the image
+    is for an RCX, which receives readings as messages in these units.
     """
 
     path: Path
@@ -169,7 +169,7 @@ def find_image(image: Path) -> OwnImage:
 
 
 def _simulator(image: Path) -> str | None:
-    """Returns which targets fly a file, ``avr`` or ``h8sim``, by its machine or its ending; None: no target does."""
+    """Returns which targets fly a file, ``avr`` or ``h8sim``, by the file's machine or ending; None: no target does."""
     with image.open("rb") as file:
         head = file.read(20)
     if head.startswith(b"\x7fELF") and head[18:] == _AVR_MACHINE:
@@ -178,10 +178,10 @@ def _simulator(image: Path) -> str | None:
 
 
 def image_plan(image: OwnImage, model: Path, scenario: str | None, sensors: str | None, seed: int) -> Plan:
-    """Returns the plan of a flight of the robot of a model file with its image; `scenario`: None: the scaled mission.
+    """Returns the flight plan of a model file's robot with its image. `scenario`: None: the scaled mission.
 
     Raises:
-        InputError: a file is bad; sensors that the image was not made for.
+        InputError: a file is bad, or the image was not made for `sensors`.
     """
     if sensors not in (None, image.sensors):
         raise InputError(f"the image was made for {image.sensors}", field=f"--sensors {sensors}")
@@ -190,7 +190,7 @@ def image_plan(image: OwnImage, model: Path, scenario: str | None, sensors: str 
 
 
 def _scales(board: Path) -> dict[str, float]:
-    """Returns input -> value of one of 1024 counts, rad/s, m/s^2 or V, by a board.h.
+    """Returns input -> value of one of 1024 counts in rad/s, m/s^2 or V, from a board.h.
 
     Raises:
         InputError: board.h is missing, or lacks a scale.

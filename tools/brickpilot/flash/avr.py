@@ -30,7 +30,7 @@ PARTS = {
 
 BAUD = 115200
 TIMEOUT_S = 120.0
-"""s: the longest delivery; writing an image of 250 KB and reading it back takes a minute."""
+"""s: longest delivery; an image of 250 KB takes a minute to be written and read back."""
 
 _SILENT = ("not in sync", "is not responding", "timeout", "getsync")
 _NO_PORT = ("can't open device", "cannot open port", "unable to open port")
@@ -79,7 +79,7 @@ def flash(
         part: the chip.
         port: the board's serial port.
         baud: the boot loader's rate.
-        dry: do not write; only check that the board is there and has this chip.
+        dry: whether the image is not written; only the presence of the board and its chip are checked.
         timeout_s: time for the whole delivery, s.
 
     Raises:
@@ -108,7 +108,7 @@ def flash(
 
 
 def _explain(message: str, part: Part, port: str, baud: int) -> None:
-    """Raises the error that avrdude's message means."""
+    """Raises the error that corresponds to avrdude's message."""
     text = message.lower()
     if "signature" in text and ("expected" in text or "invalid" in text):
         guess = re.search(r"probably (?:\w+: )?(\w+)", message)

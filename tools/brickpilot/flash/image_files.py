@@ -1,8 +1,8 @@
-"""Files with images for an RCX: firmware as Motorola S-records, and brickOS programs (.lx) as makelx writes them.
+"""Files with images for an RCX: firmware as Motorola S-records, and brickOS programs (.lx) of makelx.
 
 Firmware is checked against the rules of the RCX's ROM before it is sent. The ROM loads one block of memory from 0x8000
-upwards. It sums the bytes below 0xCC00 and looks for its string there. Its own variables begin at 0xEE5E (K. Proudfoot,
-RCX Internals, and lugnet.robotics, n=13499).
+upwards. It sums the bytes below 0xCC00, and looks for its string in these bytes. The ROM's own variables begin at
+0xEE5E (K. Proudfoot, RCX Internals, and lugnet.robotics, n=13499).
 
 A .lx file holds "brickOS" and a zero byte; eight 16-bit numbers, big-endian; the text; the data; and the relocations.
 The numbers are the version, the base (the address for which the text was linked), the sizes of text, data, bss and
@@ -19,11 +19,11 @@ from pathlib import Path
 from brickpilot.errors import InputError
 
 START = 0x8000
-"""The address of the first byte."""
+"""The address of an image's first byte."""
 SUMMED_END = 0xCC00
 """The end of the memory that the ROM sums and searches."""
 END = 0xEE5E
-"""The start of the ROM's own variables, which are in use while an image arrives."""
+"""The start of the ROM's own variables, which the ROM uses while an image arrives."""
 KNOCK = b"Do you byte, when I knock?\0"
 """The ROM starts an image only if this string, with its zero byte, is below SUMMED_END."""
 
@@ -36,7 +36,7 @@ _ENTRY_BYTES = {"9": 2, "8": 3, "7": 4}
 
 @dataclasses.dataclass(frozen=True)
 class Image:
-    """A firmware image: `data` from START on, zero where the file has no data, and the address of its entry."""
+    """A firmware image: `data` from START on, 0 where the file has no data, and the address of the entry point."""
 
     data: bytes
     entry: int
@@ -48,7 +48,7 @@ class Image:
 
 
 def _record(line: str, file: Path, number: int) -> tuple[str, bytes]:
-    """Returns the type and the bytes (address and data) of one S-record after checking its count and sum."""
+    """Checks count and sum of one S-record; returns the record's type and its bytes (address and data)."""
     if len(line) < 4 or line[0] != "S" or not line[1].isdigit():
         raise InputError(f"is no S-record: {line[:20]!r}", file=file, line=number)
     try:
@@ -84,7 +84,7 @@ def read_firmware(file: Path) -> Image:
     if text.startswith(MAGIC):
         raise InputError("is a brickOS program and needs the suffix .lx; a firmware image is S-records", file=file)
     memory = bytearray(END - START)
-    written = bytearray(END - START)  # 1 where a line has written
+    written = bytearray(END - START)  # 1: a line has written this byte
     entry: int | None = None
     for number, line in enumerate(text.decode("latin-1").splitlines(), 1):
         line = line.strip()
@@ -115,7 +115,7 @@ def read_firmware(file: Path) -> Image:
 
 
 def _place(address: int, size: int, file: Path, number: int) -> slice:
-    """Returns where the data of a line belong in the memory for firmware."""
+    """Returns the place of a line's data in the memory for firmware."""
     if address < START or address + size > END:
         raise InputError(
             f"0x{address:04X}..0x{address + size - 1:04X} is outside the RCX's memory for firmware, "
@@ -147,7 +147,7 @@ def _checked(file: Path, memory: bytes, written: bytes, entry: int | None) -> Im
 
 VERSION = 0
 ROOM = 0x7000
-"""The size of the RCX's memory in bytes. Only the brick knows how much of it is free beside its kernel."""
+"""The size of the RCX's memory in bytes. Only the brick knows how much memory its kernel leaves free."""
 
 _HEADER = struct.Struct(">8H")
 
@@ -167,7 +167,7 @@ class Program:
 
     @property
     def room(self) -> int:
-        """The bytes that the brick reserves, with a second copy of the data for the next start."""
+        """Number of bytes that the brick reserves, with a second copy of the data for the next start."""
         return self.text_size + 2 * self.data_size + self.bss_size
 
     def at(self, base: int) -> bytes:

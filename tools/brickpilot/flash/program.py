@@ -1,15 +1,16 @@
-"""The protocol of brickOS's program loader, as dll uses it: delete, create, data and run over LNP.
+"""The protocol of brickOS's program loader, as in the tool dll: delete, create, data and run over LNP.
 
 brickOS acknowledges each command, but an acknowledgement does not name its command. brickOS 0.9 does not acknowledge:
 
 - `delete` while a program runs;
-- `create` if the slot holds a program (so also a `create` that is sent again), or if memory is short;
-- `data` that leaves a gap behind the data that have arrived, and all `data` once the program is complete.
+- `create` if the slot holds a program (so a repeated `create` is not acknowledged, either), or if memory is short;
+- `data` that leave a gap after the data that have arrived, and all `data` after the program is complete.
 
-It acknowledges `data` that it already has, and ignores these data.
+brickOS acknowledges `data` that have arrived before, and ignores them.
 
-`Tower.exchange` leaves 7 ms of silence between two packets. This silence is needed: if a damaged byte looks like a
-length, the receiver reads on until the line is silent, and may overwrite the table of programs behind its buffer.
+`Tower.exchange` leaves 7 ms of silence between two packets. The silence is needed because a damaged byte may look like
+a length: then the receiver reads on until the line is silent, and may overwrite the table of programs behind its
+buffer.
 
 Sources: the headers and the loader of brickOS 0.9.0, compared with the disassembled kernel of Debian's package.
 """
@@ -30,7 +31,7 @@ Progress = Callable[[int, int, str], None]
 
 @dataclasses.dataclass
 class Tally:
-    """The number of packets with parts of the image, and the number of these that were sent again."""
+    """Number of packets with parts of the image, and number of those packets that were sent again."""
 
     packets: int = 0
     sent_again: int = 0
@@ -54,7 +55,7 @@ TRIES_PRESENT = 10
 TRIES = 40
 ROUNDS = 8
 _SILENT = 6
-"""Number of failed tries in a row after which the program may be complete, instead of a bad line."""
+"""Number of failed tries in a row after which the cause may be a complete program instead of a bad line."""
 
 
 class Loader:
@@ -74,7 +75,7 @@ class Loader:
         return self._exchange(bytes([SET_HOST, self._host]), 1, tries=tries) is not None
 
     def delete(self, slot: int) -> bool:
-        """Deletes the program in `slot`, 0..7. Returns False if the brick did not acknowledge it."""
+        """Deletes the program in `slot`, 0..7. Returns False if the brick did not acknowledge the deletion."""
         return self._exchange(bytes([DELETE, slot]), 1, tries=TRIES_PRESENT) is not None
 
     def run(self, slot: int) -> None:
@@ -92,7 +93,7 @@ class Loader:
         """Sends `program` to the empty `slot`, 0..7.
 
         Returns:
-            The address of its text.
+            The address of the program's text.
 
         Raises:
             InputError: the brick has no room.
@@ -112,7 +113,7 @@ class Loader:
                 text, data, bss = (int.from_bytes(reply[at : at + 2], "big") for at in (2, 4, 6))
                 if (data, bss) == (text + program.text_size, text + program.text_size + program.data_size):
                     return text
-            if not self.delete(slot):  # a lost acknowledgement is not repeated
+            if not self.delete(slot):  # the brick does not repeat a lost acknowledgement
                 raise self._tower.lost()
         raise InputError(
             f"the brick refuses the program: it has no room for {program.room} bytes (dll -d deletes programs)",

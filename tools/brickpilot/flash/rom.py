@@ -1,20 +1,20 @@
-"""Puts a file on an RCX: firmware by the download protocol of its ROM, programs by brickOS.
+"""Puts a file on an RCX: firmware by the download protocol of the ROM, programs by the protocol of brickOS.
 
-A packet is 55 FF 00, then the opcode, the operands and the sum of both. Each of these bytes is followed by its
-complement. The opcode of a reply is the complement of the request's opcode. The rules for sending a packet again:
+A packet is 55 FF 00, then the opcode, the operands and the sum of opcode and operands; the complement follows each of
+these bytes. The opcode of a reply is the complement of the request's opcode. The rules for sending a packet again:
 
-- The ROM remembers the opcode of its last reply. It repeats this reply to a request with the same opcode, and does
-  nothing else. So a new request toggles bit 3 of its opcode, and a repeated request does not.
+- The ROM remembers the opcode to which it last replied. If the next request has the same opcode, the ROM only repeats
+  its reply. So a new request toggles bit 3 of its opcode, and a repeated request does not.
 - The ROM writes the bytes of a block to memory as they arrive. When the same index arrives again, the ROM goes back to
-  the start of the block. So a block can be sent again, also a shorter one, until it is acknowledged.
-- After a damaged byte the ROM looks for an opcode in the rest of the same packet. It may take bytes of the image for
-  the head of another block; then it loses the start of this block. It may also take them for the same short request
-  twice; then it repeats its reply to the last block, which looks like an acknowledgement. So on a line that damages
-  packets, a block ends before such bytes.
-- The ROM also loses the start of a block if a byte of the index and its complement are both lost. After a block with a
-  wrong checksum it waits for the next block. Then only a new download helps.
+  the start of the block. So a block can be sent again, even with fewer bytes, until it is acknowledged.
+- After a damaged byte, the ROM looks for an opcode in the rest of the same packet. The ROM may take bytes of the image
+  for the head of another block; then it loses the start of the present block. It may also take such bytes for the same
+  short request twice; then it repeats its reply to the last block, which looks like an acknowledgement. So if the line
+  damages packets, a block ends before such bytes.
+- The ROM also loses the start of a block if a byte of the index and the byte's complement are both lost. After a block
+  with a wrong checksum, the ROM waits for the next block. Then only a new download helps.
 
-Sources: K. Proudfoot, RCX Internals; the ROM that J. Hoenicke wrote for brickEmu.
+Sources: K. Proudfoot, RCX Internals; J. Hoenicke's ROM for brickEmu.
 """
 
 from __future__ import annotations
@@ -42,10 +42,10 @@ SHORTEST = 8
 _SKIPPED = (0x00, 0x55, 0xFF)
 """Bytes that the ROM skips when it looks for an opcode."""
 _AROUND = 6
-"""Number of bytes of a block without the image: opcode, index, length and checksum."""
+"""Number of bytes in a block besides the image: opcode, index, length and checksum."""
 TRIES_PRESENT = 10
 TRIES = 40
-"""Number of tries of one packet after the brick's first reply: 20 s, in which a brick can be moved back into range."""
+"""Number of tries of one packet after the brick's first reply: 20 s, time to move the brick back into range."""
 DOWNLOADS = 12
 """Largest number of downloads of the whole image."""
 
@@ -57,7 +57,7 @@ def frame(body: bytes) -> bytes:
 
 
 def find_reply(received: bytes, opcode: int, length: int) -> bytes | None:
-    """Returns the reply to `opcode`, `length` bytes with its own opcode, or None; its header may be damaged."""
+    """Returns the reply to `opcode`, `length` bytes with the reply's opcode, or None; the header may be damaged."""
     pairs = length + 1
     for at in range(len(received) - 2 * pairs + 1):
         values = received[at : at + 2 * pairs : 2]
@@ -69,7 +69,7 @@ def find_reply(received: bytes, opcode: int, length: int) -> bytes | None:
 
 
 def _misread(packet: bytes) -> bool:
-    """Returns whether the ROM can take the rest of this block for another packet when its beginning is damaged.
+    """Returns whether the ROM can take the rest of this block for another packet if the block's beginning is damaged.
 
     Five bytes that look like the head of a block are enough. Any other packet needs an opcode, the number of operands
     in the opcode's low bits, and the right sum. The search begins after the block's index, which cannot be changed.
@@ -86,7 +86,7 @@ def _misread(packet: bytes) -> bool:
 
 
 def block(opcode: int, index: int, piece: bytes, *, careful: bool) -> bytes:
-    """Returns opcode and operands of a block with `piece`; if `careful`, only the part that cannot be misread."""
+    """Returns opcode and operands of a block with `piece`; if `careful`, with the part that cannot be misread."""
     for length in range(len(piece), 0, -1):
         data = piece[:length]
         head = bytes([opcode]) + index.to_bytes(2, "little") + length.to_bytes(2, "little")
@@ -105,7 +105,7 @@ class Rom:
         self._size = LONGEST
 
     def alive(self) -> bool:
-        """Returns whether the ROM replies, or a firmware with the same protocol, such as LEGO's."""
+        """Returns whether the ROM, or a firmware with the same protocol such as LEGO's, replies."""
         return self._ask(ALIVE, 1, TRIES_PRESENT) is not None
 
     def download(self, image: Image, tally: Tally, progress: Progress) -> bool:
@@ -153,7 +153,7 @@ class Rom:
                 if reply is not None:
                     break
                 if attempt == TRIES // 2:
-                    if self.alive():  # the brick replies, but not to this block: it lost the block's start
+                    if self.alive():  # the brick replies, but not to this block, because it lost the block's start
                         return False
                     self._last = opcode
             else:
@@ -195,7 +195,7 @@ class Rom:
         return None
 
     def _toggled(self, opcode: int) -> int:
-        """Returns `opcode` as a new request: its bit 3 differs from the last request's."""
+        """Returns the opcode of a new request: bit 3 is toggled if the last request had the same opcode."""
         self._last = opcode ^ TOGGLE if self._last == opcode else opcode
         return self._last
 

@@ -1,4 +1,4 @@
-"""``python -m brickpilot.gen``: writes every generated file; ``--check``: exits 1 where one differs."""
+"""``python -m brickpilot.gen``: writes every generated file; ``--check``: exits with 1 if a file differs."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def checkout(start: Path) -> Path | None:
 
 
 def wrong_generator() -> str | None:
-    """Returns what to install if cantools is not the version of the extra `gen`; other versions write other codecs."""
+    """Returns what to install if cantools has not the version of the extra `gen`; other versions write other code."""
     asked = next(one for one in metadata.requires("brickpilot") or () if one.startswith("cantools=="))
     wanted, installed = asked.partition(";")[0].strip(), metadata.version("cantools")
     if wanted == f"cantools=={installed}":

@@ -1,8 +1,8 @@
 """hal/wire/codecs_gen.[ch]: C code that packs the DBC's messages into 8 bytes, and unpacks them.
 
-cantools writes the header, and the source that the tests use. The firmware writes its replies and its telemetry byte
-by byte, at the places of the signals that the header names. For the messages of sensors and motors the brick has one
-loop and a table for each message, which need a third of the size of cantools' code.
+cantools writes the header, and the source that the tests use. The firmware writes its replies and its telemetry byte by
+byte, at the places of the signals that the header names. For the messages of sensors and motors, the brick has one loop
+and a table for each message; loop and tables have a third of the size of cantools' code.
 """
 
 from __future__ import annotations
@@ -125,7 +125,7 @@ def _of_brick(message: Message) -> str:
 
 
 def _place(message: Message) -> str:
-    """Returns the macros of one message: each signal's first byte; for part of a byte also lowest bit and mask."""
+    """Returns the macros of one message: each signal's first byte; for a signal below a byte, also shift and mask."""
     lines = []
     for signal in message.signals:
         name = f"{PREFIX}_{message.name}_{signal.name}".upper()
@@ -137,13 +137,13 @@ def _place(message: Message) -> str:
 
 
 def render(dbc: str) -> tuple[str, str, str]:
-    """Returns the texts of the header, of the brick's half of the messages of hal/link, and of the rest, for the tests.
+    """Returns three texts: the header, the brick's half of hal/link's messages, and all other code, for the tests.
 
-    The firmware calls no library, so a loop replaces the generator's memset. Range checks, initialisers and names as
-    text are left out, because they are not used. The date is left out, so that the same DBC gives the same text.
+    The firmware calls no library, so a loop replaces the generator's memset. Unused range checks, initialisers and
+    names as text are left out. The date is left out, so that the same DBC gives the same text.
 
     Args:
-        dbc: the DBC's text; its VERSION is the protocol's number.
+        dbc: the DBC's text; the VERSION in it is the protocol's number.
     """
     database = cantools.database.load_string(dbc, "dbc")
     assert isinstance(database, cantools.database.Database)

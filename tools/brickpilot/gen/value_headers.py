@@ -1,9 +1,9 @@
-"""The headers of values: plant, controllers, sets of a model, settings, and instructions of the H8/300.
+"""The headers with values of plant, controllers, model coefficients, settings and instructions of the H8/300.
 
 - sim_host/models/rcx_gen.h: the plant's presets, from the vehicle file `rcx.toml`.
 - tests/numeric/controllers_gen.h: the controller's constants for both profiles, in SI units and not rounded.
 - tests/numeric/model_sets_gen.h: sets of the model's coefficients, with the SI values from which they are made.
-- firmware/app/settings_gen.h: the firmware's table of settings; and their names in brickpilot.dbc.
+- firmware/app/settings_gen.h: the firmware's table of settings; the settings' names also go into brickpilot.dbc.
 - hal/h8sim/states_gen.h: the memory accesses of each H8/300 instruction, for the simulator.
 """
 
@@ -25,7 +25,8 @@ def plant_presets(vehicle: Mapping[str, Any]) -> str:
     """Returns the header's text.
 
     Args:
-        vehicle: tables `parameters`, `rates` and `sensors.*` of a vehicle file, of `{value, unit, basis}`.
+        vehicle: the tables `parameters`, `rates` and `sensors.*` of a vehicle file; each entry is `{value, unit,
+            basis}`.
     """
     tables = [("RCX", vehicle["parameters"]), ("RCX", vehicle["rates"])]
     tables += [(f"RCX_{sensor.upper()}", table) for sensor, table in vehicle["sensors"].items()]
@@ -80,7 +81,7 @@ FIXED = ("gravity", "air_density", "battery_voltage")
 
 
 def value_sets(nominal: Mapping[str, float]) -> list[dict[str, float]]:
-    """Returns the nominal values, then sets drawn within +-25 %. Constants and the supply are not drawn."""
+    """Returns the set of nominal values, then sets drawn within +-25 % of it. Constants and supply are not drawn."""
     draw = random.Random(SEED)
     sets = [dict(nominal)]
     for _ in range(PERTURBED_SETS):
@@ -128,7 +129,7 @@ static const struct {{
 
 
 RANGES_MOST = 16
-"""parameters.c has 4 bits for the number of a range."""
+"""Largest number of ranges: parameters.c has 4 bits for the number of a range."""
 
 _VALUE_TABLE = re.compile(r"^VAL_ 256 parameter .*;$", re.MULTILINE)
 
@@ -183,12 +184,12 @@ def name_in(dbc: str, settings: Mapping[str, Setting]) -> str:
 
 
 PLACES = ("nothing", "stack", "register", "short", "word", "displaced", "stepped")
-"""The places of an instruction's data in the table; nothing: the instruction has no data."""
+"""Where an instruction's data are, as in the table; nothing: the instruction has no data."""
 
 
 @dataclass(frozen=True)
 class Cost:
-    """Accesses of an instruction: words of ``code``, ``words`` and ``data_bytes`` at ``place``; its ``own`` states."""
+    """Accesses of an instruction: ``code`` words, and ``words`` and ``data_bytes`` at ``place``; and ``own`` states."""
 
     code: int
     words: int
@@ -198,10 +199,10 @@ class Cost:
 
 
 def h8_costs(text: str) -> dict[int, Cost]:
-    """Returns first byte of an H8/300 instruction -> its memory accesses, from the text of `hal/h8sim/states.toml`.
+    """Returns first byte of an H8/300 instruction -> memory accesses, from the text of `hal/h8sim/states.toml`.
 
-    The sum of an instruction's states depends neither on the data nor on whether a branch is taken. The exception is
-    `eepmov`, whose sum depends on its count, so `eepmov` is not in the table.
+    An instruction's number of states depends neither on the data nor on whether a branch is taken. The only exception
+    is `eepmov`, whose number of states depends on its count, so `eepmov` is not in the table.
     """
     costs: dict[int, Cost] = {}
     for row in tomllib.loads(text)["instruction"]:

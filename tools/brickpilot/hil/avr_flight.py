@@ -26,19 +26,20 @@ from brickpilot.hil.checkout import AVR_TARGETS, checkout, script_output
 from brickpilot.hil.ends import Ends
 from brickpilot.hil.linked_flight import LinkedFlight, Progress
 from brickpilot.hil.plant_end import BROWN_OUT_MV
+from brickpilot.link.brick import prepare
 from brickpilot.link.links import Link, Message, decode_frame, encode_frame
 from brickpilot.link.session import REALTIME
 from brickpilot.vehicle import flight
 from brickpilot.vehicle.scenario import AVR_KINDS, MESSAGE_KINDS, Fault
 
 REPLY_S = 2.0
-"""s of simulated time in which a reply has to come."""
+"""Simulated time in s in which a reply has to arrive."""
 
 RESET_STEPS = round(2.5 / STEP_S)
-"""Steps from a reset to the flight's end. An image that wrongly drives by itself begins to drive after 2 s."""
+"""Steps from a reset to the flight's end. A faulty image that starts by itself begins to drive after 2 s."""
 
 MOST_PULSES_PER_S = 20_000.0
-"""False pulses per s at a rotation sensor if `encoder_noise` has a rate of 1."""
+"""False pulses per s at a rotation sensor, for an `encoder_noise` with a rate of 1."""
 
 
 def fly(
@@ -54,22 +55,22 @@ def fly(
     wrap: Callable[[Link], Link] = lambda link: link,
     each_step: Callable[[AvrRobot, int], None] = lambda _robot, _step: None,
 ) -> over_a_link.HilFlight:
-    """Flies the plan on simavr. The same arguments give the same bits.
+    """Flies the plan on simavr. The same arguments give bit-identical results.
 
     Args:
-        plan: the plan of a mission; the faults of its scenario act.
+        plan: the plan of a mission; the faults of its scenario are injected.
         target: one of `AVR_TARGETS`.
         image: the ELF file of the target.
         telemetry_every: the number of steps from one telemetry to the next, 1..255.
         progress: called with (steps done, steps in all, text).
-        settings: raw values that are written before the flight; they override the plan's.
+        settings: raw values that are written before the flight; they override those of the plan.
         trace: a VCD file of the signals at the pins.
         scales: the scales of sensors that differ from those of the packaged image: see `open_robot`.
         wrap: wraps the host's line in another link, such as a recording one.
         each_step: called with the robot and the number of each control step before it is flown.
 
     Raises:
-        InputError: the brick refuses a message, or the plan is of a manoeuvre or has faults of another kind of brick.
+        InputError: the brick refuses a message, or the plan is for a manoeuvre or has faults of another kind of brick.
         SimulationError: the plant's state diverges.
     """
     _check_plan(plan, target)
@@ -77,7 +78,7 @@ def fly(
     motors: NDArray[np.int16] = np.zeros((plan.steps, 2), dtype=np.int16)
     with open_robot(plan, image, AVR_TARGETS[target].chip, log, motors, trace, scales) as robot:
         run = LinkedFlight(Ends(wrap(robot), None, REPLY_S), target, plan, REALTIME, REPLY_S, progress)
-        over_a_link.prepare(run.session, plan, REALTIME, telemetry_every, settings)
+        prepare(run.session, plan, REALTIME, telemetry_every, settings)
         began = time.perf_counter()
         _fly(run, robot, each_step)
         elapsed = time.perf_counter() - began
@@ -110,7 +111,7 @@ def _fly(run: LinkedFlight, robot: AvrRobot, each_step: Callable[[AvrRobot, int]
 
 
 def _act(robot: AvrRobot, fault: Fault, step: int) -> None:
-    """Begins a fault of the brick at its first step, and ends it at the step after its last one."""
+    """Begins a fault of the brick at the fault's first step, and ends it at the step after its last step."""
     if fault.kind not in (*AVR_KINDS, "brown_out") or not (fault.begins(step) or fault.ends(step)):
         return
     name = {"brown_out": "BATTERY", "overrun": "LINE_OVERRUN"}.get(fault.kind, fault.kind.upper())
@@ -138,7 +139,7 @@ def _check_plan(plan: flight.Plan, target: str) -> None:
 
 
 BOOT_STEPS = 30
-"""Motor steps until the image listens, 9 ms."""
+"""Number of motor steps until the image listens: 9 ms."""
 
 OUT_ROOM = 4096
 
@@ -170,7 +171,7 @@ class AvrRobot:
 
     Attributes:
         damaged: number of refused frames from the brick.
-        ffi, library, brick: for those calls of `brickpilot_avr.h` that are no method here.
+        ffi, library, brick: for calls of `brickpilot_avr.h` that have no method in this class.
     """
 
     def __init__(self, ffi: Any, library: Any, brick: Any) -> None:
@@ -187,11 +188,11 @@ class AvrRobot:
         self.send_bytes(data)
 
     def send_bytes(self, data: bytes) -> None:
-        """Puts any bytes on the line. Bytes without room are lost."""
+        """Puts any bytes on the line. Bytes that do not fit into the buffer are lost."""
         self.library.bp_avr_send(self.brick, data, len(data))
 
     def receive(self, timeout: float) -> list[Message]:
-        """Returns the received messages; waits up to `timeout` s of simulated time for the first one."""
+        """Returns the received messages; waits up to `timeout` s of simulated time for the first message."""
         for _ in range(round(max(0.0, timeout) / self._motor_step_s)):
             if messages := self._come():
                 return messages
@@ -281,10 +282,10 @@ def open_robot(
         image: an ELF file.
         chip: simavr's name of the chip.
         log: (steps, columns), filled by the flight.
-        motors: (steps, 2), the mean duty of the drives in each step.
+        motors: (steps, 2), filled by the flight with the motors' mean duty in each step.
         trace: a VCD file of the signals at the pins.
-        scales: input (`BP_AVR_GYRO` and so on) -> value of one of 1024 counts in the image; an absent input has the
-            scale of the packaged image.
+        scales: input (`BP_AVR_GYRO` and so on) -> value of one of the 1024 counts in the image; an input that is not
+            given has the scale of the packaged image.
 
     Raises:
         InputError: the package was built without simavr, or the image or the trace cannot be used.

@@ -1,7 +1,7 @@
 """Finds the firmware's sources, in a checkout of the project or in the package, and runs a checkout's scripts.
 
-The images of `firmware/targets/avr` that can be flown, and the program that `brickpilot brick` runs, are listed here
-because this module needs no library of a link.
+This module lists the images of `firmware/targets/avr` that can be flown and the program that `brickpilot brick` runs,
+because it needs no library of a link.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _MARK = "firmware/targets/h8sim/build"
 _PACKED = Path(__file__).parents[1] / "sources"
 
 BRICK_PROGRAM = Path(__file__).parents[1] / "brick"
-"""A brick as a process of this machine, with a pseudo-terminal or a TCP port as its end of the link."""
+"""Program that is a brick on this machine, with a pseudo-terminal or a TCP port as its end of the link."""
 
 
 def checkout(field: str | None = None) -> Path:
@@ -38,7 +38,7 @@ def sources(field: str | None = None) -> Path:
     """Returns the checkout of the project, or its copy in an installed package, which is for reading only.
 
     Raises:
-        InputError: there is neither.
+        InputError: there is neither a checkout nor a copy.
     """
     try:
         return checkout(field)
@@ -52,9 +52,9 @@ def script_output(script: str, *arguments: str, field: str | None = None, packed
     """Runs a script of the checkout, and returns what it prints.
 
     Args:
-        script: its path in the checkout.
+        script: the script's path in the checkout.
         arguments: the script's arguments.
-        field: the option that needs it, for error messages.
+        field: the option that needs the script, for error messages.
         packed: if there is no checkout, runs the installed package's script, which must not write into its folder.
 
     Raises:
@@ -73,10 +73,10 @@ def in_lab(
     """Runs a module of the checkout's `tests/lab`, which no package contains, and waits for its end.
 
     Args:
-        module: its name in `lab`.
+        module: the module's name in `lab`.
         arguments: the module's arguments.
-        field: the option or task that needs it, for error messages.
-        stdout: as in `subprocess.run`; None: the module prints where this process does.
+        field: the option or task that needs the module, for error messages.
+        stdout: as in `subprocess.run`; None: the module prints to the stdout of this process.
 
     Raises:
         InputError: there is no checkout.
@@ -88,7 +88,7 @@ def in_lab(
 
 @dataclass(frozen=True)
 class AvrTarget:
-    """An image of `firmware/targets/avr`: its chip by simavr's name, the arguments of its build, and its sensors."""
+    """An image of `firmware/targets/avr`: simavr's name of the chip, the arguments of the build, and the sensors."""
 
     chip: str
     build: tuple[str, str]
@@ -102,4 +102,4 @@ AVR_TARGETS = {
     "avr:328p-lsm6ds": AvrTarget("atmega328p", ("328p", "imu-lsm6ds"), ("imu",)),
     "avr:2560": AvrTarget("atmega2560", ("2560", "all"), ("imu+encoders",)),
 }
-"""Name of a target -> its image, chip and sensors."""
+"""Name of a target -> image, chip and sensors of the target."""

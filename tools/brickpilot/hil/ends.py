@@ -1,4 +1,4 @@
-"""Opens the plant's end of a link. If the link names a brick on this machine, starts it at the other end.
+"""Opens the plant's end of a link. If the link names a brick on this machine, the brick is started at the other end.
 
 A brick is a process, a thread at one end of a CAN bus, the far end of a link in memory, or a program on the simulator
 of the RCX's processor.
@@ -25,28 +25,23 @@ import can
 from brickpilot.compiled import interface
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.hil.checkout import AVR_TARGETS, BRICK_PROGRAM, checkout, script_output
-from brickpilot.link import links
+from brickpilot.link import brick, links
 from brickpilot.link.links import Link, LinkGoneError, Message
-from brickpilot.link.lnp import InfraredLink
 from brickpilot.link.session import REPLY_S
-from brickpilot.link.tower import Tower
 
 _PRIORITY = 20  # 1 to 99; threads of the system have higher priorities
 STARTED = {"serial:pty": "--pty", "tcp": "--listen 127.0.0.1:0", "can:slcan": "--slcan-pty"}
-"""Link whose brick is started here as a process -> the options of this process."""
-
-INFRARED = "infrared"
-"""The infrared tower of an RCX. It is too slow for a plant; only `brickpilot upload` uses it."""
+"""Link whose brick is started on this machine as a process -> the options of this process."""
 
 IN_PROCESS = ("can:virtual", "can:udp_multicast")
-FORMS = (*STARTED, *IN_PROCESS, "serial:PORT", "tcp:HOST:PORT", "can:slcan:PORT", "can:socketcan:CHANNEL")
+FORMS = (*STARTED, *IN_PROCESS, *brick.FORMS)
 
 
 def claim_priority() -> bool:
-    """Requests real-time priority (sched(7), SCHED_FIFO) for this thread and its children; returns whether it has it.
+    """Requests real-time priority (sched(7), SCHED_FIFO) for this thread and its children; returns whether it is given.
 
-    With this priority, other programs delay fewer ticks. Both ends sleep between their ticks. macOS and Windows have no
-    such call.
+    With this priority, other programs delay fewer ticks; both ends of a link sleep between their ticks. macOS and
+    Windows do not have this call.
     """
     if not hasattr(os, "sched_setscheduler"):
         return False
@@ -57,33 +52,14 @@ def claim_priority() -> bool:
     return True
 
 
-def open_link(spec: str) -> Link:
-    """Opens this end of a link to a running brick.
-
-    Raises:
-        InputError: the link is unknown or cannot be opened.
-    """
-    kind, _, rest = spec.partition(":")
-    if kind == "serial" and rest:
-        return links.open_serial(spec, rest)
-    if kind == "tcp" and rest:
-        return links.open_tcp(spec, rest)
-    if kind == INFRARED and rest:
-        return InfraredLink(Tower(rest))
-    name, _, channel = rest.partition(":")
-    if kind == "can" and name in links.CAN_KINDS and channel and name != "virtual":
-        return links.CanLink(links.open_bus(spec, name, channel))
-    raise InputError(f"is no link; known links: {', '.join(FORMS)}", field=f"--link {spec}")
-
-
 @dataclass(frozen=True)
 class Ends:
     """The plant's end of a link.
 
     Attributes:
         link: the open link.
-        restart: function that switches the brick off and on; None if the brick was not started here.
-        reply_s: time to wait for a reply in lockstep, s of the clock, before the set is sent again.
+        restart: function that switches the brick off and on; None: the brick was not started on this machine.
+        reply_s: in lockstep, the time in s of `clock` to wait for a reply before the set is sent again.
         clock: function that returns the time in s.
     """
 
@@ -106,11 +82,11 @@ def both_ends(spec: str, trace: Path | None = None, image: Path | None = None) -
     """
     restart: Callable[[], None] | None = None
     try:
-        with ExitStack() as stack:  # closes the link first, then ends the brick
+        with ExitStack() as stack:  # at its end, closes the link first, then ends the brick
             if spec in STARTED:
                 process, address = start_brick(STARTED[spec])
                 stack.callback(end_brick, process)
-                link, restart = open_link(address), partial(restart_brick, process)
+                link, restart = brick.open_link(address, FORMS), partial(restart_brick, process)
             elif spec in H8SIM_TARGETS:
                 process, link = start_h8(spec, trace, image)
                 stack.callback(wait_for_end, process)
@@ -121,7 +97,7 @@ def both_ends(spec: str, trace: Path | None = None, image: Path | None = None) -
                 stack.callback(thread.stop)
                 link, restart = links.CanLink(links.open_bus(spec, kind, channel)), thread.restart
             else:
-                link = open_link(spec)
+                link = brick.open_link(spec, FORMS)
             stack.callback(link.close)
             yield Ends(link, restart, H8SIM_REPLY_S if spec in H8SIM_TARGETS else REPLY_S)
     except LinkGoneError as error:
@@ -129,10 +105,10 @@ def both_ends(spec: str, trace: Path | None = None, image: Path | None = None) -
 
 
 def start_brick(options: str) -> tuple[subprocess.Popen[bytes], str]:
-    """Starts a brick as a process and returns the process and its link. It ends when its standard input closes.
+    """Starts a brick as a process; returns the process and its link. The process ends when its standard input closes.
 
     Raises:
-        InputError: the package was built where there is no such process, as on Windows and macOS.
+        InputError: the package was built on a system without this process, such as Windows or macOS.
     """
     if not BRICK_PROGRAM.exists():
         raise InputError(
@@ -192,7 +168,7 @@ class _Brick:
         self._brick = self._ffi.gc(self._library.bp_brick_new(), self._library.bp_brick_free)
 
     def advance(self, now_us: int) -> int:
-        """Lets the brick work until this time, us. Returns the time, us, until it has work again."""
+        """Lets the brick work until the time `now_us`. Returns the time in us after which the brick has work again."""
         return int(self._library.bp_brick_time(self._brick, now_us))
 
     def take(self, identifier: int, data: bytes) -> None:
@@ -249,7 +225,7 @@ class BrickThread:
             time.sleep(0.001)
 
     def stop(self) -> None:
-        """Ends the thread and shuts down the bus."""
+        """Ends the thread, and shuts down the bus."""
         self._ended.set()
         self._thread.join(5.0)
         self._bus.shutdown()
@@ -270,13 +246,13 @@ class MemoryLink:
         self._brick.advance(0)
 
     def restart(self) -> None:
-        """Switches the brick off and on. Messages that it had sent are lost."""
+        """Switches the brick off and on. Sent messages that have not been received are lost."""
         self._brick.restart()
         self._received.clear()
         self._brick.advance(self._now_us)
 
     def clock(self) -> float:
-        """Returns the time of this link, s."""
+        """Returns the time of this link in s."""
         return self._now_us * 1e-6
 
     def send(self, messages: Sequence[Message]) -> None:
@@ -297,7 +273,7 @@ class MemoryLink:
         return received
 
     def close(self) -> None:
-        """Discards what the brick has sent."""
+        """Discards the messages that the brick has sent."""
         self._received.clear()
 
 
@@ -315,7 +291,7 @@ Target -> the sensors for which it is built (firmware/targets/rcx/flags); None: 
 """
 
 H8SIM_REPLY_S = 10.0
-"""s to wait for a reply: a simulated instruction takes microseconds, and the simulator needs seconds to start."""
+"""Time in s to wait for a reply: a simulated instruction takes microseconds, and the simulator starts in seconds."""
 
 
 def h8_simulator(target: str, image: Path | None = None) -> tuple[str, str]:
@@ -323,7 +299,7 @@ def h8_simulator(target: str, image: Path | None = None) -> tuple[str, str]:
 
     Args:
         target: one of `H8SIM_TARGETS`.
-        image: a program that is built already; None: the program of `target` is built in a checkout.
+        image: a program that exists already; None: the program of `target` is built in a checkout.
 
     Raises:
         InputError: a program has to be built but no checkout is in this folder or above it, or a build fails.
@@ -355,7 +331,7 @@ def check_sensors(target: str, sensors: str) -> None:
 
 
 def start_h8(target: str, trace: Path | None = None, image: Path | None = None) -> tuple[subprocess.Popen[bytes], Link]:
-    """Starts the firmware on the simulator; returns the process and its link. It ends when its standard input closes.
+    """Starts the firmware on the simulator; returns the process and its link. The process ends if its stdin closes.
 
     Args:
         target: one of `H8SIM_TARGETS`.

@@ -18,24 +18,23 @@ from brickpilot.errors import InputError
 from brickpilot.hil.ends import Ends, memory_ends
 from brickpilot.hil.linked_flight import LOST, LinkedFlight, Progress, Ticks, board_told
 from brickpilot.hil.plant_end import PlantEnd, open_plant
+from brickpilot.link.brick import prepare
 from brickpilot.link.links import LinkGoneError
-from brickpilot.link.session import LOCKSTEP, REALTIME, NoReplyError, Session
+from brickpilot.link.session import LOCKSTEP, REALTIME, NoReplyError
 from brickpilot.vehicle import flight, flight_figures
-from brickpilot.vehicle.gains import check_pairs
 from brickpilot.vehicle.scenario import AVR_KINDS
-from brickpilot.vehicle.settings import settings as known_settings
 
 TRIES = 4
-"""In lockstep, the number of times that a set is sent without a reply before the link counts as lost."""
+"""In lockstep, the link counts as lost after a set was sent this number of times without a reply."""
 
 LOST_STEPS = int(SILENT_S / STEP_S)
-"""In real time, the number of steps without a motor command after which the motors stop."""
+"""In real time, the motors stop after this number of steps without a motor command."""
 
 REST_STEPS = round(1.0 / STEP_S)
-"""In real time, the number of steps from the mission's end to the flight's end, in which the robot rolls out."""
+"""In real time, number of steps from the mission's end to the flight's end, in which the robot rolls out."""
 
 GIVE_UP_STEPS = round(2.0 / STEP_S)
-"""The number of steps without a link, with the motors off, after which a flight ends."""
+"""A flight ends after this number of steps without a link, in which the motors are off."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +48,7 @@ class HilFlight:
         safe_stops: number of times that one end stopped the motors because the other end was silent.
         broke_off: the reason why the flight ended early, or None.
         ticks: the record of each tick.
-        board: signal of the newest BOARD -> its raw value; empty: the brick has sent none.
+        board: signal of the newest message BOARD -> its raw value; empty: the brick has sent no such message.
     """
 
     flight: flight.Flight
@@ -61,7 +60,7 @@ class HilFlight:
     board: Mapping[str, int]
 
     def figures(self, link: str, pace: str) -> dict[str, Any]:
-        """Returns the figures of the flight and its link for ``summary.json``; `link`, `pace`: their names."""
+        """Returns the figures of flight and link for ``summary.json``. `link`, `pace`: the names of link and pace."""
         return flight_figures.summary(self.flight) | {
             "link": link,
             "pace": pace,
@@ -71,27 +70,6 @@ class HilFlight:
             "broke_off": self.broke_off,
             "board": board_told(self.board),
         }
-
-
-def prepare(
-    session: Session, plan: flight.Plan, pace: str, telemetry_every: int | None, settings: Mapping[str, int]
-) -> None:
-    """Opens a session and sends the data of the flight: compensation, gains, settings and route.
-
-    Raises:
-        InputError: the brick refuses some of the data, or two settings contradict each other; then no setting is
-            written.
-    """
-    session.open(plan.controller, pace)
-    cruise = {"cruise": known_settings()["cruise"].raw(plan.cruise)} if plan.cruise > 0 else {}
-    written = flight.written(plan)
-    check_pairs({**written, **settings}, lambda name: cruise[name] if name in cruise else session.read(name))
-    if telemetry_every is not None:
-        session.write("telemetry_every", telemetry_every)
-    for name, raw in (*cruise.items(), *written.items(), *settings.items()):
-        session.write(name, raw)
-    session.upload([(round(x * 1e3), round(y * 1e3)) for x, y in plan.scenario.waypoints])
-    session.resets.begin()
 
 
 def _fly_lockstep(run: LinkedFlight, end: PlantEnd) -> None:
@@ -140,7 +118,7 @@ def _drain(run: LinkedFlight) -> None:
     last = run.step = run.step - 1
     clock = run.session.now
     until = clock() + 0.1
-    with contextlib.suppress(LinkGoneError):  # the flight is over, and the log repeats the last report
+    with contextlib.suppress(LinkGoneError):  # the flight is over; without the link, the log repeats the last report
         while run.telemetry.newest_step < last and (left := until - clock()) > 0:
             run.receive(left)
     run.count()
@@ -191,15 +169,15 @@ def fly(
     Args:
         ends: the open link.
         spec: the link as the user named it, for error messages.
-        plan: the plan of a mission; the faults of its scenario act.
+        plan: the plan of a mission; the faults of its scenario are injected.
         pace: LOCKSTEP or REALTIME.
-        telemetry_every: the number of steps from one telemetry to the next, 1..255; the log repeats it in between.
+        telemetry_every: the number of steps from one telemetry to the next, 1..255; in between, the log repeats values.
         progress: called with (steps done, steps in all, text).
-        settings: raw values that are written before the flight; they override the plan's.
-        reply_s: time to wait for a reply, s of the clock, before the set is sent again; default: as in `ends`.
+        settings: raw values that are written before the flight; they override those of the plan.
+        reply_s: time in s of the clock to wait for a reply before the set is sent again; None: the time in `ends`.
 
     Raises:
-        InputError: no brick replies, the brick refuses a message, or the plan is of a manoeuvre.
+        InputError: no brick replies, the brick refuses a message, or the plan is for a manoeuvre.
         SimulationError: the plant's state diverges.
     """
     _check_plan(ends, spec, plan)
@@ -259,7 +237,7 @@ def fly_alone(plan: flight.Plan) -> HilFlight:
     """Flies a plan over a link in memory in lockstep, with its scenario's faults and telemetry in every step.
 
     Raises:
-        InputError: the plan is of a manoeuvre, or a fault needs another brick.
+        InputError: the plan is for a manoeuvre, or a fault needs another brick.
         SimulationError: the plant's state diverges.
     """
     with memory_ends() as ends:

@@ -21,17 +21,17 @@ from brickpilot.vehicle import flight
 Array = NDArray[np.float64]
 
 SEQUENCE_AT = 4
-"""Index of the sequence number's byte in SYNC and MOTORS; in MOTORS, the tick is the next byte."""
+"""Index of the byte with the sequence number in SYNC and MOTORS; in MOTORS, the next byte is the tick."""
 
 LOST = "the link was lost"
 RESET = "the brick was reset: it restarted, or took an OPEN that this session has not sent"
 """The reasons why a flight ends early."""
 
 START_EVERY = 20
-"""The number of steps without a reply after which the command to start is sent again."""
+"""Number of steps without a reply after which the command to start is sent again."""
 
 MISSION_ENDED = {2, 3}
-"""The modes "arrived" and "fault", which only a reset can end."""
+"""Numbers of the modes "arrived" and "fault", which only a reset can end."""
 
 Progress = Callable[[int, int, str], None]
 """Called with (steps done, all steps, text)."""
@@ -60,7 +60,7 @@ class LinkedFlight:
         self.motors = (0, 0)
         self.commanded_at = 0  # the step of the last motor command
         self.sent_sequence = 0
-        self.expected = b""  # sequence number and tick of the reply
+        self.expected = b""  # bytes of the expected reply: sequence number and tick
         self.started = False
         self._over_since = 0
         self.broke_off: str | None = None
@@ -77,7 +77,7 @@ class LinkedFlight:
         if identifier == self._motors.id and not self.lockstep and self._motors.sealed(data):
             left, right, sequence, _, _ = self._motors.unpack(data)
             self.recorder.replied(sequence)
-            if (self.sent_sequence - sequence) & 255 < 128:  # from one of the last 128 sets
+            if (self.sent_sequence - sequence) & 255 < 128:  # the command answers one of the last 128 sets
                 self.motors, self.commanded_at = (left, right), self.step
         elif identifier == self._reply.id and self._reply.sealed(data):
             self.started = self.started or data[1] == book().choices("MODE_COMMAND", "command")["start"]
@@ -86,23 +86,23 @@ class LinkedFlight:
             setattr(self, self._reports[identifier], dict(zip(layout.names, layout.unpack(data), strict=True)))
 
     def receive(self, timeout: float) -> None:
-        """Handles the messages that have come; waits up to `timeout` s for the first one."""
+        """Handles the messages that have arrived; waits up to `timeout` s for the first message."""
         for message in self.link.receive(timeout):
             self.take(*message)
 
     def start_due(self) -> list[Message]:
-        """Returns the command to start if it has to be sent in this step: it is repeated until the brick replies."""
+        """Returns the command to start if it is due in this step; the command is repeated until the brick replies."""
         waited = self.step - self.plan.start_step
         if self.started or waited < 0 or waited % START_EVERY:
             return []
         return [self.session.command_message("start")]
 
     def break_off(self, why: str, step: int) -> None:
-        """Stores why the flight ends early, and at which step."""
+        """Records why and at which step the flight ends early."""
         self.broke_off = f"{why}, {step * STEP_MS / 1e3:.3f} s into the flight"
 
     def break_off_if_reset(self) -> bool:
-        """Ends the flight if the brick has restarted. Returns whether it has."""
+        """Ends the flight if the brick has restarted. Returns whether the brick has restarted."""
         if self.session.resets.reset and self.broke_off is None:
             self.break_off(RESET, self.step)
             self.safe_stops += 1
@@ -124,7 +124,7 @@ class LinkedFlight:
         return self.step - self._over_since
 
     def exchange(self, end: PlantEnd, tries: int, timeout: float) -> bool:
-        """Sends the step's set until its reply comes, and takes the motor command. Returns False if no reply came."""
+        """Sends the step's set until the reply comes, and takes the motor command. Returns False if no reply came."""
         for _ in range(tries):
             self.sent_sequence = self.session.next_sequence()
             self.expected = bytes((self.sent_sequence, end.tick_ms))
@@ -159,7 +159,7 @@ class LinkedFlight:
         self.recorder.count(self.step, self.late + self.heartbeat.get("late_ticks", 0), lost, refused, stops)
 
     def lost_frames(self) -> int:
-        """Returns the number of missing replies and of damaged or incomplete frames, at both ends."""
+        """Returns the number of missing replies plus damaged and incomplete frames at both ends."""
         at_brick = self.faults.get("bad", 0) + self.faults.get("incomplete", 0) + self.faults.get("lost", 0)
         return self.without_reply + self.link.damaged + at_brick
 
@@ -193,7 +193,7 @@ COLUMNS = {
     "surge_effort_v": ("TELEMETRY_EFFORT", "surge"),
     "yaw_effort_v": ("TELEMETRY_EFFORT", "yaw"),
 }
-"""Column of the log -> (message, signal)."""
+"""Column of the log -> (message, signal) with its value."""
 
 LAST = "TELEMETRY_EFFORT"
 TICK_AT = 6
@@ -221,14 +221,14 @@ class Telemetry:
         self.waypoint = 0
 
     def take(self, identifier: int, data: bytes, step: int, *, lockstep: bool) -> bool:
-        """Stores a message. Returns False if it is no telemetry.
+        """Stores a message. Returns False if the message is no telemetry.
 
         Args:
             identifier: the id of the message.
-            data: its bytes.
+            data: the bytes of the message.
             step: the present control step.
-            lockstep: whether the brick has the plant's clock. Then the low byte of its time identifies one of the last
-                85 steps.
+            lockstep: whether the brick has the plant's clock. If so, the low byte of the brick's time identifies one of
+                the last 85 steps.
         """
         layout = self._layouts.get(identifier)
         if layout is None:
@@ -240,7 +240,7 @@ class Telemetry:
             step -= age_ms // STEP_MS
         row = layout.unpack(data)
         if any(row[at] >= count for at, count in self._choices[layout.name]):
-            return True  # damaged on a transport without a checksum
+            return True  # the message was damaged on a transport without a checksum
         steps, values = self._rows[layout.name]
         steps.append(max(step, 0))
         values.append(row)
@@ -253,7 +253,7 @@ class Telemetry:
         return True
 
     def columns(self, steps: int) -> dict[str, Array]:
-        """Returns each of COLUMNS with shape (steps,): 0 before the first report, then the last report."""
+        """Returns each of COLUMNS with shape (steps,): the last report up to each step, 0 before the first report."""
         columns = {}
         for column, (message, signal) in COLUMNS.items():
             at, rows = self._rows[message]
@@ -263,9 +263,9 @@ class Telemetry:
 
 
 def _held(at: list[int], values: list[int], steps: int) -> Array:
-    """Returns for each step the value that was reported last: (steps,); `at`: the step of each value."""
+    """Returns, for each step, the value that was reported last, (steps,). `at`: the step of each value."""
     reports = np.array(at, dtype=int)
-    newest = np.zeros(steps, dtype=int)  # place of the newest report in `values`, from 1 on; 0: none
+    newest = np.zeros(steps, dtype=int)  # index of the newest report in `values`, plus 1; 0: no report
     inside = reports < steps
     newest[reports[inside]] = 1 + np.flatnonzero(inside)
     return np.array([0, *values], dtype=np.float64)[np.maximum.accumulate(newest)]
@@ -281,9 +281,9 @@ class Ticks:
 
     Attributes:
         time_s: time since the flight began.
-        begun_s: the tick's beginning, s of the clock since the first tick began.
-        round_trip_ms: time from sending the sensors' set to its motor command; NaN: no command came.
-        troubles: name of TROUBLES -> count in the tick. The brick reports its own counts with a delay.
+        begun_s: when the tick began by the host's clock, in s since the first tick began.
+        round_trip_ms: time from the sending of the sensors' set to the arrival of its motor command; NaN: no command.
+        troubles: one of TROUBLES -> its count in the tick. The counts of the brick are reported with a delay.
     """
 
     time_s: Array
@@ -310,7 +310,7 @@ class TickRecorder:
         self._begun[step] = time.perf_counter()
 
     def sent(self, step: int, sequence: int) -> None:
-        """Records that the set of a step is sent; if a set is sent again, its round trip starts again."""
+        """Records that the set of a step is sent; if the set is sent again, its round trip starts again."""
         self._sent[sequence] = step, time.perf_counter()
 
     def replied(self, sequence: int) -> None:
@@ -324,7 +324,7 @@ class TickRecorder:
         self._counted[step] = totals
 
     def ticks(self, steps: int) -> Ticks:
-        """Returns the first `steps` ticks. Ticks without counts, as after a lost link, have zero new troubles."""
+        """Returns the first `steps` ticks. A tick without counts, such as after a lost link, has no new troubles."""
         counted = np.vstack([np.zeros(len(TROUBLES)), self._counted[:steps]])
         last = np.maximum.accumulate(np.where(np.isnan(counted[:, 0]), 0, np.arange(len(counted))))
         more = np.diff(counted[last], axis=0)
@@ -345,10 +345,10 @@ def board_told(board: Mapping[str, int]) -> dict[str, Any] | None:
     """Returns the cause of the last start, in words, and the counts since power-on.
 
     Args:
-        board: signal of BOARD -> its raw value; empty: the brick has sent none.
+        board: signal of the message BOARD -> its raw value; empty: the brick has sent no such message.
 
     Returns:
-        `started_by` and the counts, by the names of their signals; None if `board` is empty.
+        `started_by` and the counts, with the names of the signals as keys; None if `board` is empty.
     """
     if not board:
         return None

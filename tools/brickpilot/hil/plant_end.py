@@ -1,8 +1,8 @@
-"""The plant's end of a link: the C plant, its sensor readings as messages, its motors, and the injected faults.
+"""The plant's end of a link: the C plant with its motors, its sensor readings as messages, and injected faults.
 
-The [[faults]] of a scenario act on messages, on sensors, and on the plant or the brick. Their random numbers are
-seeded. Faults of messages act above the transport, so they are the same on every transport. The CRC of a message has
-to detect them, because the checksum of a transport does not cover them.
+The [[faults]] of a scenario act on messages, on sensors, and on the plant or the brick. The random numbers of the
+faults are seeded. Faults of messages act above the transport, so they are the same on every transport. The CRC of a
+message has to detect these faults, because the checksum of a transport does not cover them.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class PlantEnd:
         self._layouts = book().by_name
 
     def sense(self) -> None:
-        """Reads the sensors; call it once per step."""
+        """Reads the sensors; it must be called once per step."""
         self._library.bp_loop_sense(self._loop, self._sensed)
         self._faults.act(self._sensed, self._step)
         self._step += 1
@@ -69,7 +69,7 @@ class PlantEnd:
         if now.battery_status == OK:
             add("BATTERY", now.battery_mv)
         if now.reference_status == OK:
-            heading = now.heading_bam16 - ((now.heading_bam16 & 0x8000) << 1)  # as a signed number
+            heading = now.heading_bam16 - ((now.heading_bam16 & 0x8000) << 1)  # the heading as a signed number
             add("REFERENCE_X", now.x_um, heading)
             add("REFERENCE_Y", now.y_um, now.speed_mm_s_q4)
             add("REFERENCE_TURN", now.true_yaw_rate_mrad_s)
@@ -81,7 +81,7 @@ class PlantEnd:
         return parts
 
     def act(self, left: int, right: int) -> None:
-        """Drives the motors with this duty (32767 is 1) for one step.
+        """Drives the motors with these duties (32767 means 1) for one step.
 
         Raises:
             SimulationError: the plant's state diverges.
@@ -113,7 +113,7 @@ HELD_FOR = 20
 """The number of messages that overtake a delayed one."""
 
 FLOOD = 20
-"""The number of random messages before each message that a flood hits."""
+"""A flood puts this number of random messages before each message that it hits."""
 
 BROWN_OUT_MV = 4500
 
@@ -170,8 +170,8 @@ class FaultyLink(WrappedLink):
     """A link that applies faults to its messages. The owner sets `step`, the present control step.
 
     Args:
-        link: the link to wrap, which is closed with this one.
-        faults: the faults of the scenario; only those of MESSAGE_KINDS act here.
+        link: the link to wrap; it is closed when this link is closed.
+        faults: the faults of the scenario; this class uses only those of MESSAGE_KINDS.
         seed: seed of the random generator.
     """
 
@@ -194,7 +194,7 @@ FIELDS = {
     "battery": ("battery_mv",),
     "reference": ("x_um", "y_um", "heading_bam16", "speed_mm_s_q4", "true_yaw_rate_mrad_s"),
 }
-"""Sensor -> its fields of `bp_sensed`."""
+"""Sensor -> the fields of `bp_sensed` with its readings."""
 
 STALE = 2
 
@@ -203,7 +203,7 @@ class SensorFaults:
     """Changes sensor readings according to the faults.
 
     Args:
-        faults: the faults of the scenario; faults of messages do not act here.
+        faults: the faults of the scenario; this class ignores faults of messages.
     """
 
     def __init__(self, faults: Sequence[Fault]) -> None:
@@ -232,7 +232,7 @@ class SensorFaults:
 
 
 def controller_restarts(faults: Sequence[Fault], step: int) -> bool:
-    """Returns whether the controller restarts at control step `step`. It also restarts after a brown-out."""
+    """Returns whether the controller restarts at control step `step`, by a restart fault or after a brown-out."""
     return any(
         (fault.kind == "controller_restart" and fault.begins(step)) or (fault.kind == "brown_out" and fault.ends(step))
         for fault in faults

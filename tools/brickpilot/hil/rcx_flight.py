@@ -1,8 +1,8 @@
-"""Flies the mission with the RCX's own image in a simulated brick, with its kernel, interrupts, drivers and timing.
+"""Flies the mission with the RCX's own image in a simulated brick with kernel, interrupts, drivers and timing.
 
-The plant gives the sensors' voltages, as counts of the brick's converter. The brick gives the time for which the
-kernel's motor port drove each motor. Both are exchanged every 3 ms, the plant's step. The brick is an RCX with brickOS
-in simulated time: processor, interrupts, converter, timers and serial line (hal/h8sim).
+Every 3 ms, the plant's step, the plant gives the sensors' voltages as counts of the brick's converter, and the brick
+gives the time for which the kernel's motor port drove each motor. The brick is an RCX with brickOS in simulated time:
+processor, interrupts, converter, timers and serial line (hal/h8sim).
 """
 
 from __future__ import annotations
@@ -34,20 +34,20 @@ from brickpilot.vehicle import flight
 from brickpilot.vehicle.flight_figures import Reached, waypoints_reached
 
 SENSORS = {"imu": "imu", "rotation": "imu+encoders"}
-"""The sensors for which an image is built -> the sensors of the plant."""
+"""Sensors for which an image is built -> sensors of the plant."""
 
 BOOT_MS = 2000
-"""ms in which the kernel starts and plays its melody."""
+"""Time in ms in which the kernel starts and plays its melody."""
 
 PACKET_GAP_MS = 10
 REPLY_MS = 300
 AFTER_S = 1.0
-"""s from the display of the mission's end to the flight's end."""
+"""Time in s from the display of the mission's end to the flight's end."""
 
 ARRIVED = "donE"
 
 MIDDLE, RAW_MOST = 512, 1022
-"""The converter's reading at 2.5 V, and its highest reading with a connected sensor."""
+"""The converter's reading at 2.5 V, and the converter's highest reading with a connected sensor."""
 
 ROTATION_LEVELS = (960, 832, 384, 576)
 """The converter's readings of a LEGO rotation sensor in its four positions, in the order of a forward turn."""
@@ -66,7 +66,7 @@ class RcxFlight:
         reached: the waypoints that the plant reached.
         shown: the display's text at the end: ARRIVED, or a fault such as "Err 7"; None: the mission had not ended.
         ticks_ms: times between the beginnings of successive control steps.
-        tally: the processor's work since Run was pressed.
+        tally: the processor's work since the press of Run.
     """
 
     reached: Reached
@@ -102,7 +102,7 @@ class Image:
     """The autopilot as a program of brickOS.
 
     Attributes:
-        functions: name -> address, valid if the text begins at the program's own base.
+        functions: name -> address, if the program's text is loaded at the program's own base.
     """
 
     program: image_files.Program
@@ -125,7 +125,7 @@ def build(sensors: str, folder: Path | None = None) -> Image:
 
 
 def start(rcx: SimulatedRcx, image: Image) -> None:
-    """Loads the image over the infrared line and presses Run. Then the beginnings of control steps are recorded."""
+    """Loads the image over the infrared line, presses Run, and starts to record the beginnings of control steps."""
     rcx.run(BOOT_MS)
     loader = Loader(_Line(rcx))
     loader.delete(0)
@@ -138,7 +138,7 @@ def fly(image: Image, plan: flight.Plan, progress: Progress) -> RcxFlight:
     """Loads the image, presses Run and flies until the mission or the plan ends.
 
     Args:
-        plan: its route must be the image's own; its duration counts from the press of Run.
+        plan: the plan; its route must be the image's own route, and its duration counts from the press of Run.
         progress: called with the steps done, all steps, and a text.
 
     Raises:
@@ -196,14 +196,14 @@ CLOCK_HZ = 16_000_000
 RUN_BUTTON = 2
 BYTE_MS = 11 / 2.4
 PRESS_MS = 250
-"""Duration of a press: the kernel's driver checks the buttons only twice in 100 ms."""
+"""Duration of a press, long enough for the kernel's driver, which checks the buttons twice in 100 ms."""
 
 KINDS = ("idle", "program", "kernel", "clock", "motors", "subsystems", "ERI", "RXI", "TXI", "TEI", "converter")
 """The uses of the processor's time, in the order of hal/h8sim.
 
-idle: it sleeps; program, kernel: tasks; the others are interrupts: clock is the NMI of each ms; motors, the timer's
-compare match A of every 2 ms, which also switches tasks; subsystems, its match B: buttons, display, time-outs; ERI to
-TEI: the serial line; converter: the A/D converter.
+idle: the processor sleeps; program, kernel: tasks. All others are interrupts. clock: the NMI of each ms; motors: the
+timer's compare match A every 2 ms, which also switches tasks; subsystems: the timer's match B, for buttons, display and
+time-outs; ERI to TEI: the serial line; converter: the A/D converter.
 """
 
 DISPLAY, FONT = 0xEF43, 0xA906
@@ -225,7 +225,7 @@ class Tally:
 
     Attributes:
         states: number of clock periods ("states").
-        count: kind -> number of its interrupts; 0 for idle, program and kernel.
+        count: kind -> number of interrupts of this kind; 0 for idle, program and kernel.
         spent: kind -> number of states spent in it.
     """
 
@@ -242,7 +242,7 @@ class Tally:
 
 
 class SimulatedRcx:
-    """A brick with brickOS and no program, which is on during a `with` block. Time passes only in `run` and `bring`.
+    """A brick with brickOS and no program, switched on during a `with` block. Time passes only in `run` and `bring`.
 
     Attributes:
         ms: simulated time since the brick was switched on.
@@ -281,7 +281,7 @@ class SimulatedRcx:
         return self._pass(struct.pack(">sBB", b"l", value, wrong), BYTE_MS)
 
     def hold(self, keys: int) -> None:
-        """Holds these buttons from now on, and no others."""
+        """Holds the buttons `keys` from now on, and releases all others."""
         with self._lock:
             self._write(struct.pack(">sB", b"k", keys))
 
@@ -320,7 +320,7 @@ class SimulatedRcx:
             self._write(struct.pack(">sH", b"b", address))
 
     def watched(self) -> NDArray[np.float64]:
-        """Returns the times recorded since the last call, in s since the start; at most the first 4096."""
+        """Returns the times recorded since the last call, in s since the start; at most the first 4096 times."""
         with self._lock:
             self._write(b"e")
             count = int.from_bytes(self._read(2), "big")

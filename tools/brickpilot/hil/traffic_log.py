@@ -28,7 +28,7 @@ class RecordingLink(WrappedLink):
     """A link that writes its messages to a file.
 
     Args:
-        link: the link to wrap, which is closed with this one.
+        link: the link to wrap; it is closed when this link is closed.
         file: the file, with one of SUFFIXES.
 
     Raises:
@@ -68,7 +68,7 @@ class RecordingLink(WrappedLink):
 
 
 def read(file: Path) -> list[can.Message]:
-    """Returns the messages of a log in their order, with their times and whether the host received them.
+    """Returns the messages of a log in order; each message has its time, and whether the host received it.
 
     Raises:
         InputError: the file cannot be read, has another suffix, or is no log of CAN traffic.
@@ -106,7 +106,7 @@ REPLIES = {
     "ROUTE_REQUEST": "ROUTE",
     "SYNC": "MOTORS",
 }
-"""Message of the host -> the brick's reply to it."""
+"""Message of the host -> message with which the brick replies."""
 
 
 def replay(link: Link, spec: str, file: Path) -> Replayed:

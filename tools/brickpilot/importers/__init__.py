@@ -1,6 +1,6 @@
 """Turns logs of other tools into data sets. Each importer writes a complete new folder, or nothing.
 
-To add an importer, write one file in this folder and one row in `IMPORTERS`. `brickpilot import` makes its choices, its
+To add an importer, write one file in this folder and one row in `IMPORTERS`. `brickpilot import` takes its choices, its
 help and its checks of options from these rows.
 """
 
@@ -27,13 +27,13 @@ class Option:
     Attributes:
         keyword: the argument's name in the importers' functions.
         flag: the option on the command line, e.g. ``--map``.
-        help: for the user, in one or two sentences. The command adds the kinds of log that take the option.
-        metavar: the name of its value in the help; empty for a choice or a switch.
-        choices: the values allowed; empty: any text.
+        help: one or two sentences for the user. The command adds the kinds of log that take the option.
+        metavar: the name of the option's value in the help; empty for a choice or a switch.
+        choices: the allowed values; empty: any text.
         default: the value if the user does not give the option. False: the option is a switch.
         repeatable: whether the importers get a tuple of all values given.
-        required: whether each importer with this option needs it.
-        unless: the keyword of an option that makes this one unnecessary.
+        required: whether each importer that takes this option needs it.
+        unless: the keyword of another option; if that option is given, this one is not required.
     """
 
     keyword: str
@@ -54,14 +54,15 @@ class Importer:
     Attributes:
         kind: name of the kind of log on the command line.
         help: the files that the importer reads, in one sentence.
-        module: its file in this folder; empty: the file is named as the kind. It has one of these functions, or both:
-            ``read(file)`` returns a `channels.Log` for ``--list``; and ``import_KIND`` is called as
+        module: the importer's file in this folder; empty: the file has the name of the kind. The file has one of these
+            functions, or both: ``read(file)`` returns a `channels.Log` for ``--list``; and ``import_KIND`` is called as
             ``import_KIND(files, out, nominal=..., name=..., **options)``, with one keyword for each of `options`, and
-            returns `writer.Imported`. Without the second, `chosen.SignalImporter` makes a data set of the log.
-        suffixes: the endings of its files, e.g. ``.csv``, or the name of a file in the folder of a log, e.g.
+            returns `writer.Imported`. If there is no ``import_KIND``, `chosen.SignalImporter` makes a data set of the
+            log.
+        suffixes: the endings of the files, e.g. ``.csv``; or, if a log is a folder, the name of a file in it, e.g.
             ``metadata.yaml``.
         example: the arguments of one call, after ``brickpilot import``.
-        options: the options that it takes besides ``--out``, ``--nominal`` and ``--name``.
+        options: the options that the importer takes besides ``--out``, ``--nominal`` and ``--name``.
         reports_progress: whether ``import_KIND`` also takes `progress`, which it calls with (done, total, text).
     """
 
@@ -74,11 +75,11 @@ class Importer:
     reports_progress: bool = False
 
     def _functions(self) -> Any:
-        """Imports the module; the readers of this kind of log are loaded only then."""
+        """Imports the module, which loads the readers of this kind of log."""
         return importlib.import_module(f"brickpilot.importers.{self.module or self.kind}")
 
     def contents(self, file: Path) -> Contents:
-        """Reads a whole file, and returns what it holds.
+        """Reads a whole file, and returns a list of its contents.
 
         Raises:
             InputError: the file cannot be read, or this kind of log has no list.
@@ -241,7 +242,7 @@ def kind_of(file: Path, importers: Iterable[Importer]) -> str | None:
 def importer_and_files(
     words: Sequence[str], kind: str | None, importers: Sequence[Importer]
 ) -> tuple[Importer, list[Path]]:
-    """Returns the importer of the kind that the user names, or else of the first file's ending; and the files.
+    """Returns the importer of the kind that the user names, or else that the first file's ending shows; and the files.
 
     Raises:
         InputError: the kind is neither named nor known by the ending, or no file is given.
@@ -269,9 +270,9 @@ def kinds_with(option: Option, importers: Iterable[Importer]) -> str:
 
 
 def options_taken(importer: Importer, importers: Sequence[Importer], given: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns keyword -> value of the options that `importer` takes; options that are not given have their defaults.
+    """Returns keyword -> value, for the options that `importer` takes; options that are not given have their defaults.
 
-    A given option without a default, or a given switch, must be one of the importer's; other given options may be
+    A given option without a default, or a given switch, must be an option of the importer; other given options may be
     ignored.
 
     Raises:

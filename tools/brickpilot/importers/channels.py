@@ -1,4 +1,4 @@
-"""The result of every reader of a log with channels, and the functions that all these readers need.
+"""The result of each reader of a log with channels, and functions that all these readers need.
 
 A listing describes each channel: type, unit, samples, rate, times and range.
 """
@@ -28,7 +28,7 @@ class Channel:
         time: s since the log began, for each value; None: the channel is a column of a table, and another column is the
             time.
         values: the values as written in the file; NaN: blank.
-        unit: the unit that the file states; None: it states none.
+        unit: the unit that the file states; None: the file states no unit.
     """
 
     name: str
@@ -40,13 +40,13 @@ class Channel:
 
 @dataclass(frozen=True)
 class Log:
-    """What a reader found in a file.
+    """The content that a reader found in a file.
 
     Attributes:
         file: the path as the user gave it.
-        channels: by name, in the order of the file.
+        channels: name -> channel, in the order of the file.
         aliases: second name of a channel -> its name, e.g. ``/joint_states.velocity[0]`` for the first joint's.
-        notes: for the user, a sentence each.
+        notes: sentences for the user.
         cut: whether the file ends inside a record, as after a loss of power.
     """
 
@@ -58,7 +58,7 @@ class Log:
 
 
 Reader = Callable[[Path, Collection[str] | None], Log]
-"""Reads a file: (file, texts). Channels that no text names need not be decoded (`is_wanted`); texts None: all are."""
+"""Reads a file: (file, texts). Channels that no text names need not be decoded (`is_wanted`). None: decode all."""
 
 
 @contextmanager
@@ -95,7 +95,7 @@ def is_wanted(group: str, texts: Collection[str] | None) -> bool:
 
 
 def in_order(time: Vector, values: Vector) -> tuple[Vector, Vector]:
-    """Returns times and values in the order of time; if a time repeats, the last value counts."""
+    """Returns times and values in order of time; if a time repeats, only its last value is kept."""
     order = np.argsort(time, kind="stable")
     time, values = time[order], values[order]
     last = np.append(np.diff(time) > 0, True)[: time.size]
@@ -107,11 +107,11 @@ class Listed:
     """The description of a channel that `brickpilot import --list` shows.
 
     Attributes:
-        name, type, unit: the channel's name, type and unit; unit None: the file states none.
+        name, type, unit: the channel's name, type and unit; None: the file states no unit.
         samples: number of values without blanks.
         rate: samples per second, from the median time step; None: fewer than two samples, or no times.
         first, last: s, the times of the first and the last sample; None: no times.
-        lowest, highest: the lowest and the highest value; None: all are blank.
+        lowest, highest: the lowest and the highest value; None: all values are blank.
     """
 
     name: str
@@ -137,7 +137,7 @@ class Contents:
 def contents(log: Log) -> Contents:
     """Returns the contents of a log.
 
-    The columns of a table have no times of their own. The first column that only increases is used as their time.
+    The columns of a table have no times of their own. The first column that only increases is used as their times.
     """
     clock = _clock(log.channels)
     notes = [*log.notes]

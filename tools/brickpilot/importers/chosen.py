@@ -1,4 +1,4 @@
-"""Makes a data set of the signals that the user chose from logs. All readers but those of text and JSON use it.
+"""Makes a data set of the signals that the user chose from logs. All readers except text and JSON use this module.
 
 Channels with different times are put on the rows of one table.
 """
@@ -33,11 +33,11 @@ from brickpilot.importers.split import parse_split, runs_of
 from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out, run_names, write
 
 _NEAREST = 4  # largest number of names that an error proposes
-_ALIKE = 0.4  # least similarity of a proposed name, by difflib
+_ALIKE = 0.4  # least similarity by difflib of a name that an error proposes
 
 
 SignalReader = Callable[[Path, Mapping[str, Source], float | None, bool], Signals]
-"""Reads the signals of a file: (file, signal -> source, rate, cut); see `SignalImporter` for rate and cut."""
+"""Function that reads the signals of a file: (file, signal -> source, rate, cut); see `SignalImporter`."""
 
 
 def channel_importer(read: Reader) -> SignalImporter:
@@ -51,8 +51,8 @@ class SignalImporter:
 
     Attributes:
         read: reads the signals of a file.
-        has_time: whether the samples have times of their own, so that no time is mapped.
-        is_whole: whether a file is always one run; otherwise a new run begins after each pause between rows.
+        has_time: whether the samples have their own times, so that the user maps no time.
+        is_whole: whether a file is always one run; if not, a new run begins after each pause between rows.
     """
 
     read: SignalReader
@@ -79,13 +79,13 @@ class SignalImporter:
         Args:
             files: logs with the same channels, columns or variables.
             out: the new folder.
-            mapping: ``SIGNAL=CHANNEL[:UNIT]``, or a formula of channels; the default unit is the one that the file
-                states, or else the SI unit. The module for this kind of log describes the channels' names.
-            vehicle, frame, nominal, name: as in a data set; the default name is that of the folder, and the default
-                frame the one that wheels and yaw show.
+            mapping: ``SIGNAL=CHANNEL[:UNIT]``, or a formula of channels; the default unit is the file's unit, or else
+                the SI unit. The module for this kind of log describes the channels' names.
+            vehicle, frame, nominal, name: as in a data set; the default name is the folder's name, and the default
+                frame is the frame that wheels and yaw show.
             as_wired: whether channels that look swapped, reversed or scaled wrongly are left as they are.
-            rate: rows per second, for channels with times; None: the rows are the samples of the fastest output.
-            split: ``rests``, or ``FROM,TO`` in s of the log's clock, repeatable; a part becomes a run.
+            rate: rows per second, for channels with times; None: a row for each sample of the fastest output.
+            split: ``rests``, or one or more ``FROM,TO`` in s of the log's clock; each part becomes a run.
             cut: whether a file that ends inside a record is read without that record.
 
         Raises:
@@ -167,7 +167,7 @@ def _formulas(log: Log, read: Reader, sources: Mapping[str, Source]) -> dict[str
 
 
 def _value(file: Path, signal: str, formula: Formula, channels: Mapping[Place, Channel], notes: list[str]) -> Channel:
-    """Returns the cells of a signal with their times: those of a channel as logged, or the values of a formula."""
+    """Returns the cells of a signal with their times: the cells of a channel as logged, or the values of a formula."""
     if formula.scaling is not None:
         return channels[formula.places[0]]
     time, values, shift = aligned(list(channels.values()), SIGNALS[signal].kind == "input")
@@ -180,7 +180,7 @@ def _value(file: Path, signal: str, formula: Formula, channels: Mapping[Place, C
 
 
 def unit_of(file: Path, signal: str, formula: Formula, channel: Channel, source: Source) -> str:
-    """Returns the unit that the map states; or else the file's unit, if the channel is not scaled; or else SI.
+    """Returns the unit that the user states; else the file's unit, if the channel is not scaled; else the SI unit.
 
     Raises:
         InputError: the file states a unit that does not fit the signal, or the formula scales or joins channels.
@@ -199,7 +199,7 @@ def unit_of(file: Path, signal: str, formula: Formula, channel: Channel, source:
     return channel.unit
 
 
-_SAME = 0.01  # share of a row's duration: a smaller shift gets no note
+_SAME = 0.01  # least shift with a note, as a share of a row's duration
 _ROWS = 10_000_000  # a table with more rows is refused: --rate is too high
 
 
@@ -213,10 +213,10 @@ def columns(channels: Mapping[str, Channel], rate: float | None) -> tuple[dict[s
 
     Args:
         channels: signal -> channel with times, and with at least one output.
-        rate: rows per second; None: the rows of the fastest output.
+        rate: rows per second; None: a row for each sample of the fastest output.
 
     Raises:
-        InputError: there is no output, a channel without samples, or no row.
+        InputError: there is no output or no row, or a channel has no samples.
     """
     tracks = {signal: _track(one) for signal, one in channels.items()}
     inputs = {signal: track for signal, track in tracks.items() if SIGNALS[signal].kind == "input"}
@@ -247,7 +247,7 @@ def columns(channels: Mapping[str, Channel], rate: float | None) -> tuple[dict[s
 
 
 def _changes(inputs: Mapping[str, tuple[Vector, Vector]], rows: Vector, late: float) -> Vector:
-    """Returns the times between the rows at which an input changes, where they are more than `late` s from a row."""
+    """Returns the times at which an input changes between two rows, if they are more than `late` s from both rows."""
     times = [np.empty(0)]
     for time, values in inputs.values():
         same = (values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))
@@ -261,7 +261,7 @@ def _changes(inputs: Mapping[str, tuple[Vector, Vector]], rows: Vector, late: fl
 
 
 def aligned(channels: Sequence[Channel], held: bool) -> tuple[Vector, list[Vector], float]:
-    """Returns the times of the fastest channel, each channel's values at them, and the largest shift in s.
+    """Returns the times of the fastest channel, each channel's values at these times, and the largest shift in s.
 
     A command is held. A measured value is put at the nearest time; at the other times it is blank.
     """
@@ -303,13 +303,13 @@ def _step(rows: Vector) -> float:
 
 
 def _held(time: Vector, values: Vector, rows: Vector, half: float) -> Vector:
-    """Returns the values at the rows, each held from the row nearest to its time; NaN before the first."""
+    """Returns a value for each row: each sample is held from the row nearest to its time on. Before it, NaN."""
     last = np.searchsorted(time, rows + half, side="left") - 1
     return np.where(last >= 0, values[np.maximum(last, 0)], np.nan)
 
 
 def _placed(time: Vector, values: Vector, rows: Vector, half: float) -> tuple[Vector, float]:
-    """Returns the values at the rows nearest to their times, and the largest distance in s."""
+    """Puts each value into the row nearest to its time; returns these rows and the largest distance in s."""
     column = np.full(rows.size, np.nan)
     right = np.clip(np.searchsorted(rows, time), 1, rows.size - 1)
     nearest = np.where(time - rows[right - 1] <= rows[right] - time, right - 1, right)

@@ -1,4 +1,4 @@
-"""ArduPilot's dataflash logs (.bin), turned into a data set. pymavlink reads them."""
+"""Turns ArduPilot's dataflash logs (.bin) into a data set. pymavlink reads the logs."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from brickpilot.errors import InputError
 from brickpilot.importers.channels import Channel, Log, check_file, is_wanted, libraries
 
 _HEAD = b"\xa3\x95"
-_NUMBERS = "bBhHiIfdgcCeELMqQ"  # format characters of numbers; the others are texts and arrays
-# The log's spelling of a unit -> a data set's; empty: no unit.
+_NUMBERS = "bBhHiIfdgcCeELMqQ"  # format characters of numbers; all other characters mean texts and arrays
+# The log's spelling of a unit -> the data set's spelling; empty: no unit.
 _SPELLINGS = {"deg/s": "deg/s", "m/s/s": "m/s^2", "rad/s/s": "rad/s^2", "%": "%", "UNKNOWN": ""}
 _DEFINITIONS = {"FMT", "FMTU", "UNIT", "MULT"}  # messages that describe other messages
 _MICROSECONDS = "TimeUS"
@@ -32,15 +32,15 @@ class _Message:
 
 
 def read(file: Path, texts: Collection[str] | None = None) -> Log:
-    """Reads the messages with a time. Their fields are ``MESSAGE.FIELD``; a second sensor's are ``MESSAGE[1].FIELD``.
+    """Reads the messages with a time. A field is ``MESSAGE.FIELD``; a field of a second sensor is ``MESSAGE[1].FIELD``.
 
     Raises:
-        InputError: no such file, or no dataflash log.
+        InputError: there is no such file, or it is no dataflash log.
     """
     check_file(file, _HEAD, "a dataflash log of ArduPilot")
     with libraries("ardupilot"):
         from pymavlink.DFReader import FORMAT_TO_STRUCT, DFReader_binary
-    said = io.StringIO()  # pymavlink prints what it cannot read
+    said = io.StringIO()  # pymavlink prints a message on each part that it cannot read
     try:
         with redirect_stderr(said), redirect_stdout(said), DFReader_binary(str(file)) as reader:
             messages, end = _messages(reader, texts)
@@ -57,7 +57,7 @@ def read(file: Path, texts: Collection[str] | None = None) -> Log:
 
 
 def _messages(reader: Any, texts: Collection[str] | None) -> tuple[dict[str, _Message], int]:
-    """Returns name -> messages, and the byte at which the last one ends."""
+    """Returns name -> messages, and the position of the byte at which the last message ends."""
     wanted = {name for name in reader.name_to_id if name not in _DEFINITIONS and is_wanted(name, texts)}
     messages: dict[str, _Message] = {}
     end = 0

@@ -1,8 +1,8 @@
-"""Turns flights of `brickpilot run` and `hil` into a data set, with only those signals that a real host can log.
+"""Turns flights of `brickpilot run` and `hil` into a data set with only the signals that a real host can log.
 
-So a flight is like the log of a real robot: it can show effects that the firmware's model lacks. Counts a turn and
-nominal values are those of the packaged robot, so a flight of an image that `firmware` made for another robot is
-refused. The battery's voltage is the plant's: a brick reads it in steps of 28 mV.
+So a flight is like the log of a real robot: it can show effects that the firmware's model lacks. Counts per turn and
+nominal values are those of the packaged robot, so a flight with an image that `firmware` made for another robot is
+refused. The battery's voltage is that of the plant; a brick reads this voltage in steps of 28 mV.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out,
 
 SUMMARY, LOG = "summary.json", "log.csv"
 
-_REST_S = 1.0  # time after the end of a mission that is kept; the robot rolls out
+_REST_S = 1.0  # s: time that is kept after the end of a mission, in which the robot rolls out
 _COUNTS = 65536  # number of values of the firmware's counters, which wrap
 _ALWAYS = {
     "time": "time_s",
@@ -50,11 +50,11 @@ def import_flight(
         folders: run folders.
         out: the new folder.
         nominal: known values of the robot. Values that are not given are those of the packaged robot.
-        name: the data set's name; default the name of the folder.
+        name: the data set's name; default: the name of the folder.
 
     Raises:
-        InputError: a folder holds no flight of a mission, or a flight of another robot's image; its sensors measure
-            nothing, or differ from those of the first flight; or `out` is taken. Nothing is written then.
+        InputError: a folder holds no flight of a mission, or a flight with another robot's image; the sensors of a
+            flight measure nothing, or differ from those of the first flight; or `out` exists. No file is written then.
     """
     check_out(out)
     summaries = [_summary(one) for one in folders]
@@ -97,7 +97,7 @@ def _columns(folder: Path, summary: Mapping[str, Any]) -> dict[str, NDArray[np.f
     """Returns signal -> (rows,), SI.
 
     Raises:
-        InputError: the log lacks a column, or is of a manoeuvre, which has no duty.
+        InputError: the log lacks a column, or belongs to a manoeuvre, which has no duty.
     """
     values = read_columns(folder / LOG, _SENSED[summary["sensors"]], CsvFormat()).values
     if not any(np.any(values[one]) for one in ("duty_left", "duty_right")):

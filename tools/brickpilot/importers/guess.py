@@ -1,7 +1,7 @@
-"""Guesses from a column's name and values which signal of the log it is, and gives the reason.
+"""Guesses from a column's name and values which signal the column holds, and gives the reason.
 
 The rules use the words in the name and the range of the values. A column to which no rule applies is left out, with a
-note. Nothing is guessed in a log without a header.
+note. In a log without a header, nothing is guessed.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from brickpilot.importers.text_table import TextTable
 
 Vector = NDArray[np.float64]
 
-_LOOKED_AT = 200_000  # number of first rows that are used, so that a long log is guessed fast
+_LOOKED_AT = 200_000  # only this number of first rows is used, so that guessing is fast in a long log
 
 
 @dataclass(frozen=True)
@@ -31,10 +31,10 @@ class Guess:
 
     Attributes:
         sources: signal -> its formula over columns, and the unit.
-        vehicle: None: neither stated nor guessed.
-        reasons: signal -> the reason of the guess.
+        vehicle: the vehicle; None: neither stated nor guessed.
+        reasons: signal -> the reason for the guess.
         notes: for the user, a sentence each.
-        guessed: guesses of unstated numbers that scale all speeds or voltages, such as "960 counts a turn".
+        guessed: assumed numbers that the user did not state and that scale all speeds or voltages: "960 counts a turn".
     """
 
     sources: dict[str, Source]
@@ -48,7 +48,7 @@ def guess(table: TextTable, mapping: Sequence[str], vehicle: Vehicle | None) -> 
     """Returns the guessed signals of a table's columns.
 
     Args:
-        table: with a header.
+        table: a table with a header.
         mapping: entries of ``--map``, which are kept.
         vehicle: the vehicle; None: diff_drive if the log has a left or right column or a cmd_vel, else motor.
 
@@ -60,7 +60,7 @@ def guess(table: TextTable, mapping: Sequence[str], vehicle: Vehicle | None) -> 
     stated = parse_mapping(mapping, partly=True)
     columns = [column_of(name, _values(table, name)) for name in table.names if name]
     if vehicle is None:
-        turns = any(one.words >= {"cmd", "vel"} for one in columns)  # a demand to a vehicle
+        turns = any(one.words >= {"cmd", "vel"} for one in columns)  # cmd_vel is a set point for a vehicle
         vehicle = "diff_drive" if turns or any(one.side for one in columns) else "motor"
     sources, reasons = dict(stated), {signal: "stated by --map" for signal in stated}
     left_out: list[str] = []
@@ -84,7 +84,7 @@ def guess(table: TextTable, mapping: Sequence[str], vehicle: Vehicle | None) -> 
 
 
 def _guessed_bases(sources: Mapping[str, Source]) -> tuple[list[str], list[str]]:
-    """Returns the guesses of unstated numbers that scale all speeds or voltages, with a note in capitals on each."""
+    """Returns assumed numbers that scale all speeds or voltages, and a note in capitals on each number."""
     bases, notes = [], []
     for stems, base, what, spoiled, form in (
         (("wheel_angle", "angle"), COUNTS_A_TURN, "how many counts a turn has", "speed", "COUNTS:rotation"),
@@ -122,7 +122,7 @@ def _problem(found: Taken, sources: Mapping[str, Source], vehicle: Vehicle) -> s
 
 
 def _one_input_set(sources: dict[str, Source], reasons: dict[str, str], vehicle: Vehicle) -> list[str]:
-    """Keeps one complete set of inputs in `sources`, removes the other inputs, and returns a note on each of them."""
+    """Keeps one complete set of inputs in `sources`, removes the other inputs, and returns a note on each."""
     sets = INPUT_SETS[vehicle]
     stated = {signal for signal in sources if SIGNALS[signal].kind == "input" and reasons[signal] == "stated by --map"}
     complete = [names for names in sets if all(name in sources for name in names)]
@@ -134,7 +134,7 @@ def _one_input_set(sources: dict[str, Source], reasons: dict[str, str], vehicle:
 
 
 def _check_found(table: TextTable, sources: Mapping[str, Source], asked: Sequence[str]) -> None:
-    """Refuses a log without time, input or output; `asked`: messages on drives that the user has to state."""
+    """Refuses a log without time, input or output; `asked`: messages on motor commands that the user has to state."""
     known = ", ".join(table.names[:20])
     kinds = {SIGNALS[signal].kind for signal in sources}
     for kind, example in (("time", "time=COLUMN:ms"), ("input", "duty_left=COLUMN/255"), ("output", "yaw_rate=COLUMN")):
@@ -145,7 +145,7 @@ def _check_found(table: TextTable, sources: Mapping[str, Source], asked: Sequenc
 
 
 COUNTS_PER_TURN = 960
-"""Assumed counts of an encoder in a turn of the wheel, if they are not stated."""
+"""Assumed counts of an encoder per turn of the wheel, if the user does not state this number."""
 
 _SIDES = {
     **dict.fromkeys(("l", "left", "lt", "lf", "links"), "left"),
@@ -166,10 +166,10 @@ _ENCODER = {"enc", "encoder", "tick", "ticks", "count", "counts", "cnt", "odo", 
 _BATTERY = {"bat", "batt", "battery", "vbat", "vbatt", "supply", "vin", "vcc"}
 _SPEED = {"speed", "spd", "vel", "velocity", "rpm", "omega", "w"}
 _FULL_SCALES = (1.0, 100.0, 255.0, 1000.0, 1023.0, 4095.0, 32767.0)
-_ODD_FULL = (300.0, 400.0)  # if the largest drive is between these, full drive may be 400 or 1000
-_SERVO, _SERVO_REST = (800.0, 2200.0), 1500.0  # us
-_TURN_RATE = 12.0  # rad/s: a faster turn is logged in deg/s
-_RAW_GYRO = 131.0  # counts per deg/s of the most common gyro in its finest range
+_ODD_FULL = (300.0, 400.0)  # if the largest command lies between these values, full drive may be 400 or 1000
+_SERVO, _SERVO_REST = (800.0, 2200.0), 1500.0  # us: the range of servo pulses, and the pulse at rest
+_TURN_RATE = 12.0  # rad/s: a larger yaw rate is taken to be in deg/s
+_RAW_GYRO = 131.0  # counts per deg/s, of the most common gyro in its finest range
 _GRAVITY = {"g0": 1.0, "m/s^2": 9.80665}
 
 
@@ -197,7 +197,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Taken:
-    """The guessed signal of a column, and the reason."""
+    """The guessed signal of a column, and the reason for the guess."""
 
     signal: str
     formula: str
@@ -238,7 +238,7 @@ def taken_for(column: Column, columns: Sequence[Column], driven: bool) -> Taken 
     Args:
         column: the column.
         columns: all columns of the log.
-        driven: whether the log has a duty; then a column named "v" is not a commanded voltage.
+        driven: whether the log has a duty; if it has, a column named "v" is not a commanded voltage.
     """
     if not np.isfinite(column.values).any():
         return "it holds no numbers"
@@ -301,7 +301,7 @@ def _time(column: Column) -> Taken | str:
 
 
 def _duty(column: Column, both: Sequence[Column]) -> Taken | str:
-    """Returns the guessed duty of a column. Both sides have the same driver, so `both` have the same full drive."""
+    """Returns the guessed duty of a column. The columns `both` share one full drive, as their drivers are equal."""
     signal = f"duty_{column.side}" if column.side else "duty"
     largest = max(one.largest for one in both)
     if all(_is_servo(one) for one in both):
@@ -316,7 +316,7 @@ def _duty(column: Column, both: Sequence[Column]) -> Taken | str:
 
 
 def _is_servo(column: Column) -> bool:
-    """Whether all values are servo pulses, or 0 for no pulse."""
+    """Whether each value is a servo pulse, or 0 for no pulse."""
     known = column.values[np.isfinite(column.values)]
     sent = known[known != 0.0]
     is_pulse = sent.size > 0 and _SERVO[0] <= sent.min() and sent.max() <= _SERVO[1]
@@ -324,7 +324,7 @@ def _is_servo(column: Column) -> bool:
 
 
 def _asked(both: Sequence[Column], look: str, formula: str) -> str:
-    """Returns a message with the options that the user has to give for drives that cannot be guessed."""
+    """Returns a message with the options that the user has to give for motor commands that cannot be guessed."""
     maps = [f"--map 'duty{one.side and '_'}{one.side}={formula.format(one.name)}'" for one in both]
     return f"{' and '.join(one.name for one in both)} {look}: state it, as {' '.join(maps)}"
 

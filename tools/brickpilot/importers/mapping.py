@@ -1,8 +1,8 @@
 """Reads two options: the source of a signal in a log, `SIGNAL=FORMULA:UNIT`, and nominal values, `NAME=VALUE`.
 
-A formula over the columns of a log, such as ``encL * 1/960`` or ``(left + right) / 2``, has names of columns, numbers,
-``+ - * /`` and parentheses, and nothing else is evaluated. If the log has a column of this name, a name may contain any
-character: then ``/drive/left`` is a name, not a division.
+A formula over the columns of a log, such as ``encL * 1/960`` or ``(left + right) / 2``, consists of names of columns,
+numbers, ``+ - * /`` and parentheses; nothing else is evaluated. The name of an existing column may contain any
+character: if the log has a column ``/drive/left``, this text is its name and not a division.
 """
 
 from __future__ import annotations
@@ -44,16 +44,16 @@ _SIGNS: dict[type[ast.AST], Callable[..., Any]] = {
     ast.USub: operator.neg,
 }
 _ALLOWED = (ast.BinOp, ast.UnaryOp, ast.Constant, ast.Name, ast.Load, *_SIGNS)
-_ALIKE = 0.8  # similarity, by difflib: above it, a text is a misspelled name such as /drive/left
+_ALIKE = 0.8  # similarity by difflib above which a text counts as a misspelled name, such as /drive/left
 
 
 class FormulaError(ValueError):
-    """A text that is no formula. The message is for the user and does not repeat the text."""
+    """A text is no formula. The message is for the user and does not repeat the text."""
 
 
 @dataclass(frozen=True)
 class Place:
-    """The place of numbers in a log: a column or variable; for a matrix also the column's index from 0."""
+    """The place of numbers in a log: a column or variable; for a matrix, also the index of its column, from 0."""
 
     name: str
     index: int | None = None
@@ -77,7 +77,7 @@ class Formula:
 
     Attributes:
         text: the formula as the user wrote it.
-        places: the places in the log that the formula uses, each once, in the order of the text.
+        places: the places in the log that the formula uses, without repeats, in the order of the text.
         scaling: the linear conversion, if the formula is linear in a single place; else None.
     """
 
@@ -90,7 +90,7 @@ class Formula:
         """Returns the formula's value in each row.
 
         Raises:
-            FormulaError: it divides by 0, or a value is too large for a number.
+            FormulaError: the formula divides by 0, or a value is too large for a float.
         """
         named = {f"_{number}": columns[place] for number, place in enumerate(self.places)}
         with np.errstate(all="ignore"):
@@ -105,7 +105,7 @@ def parse_formula(text: str, names: Sequence[str]) -> Formula:
     """Returns the formula of `text`.
 
     Args:
-        text: a name, ``name[index]``, or a formula of them.
+        text: a name, ``name[index]``, or a formula of such names.
         names: the columns of the log. A text that equals a column's name is that name. An unknown name is no error
             here; `Formula.places` contains it.
 
@@ -173,7 +173,7 @@ def _parsed(text: str, names: Sequence[str]) -> tuple[list[Place], ast.expr]:
 
 
 def _tokens(names: Sequence[str]) -> re.Pattern[str]:
-    """Returns the pattern of a name, a number or a sign; known names come first, the longest before the others."""
+    """Returns the pattern of a name, a number or a sign. It tries the known names first, from the longest on."""
     known = sorted((name for name in names if name and not re.fullmatch(_NUMBER, name)), key=len, reverse=True)
     edged = [
         ("(?<!\\w)" if name[0].isalnum() else "") + re.escape(name) + ("(?!\\w)" if name[-1].isalnum() else "")
@@ -198,7 +198,7 @@ def _tree(rewritten: str, text: str, at: Sequence[int]) -> ast.expr:
 
 
 def _evaluated(node: ast.expr, named: Mapping[str, Any]) -> Any:
-    """Returns the value of a tree of `_ALLOWED` nodes: a float, or of the type in `named` if the tree has names.
+    """Returns the value of a tree of `_ALLOWED` nodes: a float, or the type of the values in `named`.
 
     Raises:
         FormulaError: it divides by the constant 0, or a number in it is too large.
@@ -219,10 +219,10 @@ def _evaluated(node: ast.expr, named: Mapping[str, Any]) -> Any:
 
 
 def _scaling(tree: ast.expr, places: int) -> Scaling | None:
-    """Returns the linear conversion of a formula with one place; None: it has several places, or is not linear.
+    """Returns the linear conversion of a formula with one place; None: the formula has several, or is not linear.
 
     Raises:
-        FormulaError: it divides by the constant 0, a number in it is too large, or it does not depend on its place.
+        FormulaError: the formula divides by the constant 0, has a too large number, or does not depend on its place.
     """
     named = [f"_{number}" for number in range(places)]
     with np.errstate(all="ignore"):
@@ -265,13 +265,13 @@ class Signals:
 
     Attributes:
         file: the log.
-        columns: signal -> its cells, NaN where blank; with the time. A formula that is linear in one column leaves the
-            cells as logged.
-        scalings: signal -> conversion of its cells to values in the signal's unit; without signals of scale 1 and
-            offset 0.
-        units: signal -> unit of its values.
-        notes: for the user, a sentence each on what was left out or changed.
-        starts: rows at which a new run has to begin, because a clock or a counter starts again.
+        columns: signal, including the time -> its cells, NaN where blank. If a formula is linear in one column, these
+            are the cells as logged.
+        scalings: signal -> conversion of its cells to values in the signal's unit; signals with scale 1 and offset 0
+            are left out.
+        units: signal -> unit of the values.
+        notes: sentences for the user on what was left out or changed.
+        starts: indices of the rows at which a new run has to begin, because a clock or a counter starts again.
     """
 
     file: Path
@@ -320,7 +320,7 @@ def parse_mapping(entries: Sequence[str], *, has_time: bool = False, partly: boo
 
 
 def _unit_apart(text: str) -> tuple[str, str | None]:
-    """Returns formula and unit, split at the last colon. No unit begins with a slash: ``NT:/drive/left`` has none."""
+    """Returns formula and unit, split at the last colon. No unit begins with /: ``NT:/drive/left`` has no unit."""
     head, colon, unit = text.rpartition(":")
     if not colon or unit.startswith("/"):
         return text, None
@@ -368,7 +368,7 @@ def take(
 
 
 def scalings_of(formulas: Mapping[str, Formula]) -> dict[str, Scaling]:
-    """Returns signal -> scaling, without signals of scale 1 and offset 0."""
+    """Returns signal -> scaling; signals with scale 1 and offset 0 are left out."""
     linear = {signal: formula.scaling for signal, formula in formulas.items() if formula.scaling is not None}
     return {signal: scaling for signal, scaling in linear.items() if scaling != Scaling()}
 
@@ -407,7 +407,7 @@ def parse_nominal(entries: Sequence[str]) -> dict[str, float]:
 
 
 def mending(sources: Mapping[str, Source], taken: Mapping[str, Taken]) -> str:
-    """Returns the options of `import` that give each signal its right source; "": no options can."""
+    """Returns the options of `import` that give each signal its right source; "": there are no such options."""
     found = []
     for signal, one in taken.items():
         if one.source not in sources or not math.isfinite(one.factor):
@@ -419,7 +419,7 @@ def mending(sources: Mapping[str, Source], taken: Mapping[str, Taken]) -> str:
 
 
 def _times(text: str, factor: float) -> str:
-    """Returns a formula times a factor, as "encL/1440" of "encL/960"."""
+    """Returns a formula times a factor: "encL/960" times 2/3 is "encL/1440"."""
     column, slash, number = text.partition("/")
     try:
         counts = float(number) / factor if slash else math.nan

@@ -1,4 +1,4 @@
-"""MATLAB .mat files, v4 to v7.3, turned into a data set.
+"""Turns MATLAB .mat files, v4 to v7.3, into a data set.
 
 A signal's place is ``VARIABLE``, or ``VARIABLE[COLUMN]`` for a column of a matrix, from 0; a field of a struct is
 ``struct.field``.
@@ -38,7 +38,7 @@ def read(file: Path) -> Log:
     """Reads the vectors and the columns of matrices; a field of a struct is ``struct.field``.
 
     Raises:
-        InputError: no such file, or the file cannot be read.
+        InputError: there is no such file, or it cannot be read.
     """
     variables = _with_fields(load(file))
     channels, others = {}, []
@@ -56,7 +56,7 @@ def read(file: Path) -> Log:
 
 
 def _with_fields(variables: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns name -> value of all variables and of the fields of structs, each after its struct."""
+    """Returns name -> value of all variables and of all fields of structs; a field follows its struct."""
     every = {}
     for name, value in variables.items():
         if not str(name).startswith("__"):

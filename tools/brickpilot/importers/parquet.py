@@ -1,7 +1,7 @@
-"""Parquet files turned into a data set. pyarrow reads them. Each file holds a table, like the text files of `table`.
+"""Turns Parquet files into a data set; pyarrow reads them. Each file holds a table, like the text files of `table`.
 
-A field of a struct is ``column.field``. Time stamps become s since the earliest stamp in their column, durations become
-s.
+A field of a struct is ``column.field``. Time stamps become s since the earliest stamp in their column, durations also
+become s.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def read(file: Path, texts: Collection[str] | None = None) -> Log:
     """Reads the columns that hold numbers, times or truth values.
 
     Raises:
-        InputError: no such file, or no Parquet file.
+        InputError: there is no such file, or it is no Parquet file.
     """
     check_file(file, b"PAR1", "a Parquet file")
     with libraries("parquet"):
@@ -76,7 +76,7 @@ def _channels(table: Any, arrow: Any) -> Iterator[Channel]:
 
 
 def _floats(column: Any, arrow: Any) -> Vector:
-    """Returns the numbers of a column; NaN where null."""
+    """Returns the numbers of a column, with NaN for null."""
     if arrow.types.is_boolean(column.type):
         column = column.cast(arrow.int8())
     return np.asarray(column.cast(arrow.float64(), safe=False).to_numpy(zero_copy_only=False), dtype=np.float64)

@@ -1,4 +1,4 @@
-"""Recordings of an RCX, fetched through the infrared tower and turned into a data set.
+"""Fetches a recording of an RCX through the infrared tower and makes a data set of it.
 
 firmware/targets/rcx/recorder.c makes the recordings and sends them in blocks. Block 0 describes the recording; the
 other blocks hold its samples.
@@ -23,7 +23,7 @@ from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out,
 from brickpilot.link import lnp
 from brickpilot.link.tower import BYTE_S, Tower
 
-PATIENCE = 4.0  # s: time for a reply, as the brick may wait for a quiet line
+PATIENCE = 4.0  # s: time for a reply; the brick may wait for a quiet line first
 TRIES = 8
 VERSION = 1
 BLOCK_SAMPLES, SAMPLE_SIZE = 20, 5
@@ -33,7 +33,7 @@ Vector = NDArray[np.float64]
 
 
 class Line(Protocol):
-    """The part of `Tower` that is used here."""
+    """The part of `Tower` that this module uses."""
 
     def exchange(
         self, packet: bytes, find: Callable[[bytes], bytes | None], reply_bytes: int, patience: float, /
@@ -61,7 +61,7 @@ class Manoeuvre:
 
     @property
     def label(self) -> str:
-        """The name of its run; "": both motors rest."""
+        """The name of the manoeuvre's run; "": both motors rest."""
         if self.left == self.right:
             return "forward" if self.left > 0 else "backward" if self.left < 0 else ""
         return "spin" if self.left == -self.right else "turn"
@@ -72,11 +72,11 @@ class Description:
     """Block 0 of a recording.
 
     Attributes:
-        period_s: s between samples.
+        period_s: time between samples in s.
         samples: number of logged samples.
         late: number of samples that were taken late.
         gyro: the gyro.
-        accelerometers: those of surge and sway; None: rotation sensors were logged.
+        accelerometers: the accelerometers of surge and sway; None: rotation sensors were logged.
         reversed_wheels: whether the left and the right rotation sensor count backward.
         manoeuvres: the manoeuvres in order.
     """
@@ -102,14 +102,14 @@ def import_rcx(
     """Fetches the recording of a brick and makes a data set of it.
 
     Args:
-        ports: exactly one, the serial port of the tower.
+        ports: exactly one port, the serial port of the tower.
         out: the new folder.
         nominal, name: as in a data set.
         progress: called with (blocks fetched, all blocks, text).
-        byte_s: time of a byte on the line, s.
+        byte_s: time in s that a byte takes on the line.
 
     Raises:
-        InputError: no such port, no tower, no reply, a reply that is no recording, or `out` is taken. Nothing is
+        InputError: there is no such port, no tower or no reply; the reply is no recording; or `out` exists. No file is
             written then.
     """
     if len(ports) != 1:
@@ -127,10 +127,10 @@ def import_rcx(
 def fetch(
     line: Line, port: Path, progress: Callable[[int, int, str], None] | None = None
 ) -> tuple[Description, NDArray[np.int64]]:
-    """Fetches the description, and the samples of four raw numbers each.
+    """Fetches the description and the samples; each sample has four raw numbers.
 
     Raises:
-        InputError: no reply, or a reply that is no part of a recording.
+        InputError: there is no reply, or the reply is no part of a recording.
     """
     description = describe(_request(line, port, 0), port)
     blocks = -(-description.samples // BLOCK_SAMPLES)
@@ -209,7 +209,7 @@ def unpack(content: bytes) -> NDArray[np.int64]:
 def dataset_of(
     description: Description, samples: NDArray[np.int64], name: str, nominal: Mapping[str, float]
 ) -> NewDataset:
-    """Makes a run of each manoeuvre and the rest after it. The first run also has the rest before it."""
+    """Makes a run of each manoeuvre with the rest after it. The first run also has the rest before its manoeuvre."""
     columns = _columns(description, samples)
     runs = [
         NewRun(
@@ -251,7 +251,7 @@ def _turned(raw: Vector, mirrored: bool) -> Vector:
 
 
 def _runs(description: Description) -> Iterator[tuple[str, int, int]]:
-    """Yields the name of each run, its first sample, and the sample after its last."""
+    """Yields the name of each run, the index of its first sample, and the index after its last sample."""
     begin = at = 0
     label = ""
     for manoeuvre in description.manoeuvres:

@@ -16,7 +16,7 @@ _LARGEST = 64
 """Largest number of values in an array; a longer array, such as an image or a laser scan, is left out."""
 
 _SAME_EPOCH = 10.0
-"""s: if stamps and log times differ by more, they come from two clocks: no message travels for so long a time."""
+"""s: if stamps and log times differ by more, they come from two clocks, because no message travels for so long."""
 
 _HEADER = frozenset({"header", "stamp"})
 _QUATERNION = {"x", "y", "z", "w"}
@@ -28,8 +28,8 @@ class Topic:
 
     Attributes:
         name, type: the topic's name, and the type of its messages.
-        log_ns, stamp_ns: when each message was recorded; the stamp in its header, 0 where it has none.
-        values: field -> number and value of each message that has the field.
+        log_ns, stamp_ns: the time at which each message was recorded; the stamp in its header, 0 if it has none.
+        values: field -> (number of the message, value) for each message that has the field.
         aliases: second name -> field, if the first message names the array's elements: ``velocity[0]`` ->
             ``velocity[left]``.
     """
@@ -52,10 +52,10 @@ class Topic:
 
 
 def log_of(file: Path, topics: Iterable[Topic], others: Iterable[str] = (), *, cut: bool = False) -> Log:
-    """Returns the log of the topics. A message's time is the stamp of its header, or the log time if it has none.
+    """Returns the log of the topics. A message's time is the stamp in its header; without a stamp, it is the log time.
 
-    If the stamps follow another clock than the log, e.g. that of a simulation, the log times of other topics are moved
-    to that clock by the median difference.
+    If the stamps follow another clock than the log, e.g. the clock of a simulation, the log times of other topics are
+    shifted to the stamps' clock by the median difference.
     """
     full = [topic for topic in topics if topic.log_ns]
     stamped = [topic for topic in full if all(topic.stamp_ns)]

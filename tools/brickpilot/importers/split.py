@@ -20,13 +20,13 @@ from brickpilot.importers.writer import NewRun
 
 Vector = NDArray[np.float64]
 Spans = Sequence[tuple[float, float]] | None
-"""The times in s of `--split FROM,TO`; empty without the option; None for `--split rests`."""
+"""The times in s of `--split FROM,TO`; empty: the option is not given; None: `--split rests`."""
 
 _SHORTEST_REST_S = 0.3
-_KEPT_S = 0.5  # length of the rest before and after a manoeuvre that its run keeps
-_SPAN_S = 0.1  # span on each side of a sample over which a rate is computed
-_PAUSE_S, _PAUSE_STEPS = 1.0, 20.0  # s; and 0.9-quantiles of the steps: a hole longer than both is a pause
-_STILL = 0.05  # share of the log's fastest motion: a slower motion counts as rest
+_KEPT_S = 0.5  # s: a manoeuvre's run keeps this much of the rest before it and after it
+_SPAN_S = 0.1  # s: a rate is computed over this span on each side of a sample
+_PAUSE_S, _PAUSE_STEPS = 1.0, 20.0  # in s, and in 0.9-quantiles of the steps: a gap longer than both is a pause
+_STILL = 0.05  # motion slower than this share of the log's fastest motion counts as rest
 
 
 def parse_split(entries: Sequence[str]) -> Spans:
@@ -58,7 +58,7 @@ def runs_of(logs: Sequence[Signals], spans: Spans, names: Sequence[str]) -> tupl
         logs: the logs' signals.
         spans: the result of `parse_split`.
         names: for each log, the name of the run of the whole log. With several logs, the names of a log's parts begin
-            with it.
+            with this name.
 
     Raises:
         InputError: a span has fewer than two rows; spans are given and a log's clock starts again; or a log has no
@@ -74,7 +74,7 @@ def runs_of(logs: Sequence[Signals], spans: Spans, names: Sequence[str]) -> tupl
 
 
 def _runs_of(log: Signals, spans: Spans, whole: str, prefix: str) -> tuple[list[NewRun], list[str]]:
-    """Returns the runs of a log, and notes; `whole`: the name of the whole log, `prefix`: of its parts' names."""
+    """Returns the runs of a log, and notes. `whole`: the name of the whole log; `prefix`: that of its parts' names."""
     scalings = {name: log.scalings.get(name, Scaling()) for name in log.columns}
     signals = {name: scalings[name].scale * cells + scalings[name].offset for name, cells in log.columns.items()}
     time = signals.pop("time") * si_factor(log.units["time"], "s")
@@ -105,7 +105,7 @@ def _parts(time: Vector, signals: Mapping[str, Vector], starts: Sequence[int], s
     """Returns name and rows of each run of a log, in order; a run that is the whole log has no name.
 
     Args:
-        time: (n,) s.
+        time: (n,), in s.
         signals: inputs and outputs, NaN where blank.
         starts: rows at which a new run has to begin.
         spans: the result of `parse_split`.
@@ -129,9 +129,9 @@ def _parts(time: Vector, signals: Mapping[str, Vector], starts: Sequence[int], s
 
 
 def pauses(time: Vector) -> list[int]:
-    """Returns the first row after each pause of the logger; in a pause the inputs are not known. `time`: (n,) s.
+    """Returns the first row after each pause of the logger; in a pause the inputs are unknown. `time`: (n,), in s.
 
-    A log that has rows only at changes has no pause if its holes are about equally long.
+    A log with rows only at changes has no pause if the gaps between its rows are about equally long.
     """
     steps = np.diff(time)
     usual = float(np.quantile(steps[steps > 0.0], 0.9)) if np.any(steps > 0.0) else math.inf
@@ -158,7 +158,7 @@ def manoeuvres(time: Vector, signals: Mapping[str, Vector]) -> list[tuple[str, s
     The vehicle rests if no input drives it and it hardly moves for at least 0.3 s.
 
     Args:
-        time: (n,) s, strictly increasing.
+        time: (n,), in s, strictly increasing.
         signals: inputs and outputs; NaN where blank.
     """
     inputs = {name: np.nan_to_num(values) for name, values in signals.items() if SIGNALS[name].kind == "input"}
@@ -180,7 +180,7 @@ def manoeuvres(time: Vector, signals: Mapping[str, Vector]) -> list[tuple[str, s
 
 
 def _with_rest(time: Vector, busy: slice, rests: Sequence[slice]) -> slice:
-    """Returns the rows of a manoeuvre with some of the rest before and after it; two runs share no row."""
+    """Returns the rows of a manoeuvre with some of the rest before and after it; no two runs share a row."""
     first, last = busy.start, busy.stop
     for rest in rests:
         middle = (rest.start + rest.stop) // 2
@@ -194,7 +194,7 @@ def _with_rest(time: Vector, busy: slice, rests: Sequence[slice]) -> slice:
 
 
 def _moves(time: Vector, signals: Mapping[str, Vector], undriven: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Returns where a wheel, the motor or the body moves; accelerations and currents are not used."""
+    """Returns in which rows a wheel, the motor or the body moves; accelerations and currents are not used."""
     moves = np.zeros(time.size, dtype=bool)
     for name, values in signals.items():
         known = np.isfinite(values)
@@ -214,7 +214,7 @@ def _moves(time: Vector, signals: Mapping[str, Vector], undriven: NDArray[np.boo
 
 
 def _slope(time: Vector, values: Vector) -> Vector:
-    """Returns the mean slope over `_SPAN_S` on either side."""
+    """Returns the mean slope over `_SPAN_S` on both sides of each sample."""
     before: Vector = np.interp(time - _SPAN_S, time, values)
     after: Vector = np.interp(time + _SPAN_S, time, values)
     span: Vector = np.minimum(time + _SPAN_S, time[-1]) - np.maximum(time - _SPAN_S, time[0])

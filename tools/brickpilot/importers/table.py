@@ -1,4 +1,4 @@
-"""Tables of numbers in text files, as loggers write them, turned into a data set."""
+"""Turns tables of numbers in loggers' text files into a data set."""
 
 from __future__ import annotations
 
@@ -42,15 +42,15 @@ def import_table(
     Args:
         files: text files with the same columns.
         out: the new folder.
-        mapping: ``SIGNAL=COLUMN[:UNIT]`` or ``SIGNAL=FORMULA[:UNIT]``; a column is its name, or its number from 0.
-        vehicle, frame, nominal, name: as in a data set; the default name is that of the folder, and the default frame
-            the one that wheels and yaw show.
+        mapping: ``SIGNAL=COLUMN[:UNIT]`` or ``SIGNAL=FORMULA[:UNIT]``; COLUMN is a name, or a number from 0 on.
+        vehicle, frame, nominal, name: as in a data set; the default name is the folder's name, and the default frame is
+            the frame that wheels and yaw show.
         as_wired: whether channels that look swapped, reversed or scaled wrongly are left as they are.
         delimiter: one of `data.rows.DELIMITERS`; ``tab`` and ``\\t`` (two characters) stand for a tab; None: found.
         header: whether the first line names the columns even if it looks like numbers.
         guessed: whether signals that `mapping` does not name, and the vehicle, are guessed from the first file.
         split: ``rests``, or ``FROM,TO`` in s of the log's clock, repeatable.
-        inputs: a table of time and inputs, for a log that is slower than its commands.
+        inputs: a table of time and inputs, for a log with fewer samples than the commands.
         input_timing: what an input does between two rows; if ``unknown``, `check` and `discover` estimate it.
 
     Raises:

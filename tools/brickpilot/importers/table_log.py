@@ -1,12 +1,12 @@
-"""Reads the signals of one text file in the order of time, without broken rows and overflows.
+"""Reads the signals of one text file in order of time, and removes broken rows and overflows.
 
-The order of time is found in spite of overflows, repeated or misread stamps, and restarts.
+The order of time is found in spite of overflows, repeated or misread time stamps, and restarts.
 
-A jump of a counter counts as an overflow only if it is as small as a usual step after the counter's range is added. Any
-other jump is kept, because it may be real.
+A jump of a counter counts as an overflow only if, with the counter's range added, the jump is as small as a usual step.
+Any other jump is kept, because it may be real.
 
 A log can be joined with a table of events at which its inputs change. A simulation holds an input from row to
-row. So a row is added if the input changes between two rows of a log; measured signals stay blank there.
+row. So a row is added if an input changes between two rows of a log; measured signals stay blank in this row.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def read_log(table: TextTable, sources: Mapping[str, Source]) -> Signals:
     """Returns the signals of a table.
 
     Raises:
-        InputError: a formula is not valid, the table lacks a column or it holds text, or there are too few sound rows.
+        InputError: a formula is not valid, a column is missing or holds text, or too few rows are sound.
     """
     formulas = read_formulas(sources, table.formula_names)
     notes = list(table.notes)
@@ -68,7 +68,7 @@ def read_log(table: TextTable, sources: Mapping[str, Source]) -> Signals:
 def _cells(
     table: TextTable, formulas: Mapping[str, Formula], notes: list[str]
 ) -> tuple[dict[Place, Vector], NDArray[np.bool_]]:
-    """Returns the cells of each used column, of counters without overflows, and which rows have no broken cell."""
+    """Returns the cells of each used column, counters without overflows, and which rows have no broken cell."""
     cells: dict[Place, Vector] = {}
     sound = np.ones(table.lines.size, dtype=bool)
     for signal, formula in formulas.items():
@@ -93,7 +93,7 @@ def joined(log: Signals, events: Signals) -> Signals:
     """Returns a log whose inputs come from a table of events.
 
     Raises:
-        InputError: the clock of one of them starts again, so that events and rows cannot be put in one order.
+        InputError: the clock of the log or of the table starts again, so events and rows have no common order.
     """
     for table in (log, events):
         if np.any(np.diff(table.columns["time"]) <= 0.0):
@@ -114,11 +114,11 @@ def joined(log: Signals, events: Signals) -> Signals:
 
 
 def with_events(columns: Mapping[str, Vector], events: Mapping[str, Vector]) -> dict[str, Vector]:
-    """Returns a log whose inputs come from a table of events; it has a row at each event within the log.
+    """Returns a log whose inputs come from a table of events; the log gets a row at each event within its time.
 
     Args:
         columns: the log's time, outputs and inputs; the inputs are replaced.
-        events: time and inputs; an input is held from its event to the next. Before the first event it is 0.
+        events: time and inputs; an input is held from its event to the next. Before the first event, an input is 0.
     """
     time, at = columns["time"], events["time"]
     within = at[(at > time[0]) & (at <= time[-1])]
@@ -136,8 +136,8 @@ def with_events(columns: Mapping[str, Vector], events: Mapping[str, Vector]) -> 
     return joined
 
 
-_STANDING = 0.5  # share of the rows: if the time repeats in more rows, these rows are kept
-_FIRST_STEP = 100.0  # usual steps: a first row farther from the second lost digits of its time
+_STANDING = 0.5  # largest share of rows with a repeated time that are left out; if more rows repeat it, they are kept
+_FIRST_STEP = 100.0  # in usual steps: if the first row is farther from the second, its time has lost digits
 
 
 @dataclass(frozen=True)
@@ -147,7 +147,7 @@ class Clock:
     Attributes:
         time: the time's cells without overflows, for all rows.
         kept: the indices of the rows with a sound time, in order.
-        starts: positions in `kept` at which the logger's clock starts again.
+        starts: positions in `kept` at which the logger's clock restarts.
         notes: a sentence on each change.
     """
 
@@ -161,7 +161,7 @@ def ordered(cells: Vector, lines: NDArray[np.int64], cut_start: bool) -> Clock:
     """Returns the clock of a log.
 
     Args:
-        cells: the time's cells, NaN where blank or broken.
+        cells: the cells of the time, NaN where blank or broken.
         lines: the line of each row, for the notes.
         cut_start: whether the first line of the log may be incomplete.
     """
@@ -186,7 +186,7 @@ def ordered(cells: Vector, lines: NDArray[np.int64], cut_start: bool) -> Clock:
 
 
 def _lone(time: Vector, cut_start: bool) -> NDArray[np.int64]:
-    """Returns the single rows whose time is not between the times of their two neighbours, while these are in order."""
+    """Returns single rows whose time is not between the times of both neighbours, although these are in order."""
     if time.size < 3:
         return np.empty(0, dtype=np.int64)
     step = np.diff(time)
@@ -202,11 +202,11 @@ def _count(notes: list[str], lines: NDArray[np.int64], rows: NDArray[np.int64], 
 
 
 _BITS = ((16, 1), (32, 1), (12, 2), (14, 2))  # (bits, overflows needed as evidence); angle sensors have 12 or 14 bits
-_NEAR = 20  # number of steps on each side from which the usual step is found
-_USUAL = 3.0  # largest corrected step at an overflow, over the largest step nearby
-_LATE = 50.0  # usual steps: the longest pause of a clock at an overflow
-_FAR_STEPS, _FAR_COUNTS = 10.0, 20.0  # least length of a jump to 0, in usual and in smallest steps
-_RETURNS = 5  # samples: a counter that returns within this number was misread, not reset
+_NEAR = 20  # number of steps on each side that determine the usual step
+_USUAL = 3.0  # largest corrected step at an overflow, as a multiple of the largest step nearby
+_LATE = 50.0  # longest pause of a clock at an overflow, in usual steps
+_FAR_STEPS, _FAR_COUNTS = 10.0, 20.0  # least size of a jump to 0, in usual steps and in smallest steps
+_RETURNS = 5  # number of samples within which a misread counter returns; a reset counter does not return
 
 
 @dataclass(frozen=True)
@@ -219,11 +219,11 @@ class Unwrapped:
 
 
 def unwrap(values: Vector, clock: bool = False) -> Unwrapped:
-    """Returns a column of counts without overflows of 12, 14, 16 or 32 bits, signed or unsigned.
+    """Removes overflows of 12, 14, 16 or 32 bits, signed or unsigned, from a column of counts.
 
     Args:
         values: cells as logged; NaN where blank.
-        clock: whether the counter counts time, so that it only rises.
+        clock: whether the counter counts time and therefore only rises.
     """
     known = np.flatnonzero(np.isfinite(values))
     counts = values[known]
@@ -246,7 +246,7 @@ def unwrap(values: Vector, clock: bool = False) -> Unwrapped:
 
 
 def unturn(values: Vector, turn: float) -> Unwrapped:
-    """Returns a heading without its jumps by a turn, as from 359 to 0 degrees or from 180 to -180.
+    """Removes jumps by a whole turn from a heading, such as from 359 to 0 degrees or from 180 to -180.
 
     Args:
         values: cells as logged; NaN where blank.
@@ -263,7 +263,7 @@ def unturn(values: Vector, turn: float) -> Unwrapped:
 
 
 def _overflows(steps: Vector, span: float, clock: bool) -> NDArray[np.int64]:
-    """Returns which steps of a counter are overflows of a range `span`."""
+    """Returns which steps of a counter are overflows of the range `span`."""
     large = np.abs(steps) > span / 2
     found = []
     for index in np.flatnonzero(large):
@@ -281,7 +281,7 @@ def _overflows(steps: Vector, span: float, clock: bool) -> NDArray[np.int64]:
 
 
 def resets(values: Vector) -> list[int]:
-    """Returns the rows at which a counter jumps from a value far from 0 to a value near 0, and does not return."""
+    """Returns the rows at which a counter jumps from a value far from 0 to a value near 0, and stays there."""
     known = np.flatnonzero(np.isfinite(values))
     counts = values[known]
     steps = np.diff(counts)

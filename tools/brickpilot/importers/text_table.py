@@ -1,7 +1,7 @@
-"""Reads tables in loggers' text files, which may have lines before the header, repeated headers and broken lines.
+"""Reads tables in text files of loggers. A file may have lines before the header, repeated headers and broken lines.
 
-Its layout is found first: the delimiter, the decimal sign, the number of columns, and the header. Rows that are left
-out are counted in a note. Numbers are parsed as in a run's file (`data.rows`).
+The layout of the table is found first: the delimiter, the decimal sign, the number of columns, and the header. A note
+counts the rows that are left out. Numbers are parsed as in a run's file (`data.rows`).
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 
 Vector = NDArray[np.float64]
 
-_MOST_COLUMNS = 1000  # column numbers in formulas are below this
-_MOST_BROKEN = 0.2  # share of the rows: a file with more broken lines is not a table
+_MOST_COLUMNS = 1000  # column numbers in formulas are below this number
+_MOST_BROKEN = 0.2  # largest share of broken lines; a file with a larger share is not a table
 _STAMP = re.compile(r"\d\d:\d\d:\d\d(?:\.\d+)? -> ")
 _PREFERRED = (";", "\t", ",", "|", " ")
 assert set(_PREFERRED) == set(DELIMITERS)
@@ -41,11 +41,11 @@ class TextTable:
 
     Attributes:
         file: the file.
-        names: the columns' names; without a header, the columns' numbers from 0.
+        names: the columns' names; if there is no header, the columns' numbers from 0 on.
         header: whether the file names its columns.
         first_line: the 1-based line of the header, or of the first row.
         lines: the 1-based line of each row.
-        notes: what was left out, a sentence each.
+        notes: sentences on what was left out.
     """
 
     file: Path
@@ -110,12 +110,12 @@ def read_table(file: Path, delimiter: str | None = None, header: bool = False) -
     """Returns the table in a text file.
 
     Args:
-        file: UTF-8 or UTF-16 text; a line with bytes that are no text counts as broken.
-        delimiter: the delimiter; None: it is found.
+        file: the file, in UTF-8 or UTF-16; a line with bytes that are no text counts as broken.
+        delimiter: the delimiter; None: the function finds the delimiter.
         header: whether the file must name its columns.
 
     Raises:
-        InputError: no such file, no table in it, a column's name twice, or too many broken lines.
+        InputError: there is no such file or no table in it, two columns have one name, or too many lines are broken.
     """
     text = read_text(file, damaged=True)
     lines = text.split("\n")
@@ -145,9 +145,9 @@ def read_table(file: Path, delimiter: str | None = None, header: bool = False) -
 def _rows(
     lines: Sequence[str], layout: Layout, start: int, header: int | None
 ) -> tuple[NDArray[np.int64], pyarrow.Table, dict[str, list[int]]]:
-    """Returns the lines that are rows, their cells, and the lines left out: kind -> lines. Lines are counted from 0.
+    """Returns the lines that are rows, the rows' cells, and the omitted lines, kind -> lines. Lines count from 0.
 
-    The last line has no line end and may be cut off, so it is no row.
+    A last line without a line end may be cut off, so it is no row.
     """
     again = lines[header].strip() if header is not None else None
     rows = ["" if line.strip() == again else line for line in lines[start:-1]]
@@ -192,14 +192,14 @@ def _notes(lines: Sequence[str], before: Sequence[int], left_out: dict[str, list
     return notes
 
 
-_MOST_LINES = 400  # lines that are read to find the layout
+_MOST_LINES = 400  # number of lines that are read to find the layout
 _NUMBER = re.compile(NUMBER).fullmatch
 _NAME = re.compile(r"[^\W\d][^\ufffd\x00-\x1f]{0,60}").fullmatch
 BLANKS = frozenset(
     ["", "nan", "na", "n/a", "null", "none", "-nan", "#n/a", "<na>", "#na", "#n/a n/a", "1.#ind", "-1.#ind", "1.#qnan",
      "-1.#qnan"]
 )  # fmt: skip
-"""Cells, in lower case, that stand for a missing value."""
+"""Texts of cells, in lower case, that stand for a missing value."""
 
 
 @dataclass(frozen=True)
@@ -251,7 +251,7 @@ def find_layout(lines: Sequence[str], delimiters: Sequence[str]) -> Layout | Non
 
     Args:
         lines: the file's lines.
-        delimiters: the delimiters to try; if two fit equally well, the first is taken.
+        delimiters: the delimiters to try; if two delimiters fit equally well, the first one is taken.
     """
     filled = [line for line in lines if line.strip()]
     sample = filled[:: max(1, len(filled) // _MOST_LINES)]
@@ -265,7 +265,7 @@ def find_layout(lines: Sequence[str], delimiters: Sequence[str]) -> Layout | Non
 
 
 def _tried(sample: Sequence[str], delimiter: str, decimal: str) -> tuple[Layout, float]:
-    """Returns the layout with this delimiter, and the number of its rows times the share of numbers in them."""
+    """Returns the layout with this delimiter, and its number of rows times the share of numbers in the rows."""
     ends = sum(line.rstrip(" ").endswith(delimiter) for line in sample)
     trailing = delimiter != " " and ends > 0.9 * len(sample)
     draft = Layout(delimiter, decimal, 0, trailing)
@@ -294,8 +294,8 @@ def find_header(lines: Sequence[str], layout: Layout, needed: bool) -> tuple[int
 
     Args:
         lines: the file's lines.
-        layout: the layout of its rows.
-        needed: whether the first line with the width of a row is the header even if it holds numbers.
+        layout: the layout of the file's rows.
+        needed: whether the first line with the width of a row is the header even if this line holds numbers.
     """
     first = next((index for index, line in enumerate(lines) if is_row(layout, line)), len(lines))
     above = [index for index in range(first) if _names(lines[index], layout)]
@@ -316,7 +316,7 @@ def find_header(lines: Sequence[str], layout: Layout, needed: bool) -> tuple[int
 
 
 def _names(line: str, layout: Layout) -> tuple[str, ...]:
-    """Returns the names in a line that can be a header, else ()."""
+    """Returns the names in a line that can be a header; (): the line cannot be one."""
     cells = layout.split(line.lstrip("#%/ "))
     if len(cells) != layout.width and layout.trailing:
         cells = cells_of(line.lstrip("#%/ "), layout.delimiter)

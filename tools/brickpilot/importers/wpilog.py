@@ -1,4 +1,4 @@
-"""WPILOG files, which robots with WPILib record, turned into a data set.
+"""Turns WPILOG files, which robots with WPILib record, into a data set.
 
 The format is WPILib's "Data Log File Format" of version 1.0. robotpy-wpiutil reads it.
 """
@@ -22,7 +22,7 @@ _GETTERS = _SCALARS | {f"{name}[]": f"{get}Array" for name, get in _SCALARS.item
 
 @dataclass
 class _Entry:
-    """The records of an entry while they are read; `samples`: of each element of its arrays, (µs, value)."""
+    """The records of an entry while they are read. `samples`: a list of (µs, value) for each element of the arrays."""
 
     name: str
     type: str
@@ -41,7 +41,7 @@ def read(file: Path, texts: Collection[str] | None = None) -> Log:
     """Reads the entries that hold numbers. An array becomes a channel for each place, ``NAME[0]``.
 
     Raises:
-        InputError: no such file, or no WPILOG file.
+        InputError: there is no such file, or it is no WPILOG file.
     """
     check_file(file, b"WPILOG", "a WPILOG file")
     with libraries("wpilib"):
@@ -58,7 +58,7 @@ def read(file: Path, texts: Collection[str] | None = None) -> Log:
 
 
 def _fill(entries: dict[str, _Entry], others: set[str], reader: Iterable[Any], texts: Collection[str] | None) -> None:
-    """Puts entries with numbers into `entries`, and the names of the others into `others`."""
+    """Puts entries with numbers into `entries`, and the names of all other entries into `others`."""
     open_entries: dict[int, _Entry] = {}
     for record in reader:
         if not record.isControl():
@@ -75,7 +75,7 @@ def _fill(entries: dict[str, _Entry], others: set[str], reader: Iterable[Any], t
 
 
 def _is_cut(content: bytes) -> bool:
-    """Returns whether the last record is incomplete; the library leaves such a record out and does not say so.
+    """Returns whether the last record is incomplete; the library leaves out such a record without a message.
 
     A record begins with a byte that holds the lengths of three numbers, each minus one: the entry (2 bits), the size of
     the content (2 bits) and the time (3 bits).

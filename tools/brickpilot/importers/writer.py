@@ -1,6 +1,6 @@
 """Writes a data-set folder.
 
-The folder is first written beside its place and read back as a check. Only then is it renamed.
+The folder is first written beside its final place and read back as a check. Then it is renamed.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from brickpilot.errors import InputError, disk_named
 from brickpilot.importers.mapping import Scaling, Source, mending
 
 _ROWS_AT_ONCE = 50_000  # number of rows converted to text at a time, to save memory
-_EXACT = 2.0**53  # whole numbers below it are written without a decimal point
+_EXACT = 2.0**53  # whole numbers below this limit are written without a decimal point
 
 
 @dataclass(frozen=True)
@@ -39,9 +39,9 @@ class Imported:
     Attributes:
         folder: the data set's folder.
         runs: the runs' names in order.
-        notes: for the user, a sentence each.
-        wiring: a sentence on each fault of the wiring in all runs.
-        mend: the options of `import` that mend the wiring; empty: there is no fault, or it cannot be mended.
+        notes: sentences for the user.
+        wiring: a sentence on each fault of the wiring that all runs have.
+        mend: the options of `import` that correct the wiring; empty: there is no fault, or options cannot correct it.
     """
 
     folder: Path
@@ -56,8 +56,8 @@ class NewRun:
     """A run to be written.
 
     Attributes:
-        columns: signal -> cells, NaN for a blank one; all have the same length. `NewDataset.scalings` turns cells into
-            values in the unit that the data set states.
+        columns: signal -> its cells, NaN for a blank cell; all columns have the same length. `NewDataset.scalings`
+            turns cells into values in the unit that the data set states.
         gap_s: pause in s between the previous run and this one; None: not stated.
     """
 
@@ -72,13 +72,13 @@ class NewDataset:
 
     Attributes:
         units: signal -> unit, for every signal, in the order of the columns.
-        notes: sentences for the user; the description begins with them as comments.
+        notes: sentences for the user; the description begins with these sentences as comments.
         scalings: signal -> conversion of its cells to values; absent: the cells are the values.
-        reasons: signal -> the reason of its guess, written as a comment after the signal's line.
+        reasons: signal -> the reason for its guess, written as a comment after the signal's line.
         input_timing: what an input does between two rows.
-        sources: signal -> its source in the log, for the options that mend a wrong wiring.
-        guessed: the importer's guesses of unstated numbers, such as "960 counts a turn".
-        as_wired: whether the data set says that no wiring is mended.
+        sources: signal -> its source in the log, for the options that correct a wrong wiring.
+        guessed: numbers that the importer assumed because the user did not state them, such as "960 counts a turn".
+        as_wired: whether the data set says that its wiring is not corrected.
         frame: the frame; None: the frame that wheels, drives and yaw show, or else FRD.
     """
 
@@ -98,7 +98,7 @@ class NewDataset:
 
 
 def check_out(out: Path) -> None:
-    """Refuses a folder that holds something already.
+    """Refuses a folder that is not empty.
 
     Raises:
         InputError: `out` is a file, or a folder that is not empty.
@@ -113,7 +113,7 @@ def run_names(files: Sequence[Path]) -> list[str]:
     """Returns a name for the run of each file: the file's name without its ending.
 
     Raises:
-        InputError: no file is given, or two have the same name.
+        InputError: no file is given, or two files have the same name.
     """
     if not files:
         raise InputError("no file to import", field="FILE")
@@ -130,11 +130,11 @@ def write(new: NewDataset, out: Path, source: Path) -> Imported:
     Args:
         new: the data set.
         out: its folder; missing parents are made.
-        source: the log that the data come from; errors name it.
+        source: the log from which the data come; errors name this log.
 
     Raises:
-        InputError: `out` is taken or cannot be written, or the result is no valid data set. Nothing is left behind.
-        WorkFailedError: the disk is full; then nothing is written, either.
+        InputError: `out` exists or cannot be written, or the result is no valid data set. No file is left behind.
+        WorkFailedError: the disk is full. No file is left behind.
     """
     check_out(out)
     place = out.resolve()
@@ -144,7 +144,7 @@ def write(new: NewDataset, out: Path, source: Path) -> Imported:
             new, read_back = _written(new, partial, out, source)
             place.parent.mkdir(parents=True, exist_ok=True)
             if place.is_dir():
-                place.rmdir()  # it is empty; Windows cannot rename to a folder that exists
+                place.rmdir()  # the folder is empty; Windows cannot rename to a folder that exists
             partial.rename(place)
     except OSError as error:
         raise InputError(error.strerror or "cannot be written", file=out, field="--out") from error
@@ -155,7 +155,7 @@ def write(new: NewDataset, out: Path, source: Path) -> Imported:
 
 
 def _written(new: NewDataset, folder: Path, out: Path, source: Path) -> tuple[NewDataset, Dataset]:
-    """Fills a folder with the data set. Returns the data set with its frame, and the data set that was read back."""
+    """Writes the data set into a folder. Returns the data set with its frame, and the data set that was read back."""
     try:
         with disk_named(out):
             _write_runs(new, folder)
@@ -178,14 +178,14 @@ def _described(new: NewDataset, folder: Path, out: Path) -> Dataset:
 
 
 def _framed(new: NewDataset, as_frd: Dataset, as_flu: Dataset | None) -> dict[str, Any]:
-    """Returns the frame that the data show, and the notes with a note on the frame.
+    """Returns the frame that the data show, and the notes, which include a note on the frame.
 
     The data show the frame if one sign of the yaw contradicts wheels and drives. A set point of the yaw rate has the
-    gyro's frame, and a wrong frame exchanges both sides. With such a set point, the frame with fewer wiring faults is
-    taken.
+    gyro's frame, and a wrong frame exchanges the two sides. With such a set point, the frame with fewer wiring faults
+    is chosen.
 
     Args:
-        as_flu: the data set in the frame FLU, if it has a set point of the yaw rate.
+        as_flu: the data set in the frame FLU, if there is a set point of the yaw rate.
     """
     yaw = next((name for name in ("yaw_rate", "yaw_angle") if name in new.units), None)
     if yaw is None or new.vehicle == "motor":

@@ -39,7 +39,7 @@ class Link(Protocol):
         """Sends the messages in order. Raises LinkGoneError."""
 
     def receive(self, timeout: float) -> list[Message]:
-        """Returns the received messages; waits up to `timeout` s for the first one. Raises LinkGoneError."""
+        """Returns the received messages; waits up to `timeout` s for the first message. Raises LinkGoneError."""
 
     def close(self) -> None:
         """Closes the link. It may be called twice."""
@@ -49,7 +49,7 @@ class WrappedLink:
     """A link that forwards everything to another link; the base of links that change or record messages.
 
     Args:
-        link: the other link, which is closed with this one.
+        link: the other link; it is closed when this link is closed.
     """
 
     def __init__(self, link: Link) -> None:
@@ -74,12 +74,12 @@ class WrappedLink:
 
 
 BUSY = b"another host has this link"
-"""The text that a brick sends to a second client before it closes the connection; the brick's process has the same."""
+"""Text that a brick sends to a second client before it closes the connection; the brick's process has a copy."""
 
 TOKEN = "BRICKPILOT_TOKEN"
 """The environment variable with the token, 16 to 64 bytes, that both ends of a TCP connection must have."""
 ASKS = b"token "
-"""The beginning of a brick's request for the token; its challenge follows. See hal/README.md."""
+"""The beginning of a brick's request for the token; the challenge follows. See hal/README.md."""
 
 
 def encode_frame(identifier: int, data: bytes) -> bytes:
@@ -116,7 +116,7 @@ class StreamLink:
         self._poll = select.poll()
         self._poll.register(self._fd, select.POLLIN)
         self._rest = b""
-        self._write(b"\0")  # ends a frame that another program may have left incomplete
+        self._write(b"\0")  # ends an incomplete frame that another program may have left
 
     def _write(self, data: bytes) -> None:
         try:
@@ -225,7 +225,7 @@ def open_serial(spec: str, port: str) -> Link:
 
 
 def open_tcp(spec: str, address: str) -> Link:
-    """Opens a TCP connection to `HOST:PORT`; if `TOKEN` is set, proves to have the token."""
+    """Opens a TCP connection to `HOST:PORT`; if `TOKEN` is set, proves that this end has the token."""
     host, _, port = address.rpartition(":")
     if not host or not port.isdigit() or not 0 < int(port) < 65536:
         raise _bad(spec, "needs tcp:HOST:PORT, the port from 1 to 65535")

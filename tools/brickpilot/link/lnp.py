@@ -15,7 +15,7 @@ from brickpilot.link.tower import Tower
 
 HEADER = 0xF1
 BRICK, HOST = 0x07, 0x87
-"""Addresses of the program of hal/rcx (host 0) and of this end (host 8), both port 7. Port 0 is the kernel's."""
+"""Addresses of the program of hal/rcx (host 0) and of this end (host 8), both with port 7; the kernel has port 0."""
 
 
 def address(host: int, port: int = 0) -> int:
@@ -24,7 +24,7 @@ def address(host: int, port: int = 0) -> int:
 
 
 def checksum(content: bytes) -> int:
-    """Returns the checksum of `content`, all bytes before the checksum."""
+    """Returns the checksum of `content`, which is all bytes before the checksum."""
     return (0xFF + sum(content)) & 0xFF
 
 
@@ -55,23 +55,23 @@ PATIENCE = 4.0
 """`patience` of a request, see `Tower.exchange`: a brick cannot receive while it sends seven telemetry messages."""
 
 FIRST_TRIES, TRIES = 3, 10
-"""Number of tries of a request before the first reply of a session, and after it."""
+"""Number of tries of a request before the first reply of a session, and after this reply."""
 
 
 class InfraredLink:
-    """A `Link` for requests and replies over an infrared tower, which carries one packet at a time and loses some.
+    """A `Link` for requests and replies over an infrared tower, which carries one packet at a time, and may lose it.
 
     So `send` waits for the reply, and sends the same packet again if there is no reply. The brick executes a repeated
     request only once. `damaged` counts the requests that were sent again.
 
     Args:
-        tower: an open tower, which is closed with the link.
+        tower: an open tower; it is closed when the link is closed.
     """
 
     def __init__(self, tower: Tower) -> None:
         self.damaged = 0
         self._tower = tower
-        self._sequence = int(time.monotonic() * 10) & 255  # differs from the number of the previous session
+        self._sequence = int(time.monotonic() * 10) & 255  # differs from the sequence number of the previous session
         self._replies: list[Message] = []
         self._connected = False
 

@@ -1,4 +1,4 @@
-"""Packs and unpacks a link's messages as the DBC defines them: raw integers to and from 8 bytes, with CRCs.
+"""Packs and unpacks a link's messages as the DBC defines: raw integers to and from 8 bytes, with CRCs.
 
 cantools needs about 20 us for a message, and a step in lockstep has a dozen messages. So the layouts are read from the
 DBC once, and messages are packed by `struct` or by shifts.
@@ -91,13 +91,13 @@ class Book:
         self.by_id = {layout.id: layout for layout in layouts}
 
     def choices(self, message: str, signal: str) -> dict[str, int]:
-        """Returns name -> number of a signal that has named values."""
+        """Returns name -> number, for a signal with named values."""
         choices = self.database.get_message_by_name(message).get_signal_by_name(signal).choices
         assert choices is not None
         return {str(name): int(number) for number, name in choices.items()}
 
     def name(self, message: str, signal: str, number: int, unknown: str = "?") -> str:
-        """Returns the name of a signal's number, or `unknown` if the DBC has none."""
+        """Returns the name of a signal's number, or `unknown` if the DBC has no name for it."""
         return next((name for name, value in self.choices(message, signal).items() if value == number), unknown)
 
     def scale(self, message: str, signal: str) -> float:
@@ -117,5 +117,5 @@ def dbc_path() -> Path:
 
 
 def set_crc(sync: bytes, parts: Sequence[bytes]) -> int:
-    """Returns the CRC of a set: over SYNC's id and first 6 bytes, then over the parts in the order of their ids."""
+    """Returns the CRC of a set, over SYNC's id, SYNC's first 6 bytes, and the parts in the order of their ids."""
     return crc16(b"".join((struct.pack("<H", book().by_name["SYNC"].id), sync[:CRC_AT], *parts)))

@@ -34,7 +34,7 @@ class Session:
         link: an open link.
         spec: the link as the user named it, for error messages.
         other: called with (id, data) of every message that is not the expected reply.
-        reply_s: time to wait for a reply, s, before the request is sent again.
+        reply_s: time in s to wait for a reply before the request is sent again.
         clock: function that returns the time in s, for `reply_s`.
     """
 
@@ -51,8 +51,8 @@ class Session:
         self.spec = spec
         self.other = other
         self.reply_s = reply_s
-        self.repeated = 0  # requests that were sent again
-        self.resets = ResetWatch()  # the session's owner passes the messages of `other` to it
+        self.repeated = 0  # number of requests that were sent again
+        self.resets = ResetWatch()  # the owner of the session passes the messages of `other` to this object
         self._book = book()
         self._sequence = 0
 
@@ -89,10 +89,10 @@ class Session:
         raise NoReplyError(f"{self.spec}: the brick does not reply to {request}")
 
     def open(self, profile: str, pace: str) -> None:
-        """Begins a session. The brick then has the constants of `profile` and no route, and its motors are off.
+        """Begins a session. The brick then has the constants of `profile` and no route; its motors are off.
 
         Raises:
-            InputError: no brick replies, its messages differ, or it lacks the profile or the pace.
+            InputError: no brick replies, the brick's messages differ, or it lacks the profile or the pace.
         """
         profiles, paces = self._book.choices("OPEN", "profile"), self._book.choices("OPEN", "pace")
         values = (self._book.protocol, self._book.crc, profiles[profile], paces[pace])
@@ -186,14 +186,15 @@ class Session:
 
 
 HEARTBEAT_TICKS = 100
-"""Ticks from one HEARTBEAT of a brick in real time to the next, the first at tick 0 (firmware/app/loop.c)."""
+"""In real time, number of ticks from one HEARTBEAT of a brick to the next, from tick 0 on (firmware/app/loop.c)."""
 
 
 class ResetWatch:
-    """Detects that the brick's session has begun again: an OPEN arrived twice, or another host opened a session.
+    """Detects that the brick's session began again, because an OPEN arrived twice or another host opened a session.
 
-    Two signs are used. HELLO answers an OPEN: there are more HELLOs than OPENs of this session. The tick of HEARTBEAT
-    counts from OPEN: it decreases. HEARTBEAT has no CRC, so only multiples of `HEARTBEAT_TICKS` count.
+    There are two signs. First, more HELLOs arrive than this session has sent OPENs, because a HELLO answers each OPEN.
+    Second, the tick of HEARTBEAT decreases, because this tick counts from OPEN. HEARTBEAT has no CRC, so only ticks
+    that are multiples of `HEARTBEAT_TICKS` are used.
     """
 
     def __init__(self) -> None:
@@ -213,7 +214,7 @@ class ResetWatch:
         self._watching = True
 
     def take(self, identifier: int, data: bytes) -> None:
-        """Handles a message that answers no request; sets `reset` if it shows that the brick restarted."""
+        """Handles a message that answers no request; sets `reset` if the message shows that the brick restarted."""
         if identifier == self._hello.id and self._hello.sealed(data):
             if self._due > 0:
                 self._due -= 1

@@ -1,4 +1,4 @@
-"""The infrared tower on a serial line with 2400 baud, 8 bits and odd parity. It receives an echo of what it sends.
+"""The infrared tower on a serial line with 2400 baud, 8 bits and odd parity. It receives an echo of all sent bytes.
 
 Every time-out is a multiple of the byte time, so that a test with a faster line waits proportionally less.
 """
@@ -28,7 +28,7 @@ TURN_BYTES = 60
 _WAKE = b"\x10\xfe\x10\xfe"
 _WAKE_TRIES = 10
 _NO_ECHO = 10
-"""The number of exchanges in a row without an echo after which the tower, not the brick, is missing."""
+"""Number of exchanges in a row without an echo after which the tower, and not the brick, counts as missing."""
 
 T = TypeVar("T")
 
@@ -79,7 +79,7 @@ class Tower:
     def exchange(
         self, packet: bytes, find: Callable[[bytes], T | None], reply_bytes: int, patience: float = 1.0
     ) -> T | None:
-        """Sends `packet` and searches for its reply after the echo.
+        """Sends `packet`, and searches for the reply after the echo.
 
         Args:
             packet: the bytes to send.
@@ -107,7 +107,7 @@ class Tower:
         return None
 
     def lost(self, done: str = "") -> TimeoutError:
-        """Returns the error to raise when too many exchanges had no reply.
+        """Returns the error to raise if too many exchanges had no reply.
 
         Args:
             done: text on how much was done before.
@@ -149,7 +149,7 @@ class Tower:
         )
 
     def _quiet(self) -> None:
-        """Discards what arrives until the line is quiet for a quarter of TURN_BYTES."""
+        """Discards all received bytes until the line is quiet for a quarter of TURN_BYTES."""
         last = time.monotonic()
         end = last + 2000 * self.byte_s
         while time.monotonic() - last < TURN_BYTES / 4 * self.byte_s and time.monotonic() < end:
@@ -164,7 +164,7 @@ class Tower:
             raise TimeoutError(f"{self.device}: the port has disappeared: {error}") from None
 
     def _read(self) -> bytes:
-        """Returns the received bytes; empty if none arrive within a few byte times."""
+        """Returns the received bytes; empty if no byte arrives within a few byte times."""
         try:
             return self._port.read(max(1, self._port.in_waiting))
         except (serial.SerialException, OSError) as error:

@@ -1,4 +1,4 @@
-"""The public functions check, calibrate, compare and discover: for a data set or its folder, with checks first."""
+"""The public functions check, calibrate, compare and discover; they check their arguments first."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def calibrate(
     Args:
         dataset: a data set, or its folder.
         effects: effects to switch on, whose parameters are fitted; one name, or several.
-        free: parameters to fit although the data set gives them.
+        free: parameters to fit although the data set states their values.
         seed: the seed of the random starts, which are used if nominal values are not given; 0 or more.
         jobs: simulations at the same time, 1..256.
         progress: called with (done, total, text).
@@ -86,11 +86,12 @@ def discover(
 
     Args:
         dataset: a data set, or its folder.
-        model: the model, or its file, from which the search starts, with its effects; None: the nominal values.
+        model: the model, or its file, with whose values and effects the search starts; None: the nominal values.
         seed: the seed of the random starts, which are used if nominal values are not given; 0 or more.
         jobs: number of fits at the same time, 1..256.
-        budget_s: the time, s, above 0, after which the best answer so far is returned; None: no limit.
-        predictor: also find the best predictor, `Finding.predictor`. It is no explanation: its parts are not claimed.
+        budget_s: the time in s, above 0, after which the best answer so far is returned; None: no limit.
+        predictor: whether the best predictor, `Finding.predictor`, is also found. It does not claim that its parts
+            exist.
         progress: called with (done, total, text).
 
     Raises:

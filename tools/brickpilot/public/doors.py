@@ -1,6 +1,6 @@
-"""Checks of arguments for every public function: a wrong argument gives an error of one line that names the argument.
+"""Checks of arguments for every public function; a wrong argument gives a one-line error that names the argument.
 
-Functions that write a folder have the same result, `Made`.
+All functions that write a folder return a `Made`.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Made:
     Attributes:
         folder: the folder with the page, the figures and the other files of the command of the same name.
         sentence: the result in words.
-        figures: the output of `--json`, SI.
+        figures: the output of `--json`, in SI.
     """
 
     folder: Path
@@ -45,10 +45,10 @@ Data = Dataset | str | Path
 
 
 def dataset_of(given: Data) -> Dataset:
-    """Returns a data set, read if its folder is given.
+    """Returns a data set; if its folder is given, reads the data set.
 
     Raises:
-        InputError: `given` is neither, or the folder is no data set.
+        InputError: `given` is neither a data set nor a folder, or the folder is no data set.
     """
     if isinstance(given, Dataset):
         return given
@@ -59,10 +59,10 @@ def dataset_of(given: Data) -> Dataset:
 
 
 def model_of(given: Model | str | Path | None) -> Model | None:
-    """Returns a model, read if its file is given.
+    """Returns a model; if its file is given, reads the model.
 
     Raises:
-        InputError: `given` is neither, or the file is no model.
+        InputError: `given` is neither a model nor a file, or the file is no model.
     """
     if given is None or isinstance(given, Model):
         return given
@@ -107,7 +107,7 @@ def names_of(field: str, given: str | Iterable[str]) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class FlightRequest:
-    """The shared options as the user gave them; None where an option is absent."""
+    """The shared options as the user gave them; None: the option is absent."""
 
     scenario_name: str | None
     scenario_file: str | None
@@ -161,7 +161,7 @@ _FLAGS = {"mapping": "map", "settings": "set"}
 
 
 def command_line(command: str, *arguments: str, **options: Any) -> str:
-    """Returns the command line of `brickpilot`, for pages that show how they were made.
+    """Returns a command line of `brickpilot`; pages show it to tell how they were made.
 
     Args:
         command: the name of the command.

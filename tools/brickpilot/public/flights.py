@@ -1,4 +1,4 @@
-"""A flight over a link, with the plant at one end and the controller at the other: `hil` and its arguments."""
+"""`hil` and its arguments: a flight with the plant at one end of a link and the controller at the other end."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from brickpilot.hil.ends import check_sensors
 from brickpilot.hil.fly import HilFlight
 from brickpilot.hil.linked_flight import Progress
 from brickpilot.hil.traffic_log import RecordingLink
+from brickpilot.link.brick import INFRARED
 from brickpilot.link.links import Link
 from brickpilot.link.session import LOCKSTEP, REALTIME
 from brickpilot.public.doors import FlightRequest, Made, command_line, whole
@@ -29,7 +30,7 @@ from brickpilot.vehicle.settings import named
 
 @dataclasses.dataclass(frozen=True)
 class Session:
-    """The arguments of `hil` besides those of the flight; `settings` are raw values to write before the flight."""
+    """The arguments of `hil` that do not belong to the flight; `settings`: raw values to write before the flight."""
 
     spec: str
     lockstep: bool
@@ -59,11 +60,11 @@ class Session:
 
 
 def link_of(spec: str | None, target: str, lockstep: bool) -> str:
-    """Returns the link of `--link` and `--target` by its name in `hil.ends`; InputError if these options contradict."""
+    """Returns the link of `--link` and `--target`, as `hil.ends` names it; InputError: these options contradict."""
     if target == "host":
         if spec is None:
             raise InputError("is missing: name the link to the brick", field="--link")
-        if spec.startswith(ends.INFRARED):
+        if spec.startswith(INFRARED):
             raise InputError(
                 "is too slow for a plant; `brickpilot upload` speaks to an RCX over it", field=f"--link {spec}"
             )
@@ -76,10 +77,10 @@ def link_of(spec: str | None, target: str, lockstep: bool) -> str:
 
 
 def image_of(image: Path, request: FlightRequest, target: str) -> OwnImage:
-    """Returns the image that --image names.
+    """Returns the image that `--image` names.
 
     Raises:
-        InputError: it cannot be flown, or an option contradicts it.
+        InputError: the image cannot be flown, or an option contradicts the image.
     """
     if target != "host":
         raise InputError("has an image of its own: leave it or --image out", field=f"--target {target}")
@@ -117,16 +118,18 @@ def hil(
 
     Args:
         scenario: the name or the file of the scenario.
-        link: "serial:pty", "tcp", "can:virtual", ... start a brick on this machine; "serial:PORT" and others connect to
-            a brick that runs already; see `brickpilot hil --help`. None: `target` names a simulated processor.
+        link: "serial:pty", "tcp", "can:virtual" and others start a brick on this machine; "serial:PORT" and others
+            connect to a running brick; see `brickpilot hil --help`. None: `target` names a simulated processor.
         target: the processor of the brick: "host", "h8sim", "avr:328p-imu", ...
-        lockstep: whether one step is simulated for each reply; else the simulation follows the clock.
+        lockstep: whether one step is simulated for each reply; if not, the simulation follows the clock.
         profile, sensors, model, compensation, gains: as in `brickpilot run`; the last three are files.
         seed: the seed of the sensors' noise, 0 or more.
         settings: setting -> raw value that is written before the flight.
         image: an Arduino's ELF file or an RCX's brickpilot.h8sim, made by `firmware` for the robot of `model`.
-        trace, record, junit: files to write: signals at the pins (VCD), traffic of the link, checks (JUnit XML).
-        telemetry_every: steps from one telemetry to the next, 1..255; None: 1; 10 in real time or with an AVR.
+        trace, record, junit: files to write, for the signals at the pins (VCD), the link's traffic, and checks (JUnit
+            XML).
+        telemetry_every: number of steps from one telemetry to the next, 1..255; None: 10 in real time or with an AVR,
+            else 1.
         out: the run folder; None: runs/hil-SCENARIO-PROFILE-SENSORS.
         progress: called with (steps done, all steps, text).
 
@@ -197,7 +200,7 @@ def _write_junit(session: Session, text: str) -> None:
 
 
 def _fly_over_the_link(plan: Plan, session: Session, progress: Progress) -> HilFlight:
-    """Opens the link, flies `plan` over it, and records the traffic if that was requested."""
+    """Opens the link, flies `plan` over it, and records the traffic if a recording was requested."""
     image = None if session.image is None else session.image.path
     with ends.both_ends(session.spec, image=image) as both, ExitStack() as closing:
         if session.record is not None:
@@ -210,7 +213,7 @@ def _fly_over_the_link(plan: Plan, session: Session, progress: Progress) -> HilF
 
 
 def _fly_on_simavr(plan: Plan, session: Session, progress: Progress) -> HilFlight:
-    """Flies `plan` with an AVR as the brick, and records the traffic and the signals if that was requested."""
+    """Flies `plan` with an AVR as the brick, and records traffic and signals if these recordings were requested."""
     with ExitStack() as closing:
 
         def wrap(link: Link) -> Link:

@@ -1,4 +1,4 @@
-"""From logs to a data set, and to an answer: `import_log`, `why` and `changed`."""
+"""Functions that turn logs into a data set or an answer: `import_log`, `why` and `changed`."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from brickpilot.vehicle.model import Model
 _DATA = "data"  # name of the folder with the imported log, beside the page
 
 Logs = Dataset | str | Path | Sequence[str | Path]
-"""A data set, a log or the folder of a data set; or several logs or folders of one robot."""
+"""A data set, its folder, or a log; or several logs or folders of one robot."""
 
 Recording = Dataset | str | Path
 """A data set, its folder, or a log."""
@@ -48,18 +48,18 @@ def import_log(
     """Makes a data set from logs of other tools, and returns its folder, its runs and notes on how the logs were read.
 
     Args:
-        files: one log, or several whose runs make one data set.
+        files: one log, or several logs whose runs make one data set.
         out: the new folder.
-        kind: the kind of log, as `brickpilot import --help` lists them; None: the kind that the file's extension shows.
-        nominal: parameter -> value in SI, as in [nominal] of a data set.
-        name: the name of the data set; None: that of the folder.
-        progress: called with (done, total, text) by kinds that take long.
+        kind: the kind of log, one of those that `brickpilot import --help` lists; None: the file's extension shows the
+            kind.
+        nominal: parameter -> its value in SI, as in [nominal] of a data set.
+        name: the name of the data set; None: the name of the folder.
+        progress: called with (done, total, text); only kinds of log that take long call it.
         importers: the table of kinds.
-        options: the options of the kind, by the parameter names of its function: `mapping`, `vehicle`, `frame`,
-            `split`, `guessed`, ...
+        options: the options of this kind of log, such as `mapping`, `vehicle`, `frame`, `split` and `guessed`.
 
     Raises:
-        InputError: naming file, line and column, or the option. Nothing is written then.
+        InputError: the message names file, line and column, or the option. Nothing is written then.
 
     >>> import brickpilot as bp, pathlib, tempfile
     >>> folder = pathlib.Path(tempfile.mkdtemp())
@@ -83,13 +83,14 @@ def why(
     budget_s: float | None = None, seed: int = 0, jobs: int = 2, progress: Progress | None = None,
     command: str = "bp.why",
 ) -> Why:  # fmt: skip
-    """Says why a robot behaves differently from its simulation, from logs that `import_log` reads, or data sets.
+    """Finds from logs or data sets why a robot behaves differently from its simulation.
 
     Args:
-        logs: a log, the folder of a data set or a data set; or several logs, or several folders, of one robot.
-        vehicle: "diff_drive", "motor" or "skid_steer"; None: guessed from a table.
-        frame: "FLU" or "FRD"; None: guessed from a table, else FRD.
-        mapping: the columns of a table, as in `import_log`; the other columns are guessed.
+        logs: a log that `import_log` reads, a data set or its folder; or several logs, or several folders, of one
+            robot.
+        vehicle: "diff_drive", "motor" or "skid_steer"; None: guessed if the log is a table.
+        frame: "FLU" or "FRD"; None: guessed if the log is a table, else FRD.
+        mapping: signals of columns of a table, as in `import_log`; the signals of all other columns are guessed.
         nominal: parameter -> value in SI.
         as_wired: whether channels that look swapped, reversed or scaled wrongly stay as they are.
         out: the folder to write with the page why.html; None: nothing is written.
@@ -141,11 +142,11 @@ def changed(
     out: str | Path | None = None, seed: int = 0, jobs: int = 2, progress: Progress | None = None,
     command: str = "bp.changed",
 ) -> Changed:  # fmt: skip
-    """Says what is different in later recordings of a machine, by how much, and since when.
+    """Finds what is different in later recordings of a machine, by how much, and since when.
 
     Args:
         before: a recording of the machine before the change: a data set, its folder, or a log that `import_log` reads;
-            or a model, or its file.
+            or a model of the machine, or the model's file.
         after: later recordings.
         vehicle, frame, mapping, nominal, as_wired: options for logs, as in `why`.
         out: the folder to write with the page changed.html; None: nothing is written.
@@ -257,7 +258,7 @@ def _read(
     logs: Logs, into: Path, vehicle: str | None, frame: str | None, mapping: Sequence[str],
     nominal: Mapping[str, float] | None, as_wired: bool,
 ) -> tuple[Dataset, tuple[str, ...], str]:  # fmt: skip
-    """Returns a data set, its notes and the options that correct it. Logs are first imported `into` a folder."""
+    """Returns a data set, its notes and the options that correct it. Logs are imported into the folder `into`."""
     if isinstance(logs, Dataset):
         return logs, (), ""
     paths = [Path(one) for one in ([logs] if isinstance(logs, str | Path) else logs)]
@@ -282,7 +283,7 @@ def _import(
     """Makes a data set from logs, with guesses if their kind allows guesses.
 
     Raises:
-        InputError: a file does not exist, its kind is not known, or an option that its kind needs is missing.
+        InputError: a file does not exist, the kind of log is not known, or an option that this kind needs is missing.
     """
     for path in paths:
         if not path.exists():

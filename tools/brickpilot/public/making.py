@@ -1,4 +1,4 @@
-"""Campaigns, tuned gains, firmware and exports: the work of the commands of these names, as functions."""
+"""The commands `campaign`, `tune`, `firmware` and `export` as functions."""
 
 from __future__ import annotations
 
@@ -48,15 +48,15 @@ def campaign(
 ) -> Made:  # fmt: skip
     """Flies many missions that vary as `file` defines, and writes runs.parquet, summary.json and report.html.
 
-    A second call with the same arguments resumes where the first was stopped.
+    A second call with the same arguments resumes the campaign where the first call stopped.
 
     Args:
-        file: the campaign's file.
+        file: the campaign file.
         out: the folder; None: runs/campaign-NAME.
-        runs: number of runs, instead of the file's; above 0.
-        seed: the seed of all random draws, instead of the file's; 0 or more.
+        runs: number of runs, above 0; None: the number in the file.
+        seed: the seed of all random draws, 0 or more; None: the seed in the file.
         jobs: number of processes on this machine, 1..256.
-        scheduler: tcp://HOST:PORT of a Dask cluster, instead of these processes.
+        scheduler: tcp://HOST:PORT of a Dask cluster, which then does the work instead of the processes.
         progress: called with (parts done, all parts, text).
 
     Raises:
@@ -77,22 +77,23 @@ def tune(
     judges: int = 1000, budget: str | int = 200, seed: int = 0, jobs: int = 2, scheduler: str | None = None,
     progress: Progress | None = None,
 ) -> tuple[Made, Tuned]:  # fmt: skip
-    """Tunes gains for a robot whose values are not known exactly, and writes gains.toml, mission.toml and report.html.
+    """Tunes gains for a robot with uncertain values, and writes gains.toml, mission.toml and report.html.
 
     Args:
-        model: the robot's model.toml; calibrate.json or verdict.json beside it states how exactly its values are known.
-        dataset: instead of a model, a data set's folder, which is calibrated first.
+        model: the robot's model.toml; calibrate.json or verdict.json in its folder states the uncertainty of its
+            values.
+        dataset: the folder of a data set, which is calibrated first; it is given instead of `model`.
         out: the folder; None: runs/tune-NAME.
         board: "rcx", "avr", "avr:2560", or "packaged": the project's firmware with the model's compensation.
         sensors: "imu" or "imu+encoders".
         scenario: the mission; None: the paper's eight waypoints, scaled to the robot.
         robots: number of robots that fly each gain set, 4..1000.
-        judges: number of new robots that fly before and after tuning, 20..100000.
+        judges: number of new robots that fly with the old and with the new gains, 20..100000.
         budget: the number of gain sets to try, or a time such as "90s".
         seed, jobs, scheduler, progress: as in `campaign`.
 
     Returns:
-        The folder with its figures, and all gain sets that were tried.
+        The folder with its figures, and the result of the tuning.
 
     Raises:
         InputError: an argument is wrong, or the data allow no robot.
@@ -133,7 +134,7 @@ def _budget(text: str) -> Budget:
 
 
 def _calibrated(folder: Path, beside: Path, seed: int, progress: Progress) -> Path:
-    """Calibrates a data set into `beside`, and returns its model file."""
+    """Calibrates a data set, writes the result into the folder `beside`, and returns the model file."""
     found = calibration.calibrate(read(folder), seed=seed, progress=progress)
     (beside / "calibrate.json").write_text(json.dumps(found.to_json(), indent=2) + "\n", encoding="utf-8")
     model_file.save(found.model, beside / "model.toml")
@@ -141,7 +142,7 @@ def _calibrated(folder: Path, beside: Path, seed: int, progress: Progress) -> Pa
 
 
 def _write_tuned(tuned: Tuned, command: str, folder: Path) -> dict[str, Any]:
-    """Writes the gain set, the mission, the figures and the page; returns the figures."""
+    """Writes the gain set, the mission, the figures and the page, and returns the figures."""
     plan = tuned.problem.plan
     Gains(plan.model.name, dict(tuned.gains)).save(folder / "gains.toml")
     (folder / "mission.toml").write_text(scenario.render_mission(plan.scenario), encoding="utf-8")
@@ -168,10 +169,10 @@ def firmware(
         seed: the seed of the sensors' noise, 0 or more.
 
     Returns:
-        The folder; `figures["flight"]["failure"]` says why the mission was not flown, or is None.
+        The folder; `figures["flight"]["failure"]` says why the flight failed, or is None.
 
     Raises:
-        InputError: an argument is wrong, or a value fits no fixed-point format; the line names it and its range.
+        InputError: an argument is wrong, or a value fits no fixed-point format; the message names value and range.
         WorkFailedError: the image cannot be built.
     """
     if board not in boards.BOARDS:
@@ -196,7 +197,7 @@ def firmware(
 
 
 def _fly_image(model_file: str, order: Order, folder: Path) -> str | None:
-    """Returns the command that flies the image itself, if a simulator of its board exists."""
+    """Returns the command that flies the image itself; None: the board has no simulator."""
     if not order.board.flown:
         return None
     return command_line("hil", image=folder / order.board.flown, model=model_file, scenario=order.mission)
@@ -258,10 +259,10 @@ def export(
     """Writes a model or a run for other programs.
 
     Args:
-        what: for "fmu", "mjcf" and "urdf" a model or its file, None: the packaged robot; for "mcap" and "parquet" a
-            run folder, for "mcap" also a recording of a link's traffic.
-        kind: one of the five names above.
-        out: the file; None: beside the run, or NAME with the extension of its kind.
+        what: for "fmu", "mjcf" and "urdf": a model, its file, or None for the packaged robot. For "mcap" and "parquet":
+            a run folder. For "mcap" also: a recording of a link's traffic.
+        kind: "fmu", "mjcf", "urdf", "mcap" or "parquet".
+        out: the file; None: a file beside the run, or NAME with the extension of the kind.
         fmi: the version of an FMU: "3.0", "2.0" or "both".
         binary: whether an FMU holds a binary for this machine, which needs a C compiler.
 

@@ -1,11 +1,11 @@
 """`brickpilot check`: what a data set is worth before a discovery, and what to drive next.
 
-The check needs one fit of the nominal model, to some of the runs if there are many. For a parameter, the check gives
-the interval of this fit. For an effect, it gives the smallest size that would be named.
+The check needs one fit of the nominal model; if there are many runs, the fit uses some of them. For each parameter, the
+check gives the interval of this fit. For each effect, it gives the smallest size that would be named.
 
-To choose what to drive next, each manoeuvre is simulated with the fitted nominal model, with each parameter slightly
-changed and with each effect. Its information is added to that of the runs (Atkinson, Donev & Tobias 2007, Optimum
-experimental designs, ch. 9).
+To choose what to drive next, the check simulates each manoeuvre with the fitted nominal model, with each parameter
+slightly changed and with each effect. The manoeuvre's information is added to that of the runs (Atkinson, Donev &
+Tobias 2007, Optimum experimental designs, ch. 9).
 """
 
 from __future__ import annotations
@@ -50,8 +50,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _WINDOW_S = 1.0  # length of a motor's windows, as in `prepare`
-_MANOEUVRES = 3  # most manoeuvres that are advised
-_UNKNOWN = 0.1  # sd, in the logarithm or as a share of the stated value: above it, a parameter counts as unknown
+_MANOEUVRES = 3  # largest number of advised manoeuvres
+_UNKNOWN = 0.1  # sd of a parameter's logarithm, or relative sd: a parameter with a larger sd counts as unknown
 _SHARPER = 0.5  # a manoeuvre is advised for an unknown parameter if it narrows the sd by this factor or more
 _OF_SOME = "Intervals, the sizes of effects that show and the advice are those of these runs."
 
@@ -61,8 +61,9 @@ class Advice:
     """One manoeuvre that would give more information.
 
     Attributes:
-        effects: effects that it would show at a usual size, and that neither the runs nor earlier manoeuvres show.
-        parameters: parameters whose intervals it would narrow to less than half.
+        effects: effects of a usual size that the manoeuvre would show, but that the runs and earlier advice do not
+            show.
+        parameters: parameters whose intervals the manoeuvre would narrow to less than half.
     """
 
     manoeuvre: Manoeuvre
@@ -75,17 +76,17 @@ class Check(Result):
     """What a data set is worth.
 
     Attributes:
-        faults: damaged samples, which every fit leaves out.
-        explained: how much of each signal the model with these parameters explains.
-        units: signal -> how the data set states it.
-        parameters: nominal parameters that are fitted, with 95 % intervals.
-        cannot_tell_apart: groups of parameters of which only combinations are identifiable; `combinations` has the
-            physical ones.
+        faults: the damaged samples, which every fit leaves out.
+        explained: how much of each signal the model with the fitted `parameters` explains.
+        units: signal -> its unit in the data set.
+        parameters: the fitted nominal parameters, with 95 % intervals.
+        cannot_tell_apart: groups of parameters of which only combinations are identifiable; `combinations` has those
+            with a physical meaning.
         visible: effect -> the smallest size that would be named.
-        invisible: effects that would show at no size within their range.
-        advice: manoeuvres that would tell more, the best first.
-        discover_s: how long `discover` will take, s: the geometric middle of the range.
-        discover_range_s: the least and the longest time, s, depending on the error that is left to explain.
+        invisible: effects that the data would not show at any size within the effect's range.
+        advice: manoeuvres that would give more information, the best one first.
+        discover_s: estimate of the time that `discover` will take, s: the geometric mean of the ends of the range.
+        discover_range_s: the shortest and the longest time, s; it depends on the error that is left to explain.
         notes: sentences on what was assumed or left out.
     """
 
@@ -111,8 +112,9 @@ class Check(Result):
         """Returns a table, in SI.
 
         Args:
-            table: "parameters": the fitted nominal values with the ends of their 95 % intervals, NaN where there is
-                none. "signals": facts of each signal. "effects": the smallest size of each effect that would be named.
+            table: "parameters": the fitted nominal values with the ends of their 95 % intervals, NaN if there is no
+                interval. "signals": the properties of each signal. "effects": for each effect, the smallest size that
+                would be named.
         """
         import pandas
 
@@ -138,8 +140,8 @@ def check(dataset: Dataset, *, seed: int = 0, jobs: int = 2) -> Check:
         jobs: number of simulations at the same time.
 
     Raises:
-        InputError: no measured signal is one that the model gives, every run is held out, or the plant diverges with
-            the nominal values.
+        InputError: the model computes no measured signal, every run is held out, or the plant diverges with the nominal
+            values.
 
     A motor that was only driven forward:
 
@@ -205,7 +207,7 @@ def check(dataset: Dataset, *, seed: int = 0, jobs: int = 2) -> Check:
 def _advise(
     prepared: Prepared, nominal: Explanation, visible: Mapping[str, Visible], temperature: float
 ) -> tuple[tuple[Advice, ...], tuple[str, ...]]:
-    """Returns the manoeuvres that add most information to the runs, and the effects that the runs show at no size.
+    """Returns the manoeuvres that add most information, and the effects that the runs would not show at any size.
 
     An effect is left out if it changes the measured signals neither in the runs nor in any manoeuvre: it belongs to
     another vehicle or another sensor.
@@ -213,7 +215,7 @@ def _advise(
     Args:
         nominal: the nominal model, fitted to the fit runs.
         visible: effect -> the smallest size that the runs show.
-        temperature: the nats that count as one.
+        temperature: the number of nats that count as one nat.
     """
     problem = Problem(prepared.coarse, nominal.plan)
     asked = _Asked.of(prepared, nominal, problem.prior_slopes(nominal.point), temperature)
@@ -241,16 +243,16 @@ def _advise(
 
 @dataclass(frozen=True)
 class _Asked:
-    """Computes how well runs determine the nominal parameters, and which effects they show at a usual size.
+    """Computes how well runs determine the nominal parameters, and which effects of a usual size the runs show.
 
-    The information of runs is the matrix J' J, (parameters + probes, parameters + probes). The columns of J are the
-    changes of the residual by each parameter and by each probe. The information of several runs is the sum.
+    The information of runs is the matrix J' J, (parameters + probes, parameters + probes). Each column of J is the
+    change of the residual due to one parameter or one probe. The information of several runs is the sum over the runs.
 
     Attributes:
-        probes: a probe of every effect with one size that can be extrapolated.
-        usual: effect, parameter -> a usual size: the catalogue's, scaled to this vehicle.
+        probes: the probes of all effects with a single size that can be extrapolated.
+        usual: (effect, parameter) -> the usual size in the catalogue, scaled to this vehicle.
         prior: (parameters, parameters) information of the parameters' priors.
-        temperature: the nats that count as one.
+        temperature: the number of nats that count as one nat.
     """
 
     plan: Plan
@@ -298,7 +300,7 @@ class _Asked:
         return {part.effect for part, size in nearest_sizes(tried) if size <= self.usual[part.effect, part.free[0]]}
 
     def sharper(self, before: Array, after: Array) -> tuple[str, ...]:
-        """Returns the parameters that the information `before` determines badly, and `after` much better."""
+        """Returns the parameters that are badly determined by the information `before`, and much better by `after`."""
         count = len(self.prior)
         wide, narrow = (np.sqrt(np.diag(np.linalg.inv(one[:count, :count] + self.prior))) for one in (before, after))
         better = (narrow < _SHARPER * wide) & (wide > _UNKNOWN)
@@ -306,7 +308,7 @@ class _Asked:
 
 
 def _driven(prepared: Prepared, nominal: Explanation, manoeuvre: Manoeuvre) -> Problem | None:
-    """Returns the problem of the nominal parameters on a simulated manoeuvre; None if it gives no runs to compare."""
+    """Returns the fit problem of the nominal parameters on a simulated manoeuvre; None: the manoeuvre gives no runs."""
     dataset = prepared.dataset
     driven = as_run(manoeuvre, dataset.vehicle)
     sides = ("voltage",) if dataset.vehicle == "motor" else ("voltage_left", "voltage_right")

@@ -33,12 +33,12 @@ WORDS = {
 }
 """Figure -> its name on the page."""
 
-_MOST_ROWS = 20  # most inputs in a chart of sensitivity indices
+_MOST_ROWS = 20  # largest number of inputs in a chart of sensitivity indices
 
 
 @dataclass(frozen=True)
 class Histogram:
-    """The numbers of succeeded and failed runs (bars,) whose figure lies between neighbouring `edges` (bars + 1,)."""
+    """Numbers of succeeded and failed runs (bars,) whose figure lies between neighbouring `edges` (bars + 1,)."""
 
     figure: str
     unit: str
@@ -84,7 +84,7 @@ def page(summary: Mapping[str, Any], histograms: Sequence[Histogram], scatters: 
 
 
 def _rate_text(rate: Mapping[str, Any]) -> str:
-    """Returns a success rate with its interval, as "94.2 % (92.1 % to 95.8 %)"."""
+    """Returns a success rate with its interval: "94.2 % (92.1 % to 95.8 %)"."""
     middle, low, high = (f"{100 * share:.1f}\N{NO-BREAK SPACE}%" for share in (rate["rate"], *rate["ci95"]))
     return f"{middle} ({low} to {high})"
 
@@ -131,7 +131,7 @@ def _histogram(one: Histogram) -> Markup:
 
 
 def _row(name: str, one: Mapping[str, Any]) -> list[str]:
-    """Returns a row of the table of figures: name, unit, runs that have it, mean, sd and quantiles."""
+    """Returns a row of the table of figures: name, unit, number of runs with the figure, mean, sd and quantiles."""
     top = max(abs(one["min"]), abs(one["max"]))
     factor, unit = scaled(top, one["unit"]) if one["unit"] else (1.0, "")
     cells = [number(one[key] / factor) for key in ("mean", "sd", "min", "q05", "median", "q95", "max")]
@@ -139,7 +139,7 @@ def _row(name: str, one: Mapping[str, Any]) -> list[str]:
 
 
 def _index_chart(figure: str, rows: Sequence[Mapping[str, Any]]) -> Markup:
-    """Draws the sensitivity indices of a figure, with the strongest input uppermost."""
+    """Draws the sensitivity indices of a figure, with the strongest input at the top."""
     with_total = "total" in rows[0]
     curves: dict[str, tuple[Colour, list[float | None]]] = {}
     if with_total:

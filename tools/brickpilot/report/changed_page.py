@@ -1,6 +1,6 @@
 """The answer of `brickpilot changed`, as text and as a page.
 
-The answer says what changed, how sure this is, since when, how well the old model fits, and what to do.
+The answer says what changed, how certain the change is, since when, how well the old model fits, and what to do.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Said:
 
 
 def said(found: Changed) -> list[Said]:
-    """Returns the sentences on each later recording, in the words of its vehicle."""
+    """Returns the sentences on each later recording, in words that suit its vehicle."""
     return [Said(name, *told(found.dataset, _sentences(found, name))) for name in found.after]
 
 

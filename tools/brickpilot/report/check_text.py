@@ -1,4 +1,4 @@
-"""The lines of `brickpilot check` for a terminal: what a data set can show."""
+"""The lines that `brickpilot check` prints: what a data set can show."""
 
 from __future__ import annotations
 

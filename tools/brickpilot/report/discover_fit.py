@@ -1,4 +1,4 @@
-"""Fit in percent before, after and attainable: the headline of discovery, its table and its chart."""
+"""The headline of discovery, its table and its chart: the fit before, the fit after and the attainable fit."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from brickpilot.report.headline_text import DEFINITION, HORIZONS, RUNS
 from brickpilot.report.quantities import ascii_text, fit_number, fit_text, percent, quantity, say
 
 _HEADLINE = "free_run"
-_SAME = 0.05  # percentage points: fits that differ by less are called equal
+_SAME = 0.05  # percentage points: fits with a smaller difference are called equal
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Headline:
 
 
 def headline(finding: Finding, role: str | None = None) -> Headline | None:
-    """Returns the mean fit of the held-out runs, or of the fit runs if none is held out; None if there is none."""
+    """Returns the mean fit of the held-out runs, or of the fit runs if no run is held out; None: no fit is known."""
     for one in ("held_out", "fit") if role is None else (role,):
         fits = {
             name: _of(signals[_HEADLINE], one)
@@ -64,7 +64,7 @@ def change(one: Headline) -> str:
 
 
 def shown(finding: Finding) -> dict[str, Any]:
-    """Returns the yardstick's part of the page."""
+    """Returns the values for the yardstick's part of the page."""
     return {
         "fit_definition": DEFINITION,
         "fits": [one for role in RUNS if (one := headline(finding, role)) is not None],
@@ -135,7 +135,7 @@ def _removed(share: float) -> str:
 
 
 def _repeats(finding: Finding) -> str:
-    """Returns a sentence on the fit that repeats of the same inputs allow; empty if no run is repeated."""
+    """Returns a sentence on the best fit that runs with repeated inputs allow; empty if no run is repeated."""
     fits: Mapping[str, Mapping[str, SignalFit]] = finding.yardstick.signals
     known = [(say(name), one[_HEADLINE].repeatability) for name, one in fits.items() if _HEADLINE in one]
     listed = [f"{name} {fit_text(value)}" for name, value in known if value is not None]

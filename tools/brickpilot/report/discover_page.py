@@ -33,9 +33,9 @@ from brickpilot.vehicle import model as model_file
 from brickpilot.vehicle.model import Model, unit_on
 from brickpilot.vehicle.replay import RUN_KINDS
 
-_RANKED = 8  # number of explanations that are shown; the others are folded
+_RANKED = 8  # number of explanations that are shown; further explanations are folded
 _PLACES = 8  # number of places that are shown
-_LISTED = 20  # number of faults that are shown; the others are folded
+_LISTED = 20  # number of faults that are shown; further faults are folded
 
 _ROLE_ROWS = (("held_out", "held-out runs"), ("fit", "fit runs"))
 _NO_GAP = Gap(None, None)
@@ -91,7 +91,7 @@ def page(finding: Finding, command: str) -> str:
 
 
 def _tables(finding: Finding) -> dict[str, Any]:
-    """Returns the rows of the tables on effects, explanations and parameters."""
+    """Returns the rows of the tables of effects, explanations and parameters."""
     own, data = shown_finding(finding), finding.dataset
     return {
         "effects": [effect_row(one) for one in own.effects],
@@ -103,7 +103,7 @@ def _tables(finding: Finding) -> dict[str, Any]:
 
 
 def _gap_chart(finding: Finding) -> Markup:
-    """Draws the gap of each role and each signal, before and after."""
+    """Draws the gap before and after, for each role and for each signal."""
     rows = [(label, gap.before, gap.after) for name, label in _ROLE_ROWS if (gap := finding.gap.get(name)) is not None]
     rows += [(say(name), gap.before, gap.after) for name, gap in finding.by_signal.items()]
     text = "; ".join(f"{label} {gap_text(before)} to {gap_text(after)}" for label, before, after in rows)

@@ -1,4 +1,4 @@
-"""The runs on discovery's page: measured and simulated superimposed, and the table of gaps by run and signal."""
+"""The runs on discovery's page: measured and simulated signals in one figure, and the gaps by run and signal."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from brickpilot.report.discover_text import OVER_NOISE, gap_change
 from brickpilot.report.plot import Array, Curve, measured, points_for, superimposed
 from brickpilot.report.quantities import ROLES, gap_text, say
 
-_SHOWN = 4  # number of figures that are open; the others are folded
+_SHOWN = 4  # number of figures that are open; all others are folded
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ Key = tuple[str, str]
 
 
 def compared_signals(finding: Finding) -> dict[Key, Compared]:
-    """Returns the residuals of every compared signal; a measured position is compared by its velocity."""
+    """Returns the residuals of every compared signal; for a measured position, its velocity is compared."""
     found = {}
     for run in finding.dataset.runs:
         run = dataclasses.replace(run, outputs={**measured_rates(run), **run.outputs})
@@ -87,7 +87,7 @@ def _drawn(run: Run, signal: str, values: Array) -> Array:
 def figures(
     finding: Finding, compared: Mapping[Key, Compared]
 ) -> tuple[list[dict[str, Any]], list[tuple[str, str, list[dict[str, Any]]]]]:
-    """Returns the figures that are open, and the folded ones as (run, role, figures)."""
+    """Returns the open figures, and the folded figures as (run, role, figures)."""
     chosen = _chosen(finding, compared, _SHOWN)
     points = points_for(len(compared))
     folded = []
@@ -100,13 +100,13 @@ def figures(
 
 
 def telling_figures(finding: Finding, count: int) -> list[dict[str, Any]]:
-    """Returns up to about `count` figures of the signals and runs that show most of the missing effect."""
+    """Returns up to about `count` figures, of the signals and runs that show the missing effect most clearly."""
     compared = compared_signals(finding)
     return [_figure(finding, compared[key], points_for(count)) for key in _chosen(finding, compared, count)]
 
 
 def _chosen(finding: Finding, compared: Mapping[Key, Compared], count: int) -> list[Key]:
-    """Returns the runs and signals with the most gap removed, or with the largest gap, and one from a held-out run."""
+    """Returns the runs and signals whose gap falls most, or is largest; at least one of them is a held-out run's."""
 
     def removed(key: Key) -> tuple[float, float]:
         before, after = compared[key].gaps
@@ -121,7 +121,7 @@ def _chosen(finding: Finding, compared: Mapping[Key, Compared], count: int) -> l
 
 
 def _varied(order: Sequence[Key], count: int) -> list[Key]:
-    """Returns the first `count` of `order`, preferably signals and runs that are not chosen yet."""
+    """Returns `count` keys of `order`, the first ones, but preferably of signals and runs that are not chosen yet."""
     chosen: list[Key] = []
     while len(chosen) < min(count, len(order)):
         runs, kinds = [run for run, _ in chosen], [_kind(signal) for _, signal in chosen]

@@ -18,16 +18,16 @@ from brickpilot.report.user_terms import shown_finding, told
 from brickpilot.vehicle.replay import RUN_KINDS
 
 OVER_NOISE = 1.1
-"""A gap above this, in multiples of the noise, is reported as remaining."""
+"""A gap above this value, in multiples of the noise, is reported as remaining."""
 
 _PLAUSIBLE = 1.3
-"""The page says that a calibrated model lacks nothing if its gap is at most this, in multiples of the noise."""
+"""Largest gap, in multiples of the noise, at which the page says that a calibrated model lacks nothing."""
 
 _HELD_OUT = "the held-out runs"
 
 
 def words(effect: str) -> str:
-    """Returns words for an effect, or for a value that differs between runs; its name if the table has no words."""
+    """Returns words for an effect or for a value that differs between runs; the name, if the table has no words."""
     if effect == NOMINAL_VALUES:
         return "nominal values other than stated"
     if effect in RUN_KINDS:
@@ -39,7 +39,7 @@ def words(effect: str) -> str:
 def explanation(names: str | Sequence[str]) -> str:
     """Returns effects in words, each followed by its name in parentheses.
 
-    `names` is a sequence, or one text joined by " + "; an empty sequence stands for the calibrated model.
+    `names` is a sequence of names, or one text with names joined by " + "; an empty sequence: the calibrated model.
     """
     chosen = names.split(" + ") if isinstance(names, str) else names
     if not chosen:
@@ -53,7 +53,7 @@ def listed(items: Sequence[str], last: str = "and") -> str:
 
 
 def either(rivals: Sequence[str]) -> str:
-    """Returns rival explanations, each joined by " + ", in words; effects that all of them share are named once."""
+    """Returns rivals, whose names are joined by " + ", in words; an effect that all rivals share is named once."""
     names = [one.split(" + ") for one in rivals]
     shared = [name for name in names[0] if all(name in other for other in names)]
     if not shared:
@@ -72,13 +72,13 @@ def gap_change(before: float | None, after: float | None) -> str:
 
 
 def sizes(parameters: Mapping[str, Parameter]) -> str:
-    """Returns the values of an effect in a row; a single value stands without its name."""
+    """Returns the values of an effect as a list; a single value has no name before it."""
     shown = {name: str(shown_parameter(one)) for name, one in parameters.items()}
     return next(iter(shown.values())) if len(shown) == 1 else listed([f"{say(k)} {v}" for k, v in shown.items()])
 
 
 def shown_parameter(one: Parameter) -> Shown:
-    """Returns a size with its interval: in the parameter's own unit, or in the form that the data identify."""
+    """Returns a size with its interval: the parameter's own value, or the combination that the data identify."""
     _, known = known_size("", one)
     return quantity(known.value, known.unit, known.ci95)
 
@@ -91,14 +91,14 @@ def known_size(name: str, one: Parameter) -> tuple[str, Parameter | Combination]
 
 
 def alternatives(finding: Finding) -> list[str]:
-    """Returns every equivalent explanation, the best one first; names are joined by " + "."""
+    """Returns every equivalent explanation, the best one first; " + " joins the names of an explanation."""
     rivals = [rival.name for one in finding.effects for rival in one.equivalents]
     asked = () if finding.next_experiment is None else finding.next_experiment.separates
     return list(dict.fromkeys([" + ".join(found_names(finding)), *(rivals or asked)]))
 
 
 def found_names(finding: Finding) -> list[str]:
-    """Returns the names of the effects of the best explanation, and of the values of runs in it."""
+    """Returns the names of the best explanation's effects and of its values that differ between runs."""
     return [*(one.name for one in finding.effects), *(one.kind for one in finding.run_values)]
 
 
@@ -115,7 +115,7 @@ def one_mechanism(finding: Finding) -> str | None:
 
 
 def explanation_lines(finding: Finding) -> list[str]:
-    """Returns the explanations that hold 95 % of the weight, for a terminal; none if there is only one."""
+    """Returns the explanations that hold 95 % of the weight, for a terminal; no lines if there is only one."""
     if len(finding.explanations) < 2:
         return []
     head = f"{'weight':>8}  explanations that hold 95 % of the weight"
@@ -127,7 +127,7 @@ def explanation_lines(finding: Finding) -> list[str]:
 
 
 def left_predictable(finding: Finding) -> str:
-    """Returns a sentence on the share of the remaining error that a black box predicts; empty: not known."""
+    """Returns a sentence on the share of the remaining error that a black box predicts; empty: no share is known."""
     shares = finding.predictable_left
     if not shares:
         return ""
@@ -152,10 +152,10 @@ def verdict(finding: Finding) -> str:
 
 
 def contradiction(dataset: Dataset) -> str | None:
-    """Returns a sentence on how far the measured yaw and the wheels' yaw contradict each other; None: they do not.
+    """Returns a sentence on how far the measured yaw and the wheels' yaw contradict each other; None: no contradiction.
 
-    A fit hides a contradiction by moving the lengths within a ruler's error. A larger stated sd of the lengths allows a
-    larger difference.
+    A fit can hide a contradiction, because it may change the lengths within a ruler's error. If a larger sd of the
+    lengths is stated, a larger difference is allowed.
     """
     ratio = yaw_over_wheels(dataset)
     lengths = [dataset.nominal[name] for name in ("wheel_radius", "half_track") if name in dataset.nominal]
@@ -175,13 +175,13 @@ def contradiction(dataset: Dataset) -> str | None:
 
 
 def leaves_more_than_noise(finding: Finding) -> bool:
-    """Returns whether the runs that prove the verdict have an error clearly above the noise."""
+    """Returns whether the gap on the runs that prove the verdict is clearly above the noise."""
     after = _proof(finding)[1].after
     return after is not None and after > _PLAUSIBLE
 
 
 def _moved_values(finding: Finding) -> str:
-    """Returns a sentence on fitted nominal values that do not agree with the stated ones; empty: all agree."""
+    """Returns a sentence on fitted nominal values that disagree with the stated values; empty: all values agree."""
     moved = [
         f"{say(one.parameter)} ({quantity(one.fitted, one.unit)} instead of {quantity(one.stated, one.unit)}, "
         f"{one.sd_away:.0f} standard deviations away)"
@@ -247,7 +247,7 @@ def _unknown(finding: Finding) -> str:
     if finding.term is None:
         change = _proved_change(finding)
         return f"{sentence} With the named effects, {change}." if found else f"{sentence} {change.capitalize()}."
-    equation = finding.term.equation.partition(". ")[0]  # the page explains its symbols further down
+    equation = finding.term.equation.partition(". ")[0]  # the page explains the symbols of the equation further down
     role, gap = _proof(finding)
     if role != _HELD_OUT or finding.term.removed_held_out is None:
         return f"{sentence} A composed term, {equation}, is added. With it, {_proved_change(finding)}."
@@ -286,13 +286,13 @@ def why_unclaimed(finding: Finding) -> str:
 
 
 def _with_sizes(effects: Sequence[Effect]) -> str:
-    """Returns effects in a row, each with its parameters; semicolons separate effects, commas their parameters."""
+    """Returns a list of effects with their parameters; semicolons separate effects, and commas separate parameters."""
     parts = [f"{explanation(one.name)}, {sizes(one.parameters)}" for one in effects]
     return f"{'; '.join(parts[:-1])}; and {parts[-1]}" if len(parts) > 1 else "".join(parts)
 
 
 def _proof(finding: Finding) -> tuple[str, Gap]:
-    """Returns the runs that the verdict quotes, and their gap: the held-out runs, or the fit runs if there are none."""
+    """Returns the runs that the verdict quotes (the held-out runs; if there are none, the fit runs) and their gap."""
     held_out = finding.gap.get("held_out")
     if held_out is not None and held_out.after is not None:
         return _HELD_OUT, held_out
@@ -300,7 +300,7 @@ def _proof(finding: Finding) -> tuple[str, Gap]:
 
 
 def _proved_change(finding: Finding) -> str:
-    """Returns how the fit, or the gap where no fit was measured, changes on the runs that prove it."""
+    """Returns how the fit changes on the runs that prove the verdict; if no fit was measured, how the gap changes."""
     fit = discover_fit.headline(finding)
     if fit is not None:
         return discover_fit.change(fit) + ("" if fit.role == "held_out" else ", and no held-out run confirms it")

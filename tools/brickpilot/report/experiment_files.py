@@ -18,14 +18,14 @@ FILES = {
 }
 """Each file that `files_of` may write, and its purpose."""
 
-_RAMP_STEP_S = 0.05  # length of the steps that replace a ramp
-_HIGHEST_V = 20.0  # highest voltage that a scenario allows
+_RAMP_STEP_S = 0.05  # s: length of the steps that replace a ramp
+_HIGHEST_V = 20.0  # V: highest voltage that a scenario allows
 
 Step = tuple[float, float, float]
 
 
 def of_finding(finding: Finding) -> dict[str, str]:
-    """Returns file -> text of the experiment that a finding asks for; empty if it asks for no manoeuvre."""
+    """Returns file -> text of the experiment that a finding asks for; empty: the finding asks for no manoeuvre."""
     asked = finding.next_experiment
     if asked is None or asked.manoeuvre is None:
         return {}
@@ -44,7 +44,7 @@ def files_of(manoeuvre: Manoeuvre, vehicle: str) -> dict[str, str]:
 
 
 def steps(manoeuvre: Manoeuvre) -> list[Step]:
-    """Returns (s, V left, V right): the start of each voltage; a ramp becomes steps of its mean voltages."""
+    """Returns a list of (start in s, V left, V right); a ramp becomes steps with the ramp's mean voltages."""
     points = {round(at, 6) for side in (manoeuvre.voltage_left, manoeuvre.voltage_right) for at, _ in side}
     grid = np.arange(0.0, manoeuvre.duration_s, _RAMP_STEP_S).round(6)
     starts = np.array(sorted({0.0, *points, *grid.tolist()} - {round(manoeuvre.duration_s, 6)}))

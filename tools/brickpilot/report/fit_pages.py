@@ -1,7 +1,7 @@
-"""The pages of `calibrate` and `compare`: the values of a model, and how well it fits every run.
+"""The pages of `calibrate` and `compare`: the values of a model, and how well the model fits every run.
 
-`calibrate` shows the fitted parameters, the error before and after, and how they were fitted. `compare` shows a table
-of errors, then the measured and simulated signals of every run.
+`calibrate` shows the fitted parameters, the error before and after, and how the parameters were fitted. `compare` shows
+a table of errors, then the measured and simulated signals of every run.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from brickpilot.report.plot import Array, Colour, Curve, measured, points_for, r
 from brickpilot.report.quantities import ROLES, say
 from brickpilot.report.template import render
 
-_DRAWN = 24  # most runs with plots
+_DRAWN = 24  # largest number of runs with plots
 
 
 def calibrate_page(calibration: Calibration) -> str:
@@ -64,7 +64,7 @@ Simulated = tuple[str, str, Colour, Array]
 def _superimposed(
     one: Gap | Trace, run: str, signal: str, own: OwnUnit, simulated: Sequence[Simulated], title: str, figures: int
 ) -> Markup:
-    """Draws measured and simulated superimposed, as the paper's figs 4 and 5, and the residuals below.
+    """Draws measured and simulated values in one panel, as in the paper's figs 4 and 5, and the residuals below.
 
     Args:
         one: the measured signal of a run.
@@ -79,7 +79,7 @@ def _superimposed(
 
 
 def _stated(calibration: Calibration) -> Markup | None:
-    """Draws how far each fitted value lies from the stated one, in stated sd, with its interval; None: none stated."""
+    """Draws each fitted value's distance from the stated value, in stated sd, with its interval; None: none stated."""
     labels, places, spans = [], [], []
     for name, one in calibration.parameters.items():
         stated = calibration.stated.get(name)
@@ -106,7 +106,7 @@ def _stated(calibration: Calibration) -> Markup | None:
 def compare_page(comparison: Comparison) -> str:
     """Returns the page of `compare` as one self-contained HTML text.
 
-    If there are many runs, those with the largest errors are drawn; the table has all runs.
+    If there are many runs, only the runs with the largest errors are drawn; the table has all runs.
     """
     worst = sorted(comparison.runs, key=lambda run: -max((one.share or 0.0 for one in run.signals.values()), default=0))
     drawn = {run.name for run in worst[:_DRAWN]}

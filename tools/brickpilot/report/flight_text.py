@@ -1,4 +1,4 @@
-"""A flight as text: the lines that `run` and `hil` print of a mission, and its checks as a JUnit file."""
+"""A flight as text: the lines that `run` and `hil` print for a mission, and the mission's checks as a JUnit file."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
-if TYPE_CHECKING:  # the command line prints these lines, and starts without the plant
+if TYPE_CHECKING:  # the command line prints these lines, and starts without loading the plant
     from brickpilot.vehicle.flight_figures import Check
 
 
@@ -61,7 +61,7 @@ def junit_text(name: str, checks: Sequence[Check], command: str, error: str | No
 
     Args:
         command: the command line that repeats the flight; a property of the suite.
-        error: why the flight did not begin; it stands in each test case. None: the flight began.
+        error: why the flight did not begin; each test case contains this text. None: the flight began.
     """
     cases = []
     for check in checks:

@@ -1,4 +1,4 @@
-"""The headline numbers in words and tables: the share of the measured signals that a model explains."""
+"""The headline numbers, which say how much of the measured signals a model explains, in words and tables."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def error_text(one: Agreement, unit: OwnUnit) -> str:
 
 
 def r2_text(one: Agreement) -> str:
-    """Returns R2 with three decimals, with five near 1; a dash if there is none."""
+    """Returns R2 with three decimals, or five near 1; a dash if R2 is not known."""
     if one.r2 is None:
         return DASH
     return f"{one.r2:.5f}" if one.r2 >= 0.995 else f"{one.r2:.3f}".replace("-", "\N{MINUS SIGN}")
@@ -76,7 +76,7 @@ def shown(numbers: Headline, units: Mapping[str, OwnUnit]) -> dict[str, Any]:
 
 
 def lines(numbers: Headline, units: Mapping[str, OwnUnit]) -> Iterator[str]:
-    """Yields the headline for a terminal: a sentence, then a line for each signal with three columns a horizon."""
+    """Yields the headline for a terminal: a sentence, then for each signal a line with three columns per horizon."""
     role = numbers.role
     if not (said := sentence(numbers)):
         return

@@ -25,14 +25,14 @@ if TYPE_CHECKING:
 Result = Dataset | Comparison | Calibration | Check | Finding | Flown | Why | Changed
 
 _ROWS = 20
-"""The most rows of a table: a notebook has less room than a page."""
+"""Largest number of rows in a table; a notebook has less room than a page."""
 
 _LINES, _WIDE = 10, 110
-"""The most lines of the text for a terminal, and the most characters in a line."""
+"""Largest number of lines in a text for a terminal, and of characters in a line."""
 
 
 def to_html(result: Result) -> str:
-    """Returns a result as a piece of HTML that needs nothing else: what a notebook shows of it.
+    """Returns the piece of HTML, complete in itself, that a notebook shows of a result.
 
     Raises:
         TypeError: it is no result of this package.
@@ -105,7 +105,7 @@ def _figures(flown: Flown) -> pandas.DataFrame:
 
 
 def _cell(value: Any) -> str:
-    """Returns a value as the pages write it: four digits, and a dash for none."""
+    """Returns a value as the pages write it: a number with four digits, and a dash for a missing value."""
     if value is None or value != value:
         return DASH
     if isinstance(value, str | bool | numbers.Integral):

@@ -1,4 +1,4 @@
-"""Figures of a page: each is a description in JSON, which `figures.js` draws by uPlot when the page is read.
+"""Figures of a page: each figure is a description in JSON, which `figures.js` draws with uPlot in the browser.
 
 The same figure gives the same bytes. Colours come from the style sheet: light, dark or printed.
 """
@@ -27,10 +27,10 @@ Array = NDArray[np.float64]
 Colour = Literal["blue", "orange", "green", "purple", "grey"]
 Shape = Literal["line", "step", "marks", "bars"]
 
-MOST_POINTS, _LEAST_POINTS = 2000, 300  # most and least points that one figure draws
-_ROW = 26  # height of a row, pixels
-_PAGE_POINTS = 40_000  # points in all figures of a page: about 1.5 MB
-ACROSS, UP = 1e6, 2e4  # x values and curve values are rounded to their span over this number
+MOST_POINTS, _LEAST_POINTS = 2000, 300  # largest and smallest number of points that one figure draws
+_ROW = 26  # height of a row in pixels
+_PAGE_POINTS = 40_000  # number of points in all figures of a page, about 1.5 MB
+ACROSS, UP = 1e6, 2e4  # x values and curve values are rounded to steps of their range divided by this number
 
 
 @dataclass(frozen=True)
@@ -47,15 +47,15 @@ class Curve:
 
 @dataclass(frozen=True)
 class Panel:
-    """Curves over one axis.
+    """Curves with one vertical axis.
 
     Attributes:
         label, unit: the label and unit of the axis; values are shown in a convenient multiple of the unit.
-        height: the height, pixels.
+        height: the height in pixels.
         band: (low, high) of the shaded band, such as the noise; None: no band.
-        rows: names of the values 0, 1, ... if these stand for rows with names.
-        spans: (row, low, high) of horizontal lines, such as intervals.
-        asked: (row, low, high) of the shaded part of a row, such as the requested range.
+        rows: names of the values 0, 1, ..., if the panel has rows with names.
+        spans: (row, low, high) of each horizontal line, such as an interval.
+        asked: (row, low, high) of each shaded part of a row, such as a requested range.
         log: whether the axis is logarithmic, for counts.
     """
 
@@ -72,14 +72,14 @@ class Panel:
 
 @dataclass(frozen=True)
 class Figure:
-    """Panels, one above the other, over one axis `x` of shape (n,), which does not decrease.
+    """Panels, one above the other, with a common axis `x` of shape (n,), which does not decrease.
 
     Attributes:
         title: the accessible name of the figure.
         x_label, x_unit: the label and unit of the axis `x`.
-        link: name of a group of figures, such as a run, that share cursor and zoom; empty: no group.
+        link: name of the group of figures, such as a run's, that share cursor and zoom; empty: no group.
         stretch: (from, to) of the shaded part of `x`.
-        lines: values of `x` with a line through all panels.
+        lines: values of `x` at which a line crosses all panels.
         reach: further values of `x` that the axis shows.
         log: whether the axis `x` is logarithmic.
     """
@@ -97,7 +97,7 @@ class Figure:
 
 
 def points_for(figures: int) -> int:
-    """Returns how many points each of `figures` figures may draw, so that the page has only a few MB."""
+    """Returns how many points each figure of a page with `figures` figures may draw; the page then has a few MB."""
     return min(MOST_POINTS, max(_LEAST_POINTS, _PAGE_POINTS // max(figures, 1)))
 
 
@@ -150,7 +150,7 @@ def to_html(figure: Figure, points: int = MOST_POINTS) -> Markup:
 
 
 Marks = Mapping[str, tuple[Colour, Sequence[float | None]]]
-"""Name -> (colour, the value of its mark in each row; None: no mark)."""
+"""Name of a mark -> (its colour, its value in each row; None: no mark in this row)."""
 
 
 def row_chart(
@@ -159,14 +159,14 @@ def row_chart(
     lines: Sequence[float] = (), stretch: tuple[float, float] | None = None, log: bool = False,
     asked: Sequence[tuple[float, float] | None] = (),
 ) -> Markup:  # fmt: skip
-    """Draws a row for each label, the first one uppermost.
+    """Draws a row for each label; the first label is at the top.
 
     Args:
         curves: the marks.
-        spans: for each row, (low, high) of the line under its marks; None: no line.
+        spans: for each row, (low, high) of the line under the row's marks; None: no line.
         label, unit: the label and unit of the axis along the rows.
         lines, stretch, log: as in `Figure`.
-        asked: for each row, (low, high) of its shaded part; None: no shaded part.
+        asked: for each row, (low, high) of the shaded part; None: no shaded part.
     """
     last = len(labels) - 1
     marks = sorted(
@@ -194,7 +194,7 @@ def row_chart(
 
 
 def element(spec: dict[str, Any], title: str, height: int, note: str = "") -> Markup:
-    """Returns the element that `figures.js` fills; nothing in `spec` can become markup.
+    """Returns the element that `figures.js` fills. Texts in `spec` are escaped, so they cannot become markup.
 
     `height`, in pixels, is reserved for the figure. `note` stands below the figure.
     """
@@ -235,7 +235,7 @@ def _curve(one: Curve, x: Array, kept: NDArray[np.intp], factor: float) -> dict[
 
 
 def _longest_step(one: Curve, x: Array, kept: NDArray[np.intp]) -> float:
-    """Returns the distance in `x` above which no line joins two samples: a sensor may be slower than the log."""
+    """Returns the distance in `x` above which no line joins two samples; samples of a slow sensor stay joined."""
     known = x[np.isfinite(one.values)]
     if len(known) < 2:
         return 0.0
@@ -244,7 +244,7 @@ def _longest_step(one: Curve, x: Array, kept: NDArray[np.intp]) -> float:
 
 
 def _clock(figure: Figure) -> tuple[float, str]:
-    """Returns the origin of the figure's axis and its label; times since 1970 are too long for a tick."""
+    """Returns the origin and the label of the figure's axis; a time since 1970 is too long for the label of a tick."""
     label = f"{figure.x_label} ({figure.x_unit})" if figure.x_unit else figure.x_label
     if figure.x_label != "time" or len(figure.x) < 2:
         return 0.0, label
@@ -255,12 +255,12 @@ def _clock(figure: Figure) -> tuple[float, str]:
 
 
 def _five_digits(values: Array) -> list[float]:
-    """Returns the values with five digits each, for a logarithmic axis: it cannot show a value rounded to 0."""
+    """Returns the values with five digits each, for a logarithmic axis, which cannot show a value rounded to 0."""
     return [float(f"{one:.5g}") for one in values.tolist()]
 
 
 def compact(values: Array, steps: float) -> list[float | None]:
-    """Returns the values for JSON, rounded to about their span over `steps`; a dropout is None."""
+    """Returns the values for JSON, rounded to about their range divided by `steps`; a dropout is None."""
     known = values[np.isfinite(values)]
     size = float(np.abs(known).max(initial=0.0)) if len(known) < 2 or np.ptp(known) == 0 else float(np.ptp(known))
     decimals = math.ceil(math.log10(steps / size)) if size > 0 else 0
@@ -270,9 +270,9 @@ def compact(values: Array, steps: float) -> list[float | None]:
 
 
 _ERROR_SD = 2.0  # half the width of the noise band, in standard deviations
-_ERRORS, _SMALL = 100, 110  # heights of panels, pixels
-_LEAST_GAP, _LEAST_FIT = 0.01, -20.0  # least gap and least fit: a smaller one is drawn at this value
-_WHISKER = 120.0  # width of an interval in a table
+_ERRORS, _SMALL = 100, 110  # heights of the panel of residuals and of a small panel, in pixels
+_LEAST_GAP, _LEAST_FIT = 0.01, -20.0  # least gap and least fit that are drawn; a smaller value is drawn at this place
+_WHISKER = 120.0  # width of the drawing of an interval in a table, in pixels
 
 
 def measured(values: Array) -> Curve:
@@ -284,18 +284,18 @@ def superimposed(
     time: Array, signal: str, unit: str, above: Sequence[Curve], below: Sequence[Curve], noise_sd: float,
     stretch: tuple[float, float] | None = None, *, run: str, title: str, points: int,
 ) -> Markup:  # fmt: skip
-    """Draws measured and simulated superimposed, as the paper's figs 4 and 5, and the residuals below.
+    """Draws measured and simulated values in one panel, as in the paper's figs 4 and 5, and the residuals below.
 
     Args:
-        time: the time of the run, s, (n,).
+        time: the times of the run's samples in s, (n,).
         signal, unit: the name and unit of the values.
         above: the measured and simulated values.
-        below: the residuals, each in the colour of its simulation.
+        below: the residuals; each has the colour of its simulation.
         noise_sd: standard deviation of a sample, in `unit`; the band of the lower panel is two sd on each side.
-        stretch: (from, to) in s of the shaded time.
-        run: the name of the run, whose figures are linked.
+        stretch: (from, to) of the shaded time, in s.
+        run: the name of the run; all figures of a run are linked.
         title: accessible name of the chart.
-        points: about how many points are drawn.
+        points: approximate number of points that are drawn.
     """
     band = (-_ERROR_SD * noise_sd, _ERROR_SD * noise_sd) if noise_sd else None
     panels = [Panel(signal, unit, above), Panel(f"residual of {signal}", unit, below, _ERRORS, band)]
@@ -303,7 +303,7 @@ def superimposed(
 
 
 def voltages(manoeuvre: Manoeuvre, *, single: bool, title: str) -> Markup:
-    """Draws the motor voltages of a manoeuvre. `single`: the vehicle has one motor, with the left voltage."""
+    """Draws the motor voltages of a manoeuvre. `single`: the vehicle has one motor, whose voltage is `voltage_left`."""
     sides = [manoeuvre.voltage_left] if single else [manoeuvre.voltage_left, manoeuvre.voltage_right]
     times = np.unique([moment for points in sides for moment, _ in points])
     before_and_after = np.repeat(times, 2) + np.tile([-1e-9, 1e-9], len(times))  # a step has two values at one time
@@ -322,7 +322,7 @@ def autocorrelation(one: Whiteness, *, title: str) -> Markup:
 
 
 def gaps(rows: Sequence[tuple[str, float | None, float | None]], *, single: bool, title: str) -> Markup:
-    """Draws a row for each (label, gap before, gap after) on a log scale; a line marks the noise, 1.
+    """Draws a row for each (label, gap before, gap after) on a log scale; a line at 1 marks the noise.
 
     `single`: there is only one model, so the gap before is not drawn.
     """
@@ -337,7 +337,7 @@ def gaps(rows: Sequence[tuple[str, float | None, float | None]], *, single: bool
 
 
 def fits(rows: Sequence[tuple[str, float | None, float | None, float | None]], *, single: bool, title: str) -> Markup:
-    """Draws a row for each (label, fit before, after, attainable) in percent; values far below 0 are at the edge.
+    """Draws a row for each (label, fit before, fit after, attainable fit), in percent; at the edge if far below 0.
 
     `single`: there is only one model, so the fit before is not drawn.
     """
@@ -361,7 +361,7 @@ def _joined(marks: Marks, rows: int) -> list[tuple[float, float] | None]:
 
 
 def interval(low: float, value: float, high: float, *, inside: tuple[float, float]) -> Markup:
-    """Draws a dot with its interval and a line at 0, within `inside`. It is decoration: the numbers stand beside it."""
+    """Draws a value as a dot with its interval, and a line at 0, in the range `inside`; the numbers stand beside it."""
     share = (np.array([low, value, high, 0.0]) - inside[0]) / (inside[1] - inside[0])
     start, middle, end, zero = np.clip(4.0 + share * (_WHISKER - 8.0), 2.0, _WHISKER - 2.0)
     return Markup(

@@ -1,4 +1,4 @@
-"""Values as text: a convenient unit, as many digits as their uncertainty allows, and true minus signs."""
+"""Values as text, with a convenient unit, as many digits as the uncertainty allows, and true minus signs."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ _SPACE = "\N{NO-BREAK SPACE}"
 _MINUS = "\N{MINUS SIGN}"
 
 _PREFIXES = ((1e-9, "n"), (1e-6, "µ"), (1e-3, "m"), (1.0, ""), (1e3, "k"), (1e6, "M"))
-_TAKES_PREFIX = frozenset({"N", "V", "A", "H", "W", "Ω", "m", "s", "rad"})  # as the first factor of a unit
+_TAKES_PREFIX = frozenset({"N", "V", "A", "H", "W", "Ω", "m", "s", "rad"})  # if it is the first factor of a unit
 
 
 @dataclass(frozen=True)
 class Shown:
-    """A value as text. `low` and `high` are empty if it has no interval, `unit` if it has no unit."""
+    """A value as text. `low` and `high` are empty if the value has no interval; `unit` is empty if it has no unit."""
 
     value: str
     low: str
@@ -85,7 +85,7 @@ def quantity(value: float, unit: str, ci95: tuple[float, float] | None = None) -
 
 
 def _fixed(value: float, decimals: int) -> str:
-    """Returns a number with so many decimals; below 0, they round to tens, hundreds and so on."""
+    """Returns a number with `decimals` decimals; negative `decimals` round to tens, hundreds and so on."""
     if not math.isfinite(value):
         return "without limit"
     rounded = round(value, decimals) + 0.0  # no minus zero
@@ -99,9 +99,9 @@ def _decimals(half: float) -> int:
 
 
 def in_words(value: float, unit: str, ci95: tuple[float, float] | None = None) -> tuple[str, str]:
-    """Returns a size, and its interval behind it, for a sentence: "12 %" and " (12 to 13 %)", or nothing.
+    """Returns a size, and its interval or an empty text, for a sentence: "12 %" and " (12 to 13 %)".
 
-    The size has as many digits as in `quantity`; a plain number is a share, in percent.
+    The size has as many digits as in `quantity`; a number without a unit is a share, shown in percent.
     """
     per, shown = (0.01, "%") if unit == "1" else scaled(value, unit)
     ends = [one / per for one in ci95 or ()]
@@ -136,19 +136,19 @@ def gap_text(gap: float | None) -> str:
 
 
 def percent(share: float) -> str:
-    """Returns a share as "44 %"; "under 1 %" and "over 99 %" where rounding would give 0 or 100 %."""
+    """Returns a share as "44 %"; "under 1 %" and "over 99 %" instead of a rounded 0 or 100 %."""
     if 0 < share < 0.01:
         return f"under 1{_SPACE}%"
     return f"over 99{_SPACE}%" if 0.99 < share < 1 else f"{100 * share:.0f}{_SPACE}%"
 
 
 def number(value: float | None) -> str:
-    """Returns a number with four digits; a dash if there is none."""
+    """Returns a number with four digits; a dash if there is no number."""
     return DASH if value is None or not math.isfinite(value) else f"{value:.4g}"
 
 
 def fit_number(value: float | None) -> str:
-    """Returns a fit in percent without its unit: "93.1", "99.62" near 100, "< -999"; a dash if there is none."""
+    """Returns a fit in percent without its unit: "93.1", "99.62" near 100, "< -999"; a dash if there is no fit."""
     if value is None:
         return DASH
     if value < -999:
@@ -157,5 +157,5 @@ def fit_number(value: float | None) -> str:
 
 
 def fit_text(value: float | None) -> str:
-    """Returns a fit as text: "93.1 %"; a dash if there is none."""
+    """Returns a fit as text: "93.1 %"; a dash if there is no fit."""
     return DASH if value is None else f"{fit_number(value)}{_SPACE}%"

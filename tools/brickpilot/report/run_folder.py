@@ -1,4 +1,4 @@
-"""Output folders and files. Each is written under another name and then renamed, so it is complete or absent."""
+"""Output folders and files. Each one is written under another name and then renamed, so it is complete or absent."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 @contextmanager
 def fresh_folder(out: Path, files: Collection[str]) -> Iterator[Path]:
-    """Yields an empty folder beside `out` and renames it to `out` at the end; an error leaves nothing behind.
+    """Yields an empty folder beside `out` and renames it to `out` at the end; after an error, the folder is removed.
 
     An older `out` is replaced only if it holds no files other than `files`, which the command writes. If an earlier run
     with the same `out` was killed, the folder that it left is removed.
@@ -66,7 +66,7 @@ def _put(folder: Path, out: Path) -> None:
 
 
 def write_file(text: str, path: Path) -> None:
-    """Writes a file, whole or not at all, and the folders above it.
+    """Writes a file, completely or not at all, and makes the folders above it.
 
     Raises:
         InputError: the file cannot be written.

@@ -1,7 +1,7 @@
-"""The page of a flight: its track, which can be played, its signals, and the signals inside the controller.
+"""The page of a flight: the track, which can be played, the signals, and the signals inside the controller.
 
-A track, seen from above, is drawn and played by `track.js`. The figures of a flight over a link show how long replies
-took, how punctual ticks were, and when errors occurred.
+`track.js` draws and plays a track, seen from above. For a flight over a link, figures show how long replies took, how
+punctual ticks were, and when errors occurred.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ LINK = "run"
 """The `Figure.link` of all figures of a flight."""
 
 _DEGREES = 180.0 / np.pi
-_AT_REST_S = 1.0  # s of the rest at the end that a figure shows
-_MOVES = 1e-3  # a smaller change of position, m, or of heading, rad, counts as rest
+_AT_REST_S = 1.0  # time in s that a figure shows after the last motion
+_MOVES = 1e-3  # a smaller change of position in m, or of heading in rad, counts as rest
 Line = tuple[str, str, Colour]
 
 
@@ -54,7 +54,7 @@ def _figure(flight: Flight, title: str, panels: list[Panel]) -> Markup:
 
 
 def track(flight: Flight, figures: dict[str, Any]) -> Markup:
-    """Draws the track from above, x up and y to the right, over the waypoints and their acceptance circles."""
+    """Draws the track from above, with x up and y to the right, over the waypoints with their acceptance circles."""
     scenario, count = flight.plan.scenario, samples(flight)
     log = {name: column[:count] for name, column in flight.log.items()}
     lines = [Curve("true track", np.array([log["true_y_m"], log["true_x_m"]]), "blue", 4.0)]
@@ -70,7 +70,7 @@ def track(flight: Flight, figures: dict[str, Any]) -> Markup:
 
 
 def motion(flight: Flight) -> Markup:
-    """Draws the true motion and its measurement."""
+    """Draws the true and the measured motion."""
     mission, measured = flight.plan.scenario.kind == "mission", flight.plan.sensors != "ideal"
 
     def beside(column: str, name: str, colour: Colour, true: str, *, wanted: bool) -> list[Line]:
@@ -100,7 +100,7 @@ def electrical(flight: Flight) -> Markup:
 
 
 def inside(flight: Flight) -> Markup:
-    """Draws the phase, demand and estimate, the parts of the PIDs, the cross-track error and the estimate's error."""
+    """Draws the phase, demands and estimates, the terms of the PIDs, the cross-track error and the estimate's error."""
     count, log = samples(flight), flight.log
     error = np.hypot(log["estimate_x_m"] - log["true_x_m"], log["estimate_y_m"] - log["true_y_m"])[:count]
     demand: list[Line] = [("demand_speed_m_s", "demand", "green"), ("estimate_speed_m_s", "estimate", "orange")]
@@ -146,7 +146,7 @@ def page(flight: Flight, figures: dict[str, Any], command: str, link: dict[str, 
         link: for a flight over a link, the result of `link_figures`.
     """
     mission, parameters = flight.plan.scenario.kind == "mission", flight.plan.model.parameters
-    wheel_speed = float(np.mean(np.abs(flight.log["left_wheel_rad_s"][-300:])))  # rad/s, over the last 0.9 s
+    wheel_speed = float(np.mean(np.abs(flight.log["left_wheel_rad_s"][-300:])))  # mean over the last 0.9 s, in rad/s
     return render(
         "run",
         title=flight.plan.scenario.title,
@@ -174,9 +174,10 @@ def track_to_html(
     """Returns a track, seen from above, as an element of a page that can be played.
 
     Args:
-        time, heading: time, s, and heading, rad clockwise from straight up, of the run, (n,) each.
-        lines: curves, (2, n) each: to the right, then up, m. The first curve is played, and has the samples of `time`.
-        circles: the waypoints: position to the right and up, m, radius, m, and whether the waypoint was reached.
+        time, heading: the run's times in s, and its headings in rad, clockwise from straight up; (n,) each.
+        lines: curves, (2, n) each: the positions to the right and up, in m. The first curve, with the samples of
+            `time`, is played.
+        circles: for each waypoint: its positions to the right and up in m, its radius in m, and whether it was reached.
         link, title: see `Figure`.
     """
     kept = plot.thin(
@@ -214,7 +215,7 @@ def _way(one: Curve, kept: NDArray[np.intp], samples: int) -> dict[str, Any]:
 
 _BARS = 60
 _HEIGHT = 140
-_WIDEST = 99.5  # percentile of the jitter that the bars cover; the outermost bars hold larger values
+_WIDEST = 99.5  # percentile of the jitter up to which the bars reach; the outermost bars include larger values
 _KINDS: dict[str, tuple[str, Colour]] = {
     "late_ticks": ("late tick", "orange"),
     "lost_frames": ("lost frame", "blue"),
@@ -224,11 +225,11 @@ _KINDS: dict[str, tuple[str, Colour]] = {
 
 
 def link_figures(ticks: Mapping[str, Array], *, realtime: bool, replies: bool = True) -> dict[str, Any]:
-    """Returns the figures of the ticks on the page, each with the sentence above it; a figure may be None.
+    """Returns the figures of the ticks on the page, each with a sentence to put above it; a figure may be None.
 
     Args:
         ticks: the columns of ticks.csv, each (n,).
-        realtime: whether ticks follow a clock, so that they can be unpunctual.
+        realtime: whether ticks follow a clock; only then can ticks be unpunctual.
         replies: whether each set of readings gets a motor command; a brick with its own sensors and motors sends none.
     """
     return {
@@ -268,7 +269,7 @@ def round_trip(ticks: Mapping[str, Array]) -> tuple[str, Markup | None]:
 
 
 def jitter(ticks: Mapping[str, Array]) -> tuple[str, Markup | None]:
-    """Returns the histogram of the differences between each period and a step."""
+    """Returns the histogram of the difference between each period and the nominal step."""
     periods = 1e3 * (np.diff(ticks["begun_s"]) - STEP_S)
     known = periods[np.isfinite(periods)]
     if not len(known):

@@ -1,4 +1,4 @@
-"""Renders the package's templates: pages, and files of other programs."""
+"""Renders the package's templates: pages, and files for other programs."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _SCRIPTS = ("templates/figures.js", "templates/track.js", "templates/start.js")
 def render(name: str, folder: Path = _HERE / "templates", **content: object) -> str:
     """Returns the page `name`, a template of `folder`, as one self-contained HTML text.
 
-    Text is escaped, `Markup` is not. A template in another folder may extend those of this package.
+    Text is escaped; `Markup` is not escaped. A template in another folder may extend those of this package.
     """
     environment = Environment(
         loader=ChoiceLoader([FileSystemLoader(folder), PackageLoader("brickpilot.report")]),

@@ -1,4 +1,4 @@
-"""Results in the words of the user's own data set: its frame, signs and units, and no wheels where there is a motor."""
+"""Results in the terms of the user's data set: its frame, signs and units; for a motor, the texts name no wheels."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _OF_A_MOTOR = (
 
 
 def told(dataset: Dataset, value: Told) -> Told:
-    """Returns text, or a container of texts, in the words of the data set's vehicle: a motor has no wheels.
+    """Returns text, or a container of texts, in words that suit the data set's vehicle: a motor has no wheels.
 
     Names that the user gave and finished HTML stay as they are.
     """
@@ -72,7 +72,7 @@ def frames(dataset: Dataset) -> str:
 
 
 def shown_finding(finding: Finding) -> Finding:
-    """Returns a finding whose effects have the sign and unit of the data set, for texts and tables alone."""
+    """Returns a finding whose effects have the data set's sign and unit; it is only for texts and tables."""
     data = finding.dataset
 
     def of(name: str, values: Mapping[str, Parameter]) -> dict[str, Parameter]:
@@ -88,7 +88,7 @@ def shown_finding(finding: Finding) -> Finding:
 
 
 def own_parameter(dataset: Dataset, effect: str, parameter: str, unit: str) -> OwnUnit:
-    """Returns the unit and sign in which a data set would state an effect's parameter. `unit`: its SI unit."""
+    """Returns the unit and sign in which a data set would state an effect's parameter. `unit`: the SI unit."""
     sign = -1.0 if dataset.frame == "FLU" and turns_with_frame(effect, parameter) else 1.0
     gyro = own_unit(dataset, "yaw_rate") if dataset.vehicle != "motor" else OwnUnit("rad/s")
     if unit == "rad/s" and gyro.unit != "rad/s" and turns_with_frame(effect, parameter):
@@ -99,8 +99,8 @@ def own_parameter(dataset: Dataset, effect: str, parameter: str, unit: str) -> O
 def clauses(dataset: Dataset, effect: str, parameters: Mapping[str, Parameter]) -> list[str]:
     """Returns clauses on the meaning of an effect's values, each with size and interval in the data set's unit.
 
-    For example, "the right motor is 12 % weaker than the left (12 to 13 %)". Empty: the table has no clause for the
-    values.
+    For example, "the right motor is 12 % weaker than the left (12 to 13 %)". The list is empty if the table has no
+    clause for the values.
     """
     over_mean = {info.name for one in catalogue.effects_of((effect,)) for info in one.parameters if info.over_mean}
     found = []

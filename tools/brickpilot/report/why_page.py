@@ -34,12 +34,12 @@ FILES = {
     **experiment_files.FILES,
     "data": "the log as a data set: brickpilot check, compare and discover take it",
 }
-"""Each file or folder that the command may write, and what it is for."""
+"""Each file or folder that the command may write -> its purpose."""
 
 
 @dataclass(frozen=True)
 class Constants:
-    """The constants that other programs ask for; see `vehicle.drive_constants`. `odometry` is None for a motor."""
+    """The constants that other programs need; see `vehicle.drive_constants`. `odometry` is None for a motor."""
 
     feed_forward: FeedForward
     odometry: Odometry | None
@@ -59,7 +59,7 @@ class Constants:
 
 
 def constants_of(finding: Finding) -> Constants:
-    """Returns the constants of the robot as found, relative to the stated radius and half track."""
+    """Returns the constants of the robot that was found, relative to the stated radius and half track."""
     return Constants(feed_forward(finding.augmented), odometry(finding.augmented, as_stated(finding).parameters))
 
 
@@ -88,7 +88,7 @@ class Why(Result):
 
     Attributes:
         finding: the result of discovery, from which the answer is made.
-        constants: the constants of the robot as found, for other programs.
+        constants: the constants of the robot that was found, for other programs.
         notes: sentences on how the log was read.
     """
 

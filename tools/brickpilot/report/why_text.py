@@ -1,4 +1,4 @@
-"""The answer of `brickpilot why`: what is wrong, how sure this is, and what to do, each in a sentence or two."""
+"""The answer of `brickpilot why`: what is wrong, how certain the cause is, and what to do, in a few sentences."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ from brickpilot.vehicle.model import Model
 
 Ending = Literal["nothing", "cause", "missing", "contradiction"]
 
-_ALL = 99.0  # % of the signals: if the simulation explains more, nothing is left to find
-_OF_WHEELS = 0.5  # share of a track's bend that unequal wheel angles explain: below it, they are not the cause
-_WORSE = 0.05  # percentage points: an explanation that lowers the fit by more does not explain whole runs
+_ALL = 99.0  # fit in percent: from this value on, no error is left to explain
+_OF_WHEELS = 0.5  # share of a track's curvature due to unequal wheel angles: below it, these are not the cause
+_WORSE = 0.05  # percentage points of fit: an explanation that lowers the fit by more does not explain whole runs
 _VEERS = math.radians(1.0)  # rad/m: a smaller curvature is hardly visible
 _DIFFERS = 0.03  # share of a speed or a distance: a smaller difference is hardly visible
 _GRID_S = 0.05  # time step at which a manoeuvre is examined
@@ -51,11 +51,11 @@ class Answer:
     """The answer to the question why a robot differs from its simulation.
 
     Attributes:
-        ending: "nothing" is wrong; a "cause" is known; something is "missing", and `todo` begins with what to drive
-            next; or the data hold a "contradiction".
-        what, sure: sentences.
+        ending: "nothing": nothing is wrong; "cause": a cause is known; "missing": no known cause explains all, and
+            `todo` begins with what to drive next; "contradiction": the data contradict each other.
+        what, sure: sentences on what is wrong, and on how certain this is.
         todo: what to do, the first thing first.
-        symptoms: how the robot drives differently from the simulation without the finding, one sentence each.
+        symptoms: one sentence for each difference between the robot's drive and the simulation without the finding.
         next: the manoeuvre to drive next; None: no manoeuvre is needed.
     """
 
@@ -70,10 +70,10 @@ class Answer:
 def answer(
     finding: Finding, undone: Compensation | None, mend: str = "", advised: Callable[[], Sequence[Manoeuvre]] = tuple
 ) -> Answer:
-    """Returns the answer that a finding gives: a wrong wiring first, as all else depends on it.
+    """Returns the answer that a finding gives; a wrong wiring comes first, because all other results depend on it.
 
     Args:
-        undone: the compensation that was made of the finding; None: the firmware can undo nothing.
+        undone: the compensation that was made from the finding; None: the firmware cannot compensate it.
         mend: the options of `import` that correct a wrong wiring.
         advised: returns the most informative manoeuvres; it is called only if the finding asks for no manoeuvre.
     """
@@ -131,10 +131,10 @@ def answer(
 
 @dataclass(frozen=True)
 class _Sided:
-    """How left and right move differently under equal commands.
+    """How the left and the right side move differently under equal commands.
 
     Attributes:
-        what: how they move, as a sentence.
+        what: how the sides move, as a sentence.
         which: the causes that remain possible, as a sentence.
         to: the side to which the robot turns.
     """
@@ -145,7 +145,7 @@ class _Sided:
 
 
 def _sided(finding: Finding) -> _Sided | None:
-    """Returns how the two sides differ in runs under equal commands, without a model; None: they are alike."""
+    """Returns how the two sides differ in runs under equal commands, without a model; None: both sides are alike."""
     weaker, bent, known = weaker_side(finding.dataset), None, finding.augmented.parameters
     track = 2 * known["half_track"]
     if weaker is not None and weaker.share < _VEERS * track:
@@ -177,7 +177,7 @@ def _side(one: WeakerSide) -> str:
 
 
 def _either(finding: Finding) -> str:
-    """Returns the explanations that the data allow, each by the meaning of its values if the table has one."""
+    """Returns the explanations that the data allow, each as the meaning of its values if the table states a meaning."""
     rivals = {one.name: one.parameters for effect in finding.effects for one in effect.equivalents}
     if len(finding.effects) == 1:
         rivals[finding.effects[0].name] = finding.effects[0].parameters
@@ -221,7 +221,7 @@ def _what(finding: Finding) -> tuple[Ending, str]:
 
 
 def _cause(finding: Finding) -> str:
-    """Returns the named effects: by the meaning of their values if the table has one, else by words and sizes."""
+    """Returns the named effects: as the meaning of their values if the table states it, else as words and sizes."""
     own = {one.name: one for one in shown_finding(finding).effects}
     said, named = [], []
     for one in finding.effects:
@@ -237,7 +237,7 @@ def _cause(finding: Finding) -> str:
 
 
 def _visible(finding: Finding) -> str:
-    """Returns the smallest sizes that these data would have shown: of a common effect of each of some mechanisms."""
+    """Returns the smallest size that these data would have shown, for one common effect of each of a few mechanisms."""
     common = {one.mechanism: one for one in catalogue.effects_of(finding.power) if one.prior == "common"}
     parts = []
     for effect in list(common.values())[:_STATED]:
@@ -313,7 +313,7 @@ def _todo(finding: Finding, undone: Compensation | None, ending: Ending) -> list
 
 
 def _lengths(finding: Finding) -> list[str]:
-    """Returns a line on lengths that are not stated; empty: all are stated, or the vehicle is a motor."""
+    """Returns a line on lengths that the user did not state; empty: all are stated, or the vehicle is a motor."""
     known, used = finding.dataset.nominal, finding.augmented.parameters
     missing = [name for name in ("wheel_radius", "half_track") if name not in known]
     if finding.dataset.vehicle == "motor" or not missing:
@@ -324,7 +324,7 @@ def _lengths(finding: Finding) -> list[str]:
 
 
 def _symptoms(finding: Finding) -> list[str]:
-    """Returns how straight drives at full power differ between the augmented model and the one without the finding."""
+    """Returns how the augmented model and the model without the finding differ in straight drives at full power."""
     robot, simulation = drives(finding.augmented), drives(as_stated(finding))
     unit = "m" if finding.dataset.vehicle != "motor" or finding.augmented.parameters.get("wheel_radius") else "rad"
     symptoms = []
@@ -357,7 +357,7 @@ def lines(found: Answer, notes: Sequence[str], guesses: Sequence[str], *, verbos
     """Returns the answer for a terminal: what is wrong, how sure this is and what to do first, then the notes.
 
     Args:
-        notes: on how the log was read, one sentence each.
+        notes: sentences on how the log was read.
         guesses: the guesses in `Dataset.guesses`.
         verbose: whether all actions, symptoms and notes are given; else four lines at most.
     """

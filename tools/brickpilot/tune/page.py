@@ -1,4 +1,4 @@
-"""The page of `tune`: flights with the gains before and after, of the same robots, which the search did not use."""
+"""The page of `tune`: flights with the old and the new gains, by the same robots, which the search did not use."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 BEFORE: Colour = "orange"
 AFTER: Colour = "blue"
 _LOGGED = ("time_s", "true_x_m", "true_y_m", "true_heading_rad", "left_voltage_v", "right_voltage_v")
-_SHOWN_S = 1.0  # s of a track that are shown after its last movement
+_SHOWN_S = 1.0  # time in s that a track shows after the last movement
 
 
 def page(tuned: Tuned, command: str) -> str:
@@ -67,7 +67,7 @@ def sentence(tuned: Tuned) -> str:
 
 
 def percent(one: Rate) -> str:
-    """Returns a rate with its interval, as "93.1 % (91.3..94.5 %)"."""
+    """Returns a rate with its interval: "93.1 % (91.3..94.5 %)"."""
     return f"{100 * one.share:.1f} % ({100 * one.low:.1f}..{100 * one.high:.1f} %)"
 
 
@@ -140,7 +140,7 @@ def _gains(tuned: Tuned) -> list[dict[str, object]]:
 
 
 def _ranges(tuned: Tuned) -> Markup:
-    """Draws the ratio of each found gain to the gain before, with the searched range."""
+    """Draws the ratio of each found gain to the old gain, with the searched range."""
     space = tuned.space
     base = np.array([tuned.problem.start[name] for name in space.names]) + space.offset
     after = (np.array([tuned.found[name] for name in space.names]) + space.offset) / base
@@ -201,7 +201,7 @@ def _track(tuned: Tuned, place: int, why: str) -> dict[str, Any]:
 
 
 def _apart(track: Array, samples: int) -> Array:
-    """Returns the track, thinned, with another number of samples than the played track has (`samples`)."""
+    """Returns the thinned track; its number of samples differs from `samples`, the number of the played track."""
     kept = track[:, :: max(track.shape[1] // 1000, 1)]
     return kept[:, :-1] if kept.shape[1] == samples else kept
 

@@ -1,8 +1,8 @@
-"""The tuning problem: the controller of one robot, tested on one mission by flights of the robots that the data allow.
+"""The tuning problem: one robot's controller, tested on one mission in flights of the robots that the data allow.
 
-The search has one coordinate for each tuned gain. A coordinate is log(raw + offset): ratios of gains matter, and the
-offset lets a gain of 0 grow. The search stays within a factor of the start and within the format, and scores the
-rounded integer.
+The search has one coordinate for each tuned gain. A coordinate is log(raw + offset), because ratios of gains matter;
+the offset lets a gain of 0 grow. The search stays within a factor of the start and within the format, and scores the
+rounded integers.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ Array = NDArray[np.float64]
 PIDS = ("speed_kp", "speed_ki", "heading_kp", "heading_ki", "heading_kd", "feedforward")
 GUIDANCE = ("cruise", "decel", "bearing_hold", "pivot", "align")
 TUNED = PIDS + GUIDANCE
-"""The gains that are tuned: the gains of both PIDs, and those of the line-of-sight guidance."""
+"""The gains that are tuned: those of both PIDs, and those of the line-of-sight guidance."""
 
 FACTOR_PID, FACTOR_GUIDANCE = 10.0, 3.0
-"""The largest factor, up or down, between a gain and its start; a larger factor would change the kind of control."""
+"""Largest ratio, up or down, of a gain to its start; a larger ratio would change the kind of control."""
 
 OFFSET = 0.02
 """Offset as a share of the packaged robot's raw value; a gain below the offset counts as off."""
@@ -51,7 +51,7 @@ class Space:
         return np.asarray(np.log(np.array([float(raw[name]) for name in self.names]) + self.offset))
 
     def raw(self, coordinates: Array) -> dict[str, int]:
-        """Returns the raw integers at these coordinates: rounded, within the ranges, and no pair in contradiction."""
+        """Returns the raw integers at these coordinates, rounded, within the ranges and without contradicting pairs."""
         values = np.clip(np.exp(coordinates) - self.offset, self.low, self.high)
         raw = {name: int(value) for name, value in zip(self.names, np.rint(values), strict=True)}
         for less, more in AT_MOST:
@@ -70,7 +70,7 @@ def around(start: Mapping[str, int], firmware: Mapping[str, int]) -> Space:
 
     Args:
         start: raw integers of `TUNED`.
-        firmware: raw integers of all settings, with which the tuned ones have to agree.
+        firmware: raw integers of all settings; the tuned settings have to agree with the other settings.
     """
     names = tuple(name for name in TUNED if name in start)
     packaged = defaults("coupled")
@@ -84,7 +84,7 @@ def _range(name: str, start: Mapping[str, int], firmware: Mapping[str, int], off
     factor, row = (FACTOR_PID if name in PIDS else FACTOR_GUIDANCE), settings()[name]
     low = max(row.low, round((start[name] + offset) / factor - offset))
     high = min(row.high, round((start[name] + offset) * factor - offset))
-    for less, more in AT_MOST:  # if the other setting of a pair is not tuned, it is a limit
+    for less, more in AT_MOST:  # if the other setting of a pair is not tuned, its value is a limit
         if name == more and less not in start:
             low = max(low, row.raw(settings()[less].value(firmware[less])))
     return min(low, start[name]), max(high, start[name])
@@ -99,8 +99,8 @@ class Problem:
     """The tuning problem of one robot; small, and picklable for workers.
 
     Attributes:
-        plan: the plan of a flight of the best explanation, with the firmware's own gains; `loop` gives its `firmware`.
-        loop: the robot's own firmware; None: the packaged one.
+        plan: the plan of a flight of the best explanation with the firmware's own gains; `loop` makes its `firmware`.
+        loop: the robot's own firmware; None: the packaged firmware.
         allowed: the robots that the data allow.
         firmware: the present values of all settings.
         seed: seed of the drawn robots.
@@ -118,8 +118,8 @@ class Problem:
         return {name: self.firmware[name] for name in TUNED}
 
     def planned(self, robot: robots.Robot, gains: Raw) -> flight.Plan:
-        """Returns the plan of a flight with these gains, by a robot that was drawn at random."""
-        scenario = self.plan.scenario  # the scenario's values of the plant hold for every robot
+        """Returns the plan of a flight of the drawn `robot` with `gains`."""
+        scenario = self.plan.scenario  # values of the plant that the scenario states hold for every robot
         model = dataclasses.replace(
             robot.model,
             parameters={**robot.model.parameters, **scenario.parameters},
@@ -141,10 +141,10 @@ class Outcome(NamedTuple):
     Attributes:
         success: whether every waypoint was reached without a fault.
         missed: share of the waypoints that were not reached; 1 if the simulation diverged.
-        cross_track: rms while driving, m; NaN: the robot never drove.
-        time: time of the last waypoint, s; NaN: it was not reached.
+        cross_track: rms cross-track error while driving, m; NaN: the robot never drove.
+        time: time of the last waypoint, s; NaN: this waypoint was not reached.
         wear: the sum of the absolute changes of both motors' duties, in full duties.
-        cause: why the flight failed; empty: it succeeded.
+        cause: why the flight failed; empty: the flight succeeded.
     """
 
     success: bool
@@ -190,10 +190,10 @@ class Scale:
     """The units of the terms of the score.
 
     Attributes:
-        acceptance: m, the robot's radius.
-        time: s, the median over the start's successful flights.
-        wear: full duties, the median over the same flights.
-        longest: s, the longest flight; this time counts for a robot that does not arrive.
+        acceptance: m, the acceptance radius of the robot.
+        time: s, the median time of the successful flights with the start's gains.
+        wear: full duties, the median wear of the same flights.
+        longest: s, the longest flight; a robot that does not arrive gets this time.
     """
 
     acceptance: float
@@ -206,14 +206,14 @@ MISSED, TIME, WEAR = 100.0, 0.5, 0.1
 """Weights of the score. A waypoint missed by one robot of a hundred costs more than any observed change of the other
 terms. A cross-track error of one radius costs as much as twice the start's time or ten times the start's wear."""
 
-_LEAST = 0.1  # a fault after the last waypoint counts like this share of missed waypoints
+_LEAST = 0.1  # a fault after the last waypoint counts as this share of missed waypoints
 
 UNKNOWN_RADII = 5.0
 """Cross-track error of a robot that never drove, in radii."""
 
 
 def scale(outcomes: Sequence[Outcome], problem: Problem) -> Scale:
-    """Returns the scale, computed from the flights with the start's gains."""
+    """Returns the units of the score, computed from the flights with the start's gains."""
     longest = problem.plan.scenario.duration
     known = [one for one in outcomes if one.success]
     time = float(np.median([one.time for one in known])) if known else longest

@@ -1,14 +1,14 @@
 """Tunes the gains of one robot: its problem, the search, the final comparison (the judge), and the kept gains.
 
-Workers load only `task`, because they need no library of a link.
+Workers load only the module `task`, so they need no library of a link.
 
 The search is CMA-ES (Hansen, 2016, arXiv 1604.00772) by pycma, on flights of drawn robots by the workers of a campaign.
-All gain sets of a generation are flown by the same robots with the same noise (common random numbers), so that their
-ranks do not depend on chance; the method uses only ranks. The next generation uses other robots, so that no set is
-overfitted to a few robots. The answer is the centre of the last distribution: with noisy scores, the best set so far
-may be best by chance.
+All gain sets of a generation are flown by the same robots with the same noise (common random numbers), so that chance
+does not affect the ranks of the sets; CMA-ES uses only these ranks. The next generation uses other robots, so that no
+set is overfitted to a few robots. The answer is the centre of the last distribution: scores are noisy, so the best set
+so far may be best by chance.
 
-The judge flies the gains before and after with the same new robots and the same noise.
+The judge flies the old and the new gains with the same new robots and the same noise.
 """
 
 from __future__ import annotations
@@ -40,15 +40,15 @@ PACKAGED = "packaged"
 
 SEARCH, SCALE, JUDGE, BOOTSTRAP = range(4)
 """The random streams: the robots of the search, of the score's scale and of the judge, and the bootstrap's resamples.
-Streams of robots also use places, so no robot has the random numbers of another robot or of the bootstrap."""
+Each robot also has a place in its stream, so it shares no random numbers with another robot or the bootstrap."""
 
 SCALE_ROBOTS = 64
 
 STEP = 0.3
-"""First step size (sd) of the search, as a logarithm: about a third more or less."""
+"""First step size of the search: the sd of a gain's logarithm, about a third more or less."""
 
 FLIGHTS = 8
-"""Number of flights in a part: enough for a small overhead, few enough that all workers end at about the same time."""
+"""Number of flights in a part: so many that the overhead is small, so few that all workers end almost together."""
 
 LEVEL = 0.95
 RESAMPLES = 4000
@@ -61,7 +61,7 @@ def problem(
     """Returns the problem of a model file: its present firmware, its mission, and the robots that the data allow.
 
     Args:
-        path: path of model.toml; the files of `calibrate` or `discover` beside it say which robots the data allow.
+        path: path of model.toml; files of `calibrate` or `discover` in the same folder say which robots the data allow.
         board: a key of `boards.BOARDS`, or `PACKAGED`.
         sensors: the sensors of the robot.
         mission: file or name of a scenario; None: the packaged mission, scaled to the robot.
@@ -69,14 +69,14 @@ def problem(
         seed: seed of the drawn robots.
 
     Raises:
-        InputError: a file is bad, a value does not fit into a format, or no checkout is here.
+        InputError: a file is bad, a value does not fit into a format, or the folder is not in a checkout.
     """
     if board == PACKAGED:
         return _packaged(path, sensors, mission, shares, seed)
     own = robot.load(path)
     plan = simulate.plan(own, simulate.mission(own, mission), sensors, seed)
     loop = boards.closed_loop(own, boards.BOARDS[board], sensors)
-    loop.library()  # compiled here first, so that a compiler error is reported once
+    loop.library()  # compiled before the workers start, so that a compiler error is reported once
     allowed = dataclasses.replace(robots.read(own.model, path, shares), devices=plan.devices)
     values = constants(own.vehicle, "coupled")
     firmware = {name: default(setting, values, "coupled") for name, setting in settings().items()}
@@ -109,10 +109,10 @@ class Rate:
 
 @dataclass(frozen=True)
 class Change:
-    """The means of a figure before and after over the same robots, with the 95 % interval of the mean difference.
+    """A figure's means over the same robots with old and new gains, and the 95 % interval of the mean difference.
 
     Attributes:
-        robots: number of robots in the means: all, or those that succeeded both times.
+        robots: number of robots in the means: all robots, or those that succeeded with both gain sets.
         low, high: ends of the interval of `after` - `before`, by bootstrap over robots.
     """
 
@@ -133,7 +133,7 @@ class Judged:
         before, after: outcomes of the same robots with the old and the new gains.
         gained, lost: number of robots that succeeded only with the new gains, and only with the old gains.
         p: the p-value of McNemar's exact test on `gained` and `lost`.
-        changes: the changes of the figures; the score is the first.
+        changes: the changes of the figures; the first figure is the score.
     """
 
     before: tuple[Outcome, ...]
@@ -151,7 +151,7 @@ class Judged:
 
     @property
     def better(self) -> bool:
-        """Whether the new gains are significantly better in success, or else in the score without less success."""
+        """Whether the new gains give significantly more success, or a better score with no significant loss of it."""
         if self.is_worse_in_success:
             return False
         return (self.gained > self.lost and self.p < SIGNIFICANT) or self.changes[0].high < 0
@@ -165,7 +165,7 @@ def rate(outcomes: Sequence[Outcome]) -> Rate:
 
 
 def judge(before: Sequence[Outcome], after: Sequence[Outcome], by: Scale, seed: int) -> Judged:
-    """Compares two flights of each robot; both lists are in the same order of robots.
+    """Compares two flights of each robot; both lists have the robots in the same order.
 
     Args:
         by: the units of the score.
@@ -207,7 +207,7 @@ class Tuned:
     """The result of `tune`.
 
     Attributes:
-        gains: the gains to use: `found` if these gains are better, else the start's.
+        gains: the gains to use: `found` if these gains are better, else the gains at the start.
         found: the gains at the end of the search.
         flights: the total number of flights.
     """
@@ -229,13 +229,13 @@ class Tuned:
 
 
 def tune(problem: Problem, workers: Workers, *, robots: int, judges: int, budget: Budget, show: Show) -> Tuned:
-    """Returns the gains for the robots that the data allow, judged on robots that the search did not fly.
+    """Tunes gains for the robots that the data allow, and judges the gains on robots that the search did not fly.
 
-    The result depends only on the problem, the numbers and a budget in gain sets, not on the workers.
+    With a budget in gain sets, the result depends only on the problem and the numbers, not on the workers.
 
     Args:
-        robots: how many robots fly each gain set of the search.
-        judges: how many robots fly the gains before and after.
+        robots: number of robots that fly each gain set of the search.
+        judges: number of robots that fly the old and the new gains.
 
     Raises:
         InputError: the data allow no robot, or a library is missing.
@@ -308,7 +308,7 @@ def _causes(outcomes: Sequence[Outcome]) -> dict[str, int]:
 
 @dataclass(frozen=True)
 class Budget:
-    """The end of the search: at the end of the generation in which `sets` gain sets or `seconds` are reached."""
+    """The search ends after the generation in which it reaches `sets` gain sets or `seconds`."""
 
     sets: int | None
     seconds: float | None
@@ -318,7 +318,7 @@ class Budget:
         return f"{self.sets} gain sets" if self.sets is not None else f"{self.seconds:g} s"
 
     def is_spent(self, sets: int, elapsed: float) -> bool:
-        """Whether `sets` gain sets and `elapsed` s reach the end; a search has at least one generation."""
+        """Whether `sets` flown gain sets or `elapsed` s spend the budget; a search has at least one generation."""
         if self.sets is not None:
             return sets >= self.sets
         return self.seconds is not None and elapsed >= self.seconds and sets > 0
@@ -330,9 +330,9 @@ class Generation:
 
     Attributes:
         sets: number of gain sets flown until the generation's end.
-        best, middle: the least and the median mean score of its sets.
-        success: share of successful flights among those of all its sets.
-        step: the step size of the search, as a logarithm.
+        best, middle: the least and the median of the sets' mean scores.
+        success: share of successful flights, among the flights of all sets.
+        step: the step size of the search: an sd of the logarithm of the gains.
     """
 
     sets: int
@@ -387,10 +387,10 @@ def search(flyer: Flyer, space: Space, start: Raw, by: Scale, robots: int, budge
 
 @dataclass
 class Flyer:
-    """Flies on workers that are kept between calls, because a worker needs a second to start.
+    """Flies on workers that stay alive between calls, because a worker takes a second to start.
 
     Attributes:
-        flown: called with the number of flights after each part.
+        flown: function that is called after each part, with the number of flights so far.
         count: number of flights so far.
     """
 
@@ -400,7 +400,7 @@ class Flyer:
     count: int = 0
 
     def fly(self, sets: Sequence[Raw], stream: int, places: Sequence[int]) -> list[list[Outcome]]:
-        """Returns the outcomes of each gain set: all are flown by the same robots, with the same noise."""
+        """Returns the outcomes of each gain set; all sets are flown by the same robots, with the same noise."""
         groups = [tuple(places[begin : begin + FLIGHTS]) for begin in range(0, len(places), FLIGHTS)]
         keys = [[f"{stream}-{places[0]}-{number}-{group[0]}" for group in groups] for number in range(len(sets))]
         parts = deque(

@@ -1,6 +1,7 @@
-"""The coefficients of the firmware's model from SI values.
+"""Computes the coefficients of the firmware's model from SI values.
 
-The discretisation is exact. The coefficients are in the firmware's units. It is proved that no sum overflows.
+The discretisation is exact. The coefficients are in the firmware's units. Checks at the limits prove that no sum
+overflows.
 """
 
 from __future__ import annotations
@@ -84,7 +85,7 @@ def _fits(bound: float, name: str) -> None:
 
 
 def prove_motor(exact: MotorStep, name: str, wheels: int = 1) -> None:
-    """Proves that sums of absolute terms at all limits fit 32 bits. `wheels`: how many such currents are added."""
+    """Proves that sums of absolute terms at all limits fit 32 bits. `wheels`: how many wheel currents are added."""
     transition, voltage = np.abs(exact.transition), np.abs(exact.voltage)
     steady = (transition[0, 1] * WHEEL_SPEED_LIMIT + voltage[0] * VOLTAGE_LIMIT) / (1 - transition[0, 0])
     _fits(wheels * steady * CURRENT, f"{name} current")
@@ -109,11 +110,11 @@ Coefficients = dict[str, Scale | list[dict[str, dict[str, Scale]]]]
 
 
 def coupled(values: Values, step: float) -> Coefficients:
-    """Returns the `body_coefficients_t` of the coupled profile, without the profile itself and the pose.
+    """Returns the `body_coefficients_t` of the coupled profile, without the field `profile` and the pose.
 
     Args:
         values: nominal parameters, SI, by the names of the vehicle file.
-        step: s.
+        step: the control step, s.
 
     Raises:
         QuantisationError: a value that the firmware's formats cannot hold, or an overflow that is possible.

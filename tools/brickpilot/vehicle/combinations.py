@@ -1,8 +1,8 @@
 """Combinations of parameters that the step response of the speed identifies, even if it identifies no single parameter.
 
-A fit in a direction that the data do not determine can end at any value, and later fits depend on that value. So one
-parameter of each sum is fitted and the others are held (structural identifiability: Bellman & Astrom 1970, Math.
-Biosciences 7, here from the rank of the sensitivities).
+A fit in a direction that the data do not determine can end at any value, and later fits depend on that value. So if the
+data determine only a sum of parameters, one of these is fitted and the others are held (structural identifiability:
+Bellman & Astrom 1970, Math. Biosciences 7, here from the rank of the sensitivities).
 
 Once the current has settled, eqs. 12 to 14 describe a wheel by D = K_t K_e + R (b_s + sigma m g r^2).
 """
@@ -46,7 +46,7 @@ class Formula:
 
 
 def loss(values: Values) -> float:
-    """Returns viscous and rolling friction of a wheel in N m s/rad (eq. 13 and 14), for the whole weight."""
+    """Returns a wheel's viscous plus rolling friction under the whole weight, in N m s/rad (eq. 13 and 14)."""
     rolling = values["mass"] * values["gravity"] * values["rolling_friction"] * values["wheel_radius"] ** 2
     return values["viscous_friction"] + rolling
 
@@ -62,12 +62,12 @@ def difference_inertia(values: Values) -> float:
 
 
 def wheel_speed_per_volt(values: Values) -> float:
-    """Returns the speed that a voltage holds, rad/s per V (eq. 12 and 14)."""
+    """Returns the steady wheel speed per volt, rad/s per V (eq. 12 and 14)."""
     return 1 / (values["emf_constant"] + values["resistance"] * loss(values) / values["torque_constant"])
 
 
 def holding_voltage(values: Values, losses: float | None = None) -> float:
-    """Returns the voltage that each motor needs per steady speed on level ground, V s/m, without air drag.
+    """Returns each motor's voltage per unit of steady speed on level ground, V s/m, without air drag.
 
     `losses`: the friction of a wheel, N m s/rad; None: `loss`.
     """
@@ -92,7 +92,7 @@ def _time(wheels: int) -> _Rule:
     return lambda p: p["resistance"] * mean_inertia(p, wheels) / _steady(p)
 
 
-# kV and kA belong to u = kS sgn(w) + kV w + kA dw/dt, at the wheel of a vehicle that drives straight.
+# kV and kA are the coefficients in u = kS sgn(w) + kV w + kA dw/dt, for a wheel of a vehicle that drives straight.
 def _volts_per_speed(p: Values) -> float:
     return _steady(p) / p["torque_constant"]
 
@@ -102,7 +102,7 @@ def _volts_per_acceleration(wheels: int) -> _Rule:
 
 
 def _in_volts(effect: str, torque: ParameterInfo) -> Formula:
-    """Returns the formula of the voltage at the motor that holds a torque at the wheel."""
+    """Returns the formula for the motor voltage that balances a torque at the wheel."""
 
     def value_at(p: Values) -> float:
         return p.get(f"{effect}.{torque.name}", np.nan) * p["resistance"] / p["torque_constant"]
@@ -145,7 +145,7 @@ def _volts_per_torque(p: Values) -> float:
     return p["resistance"] / p["torque_constant"]
 
 
-# Factors of a parameter: the formula, and its value.
+# A factor that multiplies a parameter: its formula as text, and the function that returns its value.
 _Factor = tuple[str, _Rule]
 _TORQUE: _Factor = ("R / K_t", _volts_per_torque)
 _FORCE: _Factor = ("r R / (2 K_t)", lambda p: p["wheel_radius"] / 2 * _volts_per_torque(p))
@@ -190,25 +190,28 @@ def _scaled(name: str, factor: _Rule) -> _Rule:
 
 
 ADDS_TO = {"wheel_inertia": "mass", "viscous_friction": "emf_constant", "rolling_friction": "emf_constant"}
-"""Data identify only the sum of a pair, as mass + 2 wheel_inertia / wheel_radius^2. The held one keeps its ratio."""
+"""Parameter -> its partner. Data identify only the sum of both, such as mass + 2 wheel_inertia / wheel_radius^2.
+
+A held parameter keeps its ratio to the partner.
+"""
 
 _FITTED_FIRST = ("emf_constant", "mass", "yaw_inertia", "half_track", "wheel_radius", "wheel_inertia")
-"""The parameters of a sum that are fitted first: each alone can give its sum any value."""
+"""The parameters of sums that are fitted first, because each can give its sum any value on its own."""
 
-_CURVES_V = (3.0, 1.0), (6.0, 5.0)  # left and right, per curve: one voltage cannot separate friction from a gain
+_CURVES_V = (3.0, 1.0), (6.0, 5.0)  # (left, right) per curve; one voltage alone cannot separate friction from a gain
 _CURVE_S, _SAMPLES = 20.0, 60
-_TOLD_APART = 1e-2  # share of a signature outside the span of the others; less is an error of finite differences
+_TOLD_APART = 1e-2  # least share of a signature outside the other signatures' span; less is a finite-difference error
 
 
 def signatures_of(model: Model, measured: Collection[str], stated: Collection[str]) -> dict[str, Array]:
-    """Returns nominal parameter -> (values,): the change of the measured signals of two curves, over their rms.
+    """Returns nominal parameter -> (values,): how it changes the measured signals of two curves, relative to their rms.
 
-    Each curve is sampled from one step to longer than a vehicle of any size takes to reach its speed. A parameter
-    without influence has a signature of zeros.
+    The samples of a curve begin one control step after its start and end after a vehicle of any size has reached its
+    speed. A parameter without influence has a signature of zeros.
 
     Args:
         measured: names of signals.
-        stated: parameters that are included although they have the role "fixed".
+        stated: parameters to include although their role is "fixed".
     """
     after = np.geomspace(STEP_S, _CURVE_S, _SAMPLES)
     time = np.concatenate([[0.0], after, _CURVE_S + after])
@@ -231,7 +234,7 @@ def signatures_of(model: Model, measured: Collection[str], stated: Collection[st
 
 
 def _beside(value: float, info: ParameterInfo) -> float:
-    """Returns another physical value, a thousandth away; if `value` is 0, a tenth of the preset."""
+    """Returns a value in the parameter's range that differs by a thousandth; if `value` is 0, a tenth of the preset."""
     larger = 1.001 * value or 0.1 * info.preset
     return larger if larger <= info.maximum else 0.999 * value
 

@@ -27,7 +27,7 @@ class Comparable:
     """Measured runs that are ready to be compared with a model.
 
     Attributes:
-        measured: the data set as read, without channels that contradict its stated values.
+        measured: the data set as read, without channels that contradict the stated values.
         started: the data set that is simulated: as `measured`, with each run's start estimated from several samples,
             and with the velocity of a motor beside its position.
         roles: the roles of the runs, and of stretches of runs.
@@ -72,12 +72,12 @@ def contradictions(dataset: Dataset) -> tuple[Fault, ...]:
     return against_model.contradictions(dataset, simulated)
 
 
-_LARGEST = 1e30  # SI: far above anything measured, far below where squares overflow
+_LARGEST = 1e30  # SI: far above any measurement, and its square does not overflow
 
 
 @dataclass(frozen=True)
 class ComparedSignals:
-    """The measured signals that the model gives, and a note on the others."""
+    """The measured signals that the model gives, and notes on the other signals."""
 
     names: tuple[str, ...]
     notes: tuple[str, ...]

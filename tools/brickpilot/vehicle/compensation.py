@@ -1,7 +1,7 @@
 """A compensation: the differences of one robot that the firmware corrects, in fixed point.
 
-The firmware's constants are those of the packaged robot. A compensation converts the firmware's voltages into those
-that another robot's motors need, and that robot's readings into those of the packaged robot
+The firmware's constants are those of the packaged robot. A compensation converts the firmware's voltages into the
+voltages that another robot's motors need, and the readings of that robot into readings of the packaged robot
 (`firmware/app/parameters`). It works in the profile `coupled`. `discover` writes `compensation.toml`, and so does
 `from_model(model).save(path)`:
 
@@ -10,7 +10,7 @@ that another robot's motors need, and that robot's readings into those of the pa
     limited   = []      # parameters that their format limits
     remarks   = []      # a line for each difference that no setting can undo: which value, and how far off it is
 
-    [parameters]        # names, formats and ranges: hal/wire/settings.toml; an absent one is 0
+    [parameters]        # names, formats and ranges: hal/wire/settings.toml; an absent parameter is 0
     left_friction_mv = { raw = 564, format = "mV", value = 0.564, unit = "V", from = ["nominal values"] }
 
 The firmware gets `raw`; `value` is the same in SI and has to agree. `from` names the effects that each need this
@@ -53,11 +53,11 @@ class Compensation:
 
     Attributes:
         name: the name of the model from which the parameters were made.
-        raw: parameter -> integer as the firmware holds it; all of `FORMATS`.
+        raw: parameter -> integer as the firmware holds it, for all of `FORMATS`.
         sources: parameter -> the effects that each need the parameter, or `NOMINAL`; a parameter of 0 may be missing.
         left_out: effects of the model, or `effect.parameter`, that the firmware cannot undo.
         limited: parameters that exceed the range of the firmware's format, or half of the battery's voltage.
-        remarks: a line for each difference that the firmware cannot undo: which value, and how far off.
+        remarks: a line for each difference that the firmware cannot undo: which value, and how far off it is.
     """
 
     name: str
@@ -69,7 +69,7 @@ class Compensation:
 
     @property
     def undone(self) -> tuple[str, ...]:
-        """The effects that are undone, without `NOMINAL`."""
+        """The effects that the compensation undoes, without `NOMINAL`."""
         names = {source: None for sources in self.sources.values() for source in sources}
         return tuple(name for name in names if name != NOMINAL)
 
@@ -83,7 +83,7 @@ class Compensation:
 
 
 def _quantised(model: Model, believed: Model) -> tuple[dict[str, float], dict[str, int], tuple[str, ...]]:
-    """Returns the parameters in SI as the robot needs them, the firmware's integers, and the limited ones' names."""
+    """Returns the parameters in SI as the robot needs them, the firmware's integers, and the limited parameters."""
     wanted = si_values(model, believed)
     exact = {name: wanted[name] * how.format.per_unit for name, how in FORMATS.items()}
     most = {name: how.high for name, how in FORMATS.items()}
@@ -103,8 +103,8 @@ def from_model(model: Model, believed: Model | None = None, controller: Values |
         controller: the constants of the firmware's controllers, SI; default the packaged robot's.
 
     Returns:
-        None: nothing can be undone, or the model is a motor, has the profile `paper`, or motors without torque. If only
-        nominal values differ, `undone` is empty.
+        None: nothing can be undone, or the model is a motor, has the profile `paper`, or has motors without torque. If
+        only nominal values differ, `undone` is empty.
     """
     model = two_wheeled(model)
     if model.vehicle == "motor" or model.profile != "coupled" or model.parameters.get("torque_constant") == 0:
@@ -242,7 +242,7 @@ def _side(robot: Values, of_effects: Undoable, believed: Values, side: int) -> d
     own = {**robot, **{name: robot[name] * factor for name, factor in factors.items()}}
     share = straight_inertia(robot) / straight_inertia(believed) * push(believed) / push(own)
     volts = own["resistance"] / own["torque_constant"] / share  # V per N m at the wheel
-    # T sqrt(w) is close to a line from 0 to the wheel speed W of `_top_speed`: T sqrt(W) (4 / 15 + 4 / 5 w / W).
+    # From 0 to the wheel speed W of `_top_speed`, T sqrt(w) is close to the line T sqrt(W) (4 / 15 + 4 / 5 w / W).
     root, fastest = of_effects.root_torque[side], _top_speed() / own["wheel_radius"]
     losses = loss(own) + 0.8 * root / math.sqrt(fastest)
     return {
@@ -275,7 +275,7 @@ def si_values(model: Model, believes: Model) -> dict[str, float]:
 
     (eq. 12 to 14, solved for V). Yaw has an inertia of its own; the heading controller corrects the difference.
 
-    An effect's own C file adds to these quantities: see `bp_undoable`.
+    The C files of the effects add to these quantities; see `bp_undoable`.
 
     Args:
         model: the real robot, a coupled diff_drive.
@@ -303,7 +303,7 @@ def si_values(model: Model, believes: Model) -> dict[str, float]:
 
 @cache
 def undone(effect: str) -> tuple[str, ...]:
-    """Returns the parameters of an effect that `si_values` undoes: those that change the effect's `Undoable`."""
+    """Returns the parameters of an effect that `si_values` undoes: those that change its `Undoable`."""
     infos = catalogue.effect(effect).parameters
     presets = {info.name: info.preset for info in infos}
 
@@ -331,7 +331,7 @@ packaged robot, 6 seeds each: at 0.49 (3 times the yaw inertia) the robot reache
 7."""
 
 HIGHEST_BATTERY, HIGHEST_OWN = 20.0, 32.0
-"""V: the highest battery voltage that packaged images measure, and that any mixer allows (VOLTAGE_MAX_MV)."""
+"""V: the highest battery voltages that packaged images can measure, and that any mixer allows (VOLTAGE_MAX_MV)."""
 
 
 @cache
@@ -344,8 +344,8 @@ def _controller() -> Values:
 def heading_damping(robot: Values, believed: Values, controller: Values | None = None) -> float:
     """Returns the damping ratio of the heading controller on a robot whose straight drive is compensated.
 
-    Such a robot reacts to a difference of the voltages as if its motors had the believed push and hold, and each side
-    the inertia M' = M_0 M_yaw / M. With PD control of the heading the loop is of second order.
+    Such a robot reacts to a voltage difference as if its motors had the believed robot's push and hold, and each side
+    had the inertia M' = M_0 M_yaw / M. With PD control of the heading the loop is of second order.
 
     Args:
         robot, believed: nominal parameters.

@@ -1,7 +1,8 @@
 """The terms of a model's composed effect, read from the plant's table, and how they are written as equations.
 
-The composed effect of the table has one coefficient c for each term, whose meaning reads ``X += -c * [fabs(u)] * u``.
-The expression in brackets is valid C and Python: it is parsed here, not listed a second time.
+In the table, the composed effect has one coefficient c for each term. The meaning of a coefficient reads, for example,
+``X += -c * [fabs(u)] * u``. The expression in brackets is valid C and Python, so it is parsed here and not listed a
+second time.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ PLACES = {
 """The place where a term may act -> its description."""
 
 OF_A_MOTOR = frozenset({"drive", "wheel", "surge"})
-"""The places where a term also acts on a single motor, if its sign is the same at left and right."""
+"""The places where a term may also act on a single motor, if the term's sign is the same at left and right."""
 
 _MECHANISMS = {"drive": "drive", "wheel": "bearing", "surge": "body", "yaw": "body", "floor": "floor"}
 
@@ -48,12 +49,12 @@ class Basis:
     """One term that a composed law may contain.
 
     Attributes:
-        info: the row of its coefficient in the table.
+        info: the row of the term's coefficient in the table.
         place: key of `PLACES`.
-        kind: how it acts at its place: gain, add, dry, loss or push.
-        sided: its sign differs between left and right.
-        target, sign, expression, factor: parts of its meaning, ``target += sign [expression] factor``, in the symbols
-            that ``sim_host/effects`` lists. The sign holds c.
+        kind: how the term acts at its place: gain, add, dry, loss or push.
+        sided: whether the term's sign differs between left and right.
+        target, sign, expression, factor: parts of the coefficient's meaning, ``target += sign [expression] factor``, in
+            the symbols that ``sim_host/effects`` lists. ``sign`` contains c.
     """
 
     info: ParameterInfo
@@ -84,12 +85,12 @@ class Basis:
 
     @property
     def symbols(self) -> frozenset[str]:
-        """The symbols of its expression and of its factors."""
+        """The symbols of the term's product, without ``c``."""
         return _symbols_in(f"{self.sign}({self.expression}){self.factor}") - {"c"}
 
     @property
     def mechanism(self) -> str:
-        """The mechanism of its place; but a wheel torque that depends on the current belongs to the motor."""
+        """The mechanism of the term's place; but a wheel torque that depends on the current belongs to the motor."""
         if self.place == "wheel" and "i" in self.symbols:
             return "motor"
         return _MECHANISMS.get(self.place, "sensor")
@@ -200,7 +201,7 @@ def equation(terms: Sequence[Term], settings: Mapping[str, float]) -> Equation:
 
 
 def sums(terms: Sequence[Term], settings: Mapping[str, float], out: Writer) -> list[tuple[str, str]]:
-    """Returns, for each place, the plant's symbol and the sum that the terms add to it, as `out` writes it."""
+    """Returns, for each place, the plant's symbol and the sum that the terms add there, as text from `out`."""
     written: dict[str, str] = {}
     for term in terms:
         negative, factors = _factors(term.basis.product)

@@ -1,7 +1,8 @@
-"""The constants of a drive for other programs, from simulated drives of a model with its effects.
+"""Constants of a vehicle for other programs, computed from simulated drives of a model with its effects.
 
-Feed-forward in volts, V = kS sgn(v) + kV v + kA a, as WPILib has it (docs.wpilib.org, "Feedforward control"). Odometry
-as in diff_drive_controller of ros2_control: a radius for each wheel, and the effective separation in turns.
+Feed-forward in volts, V = kS sgn(v) + kV v + kA a, as WPILib defines it (docs.wpilib.org, "Feedforward control").
+Odometry as in diff_drive_controller of ros2_control: an effective radius of each wheel, and the effective wheel
+separation in turns.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ _LEVELS = (0.3, 0.45, 0.6, 0.75, 0.9)  # shares of the battery's voltage, each h
 _HELD_S = 2.0
 _NOTHING = 1e-6  # share of the battery's voltage: a smaller kS is a rounding error, and becomes 0
 _MOVING = 0.1  # share of the top speed: slower samples hold little information, and are left out
-_SETTLED = 0.5  # share of a drive's time: after it, the drive counts as steady
+_SETTLED = 0.5  # share of a drive's duration, after which the drive counts as steady
 _DRIVE_S = 3.0
 _LEVEL, _CURVE = 0.6, 0.4  # shares of the battery's voltage: in a straight drive, and at a curve's inner wheel
 _TURNS = "as the skid steer turns in a curve, which is as if its track were wider"
@@ -37,7 +38,7 @@ class FeedForward:
     """V = ks sgn(v) + kv v + ka dv/dt for each motor, at equal voltages; v is in `unit`/s, "m" or "rad".
 
     Attributes:
-        ks, kv, ka: V, V s/unit, V s^2/unit.
+        ks, kv, ka: in V, V s/unit and V s^2/unit.
     """
 
     ks: float
@@ -52,8 +53,8 @@ class Odometry:
 
     Attributes:
         radius, separation: the stated values, m.
-        left, right: the effective radius of a wheel over the stated one.
-        turning: the effective separation over the stated one.
+        left, right: ratio of each wheel's effective radius to the stated radius.
+        turning: ratio of the effective to the stated separation.
     """
 
     radius: float
@@ -68,7 +69,7 @@ class Drives:
     """How a vehicle drives, from simulated drives.
 
     Attributes:
-        top_speed: the speed at the battery's full voltage, m/s, or rad/s of a bare motor.
+        top_speed: the speed at the battery's full voltage, in m/s, or in rad/s for a bare motor.
         stop: the travel from the top speed to rest after the last command, m or rad.
         veer: curvature of the path at equal voltages, rad/m clockwise; None for a motor.
     """
@@ -94,8 +95,7 @@ def feed_forward(model: Model) -> FeedForward:
 
 
 def odometry(model: Model, stated: Mapping[str, float]) -> Odometry | None:
-    """Returns the effective radii and separation of a model relative to the `stated` wheel_radius and half_track; None:
-    a motor.
+    """Returns the effective radii and separation relative to `stated` wheel_radius and half_track; None for a motor.
 
     The radii come from a straight drive, the separation from a curve, at 60 % of the battery's voltage.
     """
@@ -121,13 +121,13 @@ def odometry(model: Model, stated: Mapping[str, float]) -> Odometry | None:
 def two_wheeled(model: Model) -> Model:
     """Returns the diff_drive that turns as a skid_steer does: with its effective track, and without contacts.
 
-    The firmware assumes this vehicle, because it knows no slip. Any other vehicle is returned unchanged.
+    The firmware assumes such a vehicle, because it does not model slip. Any other vehicle is returned unchanged.
     """
     if model.vehicle != "skid_steer":
         return model
     values = {name: model.parameters.get(name, preset) for name, preset in catalogue.presets("diff_drive").items()}
     effective = odometry(model, values)
-    assert effective is not None  # it has two sides
+    assert effective is not None  # only a motor has no odometry
     values["half_track"] *= effective.turning
     basis = {**model.basis, "half_track": _TURNS}
     return dataclasses.replace(model, vehicle="diff_drive", parameters=values, basis=basis)
@@ -170,7 +170,7 @@ def _wheels(outputs: Mapping[str, Array]) -> Array:
 
 
 def _heading(outputs: Mapping[str, Array]) -> Array:
-    """Returns (n,): the heading of a forward drive, rad clockwise, from its track, so without sensor errors."""
+    """Returns (n,): the heading of a forward drive, rad clockwise, from x and y, so without sensor errors."""
     ahead, aside = np.gradient(outputs["x"]), np.gradient(outputs["y"])
     moving = np.hypot(ahead, aside) > 1e-6
     heading = np.unwrap(np.where(moving, np.arctan2(aside, ahead), 0.0))

@@ -1,4 +1,4 @@
-"""Converts real numbers to the firmware's fixed-point formats, and writes them as C initialisers of its structs.
+"""Converts real numbers to the firmware's fixed-point formats, and writes C initialisers of the firmware's structs.
 
 A value that would lose too much precision is refused.
 """
@@ -17,12 +17,12 @@ NEGLIGIBLE = 2.0**-32
 
 
 class QuantisationError(ValueError):
-    """A value that its fixed-point format cannot hold well enough."""
+    """A value that its fixed-point format cannot hold with enough precision."""
 
 
 @dataclass(frozen=True)
 class Scale:
-    """A `scale_t`: mantissa * 2^-(15 + shift), or mantissa * 2^-shift where it multiplies a 16-bit value."""
+    """A `scale_t`: mantissa * 2^-(15 + shift), or mantissa * 2^-shift if it multiplies a 16-bit value."""
 
     mantissa: int
     shift: int
@@ -39,9 +39,9 @@ class Scale:
 
 
 def scale(value: float, name: str) -> Scale:
-    """Returns the nearest `scale_t` for `scale_apply`: abs(value) below 1.
+    """Returns the nearest `scale_t` for `scale_apply`; abs(value) has to be below 1.
 
-    Its relative error is at most 3.1e-5; a value below `NEGLIGIBLE` becomes 0.
+    The relative error of the result is at most 3.1e-5; a value below `NEGLIGIBLE` becomes 0.
 
     Raises:
         QuantisationError: the value is too large.
@@ -59,7 +59,7 @@ def scale(value: float, name: str) -> Scale:
 
 
 def scale16(value: float, name: str) -> Scale:
-    """Returns the nearest `scale_t` for `scale_apply16`: abs(value) below 32767. Raises as `scale`."""
+    """Returns the nearest `scale_t` for `scale_apply16`; abs(value) has to be below 32767. Raises as `scale`."""
     return scale(value / 2**MANTISSA_BITS, name)
 
 

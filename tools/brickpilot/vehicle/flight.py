@@ -86,10 +86,11 @@ def plan(
 ) -> Plan:
     """Returns the plan of a flight.
 
-    Profile, sensors and seed are those of the arguments, else of the scenario, else the model's profile, ideal and 0.
+    Profile, sensors and seed come from the arguments, or else from the scenario. The defaults are the model's profile,
+    ideal sensors and seed 0.
 
     Args:
-        scenario: a scenario, the name of a packaged one, or a file.
+        scenario: a scenario, the name of a packaged scenario, or a file.
         model: the model of the robot; None: the packaged robot.
 
     Raises:
@@ -161,7 +162,7 @@ def request(
 ) -> Iterator[Any]:
     """Yields the plan as a ``bp_flight *`` for the C interface. Its pointers are valid within the context only.
 
-    `log` has a row for each step; with `columns` it has a row for each of these columns instead.
+    `log` has a row for each step; with `columns`, a row for each of these columns instead.
     """
     ffi: Any
     ffi, _ = compiled.interface()
@@ -219,10 +220,10 @@ def fly(plan: Plan, columns: Sequence[str] | None = None) -> Flight:
 
 
 def fly_many(plans: Sequence[Plan], columns: Sequence[str] | None = None) -> list[Flight | SimulationError]:
-    """Flies plans side by side, and returns each flight, with the same bytes as if alone, or the error that stopped it.
+    """Flies plans side by side, and returns for each plan its flight or the error that stopped it.
 
-    Neighbouring plans of equal length share the vector registers of one core; groups of eight save the most time. All
-    logs are in memory at once.
+    A flight has the same bytes as if flown alone. Neighbouring plans of equal length share the vector registers of one
+    core; groups of eight save the most time. All logs are in memory at once.
 
     Args:
         plans: the plans, all of one firmware.

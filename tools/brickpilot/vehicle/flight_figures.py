@@ -1,8 +1,8 @@
 """The figures of a flight: waypoints reached, distances from the route, and errors against the controller's demands.
 
-`fly` flies a scenario in one call, as `brickpilot run` does, but without its folder.
+`fly` flies a scenario in one call, as `brickpilot run` does, but it writes no folder.
 
-The checks of the link, the controller and the waypoints say whether a mission was flown, and why not.
+The checks of the link, the controller and the waypoints say whether a mission was flown, and if not, why.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _RUN, _WAITS, _DRIVING = 1, 0, 3  # codes in the columns mode and phase
-_ENDED = 2  # this mode and those above it: arrived, fault
+_ENDED = 2  # the first of the modes in which a mission has ended: arrived, fault
 _MODES = ("idle", "run", "arrived", "fault")
 LATE = "late tick"  # a tick later than the watchdog allows
 _WHILE_DRIVING = ("true_x_m", "true_y_m", "true_heading_rad", "demand_heading_rad", "waypoint")
@@ -42,7 +42,7 @@ _FAULTS = ("none", "leg timed out", "leg overshot", "state lost", "commanded", "
 
 @dataclass(frozen=True)
 class Reached:
-    """The waypoints that the true position has passed within twice the acceptance radius, in order.
+    """The waypoints that the true position has reached in order: it came within twice the acceptance radius.
 
     Attributes:
         at: the time at which each waypoint was reached, s; None: not reached.
@@ -109,8 +109,8 @@ def motor_hash(flight: Flight) -> str:
 def summary(flight: Flight) -> dict[str, Any]:
     """Returns the figures of ``summary.json``: lengths in m, times in s, angles in rad.
 
-    ``speed`` and ``heading`` are ILS (eq. 20) of the demand against the truth. The heading's ILS covers the time while
-    driving, relative to a constant error of half a turn.
+    ``speed`` and ``heading`` are the integral least squares (ILS, eq. 20) of demanded less true values. The heading's
+    ILS covers the time while driving, relative to a constant error of half a turn.
     """
     log, plan = flight.log, flight.plan
     common = {
@@ -147,9 +147,9 @@ def _heading_error(log: Mapping[str, Array]) -> Array:
 
 
 def route_figures(flight: Flight) -> dict[str, Any]:
-    """Returns the figures of a mission's route: the waypoints reached, and how far the robot was from it.
+    """Returns the figures of a mission's route: the waypoints reached, and how far the robot was from the route.
 
-    Lengths in m, times in s, angles in rad. Errors of track and heading cover the time while driving.
+    Lengths in m, times in s, angles in rad. The cross-track and heading errors cover only the time while driving.
     """
     log, plan = flight.log, flight.plan
     waypoints = plan.scenario.waypoints
@@ -212,7 +212,7 @@ def checks(figures: Mapping[str, Any]) -> list[Check]:
     """Returns the checks of a flight, causes before their consequences; none for a manoeuvre.
 
     Args:
-        figures: the figures of ``summary.json``. A link is checked if there is one.
+        figures: the figures of ``summary.json``. The link is checked if the figures contain one.
     """
     if "waypoints_total" not in figures:
         return []
@@ -237,7 +237,7 @@ def checks(figures: Mapping[str, Any]) -> list[Check]:
 
 
 def failure(figures: Mapping[str, Any]) -> str | None:
-    """Returns why the mission was not flown, in one line, or None if it was; a manoeuvre has no such failure."""
+    """Returns why the mission was not flown, in one line, or None if it was flown; None for a manoeuvre, too."""
     failed = [check.failure for check in checks(figures) if check.failure is not None]
     if not failed:
         return None
@@ -265,7 +265,7 @@ def _waypoints(figures: Mapping[str, Any]) -> list[Check]:
 
 
 def _believes(figures: Mapping[str, Any]) -> str:
-    """The controller's own view of a waypoint that was missed by the true position."""
+    """What the controller reports about a waypoint that the true position missed."""
     return {
         "arrived": ", although the controller takes it for reached",
         "run": f", and the flight was over after {figures['simulated_s']:g} s",
@@ -287,7 +287,7 @@ class Flown(Result):
 
     Attributes:
         flight: the plan, and every signal of every step.
-        figures: the keys of `brickpilot run --json`; lengths in m, times in s, angles in rad.
+        figures: the figures that `brickpilot run --json` prints; lengths in m, times in s, angles in rad.
     """
 
     flight: Flight
@@ -295,7 +295,7 @@ class Flown(Result):
 
     @property
     def failure(self) -> str | None:
-        """Why the mission failed; None: it did not."""
+        """Why the mission failed; None: it did not fail."""
         reason: str | None = self.figures["failure"]
         return reason
 

@@ -90,9 +90,9 @@ def load(path: Path | str) -> Gains:
 
 
 def check_pairs(chosen: Mapping[str, int], held: Callable[[str], int]) -> None:
-    """Checks settings before they are written: against each other, and against those that do not change.
+    """Checks settings before they are written: against each other, and against the settings that do not change.
 
-    The second of a pair may be lowered alone: then the firmware uses the same low value for the first.
+    The second setting of a pair may be lowered alone: then the firmware uses this low value for the first, too.
 
     Args:
         chosen: setting -> raw integer.

@@ -1,7 +1,7 @@
 """How much of each measured signal a model explains: over whole runs and a short time ahead, on each kind of run.
 
 `compare`, `calibrate` and `discover` get their numbers here, so that these numbers agree for the same model and the
-same runs. `data.agreement` defines the number; `Comparable` defines where runs start. A short horizon is a row of
+same runs. `data.agreement` defines the number fit %; `Comparable` defines where runs start. A short horizon is a row of
 open-loop windows that each start from measured values.
 """
 
@@ -30,13 +30,13 @@ Indices = NDArray[np.int64]
 
 ROLES = ("held_out", "fit")
 FREE_RUN = "free_run"
-"""The horizon from the first sample of a run to its last."""
+"""The horizon from the first to the last sample of a run."""
 
 AHEAD: Mapping[str, float] = {"1_s": 1.0}
 """The horizons of every headline number besides the free run: name -> s."""
 
 _LEAST_SAMPLES = 4  # least number of samples in a window; with fewer, a horizon says nothing
-_SMOOTHED_S = 0.04  # s of samples around the start of a window from which a rate is estimated
+_SMOOTHED_S = 0.04  # s around a window's start; its samples give the rate at the start
 _SIDES = ("left", "right")
 
 
@@ -45,9 +45,9 @@ class Stretch:
     """One run at one horizon.
 
     Attributes:
-        start: (n,) the sample at which the window of each sample starts; a sample at the edge of two windows belongs to
-            the earlier one.
-        within: (n,) whether the sample lies within the horizon of its start.
+        start: (n,) for each sample, the index at which its window starts; a sample at the edge of two windows belongs
+            to the earlier window.
+        within: (n,) whether each sample lies within the horizon, counted from the start of its window.
     """
 
     run: Run
@@ -89,7 +89,7 @@ def track(measured_runs: Dataset, dataset: Dataset, model: Model, horizons: Mapp
     """Returns the measured signals that `model` gives, with the windows of each horizon.
 
     Args:
-        measured_runs, dataset: as measured, and as simulated; see `Comparable`.
+        measured_runs, dataset: the data set as measured, and as simulated; see `Comparable`.
         horizons: name -> how far a prediction reaches, s; the free run is always added.
     """
     given = output_names(model)
@@ -117,7 +117,7 @@ def track(measured_runs: Dataset, dataset: Dataset, model: Model, horizons: Mapp
 def deviation(track: Track, stretch: Stretch, signal: str, simulated: Array) -> tuple[Array, Array]:
     """Returns (n,) measured minus simulated and (n,) the measured signal; NaN: there is nothing to compare.
 
-    A signal that sums up motion counts from the start of its window, because only its change has a meaning.
+    Of a signal that sums up motion, the value at the window's start is subtracted: only the change has a meaning.
     """
     values = track.measured[stretch.run.name][signal]
     if signal not in SUMMED:
@@ -125,7 +125,7 @@ def deviation(track: Track, stretch: Stretch, signal: str, simulated: Array) -> 
     else:
         known = np.flatnonzero(np.isfinite(values))
         at_start = np.where(stretch.start > 0, values[stretch.start], values[known[0]])
-        # A window starts from a measured value, but a run from a simulated one.
+        # A window starts from a measured value, but a run starts from a simulated value.
         simulated_start = np.where(stretch.start > 0, values[stretch.start], simulated[known[0]])
         reference = values - at_start
         error = reference - (simulated - simulated_start)
@@ -149,7 +149,7 @@ _STATES = (
 
 
 def _smoothed(time: Array, values: Array) -> Array:
-    """Returns `values` with little noise and no delay: a parabola is fitted to the samples around each one."""
+    """Returns `values` with little noise and no delay: a parabola is fitted around each sample."""
     from scipy.signal import savgol_filter
 
     known = np.isfinite(values)
@@ -162,7 +162,7 @@ def _smoothed(time: Array, values: Array) -> Array:
 
 
 def _known_at_starts(dataset: Dataset, starts: Mapping[str, Mapping[str, Array]]) -> tuple[bool, list[str]]:
-    """Returns whether windows can start from measured values, and a note if they cannot, or only in part."""
+    """Returns whether windows can start from measured values, and a note if they cannot, or can only in part."""
     names = set.intersection(*(set(starts[run.name]) for run in dataset.runs))
     if dataset.vehicle == "motor":
         if names & {"speed", "velocity"}:
@@ -198,7 +198,7 @@ def _stretch(run: Run, edges: Sequence[int], length: float) -> Stretch:
 
 @dataclass(frozen=True)
 class Headline:
-    """The numbers of one model on one data set.
+    """How well one model agrees with one data set: its headline numbers.
 
     Attributes:
         by_run: run -> horizon -> signal -> role -> agreement. A run has one role, or two if a stretch is held out.
@@ -220,7 +220,7 @@ class Headline:
         return next((role for role in ROLES if self.mean(role) is not None), "fit")
 
     def of(self, signal: str, role: str, horizon: str = FREE_RUN) -> Agreement:
-        """Returns the agreement of a signal over all runs, and stretches of runs, of a role."""
+        """Returns the agreement of a signal over all runs and stretches of runs that have this role."""
         parts = [run.get(horizon, {}).get(signal, {}).get(role) for run in self.by_run.values()]
         return together(one for one in parts if one is not None)
 
@@ -229,7 +229,7 @@ class Headline:
         return together(self.by_run.get(run, {}).get(horizon, {}).get(signal, {}).values())
 
     def mean(self, role: str, horizon: str = FREE_RUN) -> float | None:
-        """Returns the mean fit in percent over the signals; None: there is no such run or horizon."""
+        """Returns the mean fit in percent over the signals; None: no run has this role or horizon."""
         return mean_fit({signal: self.of(signal, role, horizon).fit_percent for signal in self.signals})
 
     def to_json(self) -> dict[str, Any]:
@@ -306,7 +306,7 @@ def headline_of(compared: Track, simulated: Mapping[str, Mapping[str, Outputs]],
 
 
 def noise_sd(dataset: Dataset, signal: str, parts: Sequence[Array]) -> float:
-    """Returns the sd of a signal's noise, SI: the larger of stated and estimated. `parts`: the signal in each run."""
+    """Returns a signal's noise sd, SI: the larger of stated and estimated sd. `parts`: the signal in each run."""
     described = dataset.signals.get(signal)
     stated = (described.noise_sd if described is not None else None) or 0.0
     step = (described.resolution if described is not None else None) or 0.0
@@ -314,7 +314,7 @@ def noise_sd(dataset: Dataset, signal: str, parts: Sequence[Array]) -> float:
 
 
 def _held_out(run: Run, roles: Roles) -> NDArray[np.bool_]:
-    """Returns (n,) whether each sample of a run is held out."""
+    """Returns (n,): whether each sample of a run is held out."""
     stretch = roles.stretches.get(run.name)
     if stretch is None:
         return np.full(len(run.time), roles.by_run[run.name] == "held_out")

@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Points = tuple[tuple[float, float, float], ...]
-"""Break points: time, s, and the commands of the left and the right motor as shares of a voltage."""
+"""Break points: (time in s, left command, right command); the commands are shares of a voltage."""
 
-_REST_S, _END_S = 0.5, 1.0  # rest before and after a manoeuvre
+_REST_S, _END_S = 0.5, 1.0  # s of rest before and after a manoeuvre
 _REVERSALS = (1.6, 1.6, 0.8, 0.8, 0.4, 0.4, 0.2, 0.2, 0.2, 0.2)  # s from one reversal to the next
 
 
 @dataclass(frozen=True)
 class Manoeuvre:
-    """An experiment to run: break points (s, V) of each motor's command, linear between. A step has two at one time."""
+    """An experiment: each motor's command by break points (s, V), linear between. A step has two points at one time."""
 
     name: str
     duration_s: float
@@ -36,7 +36,7 @@ def manoeuvres(vehicle: str, volts: float) -> tuple[Manoeuvre, ...]:
 
 
 def commands(manoeuvre: Manoeuvre, time: Array) -> Array:
-    """Returns (n, 2) V: the commands of the left and the right motor at `time` (n,), s; at a step the later value."""
+    """Returns (n, 2) V: the commands of the left and the right motor at `time` (n,), s; at a step, the new value."""
     sides = (np.array(side).T for side in (manoeuvre.voltage_left, manoeuvre.voltage_right))
     return np.column_stack([np.interp(time, at, volts) for at, volts in sides])
 
@@ -51,7 +51,7 @@ def _steps(*levels: tuple[float, float, float]) -> Points:
 
 
 def _ramp(top: float, ratio: float) -> Points:
-    """Returns a ramp to `top`, down through zero to minus `top`, and back; the right motor gets `ratio` of it."""
+    """Returns a ramp to `top`, down through zero to minus `top`, and back; the right motor gets `ratio` times that."""
     return tuple((at, share, ratio * share) for at, share in ((0.0, 0.0), (4.0, top), (12.0, -top), (16.0, 0.0)))
 
 

@@ -1,14 +1,14 @@
 """A model: nominal values, each with unit and basis, and the effects that are switched on.
 
 `calibrate` and `discover` write `model.toml`, and `--model` takes it. The packaged model is `sim_host/models/rcx.toml`;
-for `brickpilot firmware` your model may also have its tables `[robot]`, `[rates]`, `[sensors]`, `[estimator]` and
-`[controller]`.
+for `brickpilot firmware`, your model may also contain tables like those of the packaged model: `[robot]`, `[rates]`,
+`[sensors]`, `[estimator]` and `[controller]`.
 
     name    = "bench-7"
     vehicle = "diff_drive"            # or "motor" or "skid_steer"
     profile = "coupled"               # or "paper"
 
-    [parameters]                      # a value in SI, or with unit and basis; absent ones keep their presets
+    [parameters]                      # a value in SI, or with unit and basis; absent parameters keep their presets
     mass = { value = 0.9, unit = "kg", basis = "weighed" }
     wheel_radius = 0.0408             # and [effects.NAME] with the parameters of an effect in the same form
 """
@@ -42,23 +42,23 @@ _TOP_KEYS = (
 
 _ENTRY_KEYS = ("value", "unit", "basis")
 
-# If an effect has more parameters than this, a file holds only those that differ from their presets.
+# If an effect has more parameters than this, a file holds only the parameters that differ from their presets.
 _SPELT_OUT = 8
 
 
 @dataclass(frozen=True)
 class Model:
-    """One vehicle.
+    """The model of one vehicle.
 
     Attributes:
         name: the name for error messages and reports.
         vehicle: ``diff_drive``, ``motor`` or ``skid_steer``.
         profile: ``coupled`` or ``paper``.
-        parameters: nominal parameter -> value, SI; absent ones keep the plant's presets.
-        effects: effect -> its parameters, SI; absent ones keep the effect's presets.
+        parameters: nominal parameter -> value in SI; an absent parameter keeps the plant's preset.
+        effects: effect -> parameter -> value in SI; an absent parameter keeps its preset.
         basis: parameter, or ``effect.parameter``, -> source of its value.
-        by_run: kind of value that differs from run to run -> run -> value; see `vehicle.replay`. These values belong to
-            recordings, so no model file has them.
+        by_run: kind of value -> run -> value, for values that differ from run to run; see `vehicle.replay`. These
+            values belong to recordings, so no model file has them.
     """
 
     name: str
@@ -77,7 +77,7 @@ def rcx() -> Model:
 
 
 def of_dataset(dataset: Dataset, effects: Sequence[str] = ()) -> Model:
-    """Returns the model that a data set states, with some more effects on; the other values keep their presets."""
+    """Returns the model that a data set states, with `effects` switched on, too. Unstated values are presets."""
     stated = {name: {key: one.value for key, one in table.items()} for name, table in dataset.nominal_effects.items()}
     tables = {
         name: {info.name: info.preset for info in catalogue.effect(name).parameters} | stated.get(name, {})
@@ -88,7 +88,7 @@ def of_dataset(dataset: Dataset, effects: Sequence[str] = ()) -> Model:
 
 
 def _absent_values(dataset: Dataset) -> dict[str, float]:
-    """Returns the presets of the vehicle. A motor has one load: a mass where a force drives it, else an inertia."""
+    """Returns values for unstated parameters. A motor has one load: a mass if its input is a force, else an inertia."""
     absent = [info.name for info in catalogue.parameters() if info.zero_if_unstated]
     values = catalogue.presets(dataset.vehicle) | dict.fromkeys(absent, 0.0)
     if dataset.nominal.get("force_per_volt", Nominal(0.0)).value > 0:
@@ -99,7 +99,7 @@ def _absent_values(dataset: Dataset) -> dict[str, float]:
 
 
 def with_values(model: Model, values: Mapping[str, float]) -> Model:
-    """Returns a copy of `model` with some values replaced: "mass", "effect.parameter" or, of one run, "kind@run"."""
+    """Returns `model` with some values replaced. Keys: "mass", "effect.parameter", or "kind@run" for one run."""
     parameters = dict(model.parameters)
     effects = {name: dict(table) for name, table in model.effects.items()}
     by_run = {kind: dict(table) for kind, table in model.by_run.items()}
@@ -129,12 +129,12 @@ def output_names(model: Model) -> frozenset[str]:
 
 
 def unit_on(model: Model, info: ParameterInfo) -> str:
-    """Returns a parameter's unit on this vehicle, which differs if the input of a motor commands a force."""
+    """Returns a parameter's unit in this model; it is the linear unit if the input of a motor commands a force."""
     return info.linear_unit if model.parameters.get("force_per_volt", 0.0) > 0 else info.unit
 
 
 def entry_table(toml: TomlFile, key: Key, entry: object, unit: str) -> dict[str, Any]:
-    """Returns an entry of a model file, a number or a table, as `{value, unit, basis}`, or refuses another unit."""
+    """Returns an entry of a model file, a number or a table, as `{value, unit, basis}`; refuses any other unit."""
     table = entry if isinstance(entry, dict) else {"value": entry}
     toml.known_keys(key, table, _ENTRY_KEYS)
     if "value" not in table:
@@ -150,7 +150,7 @@ def _values(
 ) -> dict[str, float]:  # fmt: skip
     """Returns parameter -> value of the table at `key`, and adds the sources of the values to `basis`.
 
-    `may_be_0`: parameters of parts that a vehicle may lack; their 0 is in no range.
+    `may_be_0`: parameters that may also be 0, outside their range, because a vehicle may lack the part.
     """
     table, known = toml.table(key, given), {info.name: info for info in infos}
     toml.known_keys(key, table, known)
@@ -187,11 +187,11 @@ def _effects(toml: TomlFile, basis: dict[str, str]) -> dict[str, dict[str, float
 
 
 def load(path: Path | str) -> Model:
-    """Reads a model file. Parameters it leaves out get the presets of `catalogue.presets`.
+    """Reads a model file. Parameters that the file leaves out get the presets of `catalogue.presets`.
 
     Raises:
-        InputError: not TOML, an unknown key, unit or effect, a value outside its range, or a motor with nothing to
-            move. The message names file, line and field.
+        InputError: not TOML, an unknown key, unit or effect, a value outside its range, or a motor with neither inertia
+            nor mass. The message names file, line and field.
     """
     toml = TomlFile(Path(path))
     toml.known_keys((), toml.data, _TOP_KEYS, ("name", "vehicle", "profile"))
@@ -261,7 +261,7 @@ def save(model: Model, path: Path | str) -> None:
 
 
 def read_back(model: Model) -> Model:
-    """Returns the model as its file states it, so that the shown results are simulated from the written values.
+    """Returns the model after it is saved and loaded, so that shown results are simulated from the written values.
 
     Raises:
         InputError: as `save`.

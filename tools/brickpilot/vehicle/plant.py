@@ -1,4 +1,4 @@
-"""The host plant, called through its C interface `brickpilot_sim.h`. The model itself is in C only."""
+"""Calls the host plant through its C interface `brickpilot_sim.h`. The model itself is in C only."""
 
 from __future__ import annotations
 
@@ -70,9 +70,9 @@ class OpenLoopRun:
         initial: state at time[0]; a mapping gives some fields of `State`; the others are 0.
         motor_step, body_step: upper limits of the simulation steps, s; 0: `constants.MOTOR_STEP_S` and
             `constants.STEP_S`.
-        restarts: (sample, state), with increasing samples of 1 or more: from this sample on the run continues from this
-            state. Values that are NaN in the state stay as simulated, and so do the effects' memories. The outputs of
-            the sample itself are still those before the restart.
+        restarts: (sample, state), with increasing samples of 1 or more: at each sample given here, the run continues
+            from the state beside it. Values that are NaN in the state stay as simulated, and so do the effects'
+            memories. The outputs of the sample itself are still those before the restart.
     """
 
     time: Array
@@ -83,7 +83,7 @@ class OpenLoopRun:
     restarts: Sequence[tuple[int, State]] = ()
 
     def as_c(self, columns: int) -> bytes:
-        """Returns the run as C reads it, without model and outputs. It points to arrays that `self` must keep.
+        """Returns the run as C reads it, without model and outputs. It points to arrays that belong to `self`.
 
         Raises:
             ValueError: the shapes do not fit a vehicle with `columns` inputs.
@@ -119,7 +119,7 @@ class Simulated:
     """The result of a simulation.
 
     Attributes:
-        names: the signals that were wanted, in the table's order: `wanted_names`.
+        names: the wanted signals, in the order of the plant's table (`wanted_names`).
         columns: (names, n), SI, without noise; NaN where this vehicle has no such signal.
         last: the last state, as the compiled plant holds it.
     """
@@ -179,7 +179,7 @@ def build(model: Model) -> Any:
 
 
 def build_all(models: Iterable[Model]) -> dict[int, Any]:
-    """Returns id of the model -> what `build` makes of it."""
+    """Returns id(model) -> the C model that `build` returns."""
     return {key: build(model) for key, model in {id(model): model for model in models}.items()}
 
 
@@ -255,7 +255,7 @@ def _layout_of(kind: Any) -> Any:
 
 
 _state_values = attrgetter(*State.__dataclass_fields__)
-"""The fields of a `State` as a tuple: those of `bp_state`, in its order."""
+"""Returns the fields of a `State` as a tuple, in the order of `bp_state` in C."""
 
 _NOTHING = _state_values(State())
 
@@ -272,14 +272,15 @@ def simulate(
     signals: Collection[str] | None = None,
     lanes: int = MOST_LANES,
 ) -> list[Simulated]:
-    """Simulates each run under its model, on up to `threads` threads; their number does not change the results.
+    """Simulates each run under its model, on up to `threads` threads, which do not change the results.
 
     Neighbouring runs in `jobs` with the same sample times run side by side in vector registers.
 
     Args:
-        signals: the outputs to keep, of those that the vehicle has; None: all. To copy the other outputs costs more
-            time than to simulate them.
-        lanes: the most runs side by side; the processor may have room for fewer. It does not change the results.
+        signals: the outputs to keep, of those that the vehicle has; None: all. Copying an output takes longer than
+            simulating it.
+        lanes: the largest number of runs side by side; the processor may allow fewer. The number does not change the
+            results.
 
     Raises:
         SimulationError: the first run that failed, e.g. because its state diverged.
@@ -312,9 +313,10 @@ def simulate_into(
 
     Args:
         starts: (runs, models) index in `values` at which the outputs of each run begin: all samples of the first name,
-            then of the next. Or (models,), as `requests`.
-        requests: the runs as `OpenLoopRun.as_c` gives them, (runs, models): each under every model; or (models,): each
-            under its own model. The call writes to them. The arrays that they point to have to outlive the call.
+            then of the next. The shape is (models,) if that of `requests` is.
+        requests: the runs as `OpenLoopRun.as_c` gives them, (runs, models): each run under every model; or (models,):
+            each run under its own model. The call writes to `requests`. The arrays to which they point have to outlive
+            the call.
         names: the outputs to keep, as `wanted_names` gives them.
         built: the result of `build_all` for the models; None: they are built here.
 

@@ -1,7 +1,7 @@
 """Replays measured runs: simulates a model from each run's own inputs alone.
 
 These are free runs: no measured output is fed back. A run starts from the state of its first sample (`start_state`).
-Age, charge and heat carry over from run to run in the file's order, with the stated pauses between them.
+Age, charge and heat carry over from run to run in the file's order, with the stated pauses between the runs.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from brickpilot.vehicle.start_state import GEOMETRY, Readings
 
 Array = NDArray[np.float64]
 Outputs = Mapping[str, Array]
-_Own = tuple[tuple[str, float], ...]  # (kind, value) of each of a run's own values
+_Own = tuple[tuple[str, float], ...]  # (kind, value) of each value that a model has for one run
 
-_MOST_BEGUN = 64  # most `_Begun` that are kept
+_MOST_BEGUN = 64  # largest number of `_Begun` objects that are kept
 _SLIDING_S = 0.003  # the longest motor step that resolves how contacts of a skid steer begin to slide
 
 
@@ -41,7 +41,7 @@ class Mark:
 
 @dataclass(frozen=True, eq=False)
 class _Begun:
-    """Runs with their states at the start under a model.
+    """Runs, each with its start state under one model.
 
     Attributes:
         requests: (runs,) the runs as the compiled plant reads them.
@@ -61,8 +61,8 @@ class Replay:
         motor_step, body_step: upper limits of the plant's steps, s; 0: the plant's own. Models with a fast effect get a
             shorter motor step.
         inputs: run -> (n, 1) or (n, 2) V; empty: the inputs of the data set.
-        whole: run -> time and inputs of the whole run that it was cut from; values of runs act on these. Empty: the
-            run's own.
+        whole: window -> time and inputs of the whole run from which it was cut; a model's values for single runs change
+            these inputs. Empty: the run's own time and inputs.
     """
 
     dataset: Dataset
@@ -91,8 +91,8 @@ class Replay:
         Args:
             only: the runs that are wanted; None: all. If charge or heat carries over, earlier runs are simulated too.
             signals: the outputs to keep; None: all that the vehicle has.
-            marks: run name -> the samples at which the run continues from measured values, so that it is a row of
-                windows. Unmeasured values stay as simulated, and so do delayed commands, heat and charge.
+            marks: run name -> the samples at which the run continues from measured values, so that the run becomes a
+                row of windows. Unmeasured values stay as simulated, and so do delayed commands, heat and charge.
         """
         names = plant.wanted_names(None if signals is None else frozenset(signals))
         rows, (places, _) = self._simulated(models, only, names, threads, marks or {}), self._places(names)
@@ -111,7 +111,7 @@ class Replay:
         return self._simulated(models, only, plant.wanted_names(frozenset(signals)), threads, {})
 
     def layout(self, signals: Collection[str]) -> tuple[dict[tuple[str, str], int], int]:
-        """Returns (run, signal) -> index of its first sample in a row of `stacked`; and the length of a row.
+        """Returns (run, signal) -> index of the signal's first sample in a row of `stacked`; and the length of a row.
 
         A row has room for all runs; the values of runs that are not simulated are undefined.
         """
@@ -121,7 +121,7 @@ class Replay:
         return {(r.name, name): places[r.name] + k * len(r.time) for r in runs for k, name in enumerate(names)}, length
 
     def _places(self, names: Sequence[str]) -> tuple[dict[str, int], int]:
-        """Returns run -> index at which its outputs begin in a row of `names`; and the length of a row."""
+        """Returns run -> index of the run's first output in a row of the outputs `names`; and the length of a row."""
         ends = np.cumsum([0, *(len(names) * len(run.time) for run in self.dataset.runs)]).tolist()
         return {run.name: end for run, end in zip(self.dataset.runs, ends, strict=False)}, ends[-1]
 
@@ -133,11 +133,11 @@ class Replay:
         threads: int,
         marks: Mapping[str, Sequence[Mark]],
     ) -> Array:
-        """Returns (models, length): the outputs `names` of each run, in rows.
+        """Returns (models, length): for each model, a row with the outputs `names` of all runs.
 
         If charge or heat carries over, a model's runs are simulated one after the other, else all at once.
         """
-        models = [_with_whole_starts(one, self.dataset.runs) for one in models]
+        models = [_with_sums(one, self.dataset.runs) for one in models]
         places, length = self._places(names)
         rows = np.empty((len(models), length))
         restarts_of = self._restarts(models, marks)
@@ -170,7 +170,7 @@ class Replay:
     def _restarts(
         self, models: Sequence[Model], marks: Mapping[str, Sequence[Mark]]
     ) -> dict[tuple[int, str], NDArray[np.void]]:
-        """Returns (number of the model, run) -> (marks,) the samples and states to continue from, as C holds them."""
+        """Returns (index of the model, run) -> (marks,): samples and states from which the run continues, as in C."""
         restarts = {}
         for run, age in self.aged:
             if not (of_run := marks.get(run.name)):
@@ -199,7 +199,7 @@ class Replay:
 
     @cached_property
     def _plain(self) -> dict[str, OpenLoopRun]:
-        """Run -> the run with its inputs, without values of runs."""
+        """Run -> the run with its inputs, not changed by values for single runs."""
         return {run.name: OpenLoopRun(run.time, self.inputs[run.name]) for run in self.dataset.runs}
 
     def nudged(self, signal: str, by: float) -> Replay:
@@ -216,9 +216,10 @@ class Replay:
     def _starting(
         self, batch: Sequence[tuple[Run, float]], models: Sequence[Model]
     ) -> tuple[NDArray[np.void], list[_Begun]]:
-        """Returns (runs, models): runs of these ages under each model, started from their first samples.
+        """Returns (runs, models): a request for each run of `batch`, a run with its age, under each model.
 
-        It also returns the `_Begun` that hold the arrays of these requests. Models with the same states share one.
+        Each run starts from its first sample. The method also returns the `_Begun` objects that hold the arrays of
+        these requests. Models with the same start states share a `_Begun`.
         """
         if len(self._begun) > _MOST_BEGUN:
             self._begun, self._acting = {}, {}  # new dictionaries, as another thread may still read the old ones
@@ -253,8 +254,8 @@ class Replay:
             yield _Begun(requests, tuple(runs))
 
     def _driven(self, batch: Sequence[tuple[Run, float]], model: Model) -> list[OpenLoopRun]:
-        """Returns the runs with their inputs, changed by the model's values of these runs."""
-        together: dict[tuple[str, _Own], list[Run]] = {}  # windows of one run share its values
+        """Returns the runs with their inputs as the model's values for these runs change them."""
+        together: dict[tuple[str, _Own], list[Run]] = {}  # windows cut from one run share that run's values
         for run, _ in batch:
             if own := _own_values(run, model):
                 together.setdefault((run_of(run.name), own), []).append(run)
@@ -272,7 +273,7 @@ class Replay:
 
 
 def _columns(rows: Sequence[Mapping[str, float]]) -> dict[str, Array]:
-    """Returns signal -> (rows,), NaN where a row does not have it."""
+    """Returns signal -> (rows,), NaN where a row does not have the signal."""
     names = dict.fromkeys(name for row in rows for name in row)
     return {name: np.array([row.get(name, np.nan) for row in rows], dtype=np.float64) for name in names}
 
@@ -280,14 +281,14 @@ def _columns(rows: Sequence[Mapping[str, float]]) -> dict[str, Array]:
 def _readings(
     measured: Mapping[str, Array], stated: Mapping[str, Array], models: Sequence[Model], age: Array
 ) -> Readings:
-    """Returns the readings of samples under each model, model by model."""
+    """Returns the readings of all samples under the first model, then under the second, and so on."""
     known, given = ({name: np.tile(one, len(models)) for name, one in of.items()} for of in (measured, stated))
     return Readings(known, given, models, np.repeat(np.arange(len(models)), len(age)), np.tile(age, len(models)))
 
 
 @cache
 def _needs(effects: tuple[str, ...], vehicle: str) -> tuple[bool, tuple[float, ...]]:
-    """Returns whether charge or heat carries over from run to run with these effects, and their longest motor steps."""
+    """Returns whether these effects carry charge or heat over from run to run, and the longest motor step of each."""
     infos = catalogue.effects_of(effects)
     steps = tuple(one.motor_step for one in infos if one.motor_step > 0)
     return any(one.carries_over for one in infos), (*steps, _SLIDING_S) if vehicle == "skid_steer" else steps
@@ -299,18 +300,30 @@ def _own_values(run: Run, model: Model) -> _Own:
     return tuple((kind, one[name]) for kind, one in model.by_run.items() if one.get(name))
 
 
-def _with_whole_starts(model: Model, runs: Sequence[Run]) -> Model:
-    """Returns a model whose starts of runs hold its start delay too; without starts of runs, the model itself."""
-    if "start" not in model.by_run or "start_delay" not in model.effects:
-        return model
-    delay, own = model.effects["start_delay"]["delay"], model.by_run["start"]
-    starts = {name: max(delay + own.get(name, 0.0), 0.0) for name in (run_of(run.name) for run in runs)}
-    effects = {name: table for name, table in model.effects.items() if name != "start_delay"}
-    return dataclasses.replace(model, effects=effects, by_run={**model.by_run, "start": starts})
+def _with_sums(model: Model, runs: Sequence[Run]) -> Model:
+    """Returns the model in which values of runs hold the sum with the effect to which they add, without this effect."""
+    for effect, parameter, kind in _sums(tuple(model.effects)):
+        if own := model.by_run.get(kind):
+            common = model.effects[effect][parameter]
+            whole = {name: max(common + own.get(name, 0.0), 0.0) for name in (run_of(run.name) for run in runs)}
+            effects = {name: table for name, table in model.effects.items() if name != effect}
+            model = dataclasses.replace(model, effects=effects, by_run={**model.by_run, kind: whole})
+    return model
+
+
+@cache
+def _sums(effects: tuple[str, ...]) -> tuple[tuple[str, str, str], ...]:
+    """Returns (effect, parameter, value of runs) for each parameter of these effects to which such a value adds."""
+    return tuple(
+        (one.name, info.name, info.run_value)
+        for one in catalogue.effects_of(effects)
+        for info in one.parameters
+        if info.run_value
+    )
 
 
 def _start_key(model: Model) -> tuple[object, ...]:
-    """Returns everything that the start of a run depends on, except the run and its own values."""
+    """Returns all of a model that determines a run's start state, except its values for single runs."""
     sensors = tuple((name, *model.effects[name].items()) for name in start_state.sensor_effects(model))
     steps = _needs(tuple(model.effects), model.vehicle)[1]
     return model.vehicle, steps, sensors, *(model.parameters.get(name) for name in GEOMETRY)
@@ -322,12 +335,12 @@ class RunKind:
 
     Attributes:
         words: the quantity that differs, as the subject of a sentence.
-        unit: SI; 1 is a share.
-        mechanism: the mechanism, as for an effect.
-        change: (time (n,), inputs (n, columns), value) -> inputs.
+        unit: the SI unit of the value; "1": the value is a share.
+        mechanism: the mechanism that causes the difference, as for an effect.
+        change: function of time (n,), inputs (n, columns) and value that returns the changed inputs.
         sd: the prior sd of a value: the usual difference of a run from the model. A held-out run has the value 0.
         low, high: the range of values.
-        tried: values from which a fit may start, because a small value has no influence.
+        tried: start values for a fit, because near 0 a value has no influence.
     """
 
     words: str
@@ -349,24 +362,24 @@ RUN_KINDS: Mapping[str, RunKind] = {
     "delay": RunKind("The time from a command to its effect", "s", "timing", later, 0.1, -0.5, 0.5, _TRIED_DELAYS),
     "start": RunKind(_START, "s", "timing", held_back, 0.1, -0.5, 0.5, _TRIED_STARTS),
 }
-"""A battery's charge changes a run's gain, the link changes its delay; a log may start before its commands act.
+"""The battery's charge changes a run's gain; the link changes a run's delay; a log may start before its commands act.
 
-A start adds to the start delay of the model; a negative sum counts as 0.
+A `start` value is added to the model's start delay; a negative sum counts as 0.
 """
 
 
 ADDED = frozenset({"viscous_friction"})
-"""Nominal parameters that may be 0 in a recording, so that their difference is a sum and not a share."""
+"""Nominal parameters that may be 0, so that a recording's difference is added to them, not multiplied."""
 
 
 def by_recording(
     models: Sequence[Model], dataset: Dataset, runs: Collection[str]
 ) -> Iterator[tuple[list[Model], frozenset[str]]]:
-    """Yields the models as they are in each recording of a data set, with those of `runs` that belong to it.
+    """Yields, for each recording of a data set, the models as they are in it, and those of `runs` that belong to it.
 
-    `by_run` of a model holds, under a recording's name, the differences of this recording: for a value of runs the
-    value, for a nominal parameter the relative change, for a parameter in `ADDED` and an "effect.parameter" the added
-    amount, SI.
+    A model's `by_run` holds the differences of a recording under the recording's name. For a kind in `RUN_KINDS` this
+    is the value itself; for a nominal parameter, the relative change; for a parameter in `ADDED` or an
+    "effect.parameter", the amount to add, SI.
     """
     differing = {name for model in models for table in model.by_run.values() for name in table}
     recording_of = {run.name: run.recording for run in dataset.runs if run.name in runs}
@@ -377,7 +390,7 @@ def by_recording(
 
 
 def in_recording(model: Model, recording: str, runs: Collection[str]) -> Model:
-    """Returns the model as it is in `recording`, which has `runs`. An effect whose sizes are all 0 in it is off."""
+    """Returns the model as it is in `recording`, which has `runs`. Effects whose sizes are all 0 there are off."""
     own = {kind: table[recording] for kind, table in model.by_run.items() if recording in table}
     kept = {kind: table for kind, table in model.by_run.items() if kind in RUN_KINDS and recording not in table}
     parameters, effects = dict(model.parameters), {name: dict(table) for name, table in model.effects.items()}

@@ -1,24 +1,24 @@
 """A scenario: the task that `brickpilot run` and `hil` fly.
 
 A mission gives the autopilot waypoints; a manoeuvre drives the motors by a schedule and leaves the controller out. The
-packaged ones are in `sim_host/run/scenarios`.
+packaged scenarios are in `sim_host/run/scenarios`.
 
     name       = "square"
-    title      = "Round the table"    # optional, like all that follows except what its kind needs
+    title      = "Round the table"    # optional, like all keys below except those that the kind needs
     kind       = "mission"            # or "manoeuvre"
     duration_s = 60                   # up to an hour
     start      = { x_m = 0, y_m = 0, heading_deg = 0 }
-    profile    = "coupled"            # profile, sensors and seed are used where the command line gives none
+    profile    = "coupled"            # profile, sensors and seed are used if the command line does not give them
     sensors    = "imu"
     seed       = 0
     waypoints_m = [[0.5, 0], [0.5, 0.5]]    # a mission needs 1 to 32 within 30 m
-    cruise_m_s  = 0.3                       # or one for each profile; default: the firmware's
+    cruise_m_s  = 0.3                       # or a speed for each profile; default: the firmware's
     start_at_s  = 1                         # rest before the start; default 1 if a gyro's bias is estimated, else 0
-    faults      = [{ kind = "drop", from_s = 5, to_s = 6, rate = 0.1 }]    # of a link: hal/README.md lists them
+    faults      = [{ kind = "drop", from_s = 5, to_s = 6, rate = 0.1 }]    # of the link; see hal/README.md
     # segments  = [{ from_s = 1, left_V = 5, right_V = "float" }]    of a manoeuvre
     # stop_at_m = 1.0                       of a manoeuvre: path length after which both motors are shorted
 
-    [parameters]                      # of the plant alone, as [effects.NAME]; the controller does not know them
+    [parameters]                      # of the plant alone, like [effects.NAME]; unknown to the controller
     mass = 0.9
 """
 
@@ -120,7 +120,7 @@ def load(path: Path) -> Scenario:
     """Reads and checks a scenario file.
 
     Raises:
-        InputError: naming the file, line and key.
+        InputError: the message names file, line and key.
     """
     toml = TomlFile(path)
     data = toml.data

@@ -1,6 +1,6 @@
-"""The settings of the firmware: names, formats and ranges, from their one table, `hal/wire/settings.toml`.
+"""The settings of the firmware: names, formats and ranges, from the table `hal/wire/settings.toml`.
 
-The initial value of a setting is its row's default, or that of the packaged robot's file.
+The initial value of a setting is the default in its row, or else the value in the packaged robot's file.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _ROW = ("number", "field", "format", "low", "high", "default", "compensation", "
 
 @dataclass(frozen=True)
 class Format:
-    """How the firmware holds a value: raw = value * per_unit, rounded to the nearest.
+    """How the firmware holds a value: raw = value * per_unit, rounded to the nearest integer.
 
     ``text`` names the format, ``unit`` is the value's SI unit.
     """
@@ -39,7 +39,7 @@ class Format:
 
 @dataclass(frozen=True)
 class Setting:
-    """A row of the table; its header explains every field.
+    """A row of the table; the table's header explains every field.
 
     Attributes:
         default: the default in `format.unit`; None: the vehicle file has the value.
@@ -115,7 +115,7 @@ def load(path: Path) -> dict[str, Setting]:
     """Reads a table of settings.
 
     Raises:
-        InputError: a row lacks something or contradicts another one; the message has file, line and row.
+        InputError: a row lacks a field or contradicts another row; the message has file, line and row.
     """
     toml = TomlFile(path)
     formats = {
@@ -175,7 +175,7 @@ def plain(table: Mapping[str, Any]) -> dict[str, float]:
 
 
 def constants(vehicle: Mapping[str, Any], profile: str) -> dict[str, float]:
-    """Returns the controller's constants of a profile, SI: those of the vehicle file, and two that follow from them."""
+    """Returns the controller's constants of a profile, SI: those in the vehicle file, and two computed from it."""
     own = plain(vehicle["controller"][profile])
     own["acceptance"] = plain(vehicle["robot"])["length"] / 2
     own["feedforward"] = own["feedforward_share"] * holding_voltage(plain(vehicle["parameters"]))
@@ -183,7 +183,7 @@ def constants(vehicle: Mapping[str, Any], profile: str) -> dict[str, float]:
 
 
 def default(setting: Setting, own: Mapping[str, float], profile: str) -> int:
-    """Returns the initial raw integer of a setting; for a compensation it is 0.
+    """Returns the initial raw integer of a setting; it is 0 for a compensation.
 
     Args:
         own: `constants` of the profile.

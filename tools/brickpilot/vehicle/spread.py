@@ -37,7 +37,7 @@ class Spread:
         return np.asarray(self.covariance / np.outer(some, some))
 
     def at(self, coordinates: Array) -> dict[str, float]:
-        """Returns name -> value, SI, at these coordinates, not limited to the parameters' ranges."""
+        """Returns name -> value in SI at these coordinates; values may be outside the parameters' ranges."""
         rows = zip(self.names, self.values, self.units, coordinates.tolist(), strict=True)
         return {
             name: value * math.exp(min(x, 700.0)) if unit is None else value + x * unit for name, value, unit, x in rows

@@ -33,7 +33,7 @@ _SENSOR_SIGNALS = SUMMED | {"yaw_rate", *RATE_OF.values()}
 
 GEOMETRY = ("wheel_radius", "half_track", "force_per_volt")
 """The nominal parameters on which a state made of measured values depends: see `Readings.states`. The state also
-depends on `sensor_effects`, and on the age if a sensor effect does."""
+depends on `sensor_effects`, and on the age if a sensor effect depends on the age."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Readings:
 
     Attributes:
         measured: signal -> (samples,) reading, SI; NaN where blank.
-        stated: signal -> (samples,) true value; NaN where none is stated.
+        stated: signal -> (samples,) true value; NaN where no value is stated.
         models: the models for which states are made.
         of: (samples,) the index in `models` of each sample's model.
         age: (samples,) time since power-on, s.
@@ -76,11 +76,11 @@ class Readings:
         return readings
 
     def geometry(self, name: str) -> Array:
-        """Returns (samples,) values of a parameter in `GEOMETRY`; NaN where the model does not have it."""
+        """Returns (samples,) values of a parameter in `GEOMETRY`; NaN where the model lacks the parameter."""
         return np.array([model.parameters.get(name, np.nan) for model in self.models], dtype=np.float64)[self.of]
 
     def states(self, values: Mapping[str, Array], *, restart: bool = False) -> NDArray[np.void]:
-        """Returns (samples,) the states, as C has them, in which the signals in `read` have these true `values`.
+        """Returns (samples,) states as C holds them; the signals in `read` have the true values `values`.
 
         `restart`: unmeasured values are NaN, so that they stay as simulated; else they are 0.
         """
@@ -105,7 +105,7 @@ _Fields = Mapping[str, _Value | tuple[_Value, _Value]]
 
 @dataclass(frozen=True)
 class _Known:
-    """`values`: signal -> (samples,) true value, NaN where unknown. `unknown`: what a state holds in its place."""
+    """`values`: signal -> (samples,) true value, NaN where unknown. `unknown`: stands for these in a state."""
 
     values: Mapping[str, Array]
     unknown: float
@@ -142,8 +142,9 @@ def sensor_effects(model: Model) -> tuple[str, ...]:
 def states(readings: Readings, *, restart: bool = False) -> NDArray[np.void]:
     """Returns (samples,) the states in which the models' sensors give the readings; see `Readings.states`.
 
-    Each signal is solved by secant steps of its own, which are exact after three steps if a sensor adds or scales. A
-    signal that does not follow the state keeps its error, such as a clipped one or a yaw rate beside two wheel speeds.
+    Each signal is solved on its own by the secant method, which is exact after three steps if a sensor only adds or
+    scales. A signal that does not follow the state keeps its error. Examples are a clipped signal, or a yaw rate beside
+    two wheel speeds.
     """
     read = readings.read
     if not read:
@@ -205,7 +206,7 @@ def _changes_readings(effect: str, vehicle: str) -> bool:
 
 
 def _starting_rate(time: Array, values: Array) -> float:
-    """Returns the slope of the first samples where they all move in one direction, else 0."""
+    """Returns the slope of the first samples if they all move in one direction, else 0."""
     first = values[:_START_SAMPLES]
     change = np.diff(first)
     if len(first) < _START_SAMPLES or not (np.all(change > 0) or np.all(change < 0)):

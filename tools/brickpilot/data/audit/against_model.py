@@ -1,9 +1,9 @@
-"""Finds whole channels that contradict the nominal model, for data sets with only one channel of a kind.
+"""Finds whole channels that contradict the nominal model; needed if a data set has only one channel of a kind.
 
-A nominal value may be wrong and an effect may be missing. So only gross contradictions count: a motion with the
-opposite sign of the model's, or with a size that another unit explains. Friction may make a motion too small. So a
-small motion counts only if it is too small by the same factor in all moving runs. If all moving runs have a fault, the
-runs that hardly move are assumed to have it, too.
+A nominal value may be wrong and an effect may be missing. So only gross contradictions count: a motion whose sign is
+opposite to the model's, or whose size another unit explains. Friction may make a motion too small. So a too small
+motion counts only if its factor is the same in all moving runs. If all moving runs have the same fault, the runs that
+hardly move are assumed to have this fault, too.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from brickpilot.data.audit.view import EQUAL, LEAST_SAMPLES, Vector, Windows, cu
 from brickpilot.data.dataset import Dataset, Run
 
 _LEAST = 9.0  # smallest factor of a unit that counts
-_FITS = (0.45, 1.6)  # ratio over a unit's factor: nominal values are inexact, friction may be missing
-_MOVES = 0.3  # share of the motion in the run that moves most: above it, a run counts as moving
-_ALIKE = 2.0  # limit of the largest over the smallest ratio of runs with one fault; for ratios above 1
+_FITS = (0.45, 1.6)  # limits of (ratio / factor of a unit): nominal values are inexact, friction may be missing
+_MOVES = 0.3  # share of the motion in the run with most motion: a run with more than this counts as moving
+_ALIKE = 2.0  # limit of (largest ratio / smallest ratio) of runs with one fault, for ratios above 1
 _ALIKE_SMALL = 1.3
 
 
 @dataclass(frozen=True)
 class _Ratio:
-    """Ratio of measured to simulated motion of one signal in one run; `level`: rms of the simulated rate."""
+    """`value`: ratio of measured to simulated motion of one signal in one run; `level`: rms of the simulated rate."""
 
     run: Run
     value: float
@@ -38,13 +38,13 @@ class _Ratio:
 def contradictions(dataset: Dataset, simulated: Mapping[str, Mapping[str, Vector]]) -> tuple[Fault, ...]:
     """Returns the channels of each run whose sign or unit contradicts the nominal model, as faults "sign" and "unit".
 
-    A unit is tested only if the data set states the values on which the size of the signal depends. A fitted value
-    would adapt to any unit, and a preset may be wrong.
+    The unit of a signal is tested only if the data set states the values on which the signal's size depends. Fitted
+    values would adapt to any unit, and presets may be wrong.
 
     Args:
         dataset: as `reading.read` gives it.
-        simulated: run -> signal -> (n,) that the nominal model gives for the run's inputs, SI, the paper's frame, at
-            the run's own time. Runs and signals that are absent here are not tested.
+        simulated: run -> signal -> (n,) values that the nominal model gives for the run's inputs at the run's times, in
+            SI and the paper's frame. Runs and signals without an entry are not tested.
     """
     found: list[Fault] = []
     for signal in dict.fromkeys(name for run in dataset.runs for name in run.outputs if name != "battery_voltage"):
@@ -108,7 +108,7 @@ def _is_stated(dataset: Dataset, signal: str) -> bool:
 def _reversed(signal: str, ratios: Sequence[_Ratio]) -> dict[str, float]:
     """Returns run -> -1 for reversed signals.
 
-    A current counts only if it is reversed in all runs, because on a slope a motor may brake.
+    A current counts only if it is reversed in all runs, because a motor may brake on a slope.
     """
     found = {one.run.name: -1.0 for one in ratios if 1 / EQUAL < -one.value < EQUAL}
     return {} if signal.startswith("current") and len(found) < max(len(ratios), 2) else found
@@ -134,7 +134,7 @@ def _in_other_units(signal: str, ratios: Sequence[_Ratio]) -> dict[str, float]:
 def _gross(signal: str, ratio: float) -> float | None:
     """Returns the unit's factor that is nearest to a ratio; None: no factor is near.
 
-    Units that are often confused with the signal's own are preferred.
+    Units that are often confused with the signal's own unit are tried first.
     """
     for listed in (usual_factors(signal), FACTORS):
         factors = [by if ratio > 1.0 else 1 / by for by in listed if by > _LEAST]
@@ -150,7 +150,7 @@ def _fault(run: Run, signal: str, factor: float) -> Fault:
 
 
 def _ratio(run: Run, signal: str, simulated: Vector) -> _Ratio | None:
-    """Returns measured over simulated motion; None: the two are not correlated, or nothing moves."""
+    """Returns the ratio of measured to simulated motion; None: the two are not correlated, or nothing moves."""
     if len(run.time) < LEAST_SAMPLES or not np.isfinite(run.outputs[signal]).any():
         return None
     measured, model = (cut(run.time, {signal: values}) for values in (run.outputs[signal], simulated))
@@ -160,6 +160,6 @@ def _ratio(run: Run, signal: str, simulated: Vector) -> _Ratio | None:
 
 
 def _motion(windows: Windows, signal: str) -> Vector:
-    """Returns the motion in each window. The mean of an acceleration, a bias or a slope, is removed."""
+    """Returns the motion in each window. The mean of an acceleration, caused by a bias or a slope, is removed."""
     moved = windows.of(signal)
     return windows.unbiased(moved) if signal.startswith("accel_") else moved

@@ -24,14 +24,14 @@ from brickpilot.data.signals import RATE_OF, Frame
 
 __all__ = ["Audited", "Fault", "audit"]
 
-_WITHIN_S = 0.1  # a collision stops a vehicle within this time; friction, battery and slope need longer
+_WITHIN_S = 0.1  # s: a collision stops a vehicle within this time; friction, a weak battery and a slope need longer
 _SETTLED_S = 0.3  # time after a change of command in which the command itself may change the speed
-_CHANGE = 0.05  # share of the largest command: a smaller change of a command does not count
-_FAST = 0.4  # share of the fastest motion of any run: a slower wheel may stop by friction
-_LOST = 0.5  # least share of its speed that a vehicle loses in a collision; a rough floor takes less
+_CHANGE = 0.05  # share of the largest command: smaller changes of a command are ignored
+_FAST = 0.4  # share of the fastest motion of any run: friction may stop a slower wheel
+_LOST = 0.5  # share of its speed: a vehicle loses at least this share in a collision; a rough floor takes less
 _SMOOTH_S = 0.02  # the span over which a rate is averaged, or a summed signal differenced
-_STEPS = 4.0  # resolutions: least loss of speed that counts for a coarse channel
-_AFTER_S = 0.03  # least time for which the speed stays low
+_STEPS = 4.0  # in resolutions: least loss of speed that counts, for coarse channels
+_AFTER_S = 0.03  # s: least time for which the speed stays low after a collision
 
 
 @dataclass(frozen=True)
@@ -55,10 +55,10 @@ def audit(
     """Finds the faults of all runs.
 
     Args:
-        runs: in the data set's order. The resolution of a signal is taken from all of them together.
-        signals: their descriptions in the data set.
+        runs: in the data set's order. The resolution of a signal is estimated from all runs together.
+        signals: signal -> its description in the data set.
         frame: the frame of the data set's files.
-        nominal: wheel_radius, half_track (m) and battery_voltage (V), as far as they are known.
+        nominal: wheel_radius, half_track (m) and battery_voltage (V), as far as these are known.
     """
     resolution = {name: _resolution(name, runs, signals) for name in runs[0].outputs} if runs else {}
     search = _Search([_view(run, resolution) for run in runs])
@@ -81,7 +81,7 @@ def _view(run: Channels, resolution: Mapping[str, float]) -> RunView:
 
 
 def _resolution(name: str, runs: Sequence[Channels], signals: Mapping[str, Signal]) -> float:
-    """Returns the stated step of a signal, or else its smallest step in any run; 0: it never changes."""
+    """Returns the stated resolution of a signal, or else its smallest step in any run; 0: the signal never changes."""
     if (stated := signals[name].resolution) is not None:
         return stated
     values = np.unique(np.concatenate([run.outputs[name] for run in runs]))
@@ -120,7 +120,7 @@ class _Search:
                 one.blank_repeats(view.outputs[name])
 
     def wrong_channels(self, nominal: Mapping[str, float]) -> None:
-        """Finds whole channels that are wrong. If an input or the time is wrong, so are all channels of that run."""
+        """Finds whole wrong channels. If an input or the time is wrong, all channels of that run are blanked."""
         for one in contradictions(self.views, nominal):
             inputs = self.views[0].inputs
             signals = _columns(one.names, inputs)
@@ -136,8 +136,8 @@ class _Search:
     def beyond_range(self, signals: Mapping[str, Signal]) -> None:
         """Finds channels beyond their stated range, if no earlier step has found their fault.
 
-        A channel that is beyond its range in most runs counts as wrong in all runs. In the other runs the motion is
-        smaller.
+        A channel that is beyond its range in most runs counts as wrong in all runs. The reason: in the other runs the
+        motion may only be smaller.
         """
         for name, signal in signals.items():
             known = [view for view in self.views if name in view.outputs and _is_known(view, name)]
@@ -161,8 +161,8 @@ class _Search:
     def collisions(self) -> None:
         """Finds runs with a collision, and leaves out all samples after it.
 
-        The motion after a collision does not follow from the inputs, because the obstacle was not measured. A clock
-        that jumps looks like a collision.
+        The motion after a collision does not follow from the inputs, because the obstacle was not measured. A run with
+        a wrong clock is skipped, because a clock that jumps looks like a collision.
         """
         wrong_clocks = {one.run for one in self.faults if one.kind == "clock"}
         for one in _collisions(self.views):
@@ -197,14 +197,14 @@ class _Search:
             self.notes.append(rows_note(found, int(np.count_nonzero(mask)), len(mask), float(time[0])))
 
     def _leave_out(self, view: RunView, name: str, kind: Kind, factor: float | None = None, start: int = 0) -> None:
-        """Reports and blanks a faulty channel from a row on; if it is an input or the time, blanks all channels."""
+        """Reports a fault and blanks the channel from row `start` on; for an input or the time, blanks all channels."""
         self.faults.append(Fault(view.name, name, kind, float(view.time[start]), float(view.time[-1]), factor))
         for blanked in [name] if name in view.outputs else view.outputs:
             view.outputs[blanked][start:] = np.nan
 
 
 def _columns(names: Sequence[str], inputs: Mapping[str, Vector]) -> tuple[str, ...]:
-    """Returns the data set's signals that the named channels stand for; for a drive, its inputs."""
+    """Returns the data set's signals for the channels `names`; for a drive, the inputs that make it up."""
     found: dict[str, None] = {}
     for name in names:
         _, is_drive, side = name.partition("drive_")
@@ -219,12 +219,12 @@ def _is_known(view: RunView, name: str) -> bool:
 
 @dataclass(frozen=True)
 class _Collision:
-    """A fast vehicle loses its speed although its command does not change.
+    """A collision: a fast vehicle loses speed although its command does not change.
 
     Attributes:
         run: number of the run.
         row: the last sample before the collision.
-        names: the channels that show it.
+        names: the channels that show the collision.
     """
 
     run: int
@@ -233,7 +233,7 @@ class _Collision:
 
 
 def _collisions(views: Sequence[RunView]) -> list[_Collision]:
-    """Returns the first collision of each run that has one. A run without a measured wheel or shaft has none."""
+    """Returns the first collision of each run. In a run without a measured wheel or shaft no collision is found."""
     rates = [{name: rate for name in one.outputs if (rate := _rate(one, name)) is not None} for one in views]
     names = dict.fromkeys(name for each in rates for name in each)
     fastest = {name: max(float(np.max(np.abs(each[name]))) for each in rates if name in each) for name in names}
@@ -277,7 +277,7 @@ def _loss(view: RunView, name: str, rate: Vector, fastest: float) -> int | None:
 
 
 def _settled(view: RunView, name: str) -> Mask:
-    """Returns the samples before which no command changes for `_SETTLED_S`, and at which the channel's own is not 0."""
+    """Returns the samples before which no command changes for `_SETTLED_S`, and whose own drive is not 0."""
     settled = np.ones(len(view.time), dtype=bool)
     rows = max(1, round(_SETTLED_S / view.interval))
     for drive in (drive for which, drive in view.drives.items() if which != "yaw"):

@@ -1,9 +1,9 @@
 """Finds whole channels that contradict the other channels or the other runs: a reversed sign, or another unit.
 
-Nothing is fitted and no model is needed: only relations that hold for any machine are used (`relations`). A trial
-corrects one channel of a broken relation by a factor, in one run or in all. The trial that repairs most relations and
-breaks none is accepted. If two trials repair equally many relations, the gain per drive in the other runs decides, and
-then the values that are usual for a small machine.
+No model is needed and no parameter is fitted, because only relations that hold for any machine are used (`relations`).
+A trial corrects one channel of a broken relation by a factor, in one run or in all runs. The trial that repairs most
+relations and breaks none is accepted. If two trials repair equally many relations, a comparison with the gains per
+drive of the other runs decides, and then a comparison with a typical small machine.
 """
 
 from __future__ import annotations
@@ -19,26 +19,26 @@ from brickpilot.data.audit.relations import WHEEL_KINDS, Alike, Driven, Geometry
 from brickpilot.data.audit.view import LEAST_SAMPLES, RunView, Vector, Windows, cut, driven_by, ratio_of
 
 _MOST = 8  # a search stops after this number of contradictions
-_INTERVAL_RATIO = 1.4  # largest ratio, up or down, of two intervals' ratio to the factor that explains it
-_UNSATURATED = 0.8  # share of the fastest turn of all runs: only slower turns give the geometry
-_TURNS = 0.3  # rad/s: least rate of a turn that gives the geometry
+_INTERVAL_RATIO = 1.4  # a factor explains the ratio of two intervals if it is off by less than this factor
+_UNSATURATED = 0.8  # share of the fastest turn of all runs: the geometry is estimated from slower turns only
+_TURNS = 0.3  # rad/s: the geometry is estimated only if the rms turn rate is at least this
 _TURN_PER_METRE = (0.5, 50.0)  # 1 / (2 b): b from 1 cm to 1 m
 _TURN_PER_RADIAN = (0.03, 1.2)  # r / (2 b)
-_LEVEL = 0.4  # share of the strongest drive of any run: below it, something else may move the machine
+_LEVEL = 0.4  # share of the strongest drive of any run: with a weaker drive, other causes may move the machine
 _WITH_DRIVE = 0.8  # least correlation of a motion with its drive, for the motion to have a gain
-_LARGE = 9.0  # only larger factors are found by comparison with the other runs
-_GAINS_FIT, _NOISE_FIT = 1.3, 2.0  # largest ratio, up or down, of a gain or noise ratio to a factor
-_GAINS_ALIKE = 2.0  # gains whose ratio is smaller agree; those of most other runs have to agree
-_WORST = 6.0  # the largest logarithm of a ratio that counts
+_LARGE = 9.0  # a comparison with the other runs finds only factors above this
+_GAINS_FIT, _NOISE_FIT = 1.3, 2.0  # a factor explains a ratio of gains or noise if off by less than this factor
+_GAINS_ALIKE = 2.0  # gains agree if their ratio is smaller; the gains of most other runs have to agree
+_WORST = 6.0  # a larger logarithm of a ratio counts as this value
 _TYPICAL = (("yaw_", 3.0), ("wheel_travel", 0.5), ("wheel_velocity", 0.5), ("position", 0.2), ("velocity", 0.2),
             ("wheel_", 10.0), ("angle", 10.0), ("speed", 10.0), ("accel_", 1.0))  # fmt: skip
 _TYPICAL_INTERVAL_S = 0.005
 _TYPICAL_BATTERY, _HIGHEST_BATTERY = 9.0, 500.0  # V
 
 # Costs of a trial, in logarithms of a ratio.
-_PER_CHANNEL = 0.01  # cost of each blamed channel; decides only if all else is equal
-_IMPLAUSIBLE = 0.25  # weight of the comparison with a typical small machine; the others have weight 1
-_LIKELIER = 2.0  # a mistake in a whole column is likelier by this than one in a single run
+_PER_CHANNEL = 0.01  # cost of each blamed channel; it decides only between trials that are equal otherwise
+_IMPLAUSIBLE = 0.25  # weight of the comparison with a typical small machine; other comparisons have weight 1
+_LIKELIER = 2.0  # prior in favour of a mistake in all runs over a mistake in a single run
 _UNUSUAL = 0.3  # cost of a factor that is unusual for the channel's unit
 
 
@@ -48,9 +48,9 @@ class Contradiction:
 
     Attributes:
         names: the channels, "time", or drives ("drive_left").
-        factor: stated over true value.
-        runs: numbers of the runs in which they are wrong.
-        against: the channels or drives that contradict `names`; empty: the other runs do.
+        factor: ratio of stated to true value.
+        runs: numbers of the runs in which the channels are wrong.
+        against: the channels or drives that contradict `names`; empty: the other runs contradict `names`.
     """
 
     names: Group
@@ -63,9 +63,9 @@ class RunSet:
     """The runs that are long enough to be compared.
 
     Attributes:
-        windows: number of the run -> its windows.
+        windows: number of a run -> the run's windows.
         names: the output channels.
-        least: drive -> its least rms per second that counts as evidence.
+        least: drive -> the least rms per second of this drive that counts as evidence.
         relations: all relations among the channels.
         evidence: number of the run -> the evidence of each relation, in the order of `relations`.
     """
@@ -91,7 +91,7 @@ class Trial:
 
     @property
     def is_plausible(self) -> bool:
-        """Whether a mistaken unit explains the factor."""
+        """Whether a confusion of units explains the factor."""
         if self.group == ("time",):
             return self.factor > 0.0 and is_one_of(self.factor, CLOCK_FACTORS)
         return is_one_of(self.factor, (GRAVITY, *FACTORS))
@@ -106,17 +106,18 @@ class Trial:
 
 
 def contradictions(views: Sequence[RunView], nominal: Mapping[str, float]) -> list[Contradiction]:
-    """Returns the channels that are wrong as a whole, in the order in which they are found.
+    """Returns the channels that are wrong as a whole, in the order of the search.
 
     Args:
-        nominal: wheel_radius, half_track (m) and battery_voltage (V), as far as they are known.
+        nominal: wheel_radius, half_track (m) and battery_voltage (V), as far as these are known.
     """
     windows = {k: _windows(view) for k, view in enumerate(views) if len(view.time) >= LEAST_SAMPLES}
     names = [name for name in dict.fromkeys(n for one in windows.values() for n in one.moved) if _is_output(name)]
     geometry = Geometry(nominal.get("wheel_radius"), nominal.get("half_track"), {})
     found = _clocks_in_other_units(windows)
     found += _search(windows, names, geometry)
-    # The yaw per difference of the wheels is estimated only now, from wheels that do not contradict each other.
+    # The yaw per difference of the wheels is estimated after this search, so the wheels no longer contradict each
+    # other.
     if learnt := _turned(windows, names, geometry):
         found += _search(windows, names, replace(geometry, turned=learnt))
     found += _against_other_runs(RunSet(windows, names, geometry))
@@ -155,7 +156,7 @@ def _clocks_in_other_units(windows: dict[int, Windows]) -> list[Contradiction]:
 
 
 def _search(windows: dict[int, Windows], names: Sequence[str], geometry: Geometry) -> list[Contradiction]:
-    """Returns the surest contradictions one after the other; each is corrected in `windows` before the next."""
+    """Returns contradictions, the most likely first; each is corrected in `windows` before the next is sought."""
     found: list[Contradiction] = []
     while len(found) < _MOST:
         best = _most_likely(RunSet(windows, names, geometry))
@@ -168,7 +169,7 @@ def _search(windows: dict[int, Windows], names: Sequence[str], geometry: Geometr
 
 
 def _most_likely(runs: RunSet) -> Contradiction | None:
-    """Returns the trial that repairs most relations and breaks none in its runs; if equal, the one of least cost."""
+    """Returns the trial that repairs most relations and breaks none in its runs; of equal trials, the cheapest."""
     scored: list[tuple[int, float, Trial, tuple[int, ...]]] = []
     for trial in _trials(runs):
         gains = {number: _gain(runs, number, trial) for number in runs.windows}
@@ -196,7 +197,7 @@ def _trials(runs: RunSet) -> list[Trial]:
 
 
 def _gain(runs: RunSet, number: int, trial: Trial) -> int:
-    """Returns how many relations of a run a trial repairs, minus the broken ones; positive only if it repairs one."""
+    """Returns how many relations of a run a trial repairs minus how many it breaks; above 0 only if it repairs one."""
     windows = runs.windows[number].divided(trial.factors())
     mends, gain = False, 0
     for relation, before in zip(runs.relations, runs.evidence[number], strict=True):
@@ -207,7 +208,7 @@ def _gain(runs: RunSet, number: int, trial: Trial) -> int:
 
 
 def _may_share(runs: RunSet, number: int, trial: Trial, mended: tuple[int, ...]) -> bool:
-    """Whether a run may share the fault of the `mended` runs: not if its noise is like that after the correction."""
+    """Whether a run may share the fault of the `mended` runs: not if its noise is like their corrected noise."""
     if abs(trial.factor) == 1.0 or trial.group == ("time",) or len(mended) > 1:
         return True
     own, shown = runs.windows[number].roughness, runs.windows[mended[0]].roughness
@@ -233,8 +234,8 @@ def _against(runs: RunSet, trial: Trial, scope: Iterable[int]) -> Group:
 def _cost(runs: RunSet, trial: Trial, mended: tuple[int, ...], *, in_all: bool) -> float:
     """Returns how unusual the runs in `mended` are after the trial's correction.
 
-    Their channels are compared with each other, with the other runs, and with a typical small machine.
-    `in_all`: the other runs are corrected, too, because they may have the same fault.
+    The channels of these runs are compared with each other, with the other runs, and with a typical small machine.
+    `in_all`: whether the other runs are corrected, too, because they may have the same fault.
     """
     factors = trial.factors()
     others = [one.divided(factors) if in_all else one for k, one in runs.windows.items() if k not in mended]
@@ -257,14 +258,14 @@ def _cost(runs: RunSet, trial: Trial, mended: tuple[int, ...], *, in_all: bool) 
 
 
 def _log_ratio(one: float, other: float) -> float:
-    """Returns the absolute logarithm of a ratio, at most 6."""
+    """Returns the absolute logarithm of the ratio of two sizes, at most 6."""
     return min(abs(log(abs(one) / abs(other))), _WORST)
 
 
 def _gain_of(windows: Windows, name: str, *, surely: float = 0.0) -> float | None:
     """Returns a channel's motion per drive, by least squares.
 
-    None where either is unknown or zero, or where their correlation is below `surely`.
+    Returns None if either is unknown or zero, or if their correlation is below `surely`.
     """
     motion, drive = windows.of(name), windows.of(f"drive_{driven_by(name)}")
     known = np.isfinite(motion) & np.isfinite(drive)
@@ -290,9 +291,9 @@ def _fastest(windows: Windows, name: str) -> float:
 def _turned(windows: Mapping[int, Windows], names: Iterable[str], geometry: Geometry) -> dict[tuple[str, str], float]:
     """Returns the yaw per difference of the wheels in most runs, for a data set that does not state the geometry.
 
-    An implausible value is divided by the first unit's factor that makes it plausible. Then the relation is broken in
-    all runs, and so the fault is found. The fastest turns are left out, because a gyro at the end of its range would
-    bias the geometry.
+    An implausible value is divided by the first factor of a unit that makes the value plausible. Then the relation is
+    broken in all runs, and the search finds the fault. The fastest turns are left out, because a gyro at the end of its
+    range would bias the estimate.
     """
     found: dict[tuple[str, str], float] = {}
     for kind in WHEEL_KINDS:
@@ -303,7 +304,7 @@ def _turned(windows: Mapping[int, Windows], names: Iterable[str], geometry: Geom
             limits = _TURN_PER_METRE if geometry.metres(kind) == 1.0 else _TURN_PER_RADIAN
             per = float(np.sqrt(limits[0] * limits[1]))
             fastest = max((_fastest(one, yaw) for one in windows.values()), default=0.0)
-            for below in (_UNSATURATED * fastest, np.inf):  # without slower turns, all turns are used
+            for below in (_UNSATURATED * fastest, np.inf):  # if no slower turn is usable, all turns are used
                 each = [_turn_ratio(one, yaw, one.of(left) - one.of(right), per, below) for one in windows.values()]
                 if ratios := [ratio for ratio in each if ratio is not None]:
                     found[yaw, kind] = _plausible(float(np.median(ratios)), limits)
@@ -328,10 +329,10 @@ def _plausible(ratio: float, limits: tuple[float, float]) -> float:
 
 
 def _against_other_runs(runs: RunSet) -> list[Contradiction]:
-    """Returns channels whose gain per drive differs by a unit's factor from the other runs.
+    """Returns channels whose gain per drive differs from the gain in the other runs by the factor of a unit.
 
-    A wheel that sticks may cause a gain that is too small. The machine itself may cause a gain that other channels
-    confirm. In both cases the channel counts as wrong only if its noise has changed by the same factor.
+    A sticking wheel may make the gain too small. If another channel confirms a gain, the machine itself may have
+    changed. In both cases the channel counts as wrong only if its noise has changed by the same factor.
     """
     found: list[Contradiction] = []
     large = [one for factor in FACTORS if factor > _LARGE for one in (factor, 1 / factor)]
@@ -349,21 +350,21 @@ def _against_other_runs(runs: RunSet) -> list[Contradiction]:
             ratios = gain / np.array([gains[k] for k in others])
             ratio = float(np.median(ratios)) if others else 1.0
             factor = next((one for one in large if _is_near(ratio, one, _GAINS_FIT)), None)
-            # The median of two different gains is like neither of them.
+            # If the other gains disagree, their median is no reference.
             if factor is None or np.mean(np.abs(np.log(ratios / ratio)) < log(_GAINS_ALIKE)) <= 0.5:
                 continue
             own, rough = runs.windows[number].roughness[name], [runs.windows[k].roughness[name] for k in others]
             usual = float(np.median([one for one in rough if one > 0.0] or [np.inf]))
             if _is_near(own / usual, factor, _NOISE_FIT) or (factor > 1.0 and not _is_confirmed(runs, number, name)):
                 odd[number] = factor
-        if len(odd) == len(gains) == 2:  # they contradict each other: the more unusual one is wrong
+        if len(odd) == len(gains) == 2:  # two runs contradict each other: the run with the more unusual motion is wrong
             odd = dict([max(odd.items(), key=lambda one: _oddness(runs.windows[one[0]], name))])
         found += [Contradiction((name,), factor, (number,), ()) for number, factor in odd.items()]
     return found
 
 
 def _is_confirmed(runs: RunSet, number: int, name: str) -> bool:
-    """Whether another channel of the run agrees with this one."""
+    """Whether another channel of the run agrees with channel `name`."""
     return any(
         evidence.state is State.HOLDS and any(name in group for group in (*relation.over, *relation.under))
         for relation, evidence in zip(runs.relations, runs.evidence[number], strict=True)
@@ -374,7 +375,7 @@ def _is_confirmed(runs: RunSet, number: int, name: str) -> bool:
 def _wrong_batteries(views: Sequence[RunView], nominal: float | None) -> list[Contradiction]:
     """Returns runs whose battery voltage is 100 or 1000 times off.
 
-    The voltage is compared with the stated one, with the other runs, or with that of a typical battery.
+    The voltage is compared with the stated voltage, with the other runs, or with a typical battery's voltage.
     """
     name = "battery_voltage"
     known = {k: one.outputs[name] for k, one in enumerate(views) if np.isfinite(one.outputs.get(name, ())).any()}

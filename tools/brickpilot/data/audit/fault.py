@@ -11,7 +11,7 @@ from brickpilot.data.signals import SIGNALS
 
 Kind = Literal["swapped", "dropout", "clipped", "frozen", "sign", "unit", "clock", "collision"]
 
-_MANY = 4  # a note names the runs if they are fewer than this; otherwise it gives their number
+_MANY = 4  # a note names the runs if there are fewer than this number; otherwise it gives their number
 _UNITS = {
     "rad": {180 / pi: "degrees", 1 / (2 * pi): "turns"},
     "rad/s": {180 / pi: "degrees per second", 30 / pi: "rpm", 1 / (2 * pi): "turns per second"},
@@ -22,13 +22,13 @@ _UNITS = {
     "V": {1000.0: "mV"},
     "s": {1000.0: "ms", 1e6: "microseconds", 1 / 60.0: "minutes"},
 }
-"""SI unit -> factor of a unit that is often confused with it -> name of that unit."""
+"""SI unit -> factor -> name of another unit, with this factor, that is often confused with the SI unit."""
 
 FACTORS = (180 / pi, 30 / pi, 2 * pi, 1000.0, 100.0, 1 / 0.0254, 25.4)
 """Factors between units: degrees, rpm or turns instead of radians; mm, cm or inches instead of m; mA instead of A."""
 
 GRAVITY = 9.80665
-"""Factor between m/s^2 and multiples of g. It is so close to 30 / pi that a ratio cannot tell the two apart."""
+"""Factor between m/s^2 and multiples of g. As it is close to 30 / pi, a ratio cannot tell the two factors apart."""
 
 CLOCK_FACTORS = (1e3, 1e-3, 1e6, 1e-6)
 """Factors between units of time: ms or microseconds in place of s, and their inverses."""
@@ -42,8 +42,8 @@ class Fault:
 
     Attributes:
         from_s, to_s: times of the first and the last damaged sample, s, on the run's own clock.
-        factor: for "sign", "unit" and "clock": stated over true value, -1 if the sign is reversed; None if no single
-            factor applies.
+        factor: for "sign", "unit" and "clock": ratio of stated to true value, -1 if the sign is reversed; None if no
+            single factor applies.
     """
 
     run: str
@@ -58,9 +58,9 @@ class Fault:
 
 
 def rows_note(found: Sequence[Fault], samples: int, of: int, start_s: float) -> str:
-    """Describes faults of one kind in one signal of one run. `samples` are damaged, `of` is the count of all samples.
+    """Describes faults of one kind in one signal of one run. `samples` of the run's `of` samples are damaged.
 
-    Times count from `start_s`, the run's start on its own clock, as they do on plots.
+    Times in the note are relative to `start_s`, the run's start on its own clock, as on plots.
     """
     first = found[0]
     single = first.from_s == first.to_s
@@ -72,9 +72,9 @@ def rows_note(found: Sequence[Fault], samples: int, of: int, start_s: float) -> 
 
 
 def channel_note(signals: Sequence[str], factor: float, runs: Sequence[str], of: int, against: Sequence[str]) -> str:
-    """Describes channels that are `factor` times too large in `runs`, of the data set's `of` runs.
+    """Describes channels that are `factor` times too large in `runs`. `of`: number of all runs in the data set.
 
-    `against`: the channels that contradict them; empty: the other runs contradict them.
+    `against`: the channels that contradict `signals`; empty: the other runs contradict `signals`.
     """
     several = len(signals) > 1
     other = joined(against) if against else "the other runs" if len(runs) < of else "a plausible value"
@@ -100,7 +100,7 @@ def collision_note(run: str, signals: Sequence[str], from_s: float) -> str:
 
 
 def range_note(signal: str, runs: Sequence[str], of: int) -> str:
-    """Describes a channel that is beyond its stated range in `runs`, of the data set's `of` runs."""
+    """Describes a channel that is beyond its stated range in `runs`. `of`: number of all runs in the data set."""
     return f"{runs_named(runs, of)}: {signal} is far beyond its stated range, so it may be in another unit; left out"
 
 
@@ -124,5 +124,5 @@ def usual_factors(name: str) -> tuple[float, ...]:
 
 
 def is_one_of(factor: float, listed: Iterable[float]) -> bool:
-    """Whether a factor or its inverse, without its sign, is 1 or one of `listed`."""
+    """Whether the size of a factor, or the inverse of this size, is 1 or one of `listed`."""
     return any(abs(size / one - 1.0) < _SAME for one in (1.0, *listed) for size in (abs(factor), 1 / abs(factor)))

@@ -18,14 +18,14 @@ from brickpilot.data.signals import Frame, to_frd
 
 _DROPOUT_SAMPLES = 5
 _DROPOUT_SHARE = 0.02  # largest share of dropouts in a signal: more jumps are part of the signal
-_OUTLYING = 12.0  # scales of the residual: least size of a jump
-_BACK = 0.2  # largest difference between the samples before and after a jump, over the jump's size
-_BEYOND_REST = 5.0  # least size of a dropout over the largest residual of sound samples
-_BEYOND_ALL = 50.0  # impulsive signals: least size over the span of all other samples; worn gears reach 20
+_OUTLYING = 12.0  # in scales of the residual: least size of a jump
+_BACK = 0.2  # share of the jump's size: largest difference between the samples before and after the jump
+_BEYOND_REST = 5.0  # least ratio of a dropout's size to the largest residual of sound samples
+_BEYOND_ALL = 50.0  # impulsive signals: least ratio of the size to the span of all other samples; worn gears reach 20
 _IMPULSIVE = ("accel_", "current", "force")  # an impact or a switch of the motor's winding may last a single sample
-_INPUT_STEP = 0.1  # least step of an input over its largest value
-_SWAP_APART = 8.0  # scales of the residual: least distance of both swapped cells from their lines
-_SWAP_MENDED = 0.2  # largest distance after the exchange of the cells, over the distance before
+_INPUT_STEP = 0.1  # share of an input's largest value: a larger change is a step
+_SWAP_APART = 8.0  # in scales of the residual: least distance of both swapped cells from their lines
+_SWAP_MENDED = 0.2  # largest ratio of the distance after the exchange of the cells to the distance before
 
 
 def jumps(view: RunView, signals: Mapping[str, Signal], frame: Frame) -> dict[Kind, dict[str, Mask]]:
@@ -40,8 +40,8 @@ def jumps(view: RunView, signals: Mapping[str, Signal], frame: Frame) -> dict[Ki
 def _bridge(time: Vector, values: Vector, length: int) -> tuple[Vector, Vector]:
     """Measures how far each stretch of `length` samples jumps away and back.
 
-    Returns the least distance of its samples from the line between the two samples around it, and how far these two are
-    apart.
+    Returns, for each stretch, the least distance of its samples from the line between the two samples around the
+    stretch, and the difference of these two samples.
     """
     count = len(values) - length - 1
     before, after = values[:count], values[length + 1 :]
@@ -54,7 +54,7 @@ def _bridge(time: Vector, values: Vector, length: int) -> tuple[Vector, Vector]:
 
 
 def _scale(residual: Vector, resolution: float) -> float:
-    """Returns the size of a residual from noise, motion and resolution, by its median and its ninth decile."""
+    """Returns the usual size of a residual from noise, motion and resolution, by its median and 90 % quantile."""
     return max(1.4826 * float(np.median(residual)), float(np.quantile(residual, 0.9)) / 1.6449, resolution)
 
 
@@ -85,7 +85,7 @@ def _dropout(view: RunView, name: str, signal: Signal) -> Mask:
 
 
 def _events(time: Vector, level: Vector, scale: float) -> list[tuple[float, int, int]]:
-    """Returns stretches that jump away and back, (jump, start, length). Each sample is in its shortest stretch only."""
+    """Returns stretches that jump away and back, (jump, start, length). A sample is in the shortest of these only."""
     events: list[tuple[float, int, int]] = []
     taken = np.zeros(len(level), dtype=bool)
     for length in range(1, min(_DROPOUT_SAMPLES, len(level) - 2) + 1):

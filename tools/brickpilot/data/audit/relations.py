@@ -1,8 +1,8 @@
-"""Relations between two motions of one run that hold for any machine: an angle and its speed, wheels and gyro.
+"""Relations that hold for any machine between two motions of one run: an angle and its speed, wheels and gyro.
 
-A relation compares motions over windows. It holds if the two are equal within the limits of slip, wrong lengths and
-lags. It is broken if they are correlated, but have opposite signs or a ratio that another unit explains. Otherwise it
-is silent. The signals of a data set and the known geometry determine which relations exist.
+A relation compares two motions over windows. It holds if the two motions are equal within the limits of slip, inexact
+lengths and lags. It is broken if the motions are correlated, but have opposite signs or a ratio that another unit
+explains. Otherwise it is silent. The signals of a data set and the known geometry determine which relations exist.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ Motions = Callable[[Windows], tuple[Vector, Vector]]
 
 WHEEL_KINDS = ("travel", "velocity", "angle", "speed")
 
-_PHYSICAL = 5.0  # largest ratio, up or down, that is explained without another unit
-_ONE_SENSOR, _TWO_SENSORS = 1.15, 1.6  # largest ratio over the factor of a unit, up or down, that the unit explains
-_MOVES = 0.3  # rad/s or m/s^2: least motion that is evidence for a relation of two sensors
-_WITH = 0.8  # least |sum of motion x drive| over the sum of |motion x drive| that is evidence
+_PHYSICAL = 5.0  # largest ratio, up or down, that is possible without another unit
+_ONE_SENSOR, _TWO_SENSORS = 1.15, 1.6  # a unit explains a ratio if its factor is off by less, up or down
+_MOVES = 0.3  # rad/s or m/s^2: least motion that is evidence on a relation of two sensors
+_WITH = 0.8  # least ratio of |sum of motion x drive| to the sum of |motion x drive| that is evidence
 _DRIVEN = 0.4  # share of the stronger side's drive: a weaker drive is no evidence
-_APART = 0.5  # difference of left and right over their mean: a smaller one may be a mismatch of wheels or motors
-_AS_HARD = 1.5  # the two sides are compared only if the ratio of their drives is smaller, up or down
+_APART = 0.5  # ratio of left less right to their mean: a smaller ratio may come from unequal wheels or motors
+_AS_HARD = 1.5  # the two sides are compared only if the ratio of their drives is smaller than this, up or down
 _WIDE = 0.2  # m: least radius of a turn that counts, well above a sensor's distance from the centre
 
 
@@ -43,7 +43,7 @@ class State(IntEnum):
 
 @dataclass(frozen=True)
 class Evidence:
-    """The evidence of one run on one relation.
+    """What one run shows about one relation.
 
     Attributes:
         ratio: signed ratio of the two motions; NaN if the relation is silent.
@@ -67,7 +67,7 @@ class Alike:
             in `under` divides it.
         motions: function that returns the two motions, (w,) each.
         fits: a factor explains a ratio if ratio / factor is between 1 / `fits` and `fits`.
-        floor: least rms per second of the larger motion; below it, the relation is silent.
+        floor: least rms per second of the larger motion; with less motion, the relation is silent.
         slips: whether slip may reduce the first motion to a fifth of the second.
     """
 
@@ -111,7 +111,7 @@ class Driven:
 
     Attributes:
         name: the channel of the motion; `drive`: the drive that moves it.
-        least: least rms per second of the drive; below it, the relation is silent.
+        least: least rms per second of the drive; with less drive, the relation is silent.
     """
 
     over: tuple[Group, ...]
@@ -139,10 +139,10 @@ Relation = Alike | Driven
 
 @dataclass(frozen=True)
 class Geometry:
-    """What is known of the vehicle's geometry.
+    """The known geometry of the vehicle.
 
     Attributes:
-        wheel_radius, half_track: m; None where the data set does not state them.
+        wheel_radius, half_track: m; None if the data set does not state the length.
         turned: (yaw channel, kind of wheel channel) -> yaw per difference of left and right, estimated from the data;
             used if the lengths are not stated.
     """
@@ -156,7 +156,7 @@ class Geometry:
         return 1.0 if kind in {"travel", "velocity"} else self.wheel_radius
 
     def turn(self, yaw: str, kind: str) -> float | None:
-        """Returns the yaw per difference of left and right; None where it is not known."""
+        """Returns the yaw per difference of left and right; None: not known."""
         metres = self.metres(kind)
         if metres is None or self.half_track is None:
             return self.turned.get((yaw, kind))
@@ -177,7 +177,7 @@ def relations(names: Iterable[str], geometry: Geometry, least: Mapping[str, floa
 
 
 def _yaw_groups(name: str, present: set[str]) -> tuple[Group, ...]:
-    """Returns groups that may be wrong together: one channel, all of the gyro, all that a wrong frame reverses."""
+    """Returns groups that may be wrong together: one channel, all yaw channels, all that a wrong frame reverses."""
     both = tuple(sorted(present & {"yaw_rate", "yaw_angle"}))
     return tuple(dict.fromkeys([(name,), both, tuple(sorted({*both, *(present & {"accel_sway"})}))]))
 
@@ -212,7 +212,7 @@ def _sums_and_rates(present: set[str]) -> list[Relation]:
 
 
 def _metres_and_radians(present: set[str], geometry: Geometry) -> list[Relation]:
-    """Relations of a wheel or shaft that is measured both in metres and in radians."""
+    """Returns the relations of a wheel or shaft that is measured both in metres and in radians."""
     names = [("position", "angle"), ("velocity", "speed")]
     for side in ("left", "right"):
         names += [(f"wheel_travel_{side}", f"wheel_angle_{side}"), (f"wheel_velocity_{side}", f"wheel_speed_{side}")]
@@ -224,7 +224,7 @@ def _metres_and_radians(present: set[str], geometry: Geometry) -> list[Relation]
 
 
 def _of_two_wheels(kind: str, present: set[str], geometry: Geometry) -> list[Relation]:
-    """Relations of both wheels' motion to the gyro and to the accelerometers."""
+    """Returns the relations of both wheels' motion to the gyro and to the accelerometers."""
     metres = geometry.metres(kind) or np.nan
     groups = _wheel_groups(kind, present)
     yaws = [yaw for yaw in ("yaw_rate", "yaw_angle") if yaw in present]
@@ -241,12 +241,12 @@ def _of_two_wheels(kind: str, present: set[str], geometry: Geometry) -> list[Rel
 
 
 def _turning(yaw: str, kind: str, per: float | None) -> Motions:
-    """The yaw, and the difference of the wheels times `per`; `per` None: scaled so that only the sign counts."""
+    """Returns the yaw, and the wheels' difference times `per`; `per` None: scaled so that only the sign counts."""
 
     def motions(windows: Windows) -> tuple[Vector, Vector]:
         turn, left, right = windows.of(yaw), windows.of(f"wheel_{kind}_left"), windows.of(f"wheel_{kind}_right")
         apart = left - right
-        # In a straight run the body turns by the difference of the wheels' radii, not of their speeds.
+        # In a straight run the body turns because the wheels' radii differ, not their speeds.
         if windows.rms(apart) <= _APART * windows.rms(left + right) / 2:
             return turn, np.full_like(apart, np.nan)
         return turn, apart * (windows.rms(turn) / windows.rms(apart) if per is None else per)
@@ -255,7 +255,7 @@ def _turning(yaw: str, kind: str, per: float | None) -> Motions:
 
 
 def _surging(kind: str, metres: float) -> Motions:
-    """The integral of the surge acceleration, and the change of the wheels' mean speed, without their means."""
+    """Returns the integral of the surge acceleration and the change of the mean wheel speed, less their means."""
 
     def motions(windows: Windows) -> tuple[Vector, Vector]:
         nothing = np.full_like(windows.seconds, np.nan)
@@ -268,12 +268,12 @@ def _surging(kind: str, metres: float) -> Motions:
 
 
 def _swaying(yaw: str, kind: str, metres: float) -> Motions:
-    """The integral of the sway acceleration, and speed times yaw rate."""
+    """Returns the integral of the sway acceleration, and that of speed times yaw rate."""
 
     def motions(windows: Windows) -> tuple[Vector, Vector]:
         turn = windows.of(yaw)
         ahead = metres * (windows.of(f"wheel_{kind}_left") + windows.of(f"wheel_{kind}_right")) / 2
-        # In a turn on the spot, a sensor off the centre measures its own acceleration, not the vehicle's.
+        # In a turn on the spot, a sensor away from the centre measures an acceleration of its own, not the vehicle's.
         ahead = np.where(np.abs(ahead) > _WIDE * np.abs(turn), ahead, np.nan)
         return windows.of("accel_sway"), ahead * turn / windows.seconds
 
@@ -281,7 +281,7 @@ def _swaying(yaw: str, kind: str, metres: float) -> Motions:
 
 
 def _left_and_right(left: str, right: str, least: Mapping[str, float]) -> Relation:
-    """The relation of both sides, if their drives are alike and too strong for friction to hold one side."""
+    """Returns the relation of both sides; it needs similar drives that are too strong for friction to stop one side."""
 
     def sides(windows: Windows) -> tuple[Vector, Vector]:
         one, other = windows.of(left), windows.of(right)
@@ -300,7 +300,7 @@ def _driven(present: set[str], least: Mapping[str, float]) -> list[Relation]:
     found: list[Relation] = []
     for name in sorted(present):
         drive = driven_by(name)
-        if drive not in least or name.startswith(("current", "force")):  # a motor faster than its no-load speed brakes
+        if drive not in least or name.startswith(("current", "force")):  # above its no-load speed, a motor brakes
             continue
         over: tuple[Group, ...] = _one_or_both(name)
         under: tuple[Group, ...] = ((f"drive_{drive}",),)

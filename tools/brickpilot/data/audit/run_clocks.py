@@ -1,11 +1,12 @@
-"""Finds runs whose clock is fast or slow, drifts or jumps; also rates that lag behind their sums.
+"""Finds runs whose clock is fast or slow, drifts or jumps; also rates that lag behind the angle of the same sensor.
 
-Two tests find a wrong clock. The first compares the sampling interval with that of the other runs, if it is constant
-there to a fraction of a percent. The second uses the ratio of an angle's growth to the integral of its rate, which is a
-property of the sensors and equal in all runs. If a ratio is wrong by the same factor in all runs, a scale may be wrong.
-The clock is wrong only if the ratios of wheels and gyro, two sensors, are wrong by the same factor.
+Two tests find a wrong clock. The first compares a run's sampling interval with the interval of the other runs, if the
+latter is constant to a fraction of a percent. The second uses the ratio of an angle's growth to the integral of its
+rate; this ratio depends on the sensors and is equal in all runs. If the ratio of one sensor is wrong by the same factor
+in all runs, its scale may be wrong. The clock is wrong only if the ratios of two sensors, wheels and gyro, are wrong by
+the same factor.
 
-A late rate is not a fault: motor controllers report an averaged velocity.
+A rate that lags is not a fault, because motor controllers report an averaged velocity.
 """
 
 from __future__ import annotations
@@ -23,27 +24,27 @@ from brickpilot.data.signals import RATE_OF
 
 _BLOCKS = 20
 _LEAST_SAMPLES = 60
-_STEADY = 0.002  # largest relative spread of an interval in and between runs, and of a sensor's ratio
-_OFF = 0.008  # relative difference of the interval: a smaller one is no fault
-_ON_PURPOSE = 0.15  # relative difference: a larger one is another sampling rate, chosen on purpose
+_STEADY = 0.002  # largest relative spread of an interval, in a run or between runs, and of a sensor's ratio
+_OFF = 0.008  # relative difference of intervals: a smaller difference is no fault
+_ON_PURPOSE = 0.15  # relative difference of intervals: a larger difference is a sampling rate chosen on purpose
 _ALIKE = 2 / 3  # share of the runs that must have the usual interval
-_SMOOTH = 0.15  # largest residual of a fitted parabola, over the size of the drift
-_ROUND = 3e-4  # largest relative difference from a round number
+_SMOOTH = 0.15  # share of the size of a drift: largest residual of a fitted parabola
+_ROUND = 3e-4  # largest relative difference between a value and its rounded value
 _WINDOWS = 24
 _BOUNDED = 0.5  # factor on the sd, because the residuals of a summed signal are not independent
 _RATIO_OFF, _DRIFTS = 0.012, 0.02  # largest deviation and trend of a ratio that bias and slip may cause
-_SURE = 5.0  # standard errors: a larger deviation is certain
-_WANDER = {"yaw_angle"}  # sums of rates with a slowly changing bias, which looks like a wrong clock
+_SURE = 5.0  # in standard errors: a larger deviation is certain
+_WANDER = {"yaw_angle"}  # integrals of rates whose bias changes slowly, which looks like a wrong clock
 _AGREE = 0.4  # relative difference: deviations that differ by less agree
-_JUMP = 8.0  # usual intervals: a longer step is a jump or a dropout
-_STOOD = 0.35  # share of the motion expected during a jump: below it, the vehicle stood
-_LOCAL = 10  # samples before and after a jump that give the speed there
-_STEPS = 10.0  # resolutions: least motion expected during a jump that is evidence
-_LONGEST_S = 0.2  # no sensor has a longer delay
-_SPAN_S = 0.04  # the span over which a summed signal is differenced, and a rate averaged
-_CLEARER = 0.8  # largest residual with a clear delay, over the residual without a delay
-_TRIED = 20  # delays that are tried in each direction, up to the longest
-_AGREES = 0.5  # largest spread of the runs' delays over their median
+_JUMP = 8.0  # in usual intervals: a longer step is a jump or lost rows
+_STOOD = 0.35  # share of the motion expected during a jump: with less motion, the vehicle stood
+_LOCAL = 10  # number of samples before and after a jump from which the speeds there are computed
+_STEPS = 10.0  # in resolutions: if less motion is expected during a jump, it is no evidence
+_LONGEST_S = 0.2  # longest delay that is tried, s; no sensor has a longer delay
+_SPAN_S = 0.04  # the span over which a summed signal is differenced, and over which a rate is averaged
+_CLEARER = 0.8  # a delay is clear if it reduces the residual at least to this share of the residual without a delay
+_TRIED = 20  # number of delays that are tried in each direction, up to the longest delay
+_AGREES = 0.5  # share of the runs' median delay: largest spread of their delays
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,7 @@ class ClockFault:
     Attributes:
         run: the run's number.
         start: the first sample whose time is wrong.
-        factor: stated over true time; None: the ratio is not constant.
+        factor: ratio of stated to true time; None: the ratio is not constant.
         evidence: the end of a sentence that begins with "its clock".
     """
 
@@ -65,7 +66,7 @@ class ClockFault:
 
 @dataclass(frozen=True)
 class _Ratio:
-    """A sum's growth over the integral of its rate in one run (`value`), and this ratio's relative `trend`."""
+    """`value`: ratio of a sum's growth to the integral of its rate in one run; `trend`: the ratio's relative trend."""
 
     value: float
     sd: float
@@ -116,7 +117,7 @@ def _spread(values: Vector) -> float:
 
 
 def _usual_interval(intervals: list[float]) -> float | None:
-    """Returns the interval of most runs, or of two runs the rounder one in ms or Hz; None: there is none."""
+    """Returns the interval of most runs; if there are two runs, the interval that is rounder in ms or Hz; else None."""
     for one in intervals:
         alike = sum(abs(other / one - 1.0) < _STEADY for other in intervals)
         if alike >= max(2.0, _ALIKE * len(intervals)) or len(intervals) == 1:
@@ -135,7 +136,7 @@ def _digits(value: float) -> int:
 
 
 def _drifts(blocks: Vector, usual: float) -> bool:
-    """Whether the interval changes smoothly in the run, by more than noise and less than a change made on purpose."""
+    """Whether the interval changes smoothly in the run, by more than noise and less than a change on purpose."""
     place = np.linspace(-1.0, 1.0, len(blocks))
     smooth = np.polyval(np.polyfit(place, blocks, 2), place)
     change = float(np.ptp(smooth))
@@ -144,7 +145,7 @@ def _drifts(blocks: Vector, usual: float) -> bool:
 
 
 def _ratios(views: Sequence[RunView]) -> list[dict[str, _Ratio]]:
-    """Returns for each run: name of the sum -> ratio."""
+    """Returns for each run: name of a sum -> the ratio of its growth to its rate's integral."""
     present = set().union(*(view.outputs for view in views))
     pairs = [(sums, rate) for sums, rate in (*RATE_OF.items(), ("yaw_angle", "yaw_rate")) if {sums, rate} <= present]
     found: list[dict[str, _Ratio]] = [{} for _ in views]
@@ -179,7 +180,7 @@ def _ratio(growth: Vector, rate: Vector, beside: Vector, lag: float | None) -> _
     if lag is None:
         solved, sds = _solve(np.column_stack([rate, beside]), growth)
         value, sd = float(solved[0]), float(sds[0])
-    else:  # from the sums themselves: their error stays bounded while the path grows
+    else:  # fits the sums instead of their growth: the error of a sum stays bounded while the path grows
         path, integral = (np.cumsum(one) - np.mean(np.cumsum(one)) for one in (growth - lag * beside, rate))
         value = float(path @ integral) / float(integral @ integral)
         sd = float(np.sqrt(np.sum((path - value * integral) ** 2) / (integral @ integral))) * _BOUNDED
@@ -189,7 +190,7 @@ def _ratio(growth: Vector, rate: Vector, beside: Vector, lag: float | None) -> _
 
 
 def _solve(columns: NDArray[np.float64], values: Vector) -> tuple[Vector, Vector]:
-    """Returns the least-squares coefficients and their sd, infinite where they are not identifiable."""
+    """Returns the least-squares coefficients and their sds; the sds are infinite if the columns are dependent."""
     fitted, _, rank, _ = np.linalg.lstsq(columns, values, rcond=1e-9)
     solved = np.asarray(fitted, dtype=np.float64)
     if rank < columns.shape[1]:
@@ -237,7 +238,7 @@ def _off(ratio: _Ratio, middle: float, spread: float) -> tuple[float, float]:
 
 
 def _denied(offs: Mapping[str, tuple[float, float]], by: float) -> bool:
-    """Whether one of the ratios certainly contradicts a fault of the size `by`."""
+    """Whether one of the ratios certainly contradicts a clock fault of the relative size `by`."""
     return any(abs(off - by) > max(_AGREE * abs(by), _SURE * sd) for off, sd in offs.values())
 
 
@@ -249,7 +250,7 @@ def _agree(offs: Sequence[tuple[float, float]], least: float) -> bool:
 
 
 def _off_in_all(usual: Mapping[str, tuple[float, float]]) -> float | None:
-    """Returns stated over true time, if wheels and gyro are wrong by the same factor in all runs; else None."""
+    """Returns the ratio of stated to true time, if wheels and gyro are wrong by one factor in all runs; else None."""
     offs = [(middle - 1.0, max(spread, _STEADY)) for middle, spread in usual.values()]
     kinds = {"yaw" if name.startswith("yaw_") else "wheel" for name in usual}
     if len(kinds) < 2 or not _agree(offs, _RATIO_OFF):
@@ -258,7 +259,7 @@ def _off_in_all(usual: Mapping[str, tuple[float, float]]) -> float | None:
 
 
 def _jumps(views: Sequence[RunView]) -> list[ClockFault]:
-    """Finds clocks that jump ahead while nothing moves. If rows are lost instead, the motion continues."""
+    """Finds clocks that jump ahead while nothing moves. If rows were lost instead, the motion would continue."""
     found: list[ClockFault] = []
     for number, view in enumerate(views):
         steps = np.diff(view.time)
@@ -298,7 +299,7 @@ def delays(views: Sequence[RunView]) -> dict[str, float]:
 
 
 def delay_note(found: dict[str, float]) -> str:
-    """Describes the delays of rates, s."""
+    """Describes the delays of rates in a sentence. `found`: rate -> delay in s."""
     told = [f"{name} by {1e3 * abs(seconds):.0f} ms" for name, seconds in found.items()]
     way = "behind" if next(iter(found.values())) > 0 else "ahead of"
     return (
@@ -308,7 +309,7 @@ def delay_note(found: dict[str, float]) -> str:
 
 
 def _delay(view: RunView, sums: str, rate: str) -> float | None:
-    """Returns the delay in one run, s; 0: none is clear; None: the run lacks a signal, or enough samples of it."""
+    """Returns the delay in one run, s; 0: no clear delay; None: the run lacks a signal or enough samples of it."""
     if not {sums, rate} <= view.outputs.keys() or view.interval > _SPAN_S:
         return None
     summed, rated = (view.sampled(name) for name in (sums, rate))

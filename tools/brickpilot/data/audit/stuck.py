@@ -1,7 +1,7 @@
-"""Finds where a signal keeps one value: clipped, frozen, or because each sample is held for several rows.
+"""Finds where a signal keeps one value because it is clipped or frozen, or because its samples are held for some rows.
 
-A channel that is logged faster than it is sampled holds its samples. A row that repeats a sample holds no new data.
-Such rows look like a frozen sensor, and make the noise seem smaller. Inputs are commands: they hold until the next
+A channel that is logged faster than it is sampled holds its samples. Rows that repeat a sample hold no new data. They
+look like a frozen sensor, and make the noise seem smaller. Inputs are not tested: a command holds until the next
 command.
 """
 
@@ -15,31 +15,31 @@ import numpy as np
 from brickpilot.data.audit.view import LEAST_SAMPLES, Held, Mask, RunView, Vector, driven_by, stretches
 from brickpilot.data.signals import RATE_OF, SUMMED
 
-_ANALOGUE = ("accel_", "yaw_rate", "current", "force", "battery")  # constant only if their resolution is coarse
-_LEAST_CLIPPED = 8  # least number of samples at a run's extreme
-_CLIPPED_BEYOND = 5.0  # least frequency of a clipped extreme over that of any other value
-_EDGE_STEPS = 3.0  # resolutions: least jump to and from a plateau
+_ANALOGUE = ("accel_", "yaw_rate", "current", "force", "battery")  # signals constant only if their resolution is coarse
+_LEAST_CLIPPED = 8  # least number of samples at an extreme of a run that counts as clipped
+_CLIPPED_BEYOND = 5.0  # least ratio of a clipped extreme's frequency to that of any other value
+_EDGE_STEPS = 3.0  # in resolutions: least jump to and from a plateau
 _DITHERS = 0.6  # largest share of repeats in a signal whose noise is at least half a resolution
 _BLOCK = 50  # number of samples from which one share of repeats is computed
-_QUIET_BLOCKS = 0.9  # quantile of the share of repeats over blocks: the quietest tenth is left out
-_UNLIKELY = 4.0  # least length of a frozen stretch over the length expected once, or the longest elsewhere
-_LEAP = 8.0  # least jump when a frozen sensor recovers, over the largest other change of the signal
-_NEAR = 4.0  # usual changes between samples: a sample closer to an extreme counts as near it
-_FEW = 0.2  # samples near over samples at an extreme: above it, the sensor froze at a steady level
-_STALE = 0.75  # share of repeats: above it, the same sensor's sum or rate stands, too, and is no evidence
-_FAR = 0.25  # share of the stated range: a value this far outside is far beyond it
-_NOW_AND_THEN = 0.02  # share of samples far beyond the range: above it, clipping is not the cause
+_QUIET_BLOCKS = 0.9  # quantile over blocks of the share of repeats: the quietest tenth of blocks is left out
+_UNLIKELY = 4.0  # least ratio of a frozen stretch's length to the length expected once, or to the longest elsewhere
+_LEAP = 8.0  # least ratio of the jump at a frozen stretch's end to the signal's largest other change
+_NEAR = 4.0  # in usual changes between samples: a sample counts as near an extreme if it is closer than this
+_FEW = 0.2  # ratio of samples near an extreme to samples at it: above this, the sensor froze at a steady level
+_STALE = 0.75  # share of repeats: with more, the sum or rate of the same sensor stands, too, and is no evidence
+_FAR = 0.25  # share of the stated range: a value farther outside counts as far beyond the range
+_NOW_AND_THEN = 0.02  # share of samples far beyond the range: if it is larger, clipping is not the cause
 _BATTERY = "battery_voltage"
-_GROWS = 1.25  # a shaft starts if its second speed over its first one is larger
-_STARTS = 0.2  # share of the fastest speed: below it, a shaft may begin or end a standstill
-_OFF_RATE = 0.1  # share of the fastest motion: allowed difference of a rate from its sum's growth
-_RATE_STEPS = 3.0  # resolutions: allowed error of a difference of two samples
-_DRIVEN = 0.5  # share of the usual drive: above it, a constant sum is frozen
+_GROWS = 1.25  # a shaft starts if the ratio of its second speed to its first speed is larger
+_STARTS = 0.2  # share of the fastest speed: a slower shaft may begin or end a standstill
+_OFF_RATE = 0.1  # share of the fastest motion: allowed difference between a rate and its sum's growth
+_RATE_STEPS = 3.0  # in resolutions: allowed error of a difference of two samples
+_DRIVEN = 0.5  # share of the usual drive: with a stronger drive, a constant sum is frozen
 _PACE_S, _PACE_SAMPLES = 0.03, 10
-_STEADY = 0.3  # largest change of a steady rate over the fastest, or of a steady drive over the largest
+_STEADY = 0.3  # largest change of a steady rate or drive, as a share of the largest rate or drive
 _FAST = 0.3  # share of the fastest motion: a faster motion cannot stop within one sample
 _MOTION = ("wheel_", "yaw_", "angle", "speed", "position", "velocity")
-_REVERSES = 0.3  # noise changes its direction at a larger share of the samples
+_REVERSES = 0.3  # a signal shows noise if it changes direction at a larger share of the samples
 _REPEATED = 0.02  # largest share of repeats of a channel that changes with every sample
 
 
@@ -48,10 +48,10 @@ class AcrossRuns:
 
     Attributes:
         views: the views of all runs.
-        noise: the channels whose value changes direction so often that they show noise.
+        noise: the channels that change direction so often that noise must be the cause.
         fastest: motion channel -> its largest mean rate over one fortieth of a run.
-        usual_drive: sum -> mean size of its drive while the sum moves; 0 if the sum repeats values outside long
-            stretches of one value.
+        usual_drive: sum -> mean size of its drive while the sum moves; 0 if values repeat outside long stretches of one
+            value, too.
     """
 
     def __init__(self, views: Sequence[RunView]) -> None:
@@ -65,7 +65,7 @@ class AcrossRuns:
         self.usual_drive = {name: self._drive_while_moving(name) for name in names if name in SUMMED}
 
     def _drive_while_moving(self, name: str) -> float:
-        """Returns an entry of `usual_drive`: 0 if the channel repeats values outside long stretches of one value."""
+        """Returns an entry of `usual_drive`; it is 0 if values repeat outside long stretches of one value, too."""
         repeats = samples = 0
         level = 0.0
         for one in self.views:
@@ -83,8 +83,8 @@ class AcrossRuns:
 def clipped(view: RunView, name: str, stated: tuple[float, float] | None) -> Mask:
     """Finds two or more samples in a row at an end of the stated range; without a range, a plateau at an extreme.
 
-    An end at 0 does not count, because an unsigned sensor rests there. A channel that is often far beyond its range is
-    not clipped, but may be in another unit.
+    An end at 0 does not count, because an unsigned sensor rests there. A channel whose values are often far beyond the
+    range is not clipped, but may be in another unit.
     """
     values = view.outputs[name]
     found = np.zeros(len(values), dtype=bool)
@@ -113,7 +113,7 @@ def leaves(values: Vector, stated: tuple[float, float] | None) -> bool:
 
 
 def _plateau(values: Vector, resolution: float) -> Mask:
-    """Finds samples at the highest value, if it is by far the most frequent one and jumps lead to and from it."""
+    """Finds samples at the highest value, if this value is by far the most frequent and jumps lead to and from it."""
     none = np.zeros(len(values), dtype=bool)
     known = values[np.isfinite(values)]
     if len(known) < LEAST_SAMPLES or known.max() == 0.0:
@@ -136,9 +136,9 @@ def _plateau(values: Vector, resolution: float) -> Mask:
 
 
 def frozen(view: RunView, name: str, across: AcrossRuns) -> tuple[Mask, Mask]:
-    """Finds stretches of one value that are wrong according to the noise, the rate or a jump at the end.
+    """Finds stretches of one value that noise, rate or a jump at the end show to be wrong.
 
-    Returns the frozen samples, and those that are clipped instead.
+    Returns the frozen samples, and the samples in such stretches that are clipped instead.
     """
     values = view.outputs[name]
     found = np.zeros(len(values), dtype=bool)
@@ -166,7 +166,8 @@ def _stands(view: RunView, name: str, start: int, stop: int) -> bool:
     """Whether a rate is zero, and near zero just before and after, because its shaft stands.
 
     An encoder's speed has no noise at standstill. At the start of a run the first speed after zero may be large if the
-    next one is larger still: the shaft starts. A sensor that starts late jumps to the present speed and stays there.
+    next one is larger still: the shaft starts. A sensor that starts late instead jumps to the present speed and stays
+    there.
     """
     values = view.outputs[name]
     if name not in RATE_OF.values() or values[start] != 0.0:
@@ -178,10 +179,10 @@ def _stands(view: RunView, name: str, start: int, stop: int) -> bool:
 
 
 def _at_extreme(view: RunView, name: str, stands: Mask) -> Mask:
-    """Finds samples at an extreme of the run if the stretches `stands` reach it: the sensor is at the end of its range.
+    """Finds samples at an extreme of the run that the stretches `stands` reach: the sensor is at the end of its range.
 
-    Excluded are: a sum, which may stop at its extreme; zero, the value of a dead sensor; a stretch up to the run's end,
-    as of a sensor that failed; and a level with many other samples near it, as of a sensor that froze in steady motion.
+    Four cases are excluded: a sum, which may stop at its extreme; zero, the value of a dead sensor; a stretch up to the
+    run's end, as after a sensor failure; and an extreme with many samples near it, as after a freeze in steady motion.
     """
     values = view.outputs[name]
     found = np.zeros(len(values), dtype=bool)
@@ -198,7 +199,7 @@ def _at_extreme(view: RunView, name: str, stands: Mask) -> Mask:
 
 
 def _repeats(values: Vector) -> Mask:
-    """Returns True at each sample that the next one repeats."""
+    """Returns (n,): whether the next sample repeats a sample."""
     return np.append(values[1:] == values[:-1], False)
 
 
@@ -213,8 +214,8 @@ def _moves_elsewhere(view: RunView, name: str, start: int, stop: int) -> bool:
 def _too_long(view: RunView, name: str, start: int, stop: int, across: AcrossRuns) -> bool:
     """Whether the stretch is too long for a signal that seldom repeats values elsewhere.
 
-    The channel of a standing wheel is not frozen. A turning wheel is also compared with turning wheels alone, because a
-    standing or creeping wheel repeats values more often.
+    The channel of a standing wheel does not count as frozen. A turning wheel is also compared with turning wheels
+    alone, because a standing or creeping wheel repeats values more often.
     """
     level = view.outputs[name][start]
     analogue = name.startswith(_ANALOGUE) or (name == "yaw_angle" and level != 0.0)
@@ -231,8 +232,8 @@ def _too_long(view: RunView, name: str, start: int, stop: int, across: AcrossRun
 def _expected_once(pieces: Sequence[Vector], least: float) -> float:
     """Returns the length of a constant stretch that is expected once; infinite: values repeat too often.
 
-    `least`: only values of this size or more count. If it is above 0, the longest stretch found is returned instead of
-    the expected one, because a wheel may turn slowly for a while.
+    `least`: only values of this size or more count. If `least` is above 0, the longest stretch found is returned
+    instead of the expected length, because a wheel may turn slowly for a while.
     """
     inner = [values[a:b] for values in pieces for a, b in stretches(np.abs(values) >= least)]
     repeats = np.concatenate([np.diff(values) == 0.0 for values in inner] or [np.zeros(0, dtype=bool)])
@@ -245,7 +246,7 @@ def _expected_once(pieces: Sequence[Vector], least: float) -> float:
 
 
 def _jumps(view: RunView, name: str, start: int, stop: int) -> bool:
-    """Whether the change at the stretch's end, and for a rate also the one at its start, is by far the largest."""
+    """Whether the change at the stretch's end, and for a rate also the change at its start, is by far the largest."""
     values = view.outputs[name]
     edges = [stop] if name in SUMMED else [start, stop]
     if name.startswith(_ANALOGUE) or not all(0 < edge < len(values) for edge in edges):
@@ -262,7 +263,7 @@ def _jumps(view: RunView, name: str, start: int, stop: int) -> bool:
 
 
 def _contradicts_partner(view: RunView, name: str, start: int, stop: int, across: AcrossRuns) -> bool:
-    """Whether the sum or the rate of the same sensor shows another motion in one half of the stretch."""
+    """Whether the same sensor's other channel (sum or rate) shows another motion in one half of the stretch."""
     partners = {**RATE_OF, **{rate: sums for sums, rate in RATE_OF.items()}}
     partner = partners.get(name, "")
     values = view.outputs.get(partner, np.full_like(view.time, np.nan))
@@ -279,7 +280,7 @@ def _contradicts_partner(view: RunView, name: str, start: int, stop: int, across
 
 
 def _never_stands(view: RunView, name: str, start: int, stop: int, across: AcrossRuns) -> bool:
-    """Whether a sum stands although its drive, in both directions, is about as strong as usual in motion.
+    """Whether a sum stands although its drive, in both directions, is as strong as usually in motion.
 
     A machine that is driven in one direction only may be at its end stop. A yaw angle has no end stop, so for it one
     direction is enough.
@@ -315,7 +316,7 @@ def _stops_alone(view: RunView, name: str, start: int, stop: int, across: Across
 
 
 def _pace(view: RunView, name: str, part: slice = slice(None)) -> float:
-    """Returns the mean rate of a channel over a part of the run; for a sum, its growth per time."""
+    """Returns the mean rate of a channel over a part of the run; for a sum, the growth per time."""
     values, time = view.outputs[name][part], view.time[part]
     known = np.flatnonzero(np.isfinite(values))
     if known.size < 2:
@@ -334,18 +335,18 @@ def _fastest(view: RunView, name: str) -> float:
 
 _LEAST_CHANGES = 20
 _LEAST_ROWS = 1.5  # least mean number of rows for each sample
-_ROW = 1.1  # rows: the largest delay with which a change is logged
-_REGULAR = 0.9  # least share of changes that are whole beats apart
-_STEPS = 2.5  # resolutions: smaller changes are no beat; a coarse channel at constant speed has them
-_TOGETHER = 0.9  # least share of a coarse channel's changes in rows where another channel changes
+_ROW = 1.1  # in rows: the largest delay with which a change is logged
+_REGULAR = 0.9  # a larger share of the changes has to be whole beats apart
+_STEPS = 2.5  # in resolutions: smaller changes give no beat, as those of a coarse channel at constant speed
+_TOGETHER = 0.9  # a larger share of a coarse channel's changes has to be in rows where another channel changes
 
 
 def held(time: Vector, outputs: Mapping[str, Vector], resolution: Mapping[str, float]) -> dict[str, Held]:
-    """Returns the channels of one run that are held, by name.
+    """Returns channel -> `Held`, for the channels of one run that hold their samples.
 
     A channel is held if its value changes at a regular beat of several rows, and by more than one step of its
     resolution. A coarse channel that changes only together with a held channel is held, too. At rest, two samples may
-    be equal: a beat without a change still counts as a new sample.
+    be equal, so a beat without a change still counts as a new sample.
     """
     row = float(np.median(np.diff(time)))
     changed = {name: _changes(values) for name, values in outputs.items()}
@@ -377,7 +378,7 @@ def _row(time: Vector, values: Vector) -> float:
 
 
 def held_note(runs: Sequence[str], of: int, beats: Mapping[str, float], row: float) -> str:
-    """Describes the held channels of some runs: `beats`, channel -> s; `row`: s from row to row."""
+    """Describes the held channels of some runs: `beats`: channel -> beat, s; `row`: time between rows, s."""
     where = "all runs" if len(runs) == of else f"run {runs[0]}" if len(runs) == 1 else f"{len(runs)} runs"
     low, high = 1e3 * min(beats.values()), 1e3 * max(beats.values())
     every = f"{low:.3g} ms" if high < 1.1 * low else f"{low:.3g} to {high:.3g} ms"
@@ -407,7 +408,7 @@ def _beat(time: Vector, changed: Mask, row: float) -> float | None:
         return None
     apart = np.diff(time[at])
     short = apart <= 1.5 * float(np.median(apart))
-    beat = float(np.mean(apart[short]))  # each beat is rounded to rows, but the mean of the beats is exact
+    beat = float(np.mean(apart[short]))  # each beat is rounded to whole rows, but the mean of all beats is not
     if beat < _LEAST_ROWS * row:
         return None
     beats = np.maximum(np.round(apart / beat), 1.0)
@@ -417,7 +418,7 @@ def _beat(time: Vector, changed: Mask, row: float) -> float | None:
 
 
 def _grids(beats: Mapping[str, float], changed: Mapping[str, Mask]) -> dict[str, tuple[float, Mask]]:
-    """Returns channel -> its beat, and the rows in which this channel or another one of the same device changes."""
+    """Returns channel -> its beat, and the rows in which this or another channel of the same device changes."""
     found: dict[str, tuple[float, Mask]] = {}
     for name, beat in beats.items():
         device = [other for other in beats if _falls_on(changed[other], changed[name])]
@@ -431,7 +432,7 @@ def _falls_on(mask: Mask, grid: Mask) -> bool:
 
 
 def _fresh(time: Vector, grid: Mask, beat: float, row: float) -> Mask:
-    """Returns the rows of `grid`, and the rows at whole beats in longer gaps of `grid`."""
+    """Returns the rows of `grid`, and in gaps of `grid` also the rows at whole beats."""
     fresh = grid.copy()
     at = np.append(np.flatnonzero(grid), len(time))
     for start, stop in zip(at[:-1].tolist(), at[1:].tolist(), strict=True):

@@ -22,13 +22,13 @@ LEAST_WINDOWS = 4
 """Least number of windows that count as evidence."""
 
 EQUAL = 2.5
-"""Largest ratio, up or down, of two measurements of one motion that lags, wrong lengths and unequal wheels cause."""
+"""Largest ratio, up or down, of two measurements of one motion that lags, wrong lengths and unequal wheels explain."""
 
 _FEWEST, _MOST = 8, 32  # number of windows of a run
-_WINDOW_S = 0.25  # longer than delays and lags of sensors, shorter than a manoeuvre
-_KNOWN = 0.7  # least share of known samples in a window that counts
+_WINDOW_S = 0.25  # s: longer than the delays and lags of sensors, shorter than a manoeuvre
+_KNOWN = 0.7  # a window counts only if this share of its samples is known
 _TOGETHER = 0.9  # least correlation of two measurements of the same motion
-_EDGE = 0.15  # share of a window: the velocity at a window's edge is the mean over this much on each side
+_EDGE = 0.15  # share of a window: the velocity at a window's edge is the mean over this time on each side
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,11 +59,11 @@ class Channels:
 
 @dataclass(frozen=True)
 class Held:
-    """How one channel of a run is held.
+    """How a channel that is logged faster than it is sampled holds its samples.
 
     Attributes:
-        beat: s from sample to sample.
-        fresh: (n,) true in the rows with a new sample; the other rows repeat the sample before.
+        beat: time between two samples, s.
+        fresh: (n,) whether a row has a new sample; all other rows repeat the sample before.
     """
 
     beat: float
@@ -112,7 +112,7 @@ def stretches(mask: Mask, least: int = 1) -> list[tuple[int, int]]:
 
 
 def driven_by(name: str) -> str:
-    """Returns which of the `drives` moves a channel; "": no single drive does."""
+    """Returns which of the `drives` moves a channel; "": no single drive moves it."""
     if name.endswith(("_left", "_right")):
         return name.rsplit("_", 1)[1]
     if name.startswith("yaw_"):
@@ -124,16 +124,17 @@ def driven_by(name: str) -> str:
 class Windows:
     """The motion of one run in windows, as each channel measures it.
 
-    A rate is integrated, and an angle is differenced over the window. Then both have the same unit and can be compared,
+    In each window, a rate is integrated, and an angle is differenced. Then both have the same unit and can be compared,
     even if their noise, filters and sampling differ.
 
     Attributes:
         interval: median time between samples, s.
         seconds: (w,), the length of each window.
-        moved: channel -> (w,), the integral of a rate or the growth of a sum, SI; NaN if too few samples are known.
+        moved: channel -> (w,), the integral of a rate or the growth of a sum, SI; NaN in windows with too few known
+            samples.
         changed: channel of a wheel or motor -> (w,), the change of its rate from a window's start to its end.
-        roughness: channel -> mean size of its second differences as logged, which show noise and resolution more than
-            motion; 0: not known.
+        roughness: channel -> mean size of the second differences of its logged samples, in which noise and resolution
+            exceed motion; 0: not known.
     """
 
     interval: float
@@ -143,23 +144,23 @@ class Windows:
     roughness: Mapping[str, float]
 
     def of(self, name: str) -> Vector:
-        """Returns the motion of a channel or a drive, (w,), NaN where there is none; "drive_yaw": left less right."""
+        """Returns the motion of a channel or a drive, (w,), NaN where it is not known; "drive_yaw": left less right."""
         if name == "drive_yaw":
             return self.of("drive_left") - self.of("drive_right")
         return self.moved.get(name, np.full_like(self.seconds, np.nan))
 
     def rms(self, values: Vector) -> float:
-        """Returns the rms per second of (w,) values; 0 where none is known."""
+        """Returns the rms per second of (w,) values; 0 if no value is known."""
         known = np.isfinite(values)
         return float(np.sqrt(np.mean((values[known] / self.seconds[known]) ** 2))) if known.any() else 0.0
 
     def unbiased(self, values: Vector) -> Vector:
-        """Returns (w,) values without their mean rate, which a bias or a slope would change."""
+        """Returns (w,) values less their mean rate, because a bias or a slope changes this mean."""
         known = np.isfinite(values)
         return values - self.seconds * (np.sum(values[known]) / max(float(np.sum(self.seconds[known])), 1e-300))
 
     def divided(self, factors: Mapping[str, float]) -> Windows:
-        """Returns the windows with channels divided by their factors; "time" divides the clock."""
+        """Returns the windows with channels divided by `factors`: channel -> factor; "time" stands for the clock."""
         clock = factors.get("time", 1.0)
 
         def by(name: str, power: int) -> float:

@@ -1,7 +1,7 @@
 """Finds channels that are wired or stated wrongly in all runs: swapped, reversed, dead, or scaled wrongly.
 
-Each channel is predicted from the other channels by a regression; see `wiring_motion`. Once swaps and signs are right,
-the same regressions give the factors.
+Each channel is predicted from the other channels by a regression; see `wiring_motion`. After swaps and signs are
+corrected, the same regressions give the scale factors.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ _SIDES_FREE = 2.5  # largest ratio of two motors' gains that a weak motor explai
 _UNITS = tuple(one for by in (180 / pi, 30 / pi, 1000.0) for one in (by, 1 / by))
 _STEPS_S = (1e-4, 0.5)  # shortest and longest plausible time between samples in a robot's log
 COUNTS_A_TURN = " counts a turn"
-"""How the text of a guess ends that states the counts of an encoder."""
+"""The end of the text of a guess that states an encoder's counts."""
 
 _FULL = (100.0, 255.0, 1000.0, 1023.0, 4095.0, 32767.0)
 
 
 def miswired(runs: Sequence[Channels], nominal: Mapping[str, float]) -> tuple[Miswired, ...]:
-    """Returns the faults in wiring and scale that all runs of a robot with two wheels have, in order of the search.
+    """Returns the faults in wiring and scale that all runs of a two-wheeled robot share, in the order of the search.
 
     Args:
-        runs: as measured, in the paper's frame.
-        nominal: wheel_radius, half_track (m) and battery_voltage (V), as far as they are known.
+        runs: the runs as measured, in the paper's frame.
+        nominal: wheel_radius, half_track (m) and battery_voltage (V), as far as these are known.
     """
     runs = [one for one in runs if len(one.time) > 20]
     if not runs or set(runs[0].drives) != {"left", "right", "yaw"}:
@@ -49,13 +49,13 @@ def miswired(runs: Sequence[Channels], nominal: Mapping[str, float]) -> tuple[Mi
         here = stage(runs, nominal)
         found += here
         if any(one.sure < SURE for one in here):
-            break  # later stages work only after this fault is mended
+            break  # later stages need data without this fault
         runs = [mended(run, here) for run in runs]
     return tuple(found)
 
 
 def with_counts(found: Sequence[Miswired], guessed: Sequence[str]) -> tuple[tuple[Miswired, ...], tuple[str, ...]]:
-    """Returns the faults and the guesses. Guessed counts a turn are replaced by counts that fit the stated lengths.
+    """Returns the faults and the guesses. Guessed counts per turn are replaced by counts that fit the stated lengths.
 
     Args:
         guessed: as in `Dataset.guessed`, such as "960 counts a turn".
@@ -71,7 +71,7 @@ def with_counts(found: Sequence[Miswired], guessed: Sequence[str]) -> tuple[tupl
 
 
 def taken_from(faults: Iterable[Miswired]) -> dict[str, Taken]:
-    """Returns signal -> the measured channel that holds its values, with a factor, after all mends are combined."""
+    """Returns signal -> the measured channel that holds its values, and the factor, with all corrections combined."""
     found: dict[str, Taken] = {}
     for fault in faults:
         found |= {
@@ -83,7 +83,7 @@ def taken_from(faults: Iterable[Miswired]) -> dict[str, Taken]:
 
 
 def mended(run: Channels, faults: Iterable[Miswired]) -> Channels:
-    """Returns a run with those faults corrected that are sure (`is_mended`)."""
+    """Returns a run in which all sure faults (`is_mended`) are corrected."""
     values = {"time": run.time, **run.inputs, **run.outputs}
     for fault in faults:
         if fault.is_mended:
@@ -101,7 +101,7 @@ def _hypotheses(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[
 
 
 def _between_wheels(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[Miswired]:
-    """Returns an encoder whose counts a turn contradict the other encoder and the yaw."""
+    """Returns an encoder whose counts per turn contradict the other encoder and the yaw."""
     motion = Motion(runs)
     if (fit := motion.turning()) is None or abs(ratio := log(fit.gains[1] / fit.gains[0])) > log(UNIT_FITS):
         return []  # the wheel is in another unit, which the audit finds
@@ -117,7 +117,7 @@ def _between_wheels(runs: Sequence[Channels], nominal: Mapping[str, float]) -> l
 
 
 def _of_yaw(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[Miswired]:
-    """Returns a yaw in another unit, and wheels whose counts or lengths contradict it."""
+    """Returns a yaw in another unit, and wheels whose counts or lengths contradict the yaw."""
     motion = Motion(runs)
     fit, expected = motion.turning(), motion.geometry(nominal)
     if fit is None or expected is None or motion.yaw is None:
@@ -144,7 +144,7 @@ def _of_yaw(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[Misw
 
 
 def _of_drives(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[Miswired]:
-    """Returns two inputs in different units, if the ratio of the motors' gains is implausible otherwise."""
+    """Returns the inputs of one motor, if only another unit explains the ratio of the two motors' gains."""
     motion = Motion(runs)
     fits = [fit for number in range(len(LAGS)) if (fit := motion.driven(number)) is not None]
     if not fits:
@@ -152,7 +152,7 @@ def _of_drives(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[M
     fit = min(fits, key=lambda one: one.sd)
     ratio = log(fit.gains[0] / fit.gains[1])
     sure = _beyond(abs(ratio), log(_SIDES_FREE), fit.sd)
-    is_unit = any(abs(abs(ratio) - abs(log(one))) < log(1.2) for one in _UNITS)  # a wheel's unit, which the audit finds
+    is_unit = any(abs(abs(ratio) - abs(log(one))) < log(1.2) for one in _UNITS)  # one wheel's unit: the audit finds it
     if sure < 0.9 or is_unit:
         return []
     weak, strong = ("right", "left") if ratio > 0 else ("left", "right")
@@ -163,7 +163,7 @@ def _of_drives(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[M
 
 
 def _apart_from_unit(ratio: float) -> tuple[float, float]:
-    """Returns the unit's factor nearest to a ratio, or 1, and the logarithm of ratio / factor."""
+    """Returns the factor of a unit nearest to a ratio, or 1, and the logarithm of ratio / factor."""
     if 1 / UNIT_FITS < ratio < UNIT_FITS:
         return 1.0, log(ratio)
     unit = min(_UNITS, key=lambda one: abs(log(ratio / one)))
@@ -172,12 +172,12 @@ def _apart_from_unit(ratio: float) -> tuple[float, float]:
 
 
 def _beyond(size: float, limit: float, sd: float) -> float:
-    """Returns the probability that a size with the error `sd` is beyond its limit."""
+    """Returns the probability that a size with the standard error `sd` exceeds `limit`."""
     return 0.5 * (1.0 + erf((size - limit) / (sqrt(2.0) * max(sd, 0.02))))
 
 
 def _clock(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[Miswired]:
-    """Returns a clock in another unit: the samples are too far apart and the wheels too slow, or the opposite."""
+    """Returns a clock in another unit: the samples are too far apart and the wheels too slow, or vice versa."""
     step = float(np.median([np.median(np.diff(run.time)) for run in runs]))
     if _STEPS_S[0] <= step <= _STEPS_S[1]:
         return []
@@ -204,7 +204,7 @@ def _clock(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[Miswi
 
 
 def _beyond_battery(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[Miswired]:
-    """Returns voltages far above the battery's: a PWM was stated as a voltage."""
+    """Returns voltage inputs far above the battery's voltage: a PWM was stated as a voltage."""
     names = [name for name in runs[0].inputs if name.startswith("voltage")]
     levels = [
         v for run in runs if "battery_voltage" in run.outputs for v in [np.nanmedian(run.outputs["battery_voltage"])]

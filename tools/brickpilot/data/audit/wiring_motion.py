@@ -1,8 +1,9 @@
-"""The motion of drives, wheels and yaw in short windows, and the hypotheses of how they are wired.
+"""The motion of drives, wheels and yaw in short windows, and hypotheses on how these are wired.
 
 The model: the wheels follow their drives with positive gains and a lag, in straight motion and in turns; the yaw
-follows the difference of the wheels. Each way to swap and reverse the channels is a hypothesis that explains a share of
-the motion. Its weight is its likelihood, which this share gives, times a prior for each of its faults.
+follows the difference of the wheels. Each way to swap and reverse channels is a hypothesis, and explains a share of the
+motion. This share gives the likelihood of the hypothesis. The posterior weight is the likelihood times a prior factor
+for each fault in the hypothesis.
 """
 
 from __future__ import annotations
@@ -25,16 +26,16 @@ WHEEL_KINDS = ("angle", "travel", "speed", "velocity")
 
 _WINDOW_S = 0.1
 _PER_SECOND = 4.0  # number of independent windows in a second
-_MOST = 60.0  # largest number of independent windows that count: the model is too rough for more
+_MOST = 60.0  # largest number of independent windows that count, because the model is rough
 _FLOOR = 0.02  # share of the motion that even the right hypothesis leaves unexplained
 _EXPLAINED = 0.4  # share of the motion: a hypothesis that explains less gets no credit
-_PER_FAULT = 6.0  # logarithm of the prior odds against each fault
-LAGS = (1.0, 0.5, 0.25, 0.1)  # share of its step response that a motion completes in one window, for each lag
-_DEAD = 0.01  # share of the larger wheel motion: up to it, a wheel stands still
-_APART = 0.3  # share of the drives' rms: with a weaker drive, a still wheel is no dead encoder
-FREE = 1.33  # largest error of a ratio, up or down, that slip and inexact lengths may cause
-UNIT_FITS = 3.0  # largest error, up or down, of a ratio that the factor of a unit explains
-_ONE_RUN = 30.0  # usual motions of all runs: more motion in one run means another unit there
+_PER_FAULT = 6.0  # natural logarithm of the prior odds against each fault
+LAGS = (1.0, 0.5, 0.25, 0.1)  # lags that are tried, each as the share of a step response completed in one window
+_DEAD = 0.01  # share of the larger wheel motion: a wheel with no more motion stands still
+_APART = 0.3  # share of the drives' rms: a still wheel with a weaker drive does not mean a dead encoder
+FREE = 1.33  # largest factor, up or down, by which slip and inexact lengths may change a ratio
+UNIT_FITS = 3.0  # a unit explains a ratio if its factor is off by less than this factor, up or down
+_ONE_RUN = 30.0  # times the usual motion of all runs: more motion in one run means another unit in this run
 _ONE_NUMBER = 0.93  # least share of the yaw that two wheels without slip explain
 _COLLINEAR = 1e4  # largest condition number of the normal equations at which left and right can be told apart
 USUAL = {"yaw": 3.0, "angle": 10.0, "speed": 10.0, "travel": 0.5, "velocity": 0.5}  # fastest usual motion, SI
@@ -58,8 +59,8 @@ class Miswired:
         text: what is wrong, as the beginning of a sentence.
         sure: probability of the fault, 0..1.
         mend: signal -> the channel that holds its values; empty: the fault cannot be mended.
-        factor: stated over true value; None: the fault is no factor.
-        is_open: whether another value may be wrong instead, such as a measured length; then nothing is mended.
+        factor: ratio of stated to true value; None: no factor describes the fault.
+        is_open: whether another value, such as a measured length, may be wrong instead; then no channel is mended.
     """
 
     kind: Kind
@@ -87,7 +88,7 @@ class Motion:
     """The motion of drives, wheels and yaw in short windows of all runs; (w,) each, NaN where unknown."""
 
     def __init__(self, runs: Sequence[Channels]) -> None:
-        from scipy.signal import lfilter  # loading it takes longer than most commands that read no data
+        from scipy.signal import lfilter  # to load this takes longer than most commands that read no data
 
         self.inputs = list(runs[0].inputs)
         self.names = [name for name in runs[0].outputs if any(np.isfinite(run.outputs[name]).any() for run in runs)]
@@ -111,7 +112,7 @@ class Motion:
             usual = float(np.median(sizes[sizes > 0.0])) if sizes.any() else 0.0
             for part, size in zip(parts, sizes, strict=True):
                 if size > _ONE_RUN * usual:
-                    part[name][:] = np.nan  # another unit in this run alone is for the audit to find
+                    part[name][:] = np.nan  # another unit in this run alone; the audit finds this fault
         self.at = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
     @cached_property
@@ -121,7 +122,7 @@ class Motion:
 
     @cached_property
     def still(self) -> tuple[str, ...]:
-        """The wheels that stand still in all runs although something else moves."""
+        """The wheels that stand still in all runs although the other wheel or the yaw moves."""
         sizes = {name: _rms(self.at[name]) if name in self.at else np.nan for name in self.wheels}
         largest = max(sizes.values(), default=0.0)
         turns = self.yaw is not None and _rms(self.at[self.yaw]) > 0.05
@@ -142,14 +143,14 @@ class Motion:
             own = self.at[side]
             if _rms(own) < _APART * self.drives:
                 continue
-            # With a blocked wheel, the robot would turn about this wheel.
+            # If the wheel were blocked instead, the robot would turn about this wheel.
             sure = 1.0 if self._goes_straight(other) else 0.9
             text = f"the {side} encoder stands still while its motor is driven and the {other} wheel moves"
             found.append(Miswired("frozen", (name,), text, sure, {name: Taken(name, np.nan)}))
         return found
 
     def _goes_straight(self, moving: str) -> bool:
-        """Whether the yaw follows both drives and not only the wheel that moves, so that the other wheel turns, too."""
+        """Whether the yaw follows both drives better than the wheel `moving` alone; then the other wheel turns, too."""
         if self.yaw is None:
             return False
         turn, left, right = (self.at[name] for name in (self.yaw, "left1", "right1"))
@@ -158,7 +159,7 @@ class Motion:
         return max(ahead, apart) > alone_alike
 
     def hypotheses(self, nominal: Mapping[str, float]) -> list[Miswired]:
-        """Returns the faults of the likeliest hypothesis; empty: it has no fault."""
+        """Returns the faults of the most probable hypothesis; empty: the hypothesis without faults."""
         likelihood = {seen: self._score(seen, self._least_turn(nominal)) for seen in {one.seen for one in _WAYS}}
         scored = [(likelihood[one.seen] - _PER_FAULT * one.cost, one) for one in _WAYS if self._can(one)]
         if not scored:
@@ -191,14 +192,15 @@ class Motion:
         slow = np.abs(turn) < 0.5 * float(np.nanmax(np.abs(turn), initial=0.0))
         apart = x @ whole.gains
         known = np.isfinite(turn) & np.isfinite(apart)
-        # The error from slip, or from a gyro at the end of its range, grows with speed; that of wrong counts does not.
+        # The error from slip, or from a gyro at the end of its range, grows with speed; the error from wrong counts
+        # does not.
         ratios = [float(turn[some] @ apart[some]) / max(float(apart[some] @ apart[some]), 1e-12)
                   for some in (known & slow, known & ~slow)]  # fmt: skip
         alike = min(ratios) > 0.0 and max(ratios) < FREE * min(ratios)
         return whole if alike else None
 
     def driven(self, lag: int) -> Gains | None:
-        """Returns the gain from each side's drive to its wheel, or without wheels to the yaw."""
+        """Returns the gain from each side's drive to its wheel, or to the yaw if the wheels are not measured."""
         left, right, seconds = self.at[f"left{lag}"], self.at[f"right{lag}"], float(np.sum(self.at["seconds"]))
         if not self.both:
             return None if self.yaw is None else _gains(np.column_stack([left, -right]), self.at[self.yaw], seconds)
@@ -207,7 +209,7 @@ class Motion:
         return _gains(x, np.concatenate([self.at[name] for name in self.wheels]), seconds)
 
     def geometry(self, nominal: Mapping[str, float]) -> float | None:
-        """Returns the yaw per motion of a wheel, from the stated lengths; None: they are not stated."""
+        """Returns the yaw per motion of a wheel, from the stated lengths; None: not all are stated."""
         metres = 1.0 if self.kind in {"travel", "velocity"} else nominal.get("wheel_radius")
         half_track = nominal.get("half_track")
         return None if metres is None or half_track is None else metres / (2 * half_track)
@@ -225,7 +227,7 @@ class Motion:
         return found
 
     def is_odd_by(self, unit: float) -> bool:
-        """Whether the factor `unit` is likelier an error of the wheels than of the yaw, for a small robot."""
+        """Whether a factor `unit` is more likely an error of the wheels than of the yaw, for a typical small robot."""
         turn = float(np.nanmax(np.abs(self.at[self.yaw or ""]), initial=0.0)) / USUAL["yaw"]
         roll = float(np.nanmax(np.abs(self.at[self.wheels[0]]), initial=0.0)) / USUAL[self.kind or ""]
         return abs(log(turn)) + abs(log(roll * unit)) < abs(log(turn / unit)) + abs(log(roll))
@@ -236,12 +238,12 @@ class Motion:
         return bool(self.wheels) and set(self.wheels) <= set(self.at) and not self.still
 
     def _can(self, way: _Way) -> bool:
-        """Whether the channels that a way changes are measured."""
+        """Whether the channels that the hypothesis `way` changes are measured."""
         alive = [name for name in self.wheels if name in self.at and name not in self.still]
         return not (self.yaw is None and way.yaw < 0) and not (way.wheels.is_changed and not alive)
 
     def _least_turn(self, nominal: Mapping[str, float]) -> float:
-        """Returns the least yaw per difference of the wheels; a smaller yaw has another cause.
+        """Returns the least yaw per difference of the wheels that is evidence; a smaller yaw has another cause.
 
         A gyro's bias or unequal wheels cause a small yaw in straight motion, proportional to both wheels. This yaw is
         no sign of a reversed wheel.
@@ -285,7 +287,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class _Sides:
-    """The columns of the left and of the right side (0 or 1), and their signs."""
+    """Which column (0 or 1) holds the left and which the right side, and the sign of each side."""
 
     left: int
     right: int
@@ -303,7 +305,7 @@ class _Sides:
 
 @dataclass(frozen=True)
 class _Way:
-    """A way in which drives, wheels and yaw may be wired."""
+    """A hypothesis: one way in which drives, wheels and yaw may be wired."""
 
     drives: _Sides
     wheels: _Sides
@@ -319,7 +321,7 @@ class _Way:
         return (u.left, u.left_sign, u.right, u.right_sign, w.left, w.left_sign, w.right, w.right_sign, self.yaw)
 
     def told(self, motion: Motion) -> list[tuple[str, Kind, dict[str, Taken]]]:
-        """Returns each fault's sentence, kind and correction; the corrections apply one after the other."""
+        """Returns each fault's sentence, kind and correction; apply the corrections in this order."""
         found: list[tuple[str, Kind, dict[str, Taken]]] = []
         inputs = [name for name in motion.inputs if name.endswith(("_left", "_right"))]
         wheels = [name for wheel in motion.wheels for name in motion.with_it(wheel)]
@@ -347,7 +349,7 @@ _WAYS = [_Way(one, other, yaw) for one, other, yaw in product(_ALL_SIDES, _ALL_S
 
 
 def _share_left(y: Vector, x: Vector, least: float = 0.0) -> float:
-    """Returns minus the log of the share of `y` that a fit by `x`'s columns leaves; the gains are at least `least`."""
+    """Returns minus the log of the share of `y` that `x`'s columns leave unexplained, with gains from `least` on."""
     known = np.isfinite(y) & np.isfinite(x).all(axis=1)
     y, x = y[known], x[known]
     power = float(y @ y)
@@ -368,14 +370,14 @@ def _share_left(y: Vector, x: Vector, least: float = 0.0) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Gains:
-    """Two positive gains, of left and right, and the standard deviation of the logarithm of their ratio."""
+    """Two positive gains, left and right, and the sd of the logarithm of their ratio."""
 
     gains: Vector
     sd: float
 
 
 def _gains(x: Vector, y: Vector, seconds: float, least: float = _EXPLAINED) -> Gains | None:
-    """Returns the gains from the columns of `x` to `y`; None: collinear, not positive, or they explain too little.
+    """Returns the gains from the columns of `x` to `y`; None: collinear, not positive, or too little explained.
 
     `least`: the least share of `y` that the gains have to explain.
     """
@@ -397,7 +399,7 @@ def _gains(x: Vector, y: Vector, seconds: float, least: float = _EXPLAINED) -> G
 
 
 def _correlation(one: Vector, other: Vector) -> float:
-    """Returns the correlation of two motions about 0; 0 where one of them is zero."""
+    """Returns the correlation of two motions about 0; 0 if one motion is zero."""
     known = np.isfinite(one) & np.isfinite(other)
     power = sqrt(float(one[known] @ one[known]) * float(other[known] @ other[known]))
     return float(one[known] @ other[known]) / power if power > 0.0 else 0.0
