@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import subprocess
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 from brickpilot.errors import SimulationError
 from lab import control_peers
+from numpy.typing import NDArray
 
 ROOT = Path(__file__).resolve().parents[2]
 STEPS = 120
@@ -26,9 +28,29 @@ MEASURED = {
 }
 
 
+recorded = functools.cache(control_peers.record)
+"""As `control_peers.record`, but flies once for all tests."""
+
+
+def built(program: str, folder: Path) -> NDArray[np.int32]:
+    """Builds a program for this machine in the folder with its records, and returns its answers."""
+    subprocess.run([ROOT / "tests/peers/build", "host", folder, program], check=True)
+    output = subprocess.run([folder / program], stdout=subprocess.PIPE, check=True).stdout
+    return np.frombuffer(output, dtype="<i4").reshape(STEPS, 5)[:, :2]
+
+
+@pytest.fixture(scope="module")
+def ours(tmp_path_factory: pytest.TempPathFactory) -> NDArray[np.float64]:
+    """The firmware's voltages. Of constants.inc its program reads only the waypoints."""
+    folder = tmp_path_factory.mktemp("ours")
+    control_peers.write_records(recorded(STEPS), folder)
+    return built("ours", folder) * 1e-3
+
+
 @pytest.mark.parametrize("brick", control_peers.BRICKS)
 def test_peers_give_the_firmwares_answers_at_the_cost_that_is_told(brick: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT)
+    monkeypatch.setattr(control_peers, "record", recorded)
     found = control_peers.measure(brick)
     assert found.keys() == control_peers.ARITHMETICS.keys()
     for name, cost in found.items():
@@ -39,21 +61,17 @@ def test_peers_give_the_firmwares_answers_at_the_cost_that_is_told(brick: str, m
 
 
 @pytest.mark.parametrize("constant", ["", "HEADING_KP", "FEEDFORWARD", "TWICE_DECEL", "SPEED_KI_PERIOD"])
-def test_a_peer_that_computes_another_law_is_refused(constant: str, tmp_path: Path) -> None:
-    control_peers.write_records(control_peers.record(STEPS), tmp_path)
+def test_a_peer_that_computes_another_law_is_refused(constant: str, ours: NDArray[np.float64], tmp_path: Path) -> None:
+    control_peers.write_records(recorded(STEPS), tmp_path)
     path = tmp_path / "constants.inc"
     if constant:
         lines = path.read_text().splitlines()
         at = next(i for i, line in enumerate(lines) if line.startswith(f"#define {constant} "))
         lines[at] = lines[at].replace(f"{constant} (", f"{constant} (1.1 * ")
         path.write_text("\n".join([*lines, ""]))
-    subprocess.run([ROOT / "tests/peers/build", "host", tmp_path], check=True)
-    voltages = {}
-    for name, scale in (("ours", 1e-3), ("q16", 1 / 65536)):
-        output = subprocess.run([tmp_path / name], stdout=subprocess.PIPE, check=True).stdout
-        voltages[name] = np.frombuffer(output, dtype="<i4").reshape(STEPS, 5)[:, :2] * scale
+    theirs = built("q16", tmp_path) / 65536
     if not constant:
-        control_peers.check_same_answers("Q16.16", voltages["ours"], voltages["q16"])
+        control_peers.check_same_answers("Q16.16", ours, theirs)
         return
     with pytest.raises(SimulationError, match="does not compute the firmware's control law"):
-        control_peers.check_same_answers("Q16.16", voltages["ours"], voltages["q16"])
+        control_peers.check_same_answers("Q16.16", ours, theirs)

@@ -9,7 +9,7 @@ import os
 import re
 import shutil
 import subprocess
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
@@ -41,18 +41,21 @@ CASES = [(module, flag) for module in MODULES for flag in (PROFILES if module in
 CASES += [(module, flags) for flags in PROGRAMS for module in OF_EACH_PROGRAM]
 
 
-def count(module: str) -> str:
-    return "" if module in QUICK else FEW
-
+Case = tuple[str, str]
+"""A module, and the flags of its firmware."""
 
 Told = tuple[list[str], list[str], list[str]]
 """Output of the host's program, of this program with the sanitizer, and of the RCX's program on its simulator."""
 
 
-def build(root: Path, kind: str, folder: Path, flags: str, modules: Iterable[str]) -> None:
-    """Builds programs of the checkout at `root`."""
-    sources = [f"tests/vectors/{module}.c" for module in modules]
-    subprocess.run([root / "tests/vectors/build", kind, folder, *flags.split(), *sources], check=True)
+def build(folder: Path, flags: str, modules: list[str], full: bool) -> None:
+    """Builds the programs of these modules in FOLDER/host, FOLDER/checked and FOLDER/h8, with one firmware each."""
+    many = [f"tests/vectors/{module}.c" for module in modules if full or module in QUICK]
+    few = [f"tests/vectors/{module}.c" for module in modules if not (full or module in QUICK)]
+    for kind in ("host", "checked", "h8"):
+        its = flags if kind == "h8" else flags.replace("SENSORS_POSSIBLE", "DRAWN_SENSORS")
+        # The number of vectors is no flag of the firmware: where it follows the first sources, this is compiled once.
+        subprocess.run([VECTORS / "build", kind, folder / kind, *its.split(), *many, FEW, *few], check=True)
 
 
 def run(*command: str | Path) -> list[str]:
@@ -70,30 +73,28 @@ def tell(folder: Path, module: str) -> Told:
 
 
 @pytest.fixture(scope="module")
-def told(
-    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory, full: bool
-) -> Iterator[Mapping[tuple[str, str], Future[Told]]]:
-    """Runs every requested case, one per processor at a time, the longest case first."""
-    parameters = [item.callspec.params for item in request.session.items if hasattr(item, "callspec")]
-    cases = [case for case in CASES if {"module": case[0], "flag": case[1]} in parameters]
-    flags = {(module, flag): flag if full else f"{flag} {count(module)}" for module, flag in cases}
-    folders = {flag: tmp_path_factory.mktemp("vectors") for flag in flags.values()}
-    for flag, folder in folders.items():
-        fed = flag.replace("SENSORS_POSSIBLE", "DRAWN_SENSORS")
-        for kind, its in (("host", fed), ("checked", fed), ("h8", flag)):
-            build(ROOT, kind, folder / kind, its, (case[0] for case in cases if flags[case] == flag))
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        cases.sort(key=lambda case: case[0] not in OF_EACH_PROFILE)
-        yield {(module, flag): pool.submit(tell, folders[flags[module, flag]], module) for module, flag in cases}
+def built(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory, full: bool) -> Mapping[str, Path]:
+    """Returns flags -> the folder with the programs of all modules that the chosen tests ask for with these flags."""
+    items = [item for item in request.session.items if item.path == Path(__file__) and hasattr(item, "callspec")]
+    parameters = [item.callspec.params for item in items]
+    asked = {(its["module"], its.get("flag", "")) for its in parameters if "module" in its}
+    folders = {}
+    for flag in dict.fromkeys(flag for _, flag in CASES):
+        modules = sorted(module for module, its in asked if its == flag)
+        if modules:
+            folders[flag] = tmp_path_factory.mktemp("vectors")
+            build(folders[flag], flag, modules, full)
+    return folders
 
 
 @pytest.fixture(scope="module")
-def on_host(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The programs of all modules for the host, built without the RCX's assembly."""
-    folder = tmp_path_factory.mktemp("on_host")
-    for few in ("", FEW):
-        build(ROOT, "host", folder, few, (module for module in MODULES if count(module) == few))
-    return folder
+def told(request: pytest.FixtureRequest, built: Mapping[str, Path]) -> Iterator[Mapping[Case, Future[Told]]]:
+    """Runs every requested case, one per processor at a time, the longest case first."""
+    parameters = [item.callspec.params for item in request.session.items if hasattr(item, "callspec")]
+    cases = [case for case in CASES if {"module": case[0], "flag": case[1]} in parameters]
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        cases.sort(key=lambda case: case[0] not in OF_EACH_PROFILE)
+        yield {(module, flag): pool.submit(tell, built[flag], module) for module, flag in cases}
 
 
 def first_difference(wanted: list[str], found: list[str]) -> str:
@@ -124,6 +125,24 @@ def test_every_module_has_vectors() -> None:
     assert named - WITHOUT_VECTORS - NOT_ON_THE_RCX - OF_OTHERS <= set(MODULES)
 
 
+def assembled_again(root: Path, built: Path, module: str, full: bool) -> Path:
+    """Returns a program of a module like the one in `built`, with the assembly of the checkout at `root`."""
+    compile_h8 = root / "hal/h8/compile"
+    feed = [*([] if full or module in QUICK else [FEW]), VECTORS / "vectors.c", root / "vectors.o"]
+    subprocess.run([compile_h8, *feed], check=True)
+    objects = []
+    for source in (root / "firmware").rglob("h8/*.S"):
+        objects.append(root / f"{'_'.join(source.relative_to(root).with_suffix('').parts)}.o")
+        subprocess.run([compile_h8, source, objects[-1]], check=True)
+    library = shutil.copy(built / "firmware.a", root)
+    subprocess.run(["h8300-hms-ar", "rs", library, *objects], check=True)
+    linked = [built / "start", built / f"tests_vectors_{module.replace('/', '_')}.o", root / "vectors.o", library]
+    script = "/usr/h8300-hitachi-coff/lib/ldscripts/h8300.x"
+    subprocess.run(["h8300-hms-ld", "-T", script, "-relax", "-o", root / "coff", *linked], check=True)
+    subprocess.run(["h8300-hms-objcopy", "-I", "coff-h8300", "-O", "srec", "coff", "srec"], cwd=root, check=True)
+    return root / "srec"
+
+
 @pytest.mark.parametrize(
     ("file", "of", "to", "module"),
     [
@@ -146,22 +165,21 @@ def test_every_module_has_vectors() -> None:
     ],
 )
 def test_a_slip_in_what_the_h8_alone_does_is_caught(
-    file: str, of: str, to: str, module: str, on_host: Path, tmp_path: Path
+    file: str, of: str, to: str, module: str, built: Mapping[str, Path], full: bool, tmp_path: Path
 ) -> None:
-    assert not file.endswith((".c", "_gen.h")), "the host compiles it too"
-    for folder in ("firmware", "hal", "sim_host/models", "tests/vectors"):
+    """The slips are in assembly alone, so all that is compiled of C stays."""
+    assert file.endswith((".S", ".inc")), "the host compiles it too"
+    for folder in ("firmware", "hal/h8"):
         shutil.copytree(ROOT / folder, tmp_path / folder)
-    (tmp_path / "tools").mkdir()
-    shutil.copy(ROOT / "tools/check_generated", tmp_path / "tools")
-    path = tmp_path / "firmware" / file
+    path, name = tmp_path / "firmware" / file, module.replace("/", "_")
     text = path.read_text()
     assert of in text
+    as_built = (built[""] / "h8" / name).read_text().splitlines()
+    assert assembled_again(tmp_path, built[""] / "h8", module, full).read_text().splitlines()[1:] == as_built[1:]
     path.write_text(text.replace(of, to))
-    build(tmp_path, "h8", tmp_path / "h8", count(module), [module])
-    name = module.replace("/", "_")
-    command = ["stdbuf", "-o0", simulator(), tmp_path / "h8" / name]
+    command = ["stdbuf", "-o0", simulator(), assembled_again(tmp_path, built[""] / "h8", module, full)]
     with subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True) as h8:
         assert h8.stdout is not None
-        pairs = zip(run(on_host / name), h8.stdout, strict=False)
+        pairs = zip(run(built[""] / "host" / name), h8.stdout, strict=False)
         assert any(wanted != found.rstrip("\n") for wanted, found in pairs)
         h8.kill()

@@ -7,7 +7,7 @@ import functools
 import itertools
 import struct
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from random import Random
 
@@ -34,19 +34,27 @@ BYTE_S = 0.002
 flash = functools.partial(rom.flash_program, progress=lambda *_: None, byte_s=BYTE_S)
 
 
-def build(folder: Path, sensors: str) -> Path:
-    subprocess.run([ROOT / "firmware/targets/rcx/build", folder, sensors], capture_output=True, check=True)
-    return folder
-
-
-@pytest.fixture(scope="module", params=["imu", "rotation"])
-def built(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Path:
-    return build(tmp_path_factory.mktemp("built"), request.param)
-
-
 @pytest.fixture(scope="module")
-def imu(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return build(tmp_path_factory.mktemp("imu"), "imu")
+def build(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """Returns a function: sensors -> the folder with the programs for these sensors, built once."""
+
+    @functools.cache
+    def built_for(sensors: str) -> Path:
+        folder = tmp_path_factory.mktemp(sensors)
+        subprocess.run([ROOT / "firmware/targets/rcx/build", folder, sensors], capture_output=True, check=True)
+        return folder
+
+    return built_for
+
+
+@pytest.fixture(params=["imu", "rotation"])
+def built(build: Callable[[str], Path], request: pytest.FixtureRequest) -> Path:
+    return build(request.param)
+
+
+@pytest.fixture
+def imu(build: Callable[[str], Path]) -> Path:
+    return build("imu")
 
 
 @pytest.fixture

@@ -6,7 +6,9 @@ Every instruction takes its clock states, and the converter, the timers and the 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -49,14 +51,20 @@ def fly(image: Image, sensors: str, duration: float) -> RcxFlight:
     return rcx_flight.fly(image, plan, lambda *_: None)
 
 
-@pytest.fixture(scope="module", params=SENSORS)
+@pytest.fixture(scope="module")
+def build(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Image]:
+    """Returns a function: sensors -> the image for these sensors, built once."""
+    return functools.cache(lambda sensors: rcx_flight.build(sensors, tmp_path_factory.mktemp(sensors)))
+
+
+@pytest.fixture(params=SENSORS)
 def sensors(request: pytest.FixtureRequest) -> str:
     return str(request.param)
 
 
-@pytest.fixture(scope="module")
-def image(sensors: str, tmp_path_factory: pytest.TempPathFactory) -> Image:
-    return rcx_flight.build(sensors, tmp_path_factory.mktemp(sensors))
+@pytest.fixture
+def image(build: Callable[[str], Image], sensors: str) -> Image:
+    return build(sensors)
 
 
 def test_the_mission_is_flown_in_time(image: Image, sensors: str) -> None:
@@ -80,11 +88,11 @@ def test_without_the_held_converter_no_mission_is_flown(image: Image, sensors: s
     assert flown.ticks_ms.max() > watchdog_ms()
 
 
-def test_fast_wheels_lose_no_count(tmp_path: Path) -> None:
+def test_fast_wheels_lose_no_count(build: Callable[[str], Image]) -> None:
     levels = rcx_flight.ROTATION_LEVELS
     with SimulatedRcx() as brick:
         brick.convert(319, levels[0], 512, levels[0])
-        rcx_flight.start(brick, rcx_flight.build("rotation", tmp_path))
+        rcx_flight.start(brick, build("rotation"))
         brick.run(REST_MS)
         assert brick.shows("run 1")
         for count in range(1, COUNTS + 1):

@@ -6,6 +6,9 @@ per brick.
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Iterator
+
 import pytest
 import worst_case
 from lab.avr_budget import PERIOD
@@ -17,6 +20,15 @@ RCX_MS = 12.0
 """Longest time between steps, ms. The watchdog stops a run at 20 ms."""
 
 FLIGHTS = (0, 1)  # seeds: a start by itself, and a start in a host's session
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _built_once() -> Iterator[None]:
+    """Builds each image once for both flights."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(worst_case, "avr_image", functools.cache(worst_case.avr_image))
+        patched.setattr(worst_case.rcx_flight, "build", functools.cache(worst_case.rcx_flight.build))
+        yield
 
 
 @pytest.mark.parametrize("target", ["avr:328p-imu", "avr:2560"])
