@@ -70,7 +70,7 @@ def blanked(dataset: Dataset, signal: str, run: int = 0) -> list[int]:
 @pytest.mark.parametrize("noise", [0.0, 0.1, 1.0, 3.0])
 def test_sound_runs_have_no_faults_at_rest_or_moving(noise: float, quantised: bool, tmp_path: Path) -> None:
     noises = {signal: noise * sd for signal, sd in NOISE.items()}
-    for seed in range(13):
+    for seed in range(13) if noise else (0, *range(1, 13, 2)):  # only the times of odd seeds differ without noise
         folder = synthetic.write(
             tmp_path / str(seed), synthetic.robot(), noises, "mass = 0.6", seed=seed, manoeuvres=ALL,
             jitter=seed % 2 == 1, spoil=lambda _, table: to_ten_bits(table) if quantised else None,

@@ -13,8 +13,6 @@ from brickpilot.report import campaign_page
 from command import brickpilot
 from conducted import conducted
 
-EXAMPLES = Path(__file__).parents[2] / "tools" / "examples"
-
 SHORT = """name = "short"
 kind = "mission"
 duration_s = 4
@@ -145,6 +143,20 @@ def test_a_grid_flies_every_pair_and_shows_the_rate_of_each_value(folder: Path) 
     assert found["sensitivity"] is None
 
 
+@pytest.mark.parametrize(("design", "seed"), [("saltelli", 0), ("morris", 2**40)])
+def test_the_intervals_of_indices_depend_on_the_seed_alone(design: str, seed: int, folder: Path) -> None:
+    size = "samples = 8" if design == "saltelli" else "trajectories = 8"
+    text = CAMPAIGN.replace("runs = 42", f'design = "{design}"\n{size}').replace("seed = 7", f"seed = {seed}")
+    head, _, varied = text.partition("[vary]\n")
+    (folder / "own.toml").write_text(head.replace(', "other.toml"', "") + "[vary]\n" + varied.partition("\n")[0] + "\n")
+    found = conducted(folder / "own.toml", folder / "one")
+    conducted(folder / "own.toml", folder / "two")
+    flown(folder, "own.toml", "--out", "three")
+    assert all(contents(folder / name) == contents(folder / "one") for name in ("two", "three"))
+    [index] = found["sensitivity"]["figures"]["cross_track_rms_m"]
+    assert index["ci95"][0] < index["index"] < index["ci95"][1]
+
+
 def test_routes_are_drawn_in_their_box(folder: Path) -> None:
     box = "[route]\nwaypoints = 3\nx_m = [-1, 1]\ny_m = [0, 0.8]\nleast_leg_m = 0.4\nduration_s = 0.3\n"
     (folder / "routes.toml").write_text('[campaign]\nname = "routes"\nruns = 30\n' + box)
@@ -157,14 +169,6 @@ def test_routes_are_drawn_in_their_box(folder: Path) -> None:
         assert min(legs) >= 0.4
         assert sum(legs) == pytest.approx(length)
         assert all(-1 <= one.real <= 1 and 0 <= one.imag <= 0.8 for one in points)
-
-
-@pytest.mark.parametrize("name", ["tolerances", "gain_sweep", "bad_link"])
-def test_the_examples_fly(name: str, tmp_path: Path) -> None:
-    count = {"gain_sweep": 1, "bad_link": 2}.get(name, 4)
-    found = conducted(EXAMPLES / f"{name}.toml", tmp_path / "found", count)
-    assert found["name"] == name
-    assert found["runs"] == (9 if name == "gain_sweep" else count)
 
 
 def test_the_page_has_words_for_every_figure() -> None:

@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import NamedTuple
 
 import brickpilot
 import pytest
@@ -48,6 +49,36 @@ ROW = """
 """
 
 
+COMMANDS = """
+import contextlib, io, json, sys
+sys.path.insert(0, ".")
+from brickpilot.cli.main import main
+for arguments in json.loads(sys.argv[1]):
+    status, said, error = 0, io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(error):
+        try:
+            main(["import", *arguments])
+        except SystemExit as ended:
+            status = ended.code or 0
+    print(json.dumps([status, said.getvalue(), error.getvalue()]))
+"""
+
+
+class Ended(NamedTuple):
+    """What a command has said until it ended."""
+
+    status: int
+    said: str
+    error: str
+
+
+def commands_of(folder: Path, *commands: list[str]) -> list[Ended]:
+    """Runs `import` of the package in a folder, all commands in one process, since it takes long to start."""
+    called = [sys.executable, "-c", COMMANDS, json.dumps(commands)]
+    done = subprocess.run(called, cwd=folder, capture_output=True, text=True, timeout=120, check=True)
+    return [Ended(*json.loads(line)) for line in done.stdout.splitlines()]
+
+
 def test_each_row_names_a_function_that_takes_its_options() -> None:
     for row in IMPORTERS:
         parameters = inspect.signature(row.load()).parameters
@@ -75,7 +106,7 @@ def test_a_file_without_a_row_is_named_in_one_line(tmp_path: Path) -> None:
 
 
 def test_one_file_and_one_row_make_an_importer(tmp_path: Path) -> None:
-    package = shutil.copytree(PACKAGE, tmp_path / "brickpilot", ignore=shutil.ignore_patterns("__pycache__"))
+    package = shutil.copytree(PACKAGE, tmp_path / "brickpilot")  # its compiled modules, too, which saves time
     (package / "importers/lines.py").write_text(FILE, encoding="utf-8")
     table = package / "importers/__init__.py"
     text = table.read_text(encoding="utf-8")
@@ -83,21 +114,20 @@ def test_one_file_and_one_row_make_an_importer(tmp_path: Path) -> None:
     table.write_text(text.replace("IMPORTERS = (\n", f"IMPORTERS = ({ROW}"), encoding="utf-8")
     assert files_without_a_row(package / "importers") == []
 
-    def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-        program = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); from brickpilot.cli.main import main; main()"
-        command = [sys.executable, "-c", program, "import", *arguments]
-        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
-
     (tmp_path / "log.txt").write_text("0 6 0\n0.1 6 1\n0.2 6 2\n", encoding="utf-8")
-    assert "lines: Lines of three numbers." in run("--help").stdout
-    refused = run("lines", "log.txt", "--out", "bench")
-    assert (refused.returncode, refused.stderr) == (2, "brickpilot: --vehicle: is needed to import lines\n")
-    refused = run("lines", "log.txt", "--vehicle", "motor", "--map", "time=0", "--out", "bench")
-    assert (refused.returncode, refused.stderr.count("\n")) == (2, 1)
-    assert refused.stderr.startswith("brickpilot: --map: works only with matlab, table, ")
-    done = run("lines", "log.txt", "--vehicle", "motor", "--out", "bench", "--json")
-    assert (done.returncode, done.stderr) == (0, "")
-    assert json.loads(done.stdout) == {"dataset": "bench", "runs": ["only"], "notes": [], "wiring": [], "mend": ""}
+    shown, refused, misused, done = commands_of(
+        tmp_path,
+        ["--help"],
+        ["lines", "log.txt", "--out", "bench"],
+        ["lines", "log.txt", "--vehicle", "motor", "--map", "time=0", "--out", "bench"],
+        ["lines", "log.txt", "--vehicle", "motor", "--out", "bench", "--json"],
+    )
+    assert "lines: Lines of three numbers." in shown.said
+    assert refused == (2, "", "brickpilot: --vehicle: is needed to import lines\n")
+    assert (misused.status, misused.error.count("\n")) == (2, 1)
+    assert misused.error.startswith("brickpilot: --map: works only with matlab, table, ")
+    assert (done.status, done.error) == (0, "")
+    assert json.loads(done.said) == {"dataset": "bench", "runs": ["only"], "notes": [], "wiring": [], "mend": ""}
 
 
 def test_an_option_of_a_row_of_its_own_reaches_the_function(monkeypatch: pytest.MonkeyPatch) -> None:
