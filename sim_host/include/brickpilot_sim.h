@@ -68,7 +68,7 @@ typedef struct {
     const char *says; /* what a value above 0 means: a clause with {} for its size; NULL: use words, size and unit */
     const char *says_below; /* the same below 0; NULL: never below 0, or left and right change places (`odd`) */
     int over_mean;          /* 1: left less right over their mean; texts say how much smaller the smaller side is */
-    const char *run_value; /* the value of single runs that adds to this parameter, such as "start"; NULL: none */
+    const char *run_value;  /* the value of single runs that adds to this parameter, such as "start"; NULL: none */
 } bp_parameter_info;
 
 /* One effect of the library. Every row sets every field except the last eight; the composed effect has no advice.
