@@ -59,7 +59,7 @@ def _simulated(grid: Grid, used: Sequence[str], wanted: Sequence[str], setting: 
 
 
 def _free_runs(library: Any, weights: Array, starts: Array, inputs: Sequence[Array]) -> list[Array]:
-    """Returns the channels (n, k) of each run, each sample from the previous sample, clipped where it diverges.
+    """Returns the channels (n, k) of each run. Each sample follows from the previous sample; diverging values are cut.
 
     All runs advance together, because the library takes the same time for one row and for many rows.
     """
