@@ -1,4 +1,4 @@
-"""Lists of recipes. The seeds that set thresholds are not those of reported results: see `CALIBRATION`."""
+"""Lists of recipes. Thresholds are set with other seeds than those of reported results: see `CALIBRATION`."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def odd(seed_offset: int = CALIBRATION, engine: Engine = "mujoco") -> list[Recip
 
 
 def none(seed_offset: int = CALIBRATION, engine: Engine = "mujoco", count: int = 200) -> list[Recipe]:
-    """Returns sets with nothing hidden: `count` with nominal errors of 2 %, a tenth each with 0 % and with 5 %."""
+    """Returns sets with nothing hidden: `count` with nominal errors of 2 %, `count` / 10 each with 0 % and with 5 %."""
     plan = [(2, i) for i in range(count)] + [(percent, i) for percent in (0, 5) for i in range(count // 10)]
     out = []
     for percent, i in plan:

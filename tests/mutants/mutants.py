@@ -128,7 +128,7 @@ class Bench:
         return sorted(path for module in MODULES for path in (self._sources / module).glob("*.c"))
 
     def _compiled(self, paths: list[Path], level: str) -> dict[Path, bytes]:
-        """Returns source -> object. A source that does not compile has no entry."""
+        """Returns source -> object, up to the first source that does not compile."""
         found = {}
         for path in paths:
             out = self._objects[path]
