@@ -104,7 +104,7 @@ class _Bench:
             np.empty((steps + 1, model.nv)),
             np.empty((steps + 1, 3)),
         )
-        # The loop below runs 1000 times a simulated second, so it uses views of MuJoCo's arrays and plain numbers.
+        # The loop below runs 1000 times per simulated second. So it uses views of MuJoCo's arrays and plain numbers.
         qpos, qvel, forces = data.qpos, data.qvel, data.qfrc_applied
         left, right = self.names.motor_dof
         motors, current = self.electrics.step, self.electrics.current

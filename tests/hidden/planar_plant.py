@@ -101,7 +101,7 @@ class Plant:
         self.falls: list[Callable[[Plant], Floats]] = []  # further voltage losses of the supply
         self.command_delay = 0.0
         self.late_start: Floats | float = 0.0  # delay of the start, s: for all runs, or (runs,) for each run
-        self.frames: tuple[float, float] | None = None  # delay and jitter of the frames that carry commands
+        self.frames: tuple[float, float] | None = None  # delay and jitter, s, of the frames that carry commands
         self.against = np.zeros((2, 2, runs))  # wheels' dry friction: (against forward or backward, side, run)
         self.drive: list[Hook] = []
         self.loads: list[Hook] = []

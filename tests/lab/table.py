@@ -182,7 +182,7 @@ def claim_cells(claim: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _power_lines(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
-    """Yields a line for each effect and set of sensors: for each size, the right share and the change in noise sd."""
+    """Yields a line per effect and set of sensors: share of right answers and change in noise sd, for each size."""
     sizes = sorted({one["size"] for one in rows})
     if not sizes:
         return

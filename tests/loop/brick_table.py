@@ -40,7 +40,7 @@ WHAT = {"step": "**a control step**", "commands": "requests of the host", "all":
 
 
 def _taken(kernel: Mapping[str, Any]) -> str:
-    """Returns the mean share of the processor that is neither the program's nor idle."""
+    """Returns the mean share of processor time that is neither the program's time nor idle time."""
     return f"{1 - sum(kernel['shares'][kind]['share'] for kind in ('idle', 'program')):.0%}"
 
 

@@ -416,7 +416,7 @@ def _origin(run: Run, name: str) -> float:
 
 
 def _spread(fitted: Sequence[_Record], name: str, *, summed: bool) -> tuple[float, float]:
-    """Returns the rms of a signal about each run's mean, and of its slope if `summed`, over the fit runs."""
+    """Returns two rms values over the fit runs: of a signal about each run's mean; of its slope if `summed`."""
     values, slopes = [np.zeros(1)], [np.zeros(1)]
     for one in fitted:
         measured = one.run.outputs.get(name, np.empty(0))

@@ -18,7 +18,7 @@ from lab.real_score import Predictions
 
 Array = NDArray[np.float64]
 
-_DIVERGED = 1e3  # limit, in sd of a channel: a model beyond it has diverged
+_DIVERGED = 1e3  # a model has diverged if a channel exceeds this limit, in sd of the channel
 
 
 @dataclass(frozen=True)

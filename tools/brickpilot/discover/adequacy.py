@@ -198,7 +198,7 @@ def taught_by(columns: Array, target: Array, seed: int) -> Callable[[Array], Arr
 
 
 def folds_of(runs: Sequence[str], times: Array) -> Indices:
-    """Returns (rows,) each row's fold. The longest run goes first, each to the emptiest fold; a single run is cut."""
+    """Returns (rows,) each row's fold. Each run, the longest first, goes to the emptiest fold; a single run is cut."""
     names, number = np.unique(np.array(runs), return_inverse=True)
     if len(names) == 1:
         cut = np.floor(2 * _FOLDS * (times - times.min()) / max(float(np.ptp(times)), 1e-9)).astype(np.int64)

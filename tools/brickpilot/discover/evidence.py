@@ -2,7 +2,7 @@
 
 1. Each stretch is predicted by a fit without it: one Gauss-Newton step from the fit to all runs, with the stretch's
    rows deleted (the infinitesimal jackknife; Giordano and others 2019, AISTATS). A step is too long if it leaves the
-   linear range or changes the stretch by more than its residual. It is then halved until it fits the others no worse.
+   linear range or changes the stretch by more than its residual. It is then halved until the others fit no worse.
 2. The residual has a hyperbolic density. For each signal, the other stretches set the scale. It is at least the floor
    of noise and simulator error. A signal that no model explains down to noise has a larger scale.
 3. Values of a residual are not independent, and no law is exact. So `temperature` nats count as one nat.

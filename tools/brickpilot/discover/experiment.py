@@ -33,7 +33,7 @@ _STEP_S = 0.01  # time between the samples of a simulated manoeuvre
 _SEPARATES_NOISE_SD = 0.5  # rms difference of rivals, in noise sd, that ten seconds of samples show clearly
 _SEPARATES_SIGNAL_SHARE = 0.02  # rms difference of rivals, as a share of a signal's rms, that an ordinary sensor shows
 _NO_FLOOR = 1e-3  # least scale as a share of the floor, small enough that the floor has no effect
-_BLACK_BOX_FINDS = 0.5  # rough share of a law's squared signature that a black box predicts, if the law is just named
+_BLACK_BOX_FINDS = 0.5  # rough share of a law's squared signature that a black box predicts, near the named sizes
 _CAN_MEASURE = frozenset(catalogue.outputs()) - {"x", "y", "surge", "sway", "force"}
 
 
@@ -96,7 +96,7 @@ def as_run(manoeuvre: Manoeuvre, vehicle: str) -> OpenLoopRun:
 
 
 def _separation(outputs: Sequence[Mapping[str, Array]], sizes: Mapping[str, float]) -> tuple[float, str]:
-    """Returns the rms difference of the two nearest rivals, relative to `sizes`, in the signal where it is largest."""
+    """Returns the largest rms difference of the two nearest rivals, relative to `sizes`, and the signal that has it."""
     return max(
         (
             (min(rms_of([one[name] - other[name]]) for one, other in combinations(outputs, 2)) / size, name)
@@ -108,7 +108,7 @@ def _separation(outputs: Sequence[Mapping[str, Array]], sizes: Mapping[str, floa
 
 
 def smallest_sizes(prepared: Prepared, judge: Judge, nominal: Explanation, best: Explanation) -> dict[str, Visible]:
-    """Returns effect -> the least size that would be named beside `best`. A verdict `none` excludes larger sizes.
+    """Returns effect -> the least size that would be named beside `best`. A verdict `none` rules out these sizes.
 
     An effect is named if it surely improves the prediction, despite its prior odds, and if it removes as much error as
     it leaves or a black box predicts its share of a signal: see `verdict`. The size is extrapolated from the nearest

@@ -30,7 +30,7 @@ ROUGH, FINE = 1e-3, 1e-4
 """Relative change of cost at which a descent ends: for a proposal, and for an explanation that is judged."""
 
 _DESCENTS, _LEAST_GAIN_SHARE = 6, 3e-4  # most descents of a fine fit; relative gain below which a descent is the last
-_AT_BOUND = 1e-3  # share of a parameter: closer to an end of its range (except `_WHOLE`), it counts as at this end
+_AT_BOUND = 1e-3  # a parameter nearer to an end of its range than this share of it is at this end, except `_WHOLE`
 _WHOLE = (0, 1)  # ends of a range that a real machine may have: a share of nothing and of the whole
 _LIMIT_OVER_READING = 0.9  # least ratio of a limit to the largest reading: a reading above its limit is noise
 _LEAST_BASE_SHARE = 0.1  # least ratio of a parameter to its addition, such as dry friction to a breakaway torque

@@ -40,7 +40,7 @@ class Parameter:
     Attributes:
         ci95: (low, high); None if the data do not determine it.
         identified: if `ci95` is None, a combination of values that the data do determine, such as the voltage that
-            overcomes a friction torque; it has the sign of `value`. Otherwise None.
+            overcomes a friction torque; it has the sign of `value`. None: there is no such combination.
     """
 
     value: float
@@ -79,7 +79,7 @@ class Effect:
     Attributes:
         mechanism: the kind of cause; see `EffectInfo.mechanism`.
         law: the name of its law, as in "FAMILY, but DIFFERENCE"; see `catalogue.law`.
-        confidence: weight of the held explanations with this effect, as a share, 0..1, of the weight of all held ones.
+        confidence: weight of the held explanations with this effect, as a share of all held weight, 0..1.
         removed: the explanation's evidence, scaled: the nominal model has 0, a residual of noise alone has 1.
         claimed: whether the verdict claims the effect. False: the effect explains the fit runs best, without proof.
         equivalents: the explanations that the data cannot tell from it.
@@ -105,7 +105,7 @@ class Evidence:
         removed_fit, removed_held_out: the share of the cost above noise that the model removes, at most 1; negative:
             the model is worse. None: no such runs, or no cost above noise.
         draws: share, 0..1, of the bootstrap draws of stretches in which the model predicts the held-out runs better
-            than the nominal model does; None: no run is held out.
+            than the nominal model does; None: nothing is held out.
         contradicted: whether the held-out runs excite what the model adds, and contradict it.
         sentence: what these numbers mean, for the reader of a report.
     """

@@ -29,7 +29,7 @@ SURE = 0.95
 """Weight that the kept explanations hold; weight that names an effect; confidence level of intervals and tests."""
 
 STRICT = 0.01
-"""Level of the tests for a loop and for a disturbance with its own period. It is strict: all stages depend on them."""
+"""Level of the tests for a feedback loop and for a disturbance with its own period: all conclusions depend on them."""
 
 CHANCE_NATS = -math.log(1 - SURE)
 """The log likelihood ratio that counts as sure: 3.0 nats."""

@@ -240,7 +240,7 @@ def limit_of(part: Part) -> ParameterInfo | None:
 
 
 def scanned_parameter(part: Part) -> ParameterInfo | None:
-    """Returns the parameter whose sizes are tried one by one because only some show the effect; None: no such one."""
+    """Returns the parameter whose sizes are tried one by one because only some sizes show the effect; or None."""
     return next((one for one in part.infos.values() if one.scan), None)
 
 

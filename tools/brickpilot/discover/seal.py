@@ -177,7 +177,7 @@ def _held_out(prepared: Prepared, opened: Opened) -> Residual | None:
 
 
 def _removed(data: Residual, nominal: Model, written: Model) -> float | None:
-    """Returns the share, at most 1, of the cost above noise that the written model removes; None: none is above."""
+    """Returns the share, at most 1, of the cost above noise that the written model removes; None: no such cost."""
     before, after = (float(data.losses(model).sum()) for model in (nominal, written))
     noise = data.noise_cost()
     return min(1.0, (before - after) / (before - noise)) if before > noise else None

@@ -183,7 +183,7 @@ def _instants(time: Array, simulated: Array, jumps: NDArray[np.bool_] | None = N
     """Returns (times, simulated): accelerations at `time` from those of the plant, which are means over each step.
 
     A mean holds at the middle of its interval. Between two middles the acceleration is taken as linear, which is exact
-    to the second order. `jumps`: (simulated,) whether a command jumps just after a sample; it then gets its own mean.
+    to the second order. `jumps`: (simulated,) whether a command jumps at a sample. This sample gets the mean before.
     """
     middles = simulated - np.append(0.0, np.diff(simulated)) / 2
     if jumps is None:
