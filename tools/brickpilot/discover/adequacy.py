@@ -63,7 +63,7 @@ class Adequacy:
 
     @property
     def unexplained(self) -> str | None:
-        """The signal with the largest `left`, if above the limit, among those with more left than removed; or None."""
+        """Of the signals with more error left than removed: the one with the largest `left`, if above the limit."""
         more = {one: left for one, left in self.left.items() if self.explained[one] < 1 - self.explained[one]}
         return max(
             (one for one in more if more[one] > numbers.UNEXPLAINED_NATS), key=lambda one: more[one], default=None

@@ -49,14 +49,14 @@ _OUTPUTS = ("wheel_angle_left", "wheel_angle_right", "angle", "x", "position")
 _TINY = 1e-8  # step as a share of a coefficient's range: large against rounding errors, small enough to be linear
 _SIMULATED = 24  # number of atoms that are also simulated: the best ones by the linear screen
 _SIZES = (1.0, 0.3)  # shares of the linear estimate at which these atoms are simulated: few terms are linear
-_NEARBY = 8  # most atoms that are fitted at a fitted period and beside it
+_NEARBY = 8  # most atoms that are fitted at a fitted period and at the periods next to it
 _ALIKE = 2  # most trials of the same terms with different settings
 _STRIP_TERMS = ("surge_loss_patch", "yaw_loss_patch", "floor_add_patch")
 _CELLS, _LEAST_CELL = 24, 4e-3  # number of cells of the travel in the search for strips, and least width of a cell, m
 _STRIPS = 2  # most strips that are tried
 _MOST_TERMS = 3  # most terms of a law: the basis is large, and a reader can check only a short law
 _SLOWEST_SWING_HZ = 0.5  # frequency of a pendulum of one metre: no robot here carries a longer pendulum
-_SPRUNG_HZ = (1.0, 2.0, 4.0)  # frequencies tried for a sprung mass, beside the peaks of the spectrum
+_SPRUNG_HZ = (1.0, 2.0, 4.0)  # frequencies tried for a sprung mass, in addition to the peaks of the spectrum
 _SENSOR_SIGNALS = {
     "encoder": {
         f"wheel_{kind}_{side}" for kind in ("speed", "angle", "travel", "velocity") for side in ("left", "right")
@@ -196,7 +196,7 @@ def strip_atom(name: str, middle: float, half_width: float) -> Atom:
 
 
 def _visible_groups(vehicle: str, segments: Sequence[Segment]) -> list[tuple[Basis, ...]]:
-    """Returns the groups of terms that act on a part of this vehicle; those of a sensor only if it was logged."""
+    """Returns the groups of terms that act on a part of this vehicle; for a sensor, only if it was logged."""
     if vehicle == "motor":
         return [terms for terms in _groups() if terms[0].place in OF_A_MOTOR and not terms[0].sided]
     signals = {segment.signal for segment in segments}

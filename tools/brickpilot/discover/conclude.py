@@ -169,7 +169,7 @@ def _mechanisms(one: Explanation) -> tuple[str, ...]:
 def _effects(found: Conclusion) -> tuple[finding.Effect, ...]:
     """Returns the effects of the best explanation, the effect with most weight first.
 
-    The effects are claimed if the written model has them: for `named` and `ambiguous`, and beside a composed term.
+    The effects are claimed if the written model has them: for `named`, `ambiguous`, and together with a composed term.
     """
     beside = found.composed is not None and bool(found.written.explanation.effects)
     best = found.written if beside else found.best

@@ -127,7 +127,7 @@ class Judge:
     def changes(self, before: Array, after: Array) -> Array:
         """Returns (1 + draws,): the log of the ratio of rms, residual `after` to residual `before`, (values,) each.
 
-        The result is the mean over the signals. Its first entry weighs all stretches alike; the others use weights of a
+        The result is the mean over the signals. Entry 0 weighs all stretches alike; the other entries use weights of a
         Bayesian bootstrap. An rms below a signal's floor counts as the floor.
         """
         weights = np.vstack([np.ones(self.count), _bootstrap(self.count)])
@@ -287,7 +287,7 @@ def _step(matrix: Array, pull: Array, reach: Array, room: Array) -> tuple[Array,
     while np.any(np.abs(step := _solved(matrix + damping * np.diag(reach**-2.0), pull)) > reach):
         damping, is_long = max(_DAMPED * damping, 1.0), True
     stopped = (step < room[0]) | (step > room[1])
-    if stopped.any():  # solve for the other parameters again: one stopped at its bound moves less than its step
+    if stopped.any():  # solve for the other parameters again: a stopped one moves less than its step
         step = np.where(stopped, np.clip(step, *room), 0.0)
         others = ~stopped
         rest = pull[others] - matrix[others][:, stopped] @ step[stopped]

@@ -328,11 +328,11 @@ class Finding(Result):
     """All that discovery says about a data set.
 
     Attributes:
-        effects: the named effects; for `ambiguous` those of the best explanation, with rivals in `equivalents`; for
-            `unknown` the best candidates, not claimed, or the effects beside a composed term, claimed.
+        effects: for `named` the named effects; for `ambiguous` the best explanation's, with rivals in `equivalents`;
+            for `unknown` the best candidates (not claimed) or the effects that join a composed term (claimed).
         mechanism: the kind of cause that explains most; None if nothing is missing or no mechanism was found.
         law_differs: whether the claimed effects leave more than noise in some signal: their laws are not quite right,
-            or something smaller is missing too. None: no effect is claimed, or a term stands beside them.
+            or something smaller is missing too. None: no effect is claimed, or a composed term joins them.
         evidence: what proves the augmented model; None: no effect and no term was added.
         gap: "fit", "held_out" -> gap. `by_signal`: signal -> gap over all runs.
         nominal_model: the calibrated nominal model.

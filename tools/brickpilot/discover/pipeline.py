@@ -142,7 +142,7 @@ def _find(prepared: Prepared, nominal: Explanation, sealed: Sealed, tell: Stages
 
 
 def explain(prepared: Prepared, nominal: Explanation, tell: Stages, most: int = MOST_PARTS) -> Explained:
-    """Searches on the coarse grid for explanations beside the nominal model, weighs them, checks their residuals."""
+    """Searches for explanations on the coarse grid, weighs them, and checks whether their residuals are adequate."""
     judge = Judge.of(prepared.coarse, prepared.seed)
     library, until = Library(prepared.excitation, most), prepared.deadline.until(SEARCHED)
     search = Search(prepared.coarse, nominal, library, prepared.excitation, prepared.jobs, until, tell)

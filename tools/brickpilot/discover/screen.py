@@ -47,7 +47,7 @@ _LIMIT_SHARES = (0.95, 0.85, 0.7, 0.5)  # shares of the largest command or readi
 _LONGEST_STEP = 20.0  # largest amplitude, in sizes of the probe, to which a signature is extrapolated
 _LEAST_STEP, _LARGEST_STEP = 0.1, 2.0  # range of the amplitude if its sign is fixed
 
-_USUAL_ORDERS = (1.0, 2.0, 4.0, 6.0, 8.0, 12.0)  # periods per turn, tried beside the orders that the wheels show
+_USUAL_ORDERS = (1.0, 2.0, 4.0, 6.0, 8.0, 12.0)  # periods per turn, tried together with the orders that the wheels show
 _PHASES = ((0.0, 0.0), (np.pi / 2, 0.0), (0.0, np.pi), (np.pi / 2, np.pi))  # (phase, phase_difference): span all phases
 _WHEELS = np.array([[1, 1j, 1j, -1], [1, 1j, -1j, 1]])  # phasors of the left and the right wheel at these phases
 _LARGE = (1.0, 3.0)  # sizes at which a periodic effect is not linear: it stops the wheels or throws them over a peak
@@ -144,7 +144,7 @@ def signature_strengths(
 
 @dataclass(frozen=True)
 class _Here:
-    """The fitted model beside which parts are screened.
+    """The fitted model to which the screened parts are added.
 
     Attributes:
         scaled: (values,) the residual of the model, in scales.

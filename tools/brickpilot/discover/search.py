@@ -1,6 +1,6 @@
 """Searches for explanations. The search proposes and decides nothing: `verdict` weighs all explanations that it fitted.
 
-It fits single parts, pairs of the best parts, then one more part beside the best two explanations and the best fit. It
+It fits single parts, pairs of the best parts, then adds one part to the best two explanations and to the best fit. It
 adds parts while they surely predict better, and while the best fit leaves more error than wrong shapes of its laws may
 leave. It replaces each part of the best fit once by other laws of the same mechanism. To find rivals, it forbids each
 part of the best explanation once, and searches again without this part. If an explanation fits worse than a smaller
@@ -84,7 +84,7 @@ class Source(Protocol):
     width: Width
 
     def screened(self, problem: Problem, point: Array, deadline: Deadline) -> list[Trial]:
-        """Returns the trials that are worth a fit beside the model of `problem` at `point`, the best first."""
+        """Returns the trials that are worth a fit as additions to the model of `problem` at `point`, the best first."""
 
     def nearby(self, problem: Problem, current: Explanation, fits: Sequence[Explanation]) -> list[Trial]:
         """Returns further trials that are worth a fit, judged by `fits`, which extend `current`."""
@@ -133,8 +133,8 @@ class Found:
 
     Attributes:
         nothing: the calibrated nominal model.
-        screens: explanation -> the trials that the screen proposed beside it.
-        tried: each explanation with each part that was fitted beside it: a repeated fit would end at the same values.
+        screens: explanation -> the trials that the screen proposed as additions to it.
+        tried: each explanation with each part that was fitted with it: a repeated fit would end at the same values.
     """
 
     judge: Judge
