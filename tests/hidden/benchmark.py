@@ -25,7 +25,7 @@ ADDED = "next_experiment"
 
 
 def recipe_of(data: Path) -> Recipe:
-    """Returns the recipe of the set in `data` from its truth; its commands are read from its files, to five digits."""
+    """Returns the recipe of the set in `data` from its truth. The commands come from its files, with five digits."""
     facts = json.loads(data.with_name(f"{data.name}.truth.json").read_text(encoding="ascii"))["recipe"]
     runs = tuple(_driven(data, name) for name in facts["runs"])
     return Recipe(**{**facts, "vehicle": Vehicle(**facts["vehicle"]), "runs": runs})
@@ -37,7 +37,7 @@ def _driven(data: Path, run: str) -> Manoeuvre:
 
 
 def with_run(data: Path, added: Manoeuvre, out: Path) -> Path:
-    """Writes OUT/NAME: the set in `data` with one more fit run, `added`, which is driven after the others."""
+    """Writes OUT/NAME: the set in `data` with one more fit run, `added`, which is driven after the other runs."""
     recipe = recipe_of(data)
     longer = replace(recipe, runs=(*recipe.runs, replace(added, name=ADDED)))
     logged = measure.log(measure.sense(measure.tracks(longer), longer), longer)[-1]

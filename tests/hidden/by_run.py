@@ -1,4 +1,4 @@
-"""Values that vary from run to run and from frame to frame. Run and frame numbers determine them in both engines."""
+"""Values that vary from run to run and from frame to frame. In both engines they depend only on these numbers."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _GOLDEN = 0.618033988749895
 
 
 def place(number: int) -> float:
-    """Returns a number from -1 to 1 for run `number`; over all runs these numbers spread evenly (golden ratio)."""
+    """Returns a value from -1 to 1 for run `number`. The values of all runs are spread evenly (golden ratio)."""
     return 2 * ((number + 1) * _GOLDEN % 1.0) - 1
 
 

@@ -10,7 +10,7 @@ from hidden.recipe import Recipe
 
 
 def write(recipe: Recipe, parent: Path) -> Path:
-    """Writes PARENT/NAME, without a truth: no noise, no steps, no run held out; returns the folder.
+    """Writes PARENT/NAME, without a truth, noise, quantisation or held-out runs; returns the folder.
 
     The usual noise is stated, so that a fit weighs the signals as in the set with noise.
     """

@@ -1,4 +1,4 @@
-"""The effects that may be hidden: the parameters at which each is clearly visible, and how they are drawn."""
+"""The effects that may be hidden: the parameters at which each effect is clearly visible, and how these are drawn."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ class Effect:
     Attributes:
         visible: parameters at size 1 on `recipe.BENCH`, which change some signal by at least 5 noise sd, rms.
         scaled: the parameters that grow with the size; the other parameters are constant.
-        offset: for a limit that the effect lowers, its value at size 0.
+        offset: parameter -> its value at size 0, for a limit that the effect lowers.
         signed: whether the scaled parameters may have either sign.
         ranges: parameters that are drawn uniformly for each data set.
-        kind: a physical quantity. `scaled` is multiplied by its `strength` on the vehicle, so that the effect is
-            visible on each vehicle.
+        kind: a physical quantity. The scaled parameters are multiplied by the `strength` of this quantity on the
+            vehicle, so that the effect is visible on each vehicle.
         grid: if above 0, scaled parameters are whole multiples of this number.
-        absent: nominal values that must be 0 in the vehicle, because they have the same law as the effect.
+        absent: nominal values that must be 0 in the vehicle, because their law is also the law of the effect.
     """
 
     visible: Mapping[str, float]
@@ -165,7 +165,7 @@ TABLE = LIBRARY | ODD
 
 
 def strength(kind: Kind, vehicle: Vehicle) -> float:
-    """Returns the ratio of this vehicle to the bench vehicle in the quantity `kind`."""
+    """Returns the ratio of the quantity `kind` on this vehicle to the same quantity on the bench vehicle."""
 
     def torque(v: Vehicle) -> float:
         return v.torque_constant * v.battery_voltage / v.resistance

@@ -1,4 +1,4 @@
-"""The supply, drive and motors of a vehicle, which physics engines lack, in plain Python numbers.
+"""The supply, drive and motors of a vehicle, in plain Python numbers. Physics engines lack these parts.
 
 The equations are those of a brushed motor (eq. 12 of Worrall & McGookin 2006, seen at the wheel) and of the effects
 named in `Hidden`. `Electrics.step` is called once per step; the current is exact for a speed that changes linearly
@@ -18,8 +18,8 @@ from hidden.electrics_laws import Circuit
 from hidden.recipe import Hidden, Vehicle
 
 COPPER = 0.00393  # 1/K, IEC 60028
-FLOOR = 0.01  # least battery voltage over the nominal voltage
-ZERO = 0.01  # share of the battery's voltage below which a coasting drive takes a command as 0
+FLOOR = 0.01  # least ratio of battery voltage to nominal voltage
+ZERO = 0.01  # a coasting drive treats a command below this share of the battery's voltage as 0
 
 EFFECTS = frozenset(
     {"start_delay", "input_delay", "battery_discharge", "battery_fade", "battery_sag", "odd_crosstalk",
@@ -27,11 +27,11 @@ EFFECTS = frozenset(
      "motor_asymmetry", "odd_voltage_gain", "supply_saturation", "pwm_coast", "zero_coast", "dead_time",
      "torque_constant_asymmetry", "motor_heating", *electrics_laws.LAWS}
 )  # fmt: skip
-"""The effects that act only here, in the order in which they act; the gain of direction_asymmetry acts here too."""
+"""The effects that act only here, in the order in which they act. The gain of direction_asymmetry acts here, too."""
 
 
 def arriving(commands: NDArray[np.float64], hidden: Hidden, step_s: float, number: int = 0) -> NDArray[np.float64]:
-    """Returns the voltages (n,) at the drive, one per step: delayed `commands` (n,); 0 before the first arrives.
+    """Returns the voltages (n,) at the drive in each step: the delayed `commands` (n,), and 0 before the first arrives.
 
     Args:
         number: the run's number.
@@ -75,7 +75,7 @@ class Electrics:
         self._slope, self._sag = p("battery_discharge", "slope"), p("battery_sag", "resistance")
         self._crosstalk, self._quantum = p("odd_crosstalk", "share"), p("pwm_quantisation", "step")
         lag = p("actuator_lag", "time_constant")
-        # shares of a difference that the lag closes by the end of a step, and on average over the step
+        # shares of a difference that the lag removes: by the end of a step, and on average over the step
         self._closed = -math.expm1(-step_s / lag) if lag > 0 else 1.0
         self._midway = 1 - self._closed * lag / step_s if lag > 0 else 1.0
         slew = p("slew_limit", "time_per_volt")
@@ -112,14 +112,14 @@ class Electrics:
         self._circuit.start_run()
 
     def _decays(self, resistance: float) -> tuple[float, float]:
-        """Returns the shares of a current's distance to its steady value left after a step, and on average in it."""
+        """Returns the remaining shares of a current's distance to its steady value: after a step, on average in it."""
         if self._vehicle.inductance <= 0:
             return 0.0, 0.0
         x = self._step * resistance / self._vehicle.inductance
         return math.exp(-x), -math.expm1(-x) / x
 
     def step(self, command_left: float, command_right: float, speed_left: float, speed_right: float) -> list[float]:
-        """Returns mean torques (left, right) in one step, N m at the wheel, from V and mid-step speeds in rad/s."""
+        """Returns the mean torques (left, right) in one step, N m at the wheel. Commands: V; mid-step speeds: rad/s."""
         if self._plain:
             volts: list[float | None] = [command_left, command_right]
         else:
@@ -213,7 +213,7 @@ class Electrics:
         return max(-self.battery, min(self.battery, level))
 
     def _pulse(self, side: int, volts: float, fresh: bool) -> float | None:
-        """Returns the voltage in a tick, pulse or pause (first-order pulse density, as in brickOS); None: floating."""
+        """Returns the voltage in a tick, pulse or pause (first-order pulse density, as in brickOS); None: it floats."""
         if fresh:
             self._sum[side] += abs(volts) / self.battery
             self._on[side] = self._sum[side] >= 1 - 1e-9

@@ -91,7 +91,7 @@ def _one_side_drop(_: Circuit, p: Parameters, side: int, volts: float) -> float:
 
 
 def _brake_late(c: Circuit, p: Parameters, side: int, volts: float) -> float | None:
-    """At a command of zero the motor first floats; after a time the drive short-circuits the motor."""
+    """At a command of zero the motor first floats; after the time `after` the drive short-circuits the motor."""
     c.at_zero[side] = c.at_zero[side] + c.step if c.commands[side] == 0 else 0.0
     return None if 0 < c.at_zero[side] <= p["after"] else volts
 
@@ -108,7 +108,8 @@ DRIVE: dict[str, Callable[[Circuit, Parameters, int, float], float | None]] = {
         _current_cut_softly, _brake_late,
     )
 }  # fmt: skip
-"""Effect -> function from voltage to voltage of one side (0: left); None: floating. The effects act in this order."""
+"""Effect -> function that changes the voltage of one side (0: left); it returns None if the motor floats. The effects
+act in this order."""
 
 TIMING = ("start_delay_by_run", "command_jitter")
 MOTOR = ("one_motor_saturates", "heating_in_two_stages")

@@ -39,7 +39,7 @@ def nominal(recipe: Recipe) -> dict[str, dict[str, float]]:
 
 
 def write(recipe: Recipe, parent: Path) -> Path:
-    """Makes the data and writes PARENT/NAME and PARENT/NAME.truth.json, both or none; returns the folder.
+    """Makes the data and writes both PARENT/NAME and PARENT/NAME.truth.json, or neither; returns the folder.
 
     Raises:
         FileExistsError: the folder or the file exists already.

@@ -1,4 +1,4 @@
-"""Manoeuvres: commanded voltages as break points, and the lists that the suites use."""
+"""Manoeuvres: commanded voltages between break points, and the lists of manoeuvres that the suites use."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Manoeuvre:
     def held(self, sample_s: float) -> tuple[Floats, Floats, Floats]:
         """Returns the brick's outputs: time (n,) s, left (n,) and right (n,) V. Sample k is held until sample k + 1.
 
-        At the time of a step, the second of its two points counts.
+        At the time of a voltage step, the second of the step's two points counts.
         """
         time: Floats = np.arange(round(self.duration_s / sample_s) + 1, dtype=float) * sample_s
         return time, _at(time, self.time, self.left), _at(time, self.time, self.right)
@@ -83,7 +83,7 @@ def _both_sides(side: Floats, time: float) -> tuple[float, float]:
 
 
 def steps(name: str, duration_s: float, *stages: tuple[float, float, float]) -> Manoeuvre:
-    """Returns a manoeuvre that holds (left, right) V from the start of each stage (s, V, V); first 0 V."""
+    """Returns a manoeuvre that holds 0 V, then the voltages of each stage (start in s, left in V, right in V)."""
     time, left, right = [0.0], [0.0], [0.0]
     for start, volts_left, volts_right in stages:
         time += [start, start]
@@ -93,7 +93,7 @@ def steps(name: str, duration_s: float, *stages: tuple[float, float, float]) -> 
 
 
 def ramps(name: str, duration_s: float, *points: tuple[float, float, float]) -> Manoeuvre:
-    """Returns a manoeuvre of straight lines between points (s, V, V)."""
+    """Returns a manoeuvre of straight lines between points (time in s, left in V, right in V)."""
     time, left, right = zip(*points, strict=True)
     return Manoeuvre(name, time, left, right, duration_s)
 

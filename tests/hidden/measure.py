@@ -1,4 +1,4 @@
-"""Makes the log from the true motion by sensor errors, noise and converters; computes how visible an effect is."""
+"""Makes a log of the true motion, with sensor errors, noise and converters; computes how visible an effect is."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from hidden.recipe import GRAVITY, Engine, Floats, Recipe, Track, Vehicle
 NOISE_SD = {
     "accel_surge": 0.025, "accel_sway": 0.025, "yaw_rate": 0.014, "wheel_speed_left": 0.05, "wheel_speed_right": 0.05,
 }  # fmt: skip
-"""sd of each sensor's white noise, SI, if the recipe's `noise` is 1."""
+"""Signal -> sd of the sensor's white noise, SI, if the recipe's `noise` is 1."""
 
 RANGE = {
     "accel_surge": 2 * GRAVITY, "accel_sway": 2 * GRAVITY, "yaw_rate": 10.47,
     "wheel_speed_left": 51.2, "wheel_speed_right": 51.2,
 }  # fmt: skip
-"""Largest magnitude of each sensor's readings, SI."""
+"""Signal -> largest magnitude of the sensor's readings, SI."""
 
 BITS = 10
 
@@ -58,7 +58,7 @@ def engine(name: str) -> Engine:
 
 
 def sense(tracks: Sequence[Track], recipe: Recipe) -> list[dict[str, Floats]]:
-    """Returns the noise-free logs of ideal converters: for each run, signal -> (n,), every `recipe.sample_s`.
+    """Returns the noise-free logs of ideal converters: for each run, signal -> (n,), sampled every `recipe.sample_s`.
 
     Accelerometers give the mean over the past sampling interval, like an integrating converter. Other signals are
     instantaneous.
@@ -107,7 +107,7 @@ def _sense(track: Track, recipe: Recipe, age: float, number: int) -> dict[str, F
 
 
 def _late(name: str, values: Floats, hidden: Mapping[str, Mapping[str, float]], track: Track) -> Floats:
-    """Returns a signal after its own lag and delay and the common delay of all sensors."""
+    """Returns a signal after its own lag, its own delay, and the common delay of all sensors."""
     effects, own = ["sensor_delay"], "speed_delay" if "speed" in name else "gyro_delay"
     lag = hidden.get("speed_lag", {}).get("time_constant", 0.0) if "speed" in name else 0.0
     if lag > 0:
@@ -131,7 +131,7 @@ def _lagged(values: Floats, lag: float, step: float) -> Floats:
 
 
 def _mean_before(values: Floats, count: int) -> Floats:
-    """Returns the mean over each value and the `count` - 1 values before; the first `count` are unchanged."""
+    """Returns the mean over each value and the `count` - 1 values before it. The first `count` values are unchanged."""
     sums = np.cumsum(np.concatenate([[0.0], values]))
     out = values.copy()
     out[count:] = (sums[count + 1 :] - sums[1:-count]) / count
@@ -176,7 +176,7 @@ def _driven(
 
 @dataclass(frozen=True)
 class Shown:
-    """The change of the signals by the hidden effects, compared with the vehicle without these; nothing is refitted.
+    """How the hidden effects change the signals, compared with the vehicle without effects. Nothing is refitted.
 
     Attributes:
         visibility: signal -> rms change over all runs, in noise sd.
@@ -188,7 +188,7 @@ class Shown:
 
 
 def visibility(recipe: Recipe) -> dict[str, float]:
-    """Returns signal -> rms change by the hidden effects over all runs, in noise sd. Nothing is refitted."""
+    """Returns signal -> rms over all runs of the change by the hidden effects, in noise sd. Nothing is refitted."""
     return shown(recipe).visibility
 
 

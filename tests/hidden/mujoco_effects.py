@@ -13,7 +13,7 @@ Parameters = Mapping[str, float]
 
 
 class Step:
-    """The state at the start of a step and the forces in this step. Pairs are [left, right]; frame of the paper."""
+    """The state at the start of a step and the forces in this step, in the paper's frame. Pairs are [left, right]."""
 
     __slots__ = (
         "age", "angles", "cosine", "dry", "force", "heading", "load", "mass", "moment", "motor_angles", "motor_speeds",
@@ -115,7 +115,7 @@ def _curve_scrub(s: Step, p: Parameters) -> None:
 
 
 def _carpet_nap(s: Step, p: Parameters) -> None:
-    """The constant half of the force, along the pile. The dry-friction half is a dragged ball of `mujoco_model`."""
+    """The constant half of the force, along the pile. The other half is dry friction: a ball of `mujoco_model`."""
     s.force += 0.5 * (p["force_x"] * s.cosine + p["force_y"] * s.sine)
     s.side += 0.5 * (p["force_y"] * s.cosine - p["force_x"] * s.sine)
 

@@ -43,7 +43,7 @@ def simulate(
 
 
 class _Bench:
-    """The vehicle between runs. `age` and `electrics` hold the state that carries over to the next run."""
+    """The vehicle and its simulation. `age` and `electrics` hold the state that carries over to the next run."""
 
     def __init__(self, vehicle: Vehicle, hidden: Hidden) -> None:
         self.hidden, self.vehicle = hidden, vehicle
@@ -62,7 +62,7 @@ class _Bench:
             self.advance = self._slipping_step
 
     def _settle(self) -> Floats:
-        """Lets the vehicle settle on level ground; returns its positions, moved back to the start pose."""
+        """Lets the vehicle settle on level ground. Returns its joint positions, moved back to the start pose."""
         gravity = self.model.opt.gravity.copy()
         self.model.opt.gravity[:2] = 0.0
         self.data.qfrc_applied[:] = self.constant
@@ -104,7 +104,7 @@ class _Bench:
             np.empty((steps + 1, model.nv)),
             np.empty((steps + 1, 3)),
         )
-        # The loop below runs 1000 times a simulated second, so it uses views of MuJoCo's arrays and plain numbers.
+        # The loop below runs 1000 times per simulated second. So it uses views of MuJoCo's arrays and plain numbers.
         qpos, qvel, forces = data.qpos, data.qvel, data.qfrc_applied
         left, right = self.names.motor_dof
         motors, current = self.electrics.step, self.electrics.current
@@ -183,7 +183,7 @@ class _Extras:
 
 
 def _track(bench: _Bench, command: tuple[Floats, Floats], positions: Floats, speeds: Floats, electric: Floats) -> Track:
-    """Returns the track in the paper's frame. The specific force is the change of speed less gravity, in body axes."""
+    """Returns the track in the paper's frame. The specific force is acceleration minus gravity, in body axes."""
     heading = np.unwrap(2 * np.arctan2(positions[:, 6], positions[:, 3]))
     # A step turns the velocity towards the wheels' direction at its start (see SIDE_SLIP_RETURN). A change of speed
     # belongs to the time between two steps.

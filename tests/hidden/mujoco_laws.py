@@ -1,4 +1,4 @@
-"""Laws of `other_laws`, and the one library law that has a state, for the vehicle that MuJoCo moves.
+"""Laws of `other_laws` for the vehicle that MuJoCo moves, and the only law of the library that has a state.
 
 Each function takes a law's parameters, the number of the run and the vehicle, and returns a function that changes a
 `Step`. The returned function may have a state.
@@ -186,7 +186,7 @@ def _floor_wavy(p: Parameters, _: int, __: Vehicle) -> Act:
 
 
 def _coupled_inertia(p: Parameters, _: int, vehicle: Vehicle) -> Act:
-    """The library's law, in this module because it has a state; with `stretch` the spring stiffens like rubber."""
+    """The library's law, here because it has a state. With `stretch` the spring stiffens like rubber."""
     second = second_inertia(vehicle, p["share"], p["period"], p["damping"])
     twist, speed, stretch = [0.0, 0.0], [0.0, 0.0], p.get("stretch", math.inf)
 

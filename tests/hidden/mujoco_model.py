@@ -13,13 +13,13 @@ from hidden.recipe import GRAVITY, Hidden, Vehicle
 
 DT = 0.001
 GRIP = 4.0  # friction of wheel on floor, for a vehicle that must not slip
-FIRM = 300.0  # friction in the firm direction over friction in the slipping direction
+FIRM = 300.0  # ratio of the friction in the firm direction to the friction in the slipping direction
 SIDE_SLIP_RETURN = 1.5
-"""Factor by which a step corrects the side slip of a wheel: 1 stops the slip, 2 reverses it. The vehicle turns in each
-step, so factor 1 dissipates energy (a drag of m u r^2 DT / 2 in curves). Factor 2 dissipates no energy, but the slip
-never settles. Factor 1.5 leaves a third of the drag."""
-# A dragged ball is light and has little friction under a large load, because the friction cone of a contact lifts a
-# sliding body by grip^2 times speed times mass.
+"""Factor by which a step corrects the side slip of a wheel: 1 stops the slip, 2 reverses the slip. The vehicle turns in
+each step, so factor 1 dissipates energy (a drag of m u r^2 DT / 2 in curves). Factor 2 dissipates no energy, but the
+slip never settles. Factor 1.5 leaves a third of the drag."""
+# A dragged ball is light, has a low friction coefficient and a large load, because the friction cone of a contact lifts
+# a sliding body by grip^2 times speed times mass.
 CASTER_MASS = 5e-5
 CASTER_GRIP = 0.3
 WHEEL_SHARE = 0.04  # mass of each wheel as a share of the vehicle's mass
@@ -34,7 +34,7 @@ EFFECTS = frozenset(
 
 @dataclass(frozen=True)
 class Slip:
-    """The slip of the tyres along or across the vehicle, with the other direction firm; or equal slip in both."""
+    """The slip of the tyres along or across the vehicle, while the other direction is firm; or equal slip in both."""
 
     across: bool
     creep: float  # m/(N s) for one tyre
@@ -138,7 +138,7 @@ def build(vehicle: Vehicle, hidden: Hidden) -> tuple[mujoco.MjModel, Names]:
         bodies.append(_sprung(sprung, low))
     slope_x, slope_y = p("floor_slope", "slope_x"), p("floor_slope", "slope_y")
     down = math.sqrt(1 - slope_x**2 - slope_y**2)
-    # MuJoCo does not use the first number, but 0 would select another format
+    # MuJoCo does not use the first number, but a 0 there would select another format
     grip = f'solreffriction="-0.0001 {-SIDE_SLIP_RETURN / DT:.12g}"'
     names.slip = _slip(hidden, names.mass)
     xml = f"""

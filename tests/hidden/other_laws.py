@@ -1,4 +1,4 @@
-"""Laws that are not in the library: each acts at the same place as an effect of the library, by another equation.
+"""Laws that are not in the library. Each acts at the same place as an effect of the library, but by another equation.
 
 A law has its own name. Its entry states its mechanism, and the names of the library's effects that count as right
 answers. An odd law has no right name. The parameters are for size 1 on `recipe.BENCH`, as in `effects.py`.
@@ -26,7 +26,7 @@ class Law:
 
     Attributes:
         effect: the rule by which the law's parameters are drawn.
-        mechanisms: first the mechanism in which the law acts, then mechanisms whose laws give the same signals.
+        mechanisms: first the mechanism in which the law acts, then mechanisms with laws that give the same signals.
         names: effects of the library that the law replaces; empty: the law is odd.
         engines: the engines that can simulate it.
     """

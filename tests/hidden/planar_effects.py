@@ -1,4 +1,4 @@
-"""The effects that may be hidden in `planar_plant`, each with the parameters that ``brickpilot effects`` states.
+"""The effects that may be hidden in `planar_plant`. Their parameters are those that ``brickpilot effects`` states.
 
 This module has the effects of wheels and body; `planar_electrics` has the effects of supply, drive and motor.
 """
@@ -103,7 +103,7 @@ class _Limit:
         self.before = before
 
     def __call__(self, linear: Floats, most: float) -> Floats:
-        """Returns this difference (n, runs), N, from the forces of the linear law and the largest force of the tyre."""
+        """Returns the difference (n, runs), N. `linear`: forces of the linear law; `most`: the tyre's largest force."""
         now = linear * (1 / np.sqrt(1 + (linear / most) ** 2) - 1)
         middle = 1.5 * now - 0.5 * self.before
         self.before[:] = now
@@ -135,7 +135,7 @@ def _side_slip(plant: Plant, p: Parameters) -> None:
 
 
 def _tyre_grip(plant: Plant, p: Parameters) -> None:
-    """Reduces the linear creep forces, along and across, to the friction circle, by each wheel's own slip."""
+    """Limits the linear creep forces, along and across, to the friction circle, from the slip of each wheel."""
     creep = p["creep"]
     plant.creep["wheel"], plant.creep["side"] = creep, 0.5 * creep
     before, track = plant.memory(4), plant.vehicle.half_track
@@ -244,7 +244,7 @@ def _com_lateral_offset(plant: Plant, p: Parameters) -> None:
 
 
 def _payload_mass(plant: Plant, p: Parameters) -> None:
-    """Joins vehicle and payload to one body, by the parallel-axis theorem about the common centre."""
+    """Joins vehicle and payload to one body, with the parallel-axis theorem about the common centre of mass."""
     mass, place = p["mass"], np.array([p.get("forward", 0.0), p.get("right", 0.0)])
     total = plant.mass + mass
     common = (plant.mass * plant.com + mass * place) / total

@@ -14,7 +14,7 @@ from hidden.recipe import GRAVITY, Floats
 
 Parameters = Mapping[str, float]
 
-FIRM_CREEP = 0.0024  # m kg/(N s): a firm tyre's creep times the vehicle's mass
+FIRM_CREEP = 0.0024  # creep of a firm tyre times the vehicle's mass, m kg/(N s)
 LUGRE_DAMPING = 0.3  # damping ratio of a wheel on its bristles
 
 
@@ -103,7 +103,7 @@ def _switching_loss(plant: Plant, p: Parameters) -> None:
 
 
 def _brake_late(plant: Plant, p: Parameters) -> None:
-    """At a command of zero the motor first floats; after a time the drive short-circuits the motor."""
+    """At a command of zero the motor first floats; after the time `after` the drive short-circuits the motor."""
     at_zero = plant.memory(2)
 
     def hook(plant: Plant) -> None:
@@ -265,7 +265,7 @@ def _offset_by_run(plant: Plant, p: Parameters) -> None:
 
 
 class _Midway:
-    """Extrapolates a force to the middle of the step, so that the force can cancel nearly all of a linear force."""
+    """Extrapolates a force to the middle of the step. Then this force can cancel nearly all of a linear force."""
 
     def __init__(self, before: Floats) -> None:
         self.before = before

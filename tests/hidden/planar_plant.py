@@ -4,8 +4,8 @@ State: currents, wheel speeds, velocity of the axle's middle, wheel angles, head
 brushes (with backlash also the rotors). One matrix exponential per step advances the linear part (windings, tyres,
 losses, masses) exactly, for all runs at once; the nonlinear part acts as torques and forces held over the step
 (exponential Euler method, Hochbruck & Ostermann 2010, Acta Numerica 19). A tyre is a spring whose stretch decays as the
-wheel rolls (brush model, Pacejka 2012, ch. 3): under load it creeps by less than a thousandth of its speed. Dry
-friction is a stiff spring that yields (Prandtl 1928), so it holds at rest.
+wheel rolls (brush model, Pacejka 2012, ch. 3): under load a tyre creeps by less than a thousandth of its speed. Dry
+friction is a stiff spring that yields (Prandtl 1928), so that it holds a body at rest.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ CREEP_STIFFNESS = 300.0  # force over load, at a slip of 1
 RELAXATION_M = 0.003
 BRUSH_DAMPING = 0.6  # damping ratio of the wheel relative to the body, at rest
 
-# Contacts: stiffness and damping, as shares of the values that would stop the motion within one step.
+# Contacts: stiffness and damping as shares of the values that would stop the motion within one step.
 SPRING_SHARE, DAMPER_SHARE = 0.2, 0.6  # dry friction
 TEETH_SPRING, TEETH_DAMPER = 0.1, 0.9  # gear teeth: overdamped, so that they do not bounce
 
@@ -40,7 +40,7 @@ BRUSH, SIDE_BRUSH, ROTOR, PLAY = slice(10, 12), 12, slice(13, 15), slice(15, 17)
 # Inputs, counted from the end of the state.
 VOLTAGE, TORQUE, GEAR, FORCE = slice(0, 2), slice(2, 4), slice(4, 6), slice(6, 9)
 INPUTS = 9
-LEFT_RIGHT = np.array([[1.0], [-1.0]])  # sign of the moment and yaw, clockwise, at the left and the right wheel
+LEFT_RIGHT = np.array([[1.0], [-1.0]])  # sign of a forward force's clockwise moment at the left and the right wheel
 
 
 class Slider:
@@ -48,8 +48,8 @@ class Slider:
 
     Args:
         speeds: rows of the state with the speeds of the motion.
-        forces: inputs on which the friction acts, one for each speed.
-        shares: (motions, speeds): the contribution of a unit of each motion's friction to each input.
+        forces: rows of the inputs on which the friction acts, one input for each speed.
+        shares: (motions, speeds): how much a unit of each motion's friction adds to each input.
         shape: shape of the speeds that `force` or `planar` take.
     """
 
@@ -81,12 +81,12 @@ class Slider:
 
 
 class Plant:
-    """One vehicle in several runs, all advanced together.
+    """One vehicle in several runs. All runs advance together.
 
     Effects change the build values and add hooks; then `assemble` is called once, and `advance_by` in each step. Hooks
     in ``drive`` change ``voltage``; hooks in ``loads`` add to ``torque`` (on the wheels), ``gear`` (on the motors' side
-    of the play) and ``force`` (X, Y, N at the axle's middle); hooks in ``bounds`` add to ``bound``, the wheels' dry
-    friction. Arrays are (2, runs), left and right, or (runs,); frame and units are `recipe.Hidden`'s.
+    of the play) and ``force`` (X, Y, N at the axle's middle); hooks in ``bounds`` add to ``bound``, the limit of the
+    wheels' dry friction. Arrays are (2, runs), left and right, or (runs,); frame and units are as in `recipe.Hidden`.
     """
 
     def __init__(self, vehicle: Vehicle, runs: int, step: float) -> None:
@@ -94,14 +94,14 @@ class Plant:
         self.mass, self.yaw_inertia, self.com = vehicle.mass, vehicle.yaw_inertia, np.zeros(2)
         self.radius = vehicle.wheel_radius * np.ones((2, 1))
         self.flux = np.ones((2, 1))
-        self.creep: dict[str, float] = {}  # creep, m/(N s), along ("wheel") or across ("side"); it replaces a brush
+        self.creep: dict[str, float] = {}  # "wheel" (along), "side" (across) -> creep, m/(N s), in place of a brush
         self.rotor_share = 0.0  # share of the wheel's inertia on the motor's side of the play; 0: no play
         self.supply_slope = self.supply_resistance = self.supply_fade = 0.0
         self.heating: tuple[float, float] | None = None  # thermal resistance, time constant
         self.falls: list[Callable[[Plant], Floats]] = []  # further voltage losses of the supply
         self.command_delay = 0.0
-        self.late_start: Floats | float = 0.0  # delay of the start, s: one value for all runs, or (runs,)
-        self.frames: tuple[float, float] | None = None  # delay and jitter of the frames that carry commands
+        self.late_start: Floats | float = 0.0  # delay of the start, s: for all runs, or (runs,) for each run
+        self.frames: tuple[float, float] | None = None  # delay and jitter, s, of the frames that carry commands
         self.against = np.zeros((2, 2, runs))  # wheels' dry friction: (against forward or backward, side, run)
         self.drive: list[Hook] = []
         self.loads: list[Hook] = []
@@ -121,7 +121,7 @@ class Plant:
         return np.zeros((rows, self.runs))
 
     def slider(self, motion: str, forward: float = 0.0) -> Slider:
-        """Returns the dry friction of both "wheels", of the body's "yaw", or of the body's "point" at (forward, 0)."""
+        """Returns the dry friction of a motion: of both "wheels", of the body's "yaw" or its "point" (forward, 0)."""
         made = {
             "wheels": Slider(WHEEL, TORQUE, [[1, 0], [0, 1]], (2, self.runs)),
             "yaw": Slider(BODY, FORCE, [[0, 0, 1]], (self.runs,)),
@@ -131,7 +131,7 @@ class Plant:
         return made
 
     def assemble(self, charge: Floats, heat: Floats) -> None:
-        """Computes the exact step of the linear part, and a state at rest at the origin.
+        """Computes the exact step of the linear part, and sets a state at rest at the origin.
 
         Args:
             charge: (runs,) C drawn before each run.
@@ -210,11 +210,11 @@ class Plant:
         return a, b
 
     def losses(self) -> Floats:
-        """Returns the losses of each wheel, N m s/rad, as the nominal values define them: whole weight on each."""
+        """Returns the losses of each wheel, N m s/rad, as nominal values define them: with the whole weight on each."""
         return self.vehicle.viscous_friction + self.mass * GRAVITY * self.vehicle.rolling_friction * self.radius**2
 
     def _tyre(self, a: Floats, k: int, side: float, inertia: float) -> None:
-        """Adds the tyre force for the slip s = r_w w - (u +- b r). Here the rows of the body still hold forces."""
+        """Adds the tyre force for the slip s = r_w w - (u +- b r). Here the body's rows of `a` still hold forces."""
         radius, track = self.radius[k, 0], self.vehicle.half_track
         slip = np.zeros(len(a))
         wheel, brush = WHEEL.start + k, BRUSH.start + k

@@ -15,7 +15,7 @@ from hidden.recipe import VEHICLES, Hidden, Recipe, Vehicle, specimen
 Engine = Literal["mujoco", "planar"]
 
 SIZE = 2.0
-"""Size of every hidden effect: clearly visible, so that lack of data does not explain a miss."""
+"""Size of every hidden effect. It is clearly visible, so that a missed effect is not due to a lack of data."""
 
 PAYLOAD = 0.25
 """Payload as a share of the vehicle's mass; no nominal value includes it."""

@@ -28,8 +28,8 @@ OVERSAMPLE_S = 0.001
 class Vehicle:
     """True values, by the names of a data set's ``[nominal]`` table.
 
-    ``rolling_friction`` is sigma of the paper's eq. 13 in eq. 14: a torque m g sigma r_w^2 w at each wheel, with the
-    whole weight on each wheel. So the losses of a wheel are linear in its speed (`wheel_damping`).
+    ``rolling_friction`` is the paper's sigma (eq. 13 in eq. 14). It gives a torque m g sigma r_w^2 w at each wheel, as
+    if each wheel had the whole weight. So the losses of a wheel are linear in its speed (`wheel_damping`).
     """
 
     mass: float = 0.6  # kg, of the whole vehicle
@@ -46,14 +46,14 @@ class Vehicle:
     battery_voltage: float = 9.0  # V; a command of this voltage is full duty
 
     def wheel_damping(self, mass: float | None = None, radius: float | None = None) -> float:
-        """Returns viscous and rolling losses of a wheel, N m s/rad. Defaults: its own mass, kg, and radius, m."""
+        """Returns viscous and rolling losses of a wheel, N m s/rad, for a mass, kg, and radius, m; None: its own."""
         load = (self.mass if mass is None else mass) * GRAVITY
         return self.viscous_friction + load * self.rolling_friction * (radius or self.wheel_radius) ** 2
 
 
 @dataclass(frozen=True)
 class SecondInertia:
-    """A second inertia, coupled to a wheel by a spring and a damper: kg m^2, N m/rad, N m s/rad."""
+    """A second inertia, kg m^2, coupled to a wheel by a spring, N m/rad, and a damper, N m s/rad."""
 
     inertia: float
     stiffness: float
@@ -64,8 +64,8 @@ def second_inertia(vehicle: Vehicle, share: float, period: float, damping: float
     """Returns a second inertia on a spring and a damper.
 
     Args:
-        share: ratio of the second to the first inertia, which is a wheel's own inertia plus half the vehicle's mass at
-            the wheel.
+        share: ratio of the second to the first inertia. The first inertia is a wheel's own inertia plus that of half
+            the vehicle's mass at the wheel's radius.
         period: s, period of the free oscillation of both inertias against each other.
         damping: damping ratio of this oscillation.
     """
@@ -97,8 +97,8 @@ def specimen(vehicle: Vehicle, random: np.random.Generator, spread: float = 0.08
 class Track:
     """The true motion in one run: arrays (n,) at every `OVERSAMPLE_S` from 0 on; SI, the paper's frame.
 
-    Speeds and accelerations belong to the axle's middle. ``accel_surge`` and ``accel_sway`` are the specific force
-    there (an ideal accelerometer's reading). These two and ``yaw_accel`` are means over the past millisecond.
+    Speeds and accelerations are those of the axle's middle. ``accel_surge`` and ``accel_sway`` are the specific force
+    there, as an ideal accelerometer reads it. Both and ``yaw_accel`` are means over the past millisecond.
     """
 
     time: Floats
@@ -144,14 +144,14 @@ class Recipe:
         name: name of its folder.
         engine: the physics, "mujoco" or "planar".
         hidden: the effects that the nominal model lacks.
-        noise: factor on the usual noise of the sensors.
-        nominal_error: relative sd of each nominal value around the true one.
+        noise: ratio of the sensors' noise to their usual noise.
+        nominal_error: relative sd of each nominal value about the true value.
         frame: frame of the written signals.
         quantised: whether readings are quantised to 10 bits over the range of each sensor.
         noise_sd_stated: whether dataset.toml states the noise.
         sds: the share of the nominal values that have a stated sd.
-        wrong: nominal value -> its relative error; its sd is stated as `nominal_error`, so that discovery should find
-            the error.
+        wrong: nominal value -> its relative error. The stated sd of this value is `nominal_error`, so that discovery
+            should find the error.
         called: effects of the library that cause the same difference as `wrong`.
         suite: the suite of `quick_suites` that the set belongs to; empty: none.
     """

@@ -16,12 +16,12 @@ from hidden.recipe import Floats, Track
 WINDOW_S = 0.1
 """Length of the windows over which the rms of the difference is taken, s."""
 ABOVE = 1.0
-"""Least rms difference, noise sd, of a window that belongs to a region."""
+"""A window belongs to a region if its rms difference is above this, in noise sd."""
 BRIDGED_S = 0.3
-"""A break in a region that is shorter than this time, s, is part of the region."""
+"""Time, s: a gap between two regions that is shorter joins them to one region."""
 
 SLOW_M_S, SLOW_RAD_S = 0.02, 0.05
-"""Least speed and yaw rate, m/s and rad/s, for the conditions of speed and turn."""
+"""Least speed, m/s, and least yaw rate, rad/s, that set the thresholds of the conditions on speed and turn."""
 
 COVERS, LIFT = 0.6, 1.3
 """A condition must cover this share of a region's squared difference, and `LIFT` times its own share of time."""
@@ -32,7 +32,7 @@ class Region:
     """A span of one signal of one run in which the effect is visible.
 
     Attributes:
-        share: this region's share, 0..1, in the squared differences (in noise sd) of all regions.
+        share: 0..1, the region's share of the sum of squared differences, in noise variances, over all regions.
         when: the vehicle's motion in the region; "throughout" if no narrower condition covers it.
     """
 

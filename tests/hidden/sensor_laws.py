@@ -17,7 +17,7 @@ Parameters = Mapping[str, float]
 
 @dataclass
 class Readings:
-    """The readings of ideal sensors in one run, (n,) each, every `step` s; one law after the other changes them."""
+    """The readings of ideal sensors in one run, (n,) each, sampled every `step` s. The laws change these in turn."""
 
     surge: Floats
     sway: Floats
@@ -63,7 +63,7 @@ def _arm_on_mast(r: Readings, p: Parameters, track: Track) -> None:
 
 
 def _accel_cross_axis(r: Readings, p: Parameters, _: Track) -> None:
-    """The surge axis also measures a share of the sway acceleration; the sway axis has no such error."""
+    """The surge axis also measures a share of the sway acceleration. The sway axis measures no surge acceleration."""
     r.surge = r.surge + p["share"] * r.sway
 
 
@@ -99,7 +99,7 @@ def _gyro_soft_limit(r: Readings, p: Parameters, _: Track) -> None:
 
 
 def _encoder_eccentric(r: Readings, p: Parameters, _: Track) -> None:
-    """The code wheels are eccentric: the reading varies once a turn, in opposite phase at the two wheels."""
+    """The code wheels are eccentric: the reading varies once per turn, in opposite phase at the two wheels."""
     left, right = np.cumsum(r.left) * r.step, np.cumsum(r.right) * r.step
     r.left, r.right = r.left * (1 + p["share"] * np.cos(left)), r.right * (1 - p["share"] * np.cos(right))
 

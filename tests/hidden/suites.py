@@ -1,4 +1,4 @@
-"""Lists of recipes. The seeds that set thresholds are not those of reported results: see `CALIBRATION`."""
+"""Lists of recipes. Thresholds are set with other seeds than those of reported results: see `CALIBRATION`."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def _recipe(
 def _graded(
     table: tuple[str, ...], sizes: tuple[float, ...], suite: str, seed_offset: int, engine: Engine
 ) -> list[Recipe]:
-    """Returns sets of each effect, size and sensor set. An effect keeps its vehicle and sign over all sizes."""
+    """Returns sets of each effect, size and sensor set. An effect has the same vehicle and sign at all sizes."""
     out = []
     for index, effect in enumerate(table):
         for size in sizes:
@@ -92,7 +92,7 @@ def odd(seed_offset: int = CALIBRATION, engine: Engine = "mujoco") -> list[Recip
 
 
 def none(seed_offset: int = CALIBRATION, engine: Engine = "mujoco", count: int = 200) -> list[Recipe]:
-    """Returns sets with nothing hidden: `count` with nominal errors of 2 %, a tenth each with 0 % and with 5 %."""
+    """Returns sets with nothing hidden: `count` with nominal errors of 2 %, `count` / 10 each with 0 % and with 5 %."""
     plan = [(2, i) for i in range(count)] + [(percent, i) for percent in (0, 5) for i in range(count // 10)]
     out = []
     for percent, i in plan:

@@ -1,7 +1,7 @@
 """The cost of a control step on an AVR chip, with drivers and interrupts, and the memory that the image needs.
 
-The image flies the mission on simavr, in simulated time: it reads its own sensors and drives its own motors. Cycles are
-counted by simavr, for each instruction as the data sheet states.
+The image flies the mission on simavr, in simulated time: the image itself reads the sensors and drives the motors.
+simavr counts the cycles of each instruction as the data sheet states them.
 """
 
 from __future__ import annotations
@@ -76,8 +76,8 @@ class AvrBudget:
 
     Attributes:
         cycles: part -> its cycles in each period, shape (periods,): the stages of `rcx_budget.STAGES`, "rest", "step"
-            (the sum of these), "drivers" (the HAL's functions within the step), "commands" (the host's requests, with
-            their drivers), "interrupts", and "all": all time outside sleep.
+            (the sum of the stages and "rest"), "drivers" (the HAL's functions within the step), "commands" (the host's
+            requests, with their drivers), "interrupts", and "all": all time outside sleep.
         stack: largest stack in bytes, including interrupts.
     """
 
@@ -106,8 +106,8 @@ class Profile:
 
     Args:
         functions: (entry address, part) of each function.
-        vectors_end: the first address behind the interrupts' vectors.
-        room: the number of control steps that are kept.
+        vectors_end: the first address after the interrupt vectors.
+        room: the largest number of control steps whose cycles are kept.
     """
 
     def __init__(self, robot: AvrRobot, functions: Sequence[tuple[int, int]], vectors_end: int, room: int) -> None:

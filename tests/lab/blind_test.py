@@ -1,4 +1,4 @@
-"""The blind test of discovery: runs it on data sets whose truth is known, and appends one result for each set.
+"""The blind test: runs discovery on data sets whose truth is known, and appends one result for each set.
 
 A set that already has a result is not run again, so that a long benchmark can be interrupted and continued. All output
 is computed only from the results (table.py).
@@ -53,7 +53,7 @@ class _Asked:
 
 @dataclass(frozen=True)
 class _Ran:
-    """The result of one set; `unmade`: why the set could not be made, or None."""
+    """The result of one set. `unmade`: the reason why the set could not be made; None: it was made."""
 
     result: dict[str, Any]
     unmade: str | None

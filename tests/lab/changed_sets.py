@@ -1,8 +1,8 @@
-"""How often `changed` is right: on pairs of an engine's recordings, labelled real pairs, and halves of logs.
+"""How often `changed` is right: on pairs of simulated recordings, on labelled real pairs, and on halves of logs.
 
-A pair of an engine is one vehicle driven twice, with different voltages and noise. One of the two recordings has an
-effect, or neither has. A right answer names only the right mechanism, the right mechanism with an extra name, or the
-right mechanism among rivals.
+For a simulated pair, an engine drives one vehicle twice, with different voltages and noise. One of the two recordings
+has an effect, or neither recording has one. A right answer names only the right mechanism, the right mechanism with an
+extra name, or the right mechanism among rivals.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Pair:
     """Two recordings of an engine.
 
     Attributes:
-        effect: the effect in which the recordings differ; None: they do not differ.
+        effect: the effect that only one recording has; None: the recordings do not differ.
         size: ratio of the effect's size to its clearly visible size.
         gone: True: only the first recording has the effect; False: only the second recording has it.
         index: number of the pair in its suite.
@@ -139,7 +139,7 @@ def score(said: Mapping[str, Any], truth: str | None) -> str:
 
 
 def labelled(data: Path, jobs: int) -> Iterator[dict[str, Any]]:
-    """Yields the answers for labelled pairs of real machines, and whether intervals and labelled ranges overlap."""
+    """Yields the answers for labelled pairs of real machines, and whether an interval overlaps the labelled range."""
     for (before, after), label in LABELLED.items():
         if not ((data / before).is_dir() and (data / after).is_dir()):
             continue

@@ -29,7 +29,7 @@ from lab.score import (
 
 SENSORS = {"imu+encoders": "wheel speeds measured", "imu": "IMU alone"}
 
-_LEAST_CLEAN = 100  # least number of sets with nothing hidden for a meaningful share
+_LEAST_CLEAN = 100  # a share of the sets with nothing hidden is meaningful from this number of sets on
 _ANSWER_S = 15.0
 _OVER_FLOOR = 1.1
 
@@ -82,7 +82,7 @@ def share_of(
     wanted: Wanted | None = None,
     least: int = 1,
 ) -> Claim:
-    """Returns the claim on the mean of `count`, 0 to 1, over `among`; true counts as 1."""
+    """Returns the claim on the mean of `count` over `among`. `count` gives 0 to 1; True counts as 1."""
     share = Share(sum(_counted(count(one)) for one in among), len(among))
     return Claim(what, share.value, share.of, share.interval, "%", wanted, least)
 

@@ -1,9 +1,9 @@
 """The control law on a brick's processor: the firmware's arithmetic compared with Q16.16 and software floating point.
 
-The law of `tests/peers` is line of sight, two PIDs and the mixer. Every program gets the same steps of a recorded
-mission, and must give the firmware's voltages within `BOUNDS_V`, so that all programs do the same work. The Q16.16
-arithmetic is our own, similar to libfixmath. Floating point comes from avr-libc on the AVR, and from brickOS on the
-RCX.
+The law of `tests/peers` consists of line of sight, two PIDs and the mixer. Every program gets the same steps of a
+recorded mission, and must give the firmware's voltages within `BOUNDS_V`, so that all programs do the same work. The
+Q16.16 arithmetic is our own, similar to libfixmath. Floating point comes from avr-libc on the AVR, and from brickOS on
+the RCX.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ from lab import rcx_budget
 Array = NDArray[np.float64]
 
 STEPS = 500
-"""Number of compared mission steps: the steps' tables and the largest program fit into an ATmega328P's flash."""
+"""Number of compared mission steps. Their tables and the largest program together fit an ATmega328P's flash."""
 
 BOUNDS_V = {"typical": 0.005, "most": 0.05}
 """Largest allowed median and maximum, V, of the difference from the firmware's motor voltages. The firmware computes
-braking from a distance in whole mm; near a waypoint 1 mm is 0.03 V."""
+braking from a distance in whole mm; near a waypoint a distance of 1 mm changes the voltage by 0.03 V."""
 
 ARITHMETICS = {
     "ours": "the firmware's 16 and 32 bits",

@@ -2,10 +2,10 @@
 
     python tests/lab/flights.py DIR [--changed] [--sensors imu+encoders] [--count 24] [--seed 1] [--jobs 1]
 
-With --changed: what is different since a flight without an effect, of another seed?
+With --changed, it asks instead what is different from a flight without an effect and with another seed.
 
 The effects are drawn from the library, at their preset sizes. The packaged IMU has biases that the nominal model lacks,
-so `accel_bias` and `gyro_bias` are always right in addition. Each flight's data set and answer are kept in DIR, so an
+so an answer may always name `accel_bias` and `gyro_bias`, too. Each flight's data set and answer are kept in DIR, so an
 interrupted call continues where it stopped.
 """
 
@@ -51,7 +51,7 @@ def data_of(effect: str, folder: Path, sensors: str, seed: int) -> Path:
 
 
 def answer(effect: str, folder: Path, jobs: int) -> dict[str, Any]:
-    """Returns a flight's answer and its score: right, among rivals, silent (unknown or nothing more), or wrong."""
+    """Returns a flight's answer and its score: right, among rivals, silent (unknown or nothing missing), or wrong."""
     began = time.perf_counter()
     found = bp.discover(reading.read(folder / "data"), jobs=jobs)
     names = [one.name for one in found.effects if one.claimed]

@@ -11,7 +11,7 @@ from lab import law_score
 from lab.claims import Claim, Wanted, share_of
 from lab.score import Result, Share, detected, intervals_hold
 
-_NULLS = 200  # least number of sets with nothing hidden for a meaningful share
+_NULLS = 200  # a share of the sets with nothing hidden is meaningful from this number of sets on
 _WORDS = {
     "same": "one effect, by the library's law",
     "other": "one effect, by another law",
@@ -105,7 +105,7 @@ def _times(results: Sequence[Result]) -> Iterator[Claim]:
 def median(what: str, values: Sequence[float], unit: str, wanted: Wanted | None = None) -> Claim:
     """Returns a claim on the median. Its 95 % interval comes from order statistics, so it assumes no distribution.
 
-    Fewer than six values give no such interval.
+    With fewer than six values there is no such interval.
     """
     ordered, count = sorted(values), len(values)
     rank = int(binom.ppf(0.025, count, 0.5))

@@ -1,4 +1,4 @@
-"""The score of one result of a quick suite: by mechanism, law, name, nominal value and place (see result.py).
+"""Scores one result of a quick suite by mechanism, law, name, nominal value and place (see result.py).
 
 For every hidden effect, a quick suite states its law: a law of the library ("same"), another law of a mechanism that
 the library knows ("other"), or a law outside the library ("odd"). The suite also states the regions in which the effect
@@ -20,14 +20,14 @@ from lab.score import Result, explanations, named
 GROUPS = ("same", "other", "outside", "nulls", "nominal", "scales")
 
 ADEQUATE = 1.1
-"""Ratio of held-out residual to noise floor up to which the data cannot separate a law from the true law."""
+"""Largest ratio of held-out residual to noise floor at which the data cannot separate a law from the true law."""
 
 _GRID_S = 0.01  # step of the grid on which places are compared
 
 
 @dataclass(frozen=True)
 class Overlap:
-    """Seconds of signals in which the verdict (said), the truth (known), or both place the effect."""
+    """Time, s, summed over signals, in which the verdict (said), the truth (known), or both place the effect."""
 
     said: float
     known: float
@@ -81,7 +81,7 @@ def mechanism_right(result: Result) -> bool:
 
 
 def name_right(result: Result) -> bool:
-    """Returns whether the first name, claimed or suspected, is a right name or belongs to the family of one."""
+    """Returns whether the first name, claimed or suspected, is a right name or in the family of a right name."""
     names = [] if result.get("error") else first_names(result)[:1]
     right = true_names(result)
     return bool(right) and bool(names) and _is_called(names[0], right)
@@ -92,8 +92,8 @@ def law_right(result: Result) -> bool:
 
     For a law of the library, its name or a name of its family has to be claimed, alone or among rivals, and the verdict
     must not state that the law differs. For another law, the verdict has to be `unknown` with the right mechanism, or
-    to claim a right name and state that its law differs. Without this statement, the residual on held-out runs has to
-    be noise, so that the data cannot separate both laws.
+    to claim a right name and state that its law differs. A right name without this statement counts if the residual on
+    held-out runs is noise, so that the data cannot separate both laws.
     """
     if result.get("error"):
         return False
@@ -122,8 +122,8 @@ def false_names(result: Result) -> list[str]:
 
 
 def nominal_found(result: Result) -> bool:
-    """Returns whether a wrong nominal value is reported: such a value leaves its prior, or an effect that stands for it
-    is claimed or suspected."""
+    """Returns whether a wrong nominal value is reported: the value leaves its prior, or an effect that causes the same
+    difference is claimed or suspected."""
     wrong = set(result["wrong"])
     told = {name for one in explanations(result) for name in one} | set(first_names(result))
     return not result.get("error") and bool(wrong & set(result["left_prior"]) or told & set(result["called"]))
@@ -156,7 +156,7 @@ def _by_signal(spans: Sequence[Mapping[str, Any]]) -> dict[tuple[str, str], NDAr
 
 
 def condition_share(result: Result) -> tuple[float, int]:
-    """Returns the number of places that overlap a region and state its condition, and of all that overlap one."""
+    """Returns how many places overlap a region and state its condition, and how many places overlap a region."""
     right = counted = 0
     for place in result["where"]:
         near = [one for one in result["regions"] if (one["run"], one["signal"]) == (place["run"], place["signal"])]

@@ -22,7 +22,7 @@ def state() -> str:
 
 
 def told(states: Iterable[str | None], what: str) -> str:
-    """Returns the states at which results were measured, the most frequent first. `what`: word for several results."""
+    """Returns the states at which results were measured, the most frequent first. `what`: plural word for results."""
     counted = Counter(one or UNKNOWN for one in states)
     found = [one if len(counted) == 1 else f"{one} ({number} {what})" for one, number in counted.most_common()]
     return f"measured at {', '.join(found)}" if found else f"no {what}"

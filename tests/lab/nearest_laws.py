@@ -1,8 +1,8 @@
 """How much of an odd law's error the nearest law of the library leaves: python -m lab.nearest_laws [--write].
 
 The data are those of the suite `outside`, with the same laws, sizes and vehicles, but without noise: all error is the
-law's. Each searched effect of the library is tried alone beside the nominal model, whose values are free within their
-sds. Only the most promising effects are fitted, by plain least squares in units of the noise.
+law's. Each effect of the library is tried alone as an addition to the nominal model, whose values are fitted with their
+sds as priors. Only the most promising effects are fitted, by plain least squares in units of the noise.
 """
 
 from __future__ import annotations
@@ -30,19 +30,19 @@ from threadpoolctl import threadpool_limits
 README = Path(__file__).parents[1] / "hidden" / "README.md"
 HEAD = "| odd law | its error | nearest law of the library | it leaves | share | beyond noise |"
 RUNS = ("forward_back_full", "spin_left", "curve_left", "left_alone")
-"""Four of the eight runs: ahead and back, on the spot, in a curve to the left, and on one wheel to the right."""
+"""The four runs that are used of the eight: ahead and back, on the spot, in a left curve, to the right on one wheel."""
 
 FITTED = 3
 """Number of effects that are fitted."""
 
 WITHIN_NOISE = 0.5
-"""Mean square, in variances of the noise, below which an error counts as hidden by noise. The library's own laws leave
-up to 0.13, as the engine and the plant have different steps."""
+"""Mean square, in variances of the noise, below which an error counts as hidden by noise. Laws of the library leave up
+to 0.13 of their own data, because the engine and the plant have different steps."""
 
 
 @dataclass(frozen=True)
 class Nearest:
-    """The effect of the library that leaves least of an odd law's error, if it alone joins the nominal model.
+    """The effect of the library that leaves least of an odd law's error, if only this effect joins the nominal model.
 
     Attributes:
         odd, law: the odd law, and the effect of the library.
@@ -61,7 +61,7 @@ class Nearest:
 
     @property
     def is_beyond_noise(self) -> bool:
-        """Whether noise does not hide what the effect leaves: the library has no law for these data."""
+        """Whether the error that the effect leaves exceeds noise. If so, the library has no law for these data."""
         return self.left > WITHIN_NOISE
 
     def row(self) -> str:
@@ -72,7 +72,7 @@ class Nearest:
 
 
 class Squares(Problem):
-    """Least squares without the robust loss, which would let go what a law cannot explain."""
+    """Least squares without the robust loss, which would discount the error that a law cannot explain."""
 
     def _robust(self, point: Array) -> RobustResidual:
         error = (self.data.measured - self.simulated(point)) * self.data.weight()
@@ -80,7 +80,7 @@ class Squares(Problem):
 
 
 def sets() -> list[Recipe]:
-    """Returns the sets of the suite `outside` that the benchmark reports, each with the runs `RUNS` alone."""
+    """Returns the sets of the suite `outside` that the benchmark reports, each with only the runs `RUNS`."""
     return [
         replace(recipe, runs=tuple(run for run in recipe.runs if run.name in RUNS))
         for recipe in suites.SUITES["outside"](suites.REPORT)
@@ -107,7 +107,7 @@ def nearest(recipe: Recipe) -> Nearest:
 
 
 def _first(trials: list[Trial]) -> Iterator[Trial]:
-    """Yields the best trial of each of the first effects, which come the best first."""
+    """Yields the best trial of each of the best `FITTED` effects. `trials` are sorted, the best first."""
     seen: set[str] = set()
     for one in trials:
         if one.part.effect not in seen and len(seen) < FITTED:
@@ -127,7 +127,7 @@ def table() -> str:
 
 
 def stated() -> dict[str, Nearest]:
-    """Returns odd law -> what the README's table says of it."""
+    """Returns odd law -> its row in the README's table."""
     rows = README.read_text(encoding="utf-8").partition(HEAD)[2].partition("\n\n")[0].splitlines()[2:]
     cells = [[cell.strip(" `") for cell in row.split("|")[1:-1]] for row in rows]
     return {odd: Nearest(odd, law, float(error), float(left)) for odd, error, law, left, _, _ in cells}

@@ -120,7 +120,7 @@ def _overview(logs: Sequence[Mapping[str, Any]], peer: str) -> Markup:
 
 
 def _models_chart(log: Mapping[str, Any]) -> Markup:
-    """Draws a row for each model of one log: its fit on the fit runs and, if some runs are held out, on these."""
+    """Draws a row for each model of one log: its fit on the fit runs and, if runs are held out, on held-out runs."""
     models, role = log["models"], log["role"]
     curves: dict[str, tuple[Colour, list[float | None]]] = {
         "fit runs": ("grey", [_place(one["fit"]) for one in models.values()])
@@ -217,7 +217,7 @@ def _share(value: float | None) -> str:
 def _log(result: Result) -> dict[str, Any]:
     """Returns model -> fit percent of one log by role.
 
-    "nominal" is the calibrated model, "discover" the written explanation, "predictor" the model of `--predictor`.
+    "nominal" is the calibrated nominal model, "discover" the written explanation, "predictor" that of `--predictor`.
     """
     found = models(result)
     entries = {"nominal": found.get("before"), "discover": found.get("after"), "predictor": found.get("predictor")}

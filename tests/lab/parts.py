@@ -25,7 +25,7 @@ from brickpilot.data.dataset import Dataset, Run
 
 
 def part(dataset: Dataset, index: int, count: int) -> Dataset:
-    """Returns part `index` of `count`: this stretch of each run; the roles are chosen again."""
+    """Returns part `index` of `count`: stretch `index` of each run. The roles of the runs are chosen again."""
     return dataclasses.replace(dataset, runs=tuple(_cut(run, index, count) for run in dataset.runs))
 
 
@@ -55,8 +55,8 @@ def answer(dataset: Dataset, jobs: int) -> dict[str, Any]:
 def compared(one: dict[str, Any], other: dict[str, Any]) -> str:
     """Returns how two answers compare: "agree", "contradict", or "only one tells".
 
-    "agree": they share a mechanism, or are both `none`, or are both `unknown`. "contradict": both name mechanisms, and
-    share none. "only one tells": one of them is `unknown` or `none`, because its part shows less.
+    "agree": they share a mechanism, or are both `none`, or are both `unknown`. "contradict": both name mechanisms, but
+    no common mechanism. "only one tells": one answer is `unknown` or `none`, because its part of the log shows less.
     """
     if not {one["verdict"], other["verdict"]} <= {"named", "ambiguous"}:
         return "agree" if one["verdict"] == other["verdict"] else "only one tells"

@@ -1,8 +1,8 @@
 """The cost of a control step of the firmware on the RCX's processor, and the kernel's share of processor time.
 
-A mission is flown in lockstep on the simulator of the instruction set, and the instructions are counted. A step is one
-call of `loop_tick`: it reads sensors, drives motors and sends telemetry. The HAL is counted separately: on the
-simulator it is the link to the host, on a brick it is drivers.
+A mission is flown in lockstep on the instruction-set simulator, and the instructions are counted. A step is one call of
+`loop_tick`, which reads sensors, drives motors and sends telemetry. The HAL is counted separately: on the simulator it
+consists of the link to the host, on a brick it consists of drivers.
 
 To measure the share of kernel and interrupts, and the timing of control steps, the image flies the mission in a
 simulated brick, in which every instruction and every interrupt takes its real time.
@@ -46,14 +46,14 @@ STAGES = {
     "mixer": ("mixer_step",),
     "telemetry": ("telemetry_part",),
 }
-"""Stage -> its functions in firmware/. The HAL's functions are "hal"; everything else in a step is "rest"."""
+"""Stage -> its functions in firmware/. Stage "hal" has the HAL's functions, stage "rest" everything else in a step."""
 
 COSTS = h8_costs((Path(__file__).parents[2] / "hal/h8sim/states.toml").read_text(encoding="utf-8"))
 
 
 @dataclass(frozen=True)
 class Memory:
-    """States of one access: ``word`` for code, stack or data, ``byte`` for data."""
+    """States of one access to this memory: ``word`` for a word of code, stack or data, ``byte`` for a byte of data."""
 
     word: int
     byte: int
@@ -63,7 +63,7 @@ class Memory:
         return (cost.code + cost.words) * self.word + cost.data_bytes * self.byte + cost.own
 
     def by_first_byte(self) -> NDArray[np.int64]:
-        """Returns (256,): states of an instruction by its first byte; -1: no instruction, or not fixed."""
+        """Returns (256,): states of an instruction by its first byte; -1: no instruction, or the states vary."""
         return np.array([self.states(COSTS[first]) if first in COSTS else -1 for first in range(256)], dtype=np.int64)
 
 
@@ -77,7 +77,7 @@ _CHUNK = 1 << 22
 
 @dataclass(frozen=True)
 class Counts:
-    """Counts of each step, shape (steps,): instructions, and states if one memory of `MEMORIES` holds everything."""
+    """Counts of each step, (steps,): instructions; memory -> states, if this memory of `MEMORIES` holds everything."""
 
     instructions: NDArray[np.int64]
     states: dict[str, NDArray[np.int64]]
@@ -97,7 +97,7 @@ class Budget:
     """The cost of a control step.
 
     Attributes:
-        stages: counts of each stage of `STAGES`, of "rest", of "step" (the sum of these), and of "hal".
+        stages: counts of each stage of `STAGES`, of "rest", of "step" (the sum of these stages), and of "hal".
         stack: largest stack of a step, in bytes.
         sizes: size of each folder of the firmware and of hal/wire, as compiled, before linking.
     """
@@ -142,7 +142,7 @@ class Program:
 
 
 class Counter:
-    """Counts the steps in a trace that arrives in pieces of any size. ``stack``: as in `Budget`."""
+    """Counts the cost of the steps in a trace that arrives in pieces of any size. ``stack``: as in `Budget`."""
 
     def __init__(self, program: Program) -> None:
         self._program = program
@@ -313,7 +313,7 @@ SERIAL = ("ERI", "RXI", "TXI", "TEI")
 
 @dataclass(frozen=True)
 class Share:
-    """The time of one kind: its share of all time, 0..1, its interrupts per s, and the mean states of each."""
+    """The time of one kind: its share of all time, 0..1, its interrupts per s, and the mean states per interrupt."""
 
     share: float
     per_s: float
@@ -326,7 +326,7 @@ class KernelShare:
 
     Attributes:
         seconds: simulated time since Run was pressed.
-        ticks_ms: times between the beginnings of successive control steps.
+        ticks_ms: time from the beginning of each control step to the beginning of the next, ms.
         shares: kind of `LABELS` -> its share.
     """
 
@@ -336,11 +336,11 @@ class KernelShare:
 
 
 def measure_shares(sensors: str, seconds: float, progress: Callable[[int, int, str], None]) -> KernelShare:
-    """Flies the first part of the packaged mission with the image for these sensors.
+    """Flies the first part of the packaged mission with the image for `sensors`, and returns the shares.
 
     Args:
         sensors: ``imu`` or ``rotation``.
-        seconds: duration since Run is pressed; the robot rests for the first two seconds.
+        seconds: flown time from the moment at which Run is pressed; the robot rests for the first two seconds.
         progress: called with the steps done, all steps, and a text.
 
     Raises:

@@ -34,7 +34,7 @@ _KINDS = ("table", "matlab", "wpilib")
 
 @dataclass(frozen=True)
 class HiddenTest:
-    """A benchmark's own protocol: no fit uses `run`; the error of `signal` counts after `skip` samples.
+    """A benchmark's own protocol: no fit uses `run`, and the error of `signal` counts from sample `skip` on.
 
     Attributes:
         unit: the unit of the benchmark's error; one SI unit of the signal is `scale` such units.

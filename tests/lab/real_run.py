@@ -133,7 +133,7 @@ def run_log(
 
     Args:
         known: what is known of the logs, by name.
-        kept: the last results by name; parts that `work` leaves out come from this data set's last result.
+        kept: the last results by name. Parts of the result that `work` leaves out are copied from the last result.
     """
     data = reading.read(folder)
     before = kept.get(data.name, {})
@@ -217,7 +217,7 @@ def _free_runs(data: Dataset, model: Model, only: Collection[str] | None = None)
 
 
 def _said(found: Finding) -> dict[str, Any]:
-    """Returns verdict, effects and mechanisms of a finding, and its attainable fits if they are stated."""
+    """Returns verdict, effects and mechanisms of a finding, and its attainable fits if the finding states them."""
     full = verdict_json(found)
     mechanisms = {effect.name: effect.mechanism for effect in catalogue.effects()}
     effects = [

@@ -43,7 +43,7 @@ def ordered(results: Mapping[str, Result], known: Mapping[str, RealLog]) -> list
 
 
 def remarks(results: Sequence[Result], known: Mapping[str, RealLog]) -> list[str]:
-    """Returns the table's summary, and each log's result by its own protocol, as sentences."""
+    """Returns, as sentences, the table's summary and the results of logs that have their own protocol."""
     return [*summary(results, known), *(_test(one, known) for one in results if "test" in one)]
 
 
@@ -132,8 +132,8 @@ def _limits(result: Result) -> dict[str, float]:
 def removed(result: Result) -> float | None:
     """Returns the share of the predictable error that the written model removes on the scored runs.
 
-    The predictable error is the squared error of the calibrated nominal model minus the attainable squared error; each
-    signal is divided by its norm.
+    The predictable error is the squared error of the calibrated nominal model minus the attainable squared error. The
+    error of each signal is divided by the signal's norm.
     """
     role, limits = judged_on(result), _limits(result)
     before, after = (models(result).get(model, {}).get(role) or {} for model in ("before", "after"))
@@ -185,7 +185,7 @@ def _roles(results: Sequence[Result]) -> str:
 
 
 def _wins(results: Sequence[Result], peers: Sequence[str], model: str) -> str:
-    """Returns the number of logs on which a model of discovery is better than these peers, of all logs with both."""
+    """Returns on how many logs a model of discovery is better than these peers, of all logs that have both results."""
     both = []
     for one in results:
         role = judged_on(one)

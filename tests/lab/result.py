@@ -60,7 +60,7 @@ def append(path: Path, result: Mapping[str, Any]) -> None:
 
 
 def put_in_order(path: Path, keys: Sequence[tuple[str, str, int]]) -> list[dict[str, Any]]:
-    """Returns the results of a file, the results of `keys` last, in this order; writes the file if the order changes.
+    """Returns a file's results with those of `keys` last, in their order; writes the file if the order changes.
 
     Args:
         keys: engine, name and seed of results, in the wanted order.

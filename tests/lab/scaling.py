@@ -1,9 +1,9 @@
-"""The growth of time with the amount of work (runs, samples, candidates), and the gain by more workers.
+"""How time grows with the amount of work (runs, samples, candidates), and what more workers gain.
 
-Times of one process are processor times, because other programs on the machine hardly change these. The fixed cost of a
-call, such as loading and checking, is measured at a very small size. This cost is subtracted from each time, and the
-small size from each size, so the exponent describes only the growing part. The time of a campaign's flights is the
-processor time of its worker and of this process. The gain by more workers is measured in wall time, from the first
+Times of one process are processor times, because other programs on the machine hardly change processor times. The fixed
+cost of a call, such as loading and checking, is measured at a very small size. This cost is subtracted from each time,
+and the small size from each size, so the exponent describes only the growing part. The time of a campaign's flights is
+the processor time of its worker and of this process. The gain by more workers is measured in wall time, from the first
 result to the last.
 """
 
@@ -50,12 +50,12 @@ class Sweep:
     """Work of growing size.
 
     Attributes:
-        name: name of its figures.
+        name: the name under which its figures are stored.
         what: the work in words.
         unit: the unit of a size.
         sizes: three or more sizes.
         work: size -> the work.
-        least: a very small size; it and its time are subtracted from each size and time; 0: nothing is subtracted.
+        least: a very small size, subtracted from each size; its time is subtracted from each time. 0: no subtraction.
         repeats: repeats of each size.
     """
 
@@ -70,7 +70,7 @@ class Sweep:
 
 @dataclass(frozen=True)
 class Measured:
-    """The processor times of a sweep, s: ``seconds`` (sizes, repeats) minus ``fixed_s``, the time of ``least``."""
+    """The processor times of a sweep, s: ``seconds`` (sizes, repeats), from which ``fixed_s`` is already subtracted."""
 
     name: str
     what: str
@@ -82,7 +82,7 @@ class Measured:
 
     @property
     def law(self) -> PowerLaw:
-        """The power law of the time minus `fixed_s` over the size minus `least`."""
+        """The power law of `seconds` as a function of the size minus `least`."""
         return fit([size - self.least for size in self.sizes], self.seconds)
 
     @property
@@ -98,7 +98,7 @@ class Measured:
 
 @dataclass(frozen=True)
 class Crowd:
-    """Flights per second of a campaign for each number of workers: shape (repeats,) each."""
+    """Flights per second of a campaign, (repeats,) for each number of workers."""
 
     workers: tuple[int, ...]
     flights: int
@@ -122,7 +122,7 @@ class Scaling:
 
 
 def recording(samples: int) -> Dataset:
-    """Returns a data set of `samples` samples in four runs of a robot with one effect of its bearings; seeded."""
+    """Returns a data set of `samples` samples: four runs of a robot with one bearing effect, from a fixed seed."""
     random = np.random.default_rng(0)
     bearings = (one for one in catalogue.effects() if one.mechanism == "bearing" and not one.variant_of)
     hidden = min(bearings, key=lambda one: len(one.parameters))
@@ -259,7 +259,7 @@ def _on_recording(function: Callable[[Dataset], object]) -> Work:
 
 
 def _screening(samples: int, times: int | None = None) -> Callable[[], object]:
-    """Screens all effects as additions to the calibrated model; `times`: number of candidates, repeated ones too."""
+    """Screens all effects beside the calibrated model. `times`: number of candidates; effects repeat to reach it."""
     prepared, _ = prepare.prepare(recording(samples), None, seed=0, jobs=1)
     prepared, nominal = prepare.calibrate(prepared)
     here = Problem(prepared.coarse, nominal.plan).keeping(nominal.point, len(nominal.point))
@@ -352,7 +352,7 @@ def as_dict(found: Scaling) -> dict[str, Any]:
 
 
 LINEAR = 0.1
-"""Growth is called linear if the exponent's 95 % interval lies within 1 +- `LINEAR`, or as `NARROW` states."""
+"""Growth is called linear if the exponent's 95 % interval lies within 1 +- `LINEAR`, or if `NARROW` applies."""
 
 NARROW = 0.3
 """Growth is also linear if the interval contains 1 and is at most 2 `NARROW` wide, so that it excludes 0.5 and 2."""
@@ -381,8 +381,8 @@ class PowerLaw:
 def fit(sizes: Sequence[float], seconds: Sequence[Sequence[float]]) -> PowerLaw:
     """Fits a power law to the smallest time of each size.
 
-    The smallest time is the least disturbed by other programs. The interval comes from the scatter of the points about
-    the line (Student's t). So it includes errors that repeats of one size do not show.
+    Other programs disturb the smallest time least. The interval comes from the scatter of the points about the line
+    (Student's t). So the interval includes errors that repeats of one size do not show.
 
     Args:
         sizes: three or more sizes above 0.

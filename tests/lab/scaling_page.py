@@ -56,7 +56,7 @@ def _row(one: Content) -> dict[str, str]:
 
 
 def _growth(one: Content) -> Markup:
-    """Draws time over size, relative to the smallest, on logarithmic axes: each repeat, and a line of linear growth."""
+    """Draws time against size, both relative to the smallest, on logarithmic axes, and a line of linear growth."""
     beyond = np.array(one["sizes"], dtype=float) - one["least"]
     sizes = beyond / beyond[0]
     seconds = np.array(one["seconds"], dtype=float)

@@ -14,14 +14,14 @@ from typing import Any
 Result = Mapping[str, Any]
 
 VISIBLE = 5.0
-"""Least rms change of some signal, noise sd, by a clearly visible effect."""
+"""A clearly visible effect changes at least one signal by this rms, in noise sd."""
 
 AMONG = {"imu+encoders": 3, "imu": 4}
 """Sensors -> the largest number of names per hidden effect in an `ambiguous` verdict."""
 AMBIGUOUS_CREDIT = {"imu+encoders": 0.5, "imu": 1.0}
 """Sensors -> the credit of an `ambiguous` verdict."""
 REMOVED = 0.8
-"""Least share of the held-out gap that a composed term has to remove."""
+"""A composed term has to remove at least this share of the held-out gap."""
 
 _Z = 1.959964  # quantile of the normal distribution for 95 %
 _FULL_TURN = 2 * math.pi
@@ -29,7 +29,7 @@ _FULL_TURN = 2 * math.pi
 
 @dataclass(frozen=True)
 class Share:
-    """`hits` (halves are possible) out of `of`; value and Wilson's 95 % interval (1927) are None without sets."""
+    """`hits` of `of` sets; half a hit is possible. Value and Wilson's 95 % interval (1927) are None if `of` is 0."""
 
     hits: float
     of: int
@@ -49,7 +49,7 @@ class Share:
 
 
 def kind(result: Result) -> str:
-    """Returns "none", "single", "pairs", "triples" or "odd" by the hidden effects; "unmade" if no set was made."""
+    """Returns the kind of hidden effects: "none", "single", "pairs", "triples" or "odd"; "unmade" without a set."""
     hidden = result["hidden"]
     if hidden is None:
         return "unmade"
@@ -59,7 +59,7 @@ def kind(result: Result) -> str:
 
 
 def move(result: Result) -> float:
-    """Returns the largest change of a signal by the hidden effects, rms in noise sd."""
+    """Returns the rms, in noise sd, by which the hidden effects change the most changed signal."""
     return float(max(result["visibility"].values(), default=0.0))
 
 
@@ -117,7 +117,7 @@ def credit(result: Result) -> float:
 
 
 def wrong(result: Result) -> bool:
-    """Returns whether a wrong name is claimed as certain: in a verdict `named`, or beside a composed term."""
+    """Returns whether a verdict claims a wrong name as certain: if it is `named`, or beside a composed term."""
     return result["verdict"] in ("named", "unknown") and bool(set(named(result)) - set(result["hidden"]))
 
 
@@ -156,7 +156,7 @@ def parameter_errors(results: Iterable[Result], *, main: bool) -> list[float]:
 
 
 def intervals_hold(results: Iterable[Result]) -> Share:
-    """Returns the share of the 95 % intervals of rightly named effects that contain the true value."""
+    """Returns the share of 95 % intervals that contain the true value, for parameters of rightly named effects."""
     holding = []
     for effect, truth in _rightly_named(results):
         for name, value in effect["parameters"].items():

@@ -28,7 +28,7 @@ class Task:
     """One set to run.
 
     Attributes:
-        seed: the seed of its noise.
+        seed: the seed of the set's noise.
         folder: the folder of an existing set; None: the set has to be made.
     """
 
@@ -63,7 +63,7 @@ class Maker:
         self._run("hidden", str(first.suite), str(out), *options, *chosen)
 
     def follow(self, folder: Path, asked: Mapping[str, Any], out: Path) -> Path | None:
-        """Makes the experiment that a verdict proposes, OUT/NAME; None if the engine cannot make it."""
+        """Makes the experiment that a verdict proposes; returns its data set, or None if the engine cannot make it."""
         if asked.get("name") is not None:
             table = out / "manoeuvre.json"
             table.parent.mkdir(parents=True, exist_ok=True)

@@ -76,7 +76,7 @@ def row(number: int, jobs: int) -> dict[str, Any]:
 
 
 def table(rows: list[dict[str, Any]]) -> list[str]:
-    """Returns the table as text: for each step from fewer to more runs, the changed answers by kind."""
+    """Returns the table as text: for each step from fewer to more runs, how many answers change, by kind of change."""
     found = ["| from | logs | named or ambiguous before | another mechanism | another name | narrower |"]
     found.append("|---|---|---|---|---|---|")
     for step, text in enumerate(("one run to two", "two runs to all")):

@@ -59,7 +59,7 @@ def said(result: Result) -> str:
 
 
 def curve(results: Sequence[Result]) -> list[dict[str, Any]]:
-    """Returns the detection power over all single effects, by the largest change of a signal in noise sd, rms."""
+    """Returns the detection power over all single effects, for bins of the largest rms change of a signal."""
     rows = []
     for sensors in SENSORS:
         for low, high in pairwise(_BINS):
@@ -139,7 +139,7 @@ def headline(table: Mapping[str, Any]) -> str:
 
 
 def sections(table: Mapping[str, Any]) -> dict[str, list[Mapping[str, Any]]]:
-    """Returns title -> its claims on at least one set; a title without such claims is left out."""
+    """Returns title -> the claims that rest on at least one set; a title without such claims is left out."""
     titles = {f"claims, {group}": made for group, made in table["claims"].items()}
     titles |= {f"suite {name}": made for name, made in table["suites"].items()}
     counted = {title: [one for one in made if one["of"]] for title, made in titles.items()}
@@ -182,7 +182,7 @@ def claim_cells(claim: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _power_lines(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
-    """Yields a line for each effect and set of sensors: for each size, the right share and the change in noise sd."""
+    """Yields a line per effect and set of sensors: share of right answers and change in noise sd, for each size."""
     sizes = sorted({one["size"] for one in rows})
     if not sizes:
         return

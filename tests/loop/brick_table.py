@@ -40,7 +40,7 @@ WHAT = {"step": "**a control step**", "commands": "requests of the host", "all":
 
 
 def _taken(kernel: Mapping[str, Any]) -> str:
-    """Returns the mean share of the processor that is neither the program's nor idle."""
+    """Returns the mean share of processor time that is neither the program's time nor idle time."""
     return f"{1 - sum(kernel['shares'][kind]['share'] for kind in ('idle', 'program')):.0%}"
 
 
@@ -52,7 +52,7 @@ OF_THE_KERNEL: Mapping[str, Callable[[Mapping[str, Any]], str]] = {
 
 
 def bench(target: str, seconds: float | None) -> dict[str, Any]:
-    """Returns the output of `brickpilot bench --target TARGET --json`, with the sizes of the program for an RCX."""
+    """Returns the output of `brickpilot bench --target TARGET --json`; for an RCX also the sizes of the program."""
     command = [str(Path(sys.executable).with_name("brickpilot")), "bench", "--target", target, "--json"]
     command += [] if seconds is None else ["--seconds", str(seconds)]
     done = subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
@@ -73,7 +73,7 @@ def step_s(target: str, found: Mapping[str, Any]) -> float:
 
 
 def cycles(target: str, found: Mapping[str, Any], stage: str) -> str:
-    """Returns the most cycles of a stage and their share of the period, as a cell."""
+    """Returns a table cell: the largest number of cycles of a stage, and its share of the period."""
     if target in SENSORS:
         row = found["stages"].get(stage)
         most = None if row is None else row["states_external"]["most"]

@@ -32,7 +32,7 @@ def compensation_of(model: Model) -> compensation.Compensation:
 
 @dataclasses.dataclass(frozen=True)
 class Mission:
-    """Flights of some plants, and the errors whose mean the compensation has to reduce."""
+    """Flights of some plants. `shrinks`: the errors whose mean the compensation has to reduce."""
 
     title: str
     plants: tuple[Model, ...]
@@ -61,7 +61,7 @@ class Mission:
 
 
 def _of(name: str, parameter: str, size: float, beside: dict[str, dict[str, float]] | None = None) -> tuple[Model, ...]:
-    """Returns plants with an effect; with both signs if the effect may have both, as the mission favours one sign."""
+    """Returns plants with an effect. If it may have both signs, so have the plants: the mission favours one sign."""
     info = next(i for e in catalogue.effects() if e.name == name for i in e.parameters if i.name == parameter)
     signs = (1, -1) if info.minimum < 0 else (1,)
     return tuple(robot({name: {parameter: sign * size}, **(beside or {})}) for sign in signs)
@@ -84,7 +84,7 @@ _MOTORS = _of("motor_asymmetry", "difference", 0.2)
 _FLUXES = _of("torque_constant_asymmetry", "difference", 0.1)
 _LARGER = tuple(robot({}, wheel_radius=0.0408 * share) for share in (1.02, 0.98))
 
-# After 6 s at rest the gyro's bias is known so well that the small errors by the asymmetries are visible.
+# After 6 s at rest the gyro's bias is known well enough to show the small errors that the asymmetries cause.
 MISSIONS = (
     Mission("`coulomb_friction` 5 mN m", _COULOMB, "imu", shrinks=(POSITION,)),  # the firmware learns it
     Mission("the same", _COULOMB, "imu+encoders", shrinks=(CROSS,)),
@@ -107,7 +107,7 @@ MISSIONS = (
     Mission("another robot, with friction", (ANOTHER,), "imu+encoders"),
 )
 
-# In these missions sensors and feedback already compensate: the gain is hardly above the scatter of the seeds.
+# In these missions sensors and feedback already remove the errors: the gain is hardly above the scatter of the seeds.
 COMPENSATED_ANYWAY = (
     Mission("`motor_asymmetry` +-20 %", _MOTORS, "imu+encoders", 6.0),
     Mission("`torque_constant_asymmetry` +-10 %", _FLUXES, "imu+encoders", 6.0),

@@ -2,9 +2,9 @@
 
     python tests/loop/fault_matrix.py [RUNS]      default 1000
 
-A flight is the first 1.5 s of the mission in lockstep. Its fault acts from 0.6 s to 0.9 s on a share of messages that
-the seed draws. The flight has to end by itself. Step for step, its motor stream has to equal the motor stream of a
-flight without faults, until a safe stop, where it is 0.
+A flight is the first 1.5 s of the mission in lockstep. Its fault acts from 0.6 s to 0.9 s; the seed draws the share of
+messages on which it acts. The flight has to end by itself. In each step, its motor commands have to equal those of a
+flight without faults; after a safe stop they have to be 0.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ TRANSPORTS = ("serial:pty", "tcp", "can:slcan", "can:virtual")
 BEGIN_S, END_S, DURATION_S = 0.6, 0.9, 1.5
 REPLY_S = 0.03
 STOPS_WITHIN = 100
-"""Most steps until a fault that must stop the motors has stopped them: 0.25 s plus the time to notice the fault."""
+"""If a fault must stop the motors, they must stop within this many steps: 0.25 s plus the time to notice the fault."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Outcome:
 
 
 def plan(kind: str, seed: int, transport: str) -> flight.Plan:
-    """Returns the plan of a cell; the seed draws rate, direction and sensor."""
+    """Returns the plan of a flight; the seed draws the fault's rate, direction and sensor."""
     dice = random.Random(f"{seed} {kind}")
     sensors = dice.choice(("ideal", "imu+encoders"))
     fault = Fault(kind, BEGIN_S, END_S)
@@ -65,7 +65,7 @@ def unharmed(wanted: flight.Plan) -> NDArray[np.int16]:
 
 
 def run(kind: str, seed: int, transport: str) -> Outcome:
-    """Flies one cell once."""
+    """Flies once with a kind of fault over a transport."""
     wanted = plan(kind, seed, transport)
     with ends.both_ends(transport) as both:
         flown = fly.fly(

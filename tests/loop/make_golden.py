@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 GOLDEN = Path(__file__).with_name("golden") / "motor_streams.txt"
 FLIGHTS = (("coupled", "ideal"), ("coupled", "imu+encoders"), ("coupled", "imu"), ("paper", "ideal"))
 STANDS_S = 2.0
-"""s for which a cut flight goes on after the robot has ended its mission."""
+"""Time, s, for which a cut flight goes on after the robot has ended its mission."""
 
 
 def digest(motors: NDArray[np.int16]) -> str:
-    """Returns the hex digest of the little-endian pairs of every control step."""
+    """Returns the hex digest of the motor commands: one pair of little-endian numbers for each control step."""
     return hashlib.sha256(motors.astype("<i2").tobytes()).hexdigest()
 
 
@@ -29,10 +29,10 @@ def planned(profile: str, sensors: str) -> flight.Plan:
 
 
 def cut(plan: flight.Plan, flown: flight.Flight) -> flight.Plan:
-    """Returns the plan of `flown` until `STANDS_S` after its mission has ended: it then stands to the end of the plan.
+    """Returns the plan of `flown`, cut at `STANDS_S` after the mission's end, because the robot then only stands.
 
     Raises:
-        ValueError: it moves once more, or does not end its mission.
+        ValueError: the robot moves after the mission's end, or does not end its mission.
     """
     ended = flight_figures.summary(flown)["ended_at_s"]
     if ended is None or flown.motors[round(ended / STEP_S) + 1 :].any():

@@ -33,9 +33,9 @@ ROBOTS, SEEDS, STREAM = 20, 5, 14
 NOMINAL_ERROR = 0.05  # relative sd
 SENSORS = ("imu+encoders", "imu")
 UNDONE = tuple(name for name in effects.LIBRARY if compensation.undone(name))
-SIZES = (0.5, 2.0)  # range of an effect's size; 1 shows clearly in a log
+SIZES = (0.5, 2.0)  # range of an effect's size; an effect of size 1 shows clearly in a log
 HELD = 4 / 3  # ratio of friction to a constant load
-FASTEST_WHEEL, FASTEST_SPIN = 45.0, 22.0  # rad/s at full voltage; sensors read to 51, spins to 10.5 at 3.3 of 9 V
+FASTEST_WHEEL, FASTEST_SPIN = 45.0, 22.0  # rad/s at full voltage; sensors read to 51, spins (at 3.3 of 9 V) to 10.5
 
 
 @dataclasses.dataclass(frozen=True)
@@ -95,7 +95,7 @@ def draw(number: int) -> Robot:
     effect = UNDONE[number % len(UNDONE)]
     size = float(np.exp(random.uniform(*np.log(SIZES))))
     hidden = {effect: effects.draw(effect, size, vehicle, random)}
-    if effect == "constant_offset":  # without friction it moves the robot, which must rest to learn the gyro's bias
+    if effect == "constant_offset":  # without friction it moves the robot, but a robot learns the gyro's bias at rest
         hidden["coulomb_friction"] = {"torque": HELD * sum(abs(torque) for torque in hidden[effect].values())}
     return Robot(f"robot-{number}", vehicle, hidden)
 
@@ -135,7 +135,7 @@ def fly(robot: Robot, known: Compensation | None, sensors: str, seeds: int) -> l
 
 
 def study(number: int, parent: Path, seeds: int = SEEDS) -> dict[str, Any]:
-    """Returns one robot's hidden and found effects, and the number of waypoints that each mission reached."""
+    """Returns the hidden and the found effects of a robot, and how many waypoints each of its missions reached."""
     robot = draw(number)
     verdict, known = discover(measure(robot, number, parent), parent / f"{robot.name}-found")
     flown = {
@@ -157,7 +157,7 @@ def study(number: int, parent: Path, seeds: int = SEEDS) -> dict[str, Any]:
 
 
 def missions(figures: dict[str, Any], how: str) -> int:
-    """Returns the number of missions flown `how` that reached all 8 waypoints."""
+    """Returns how many missions reached all 8 waypoints, of those flown in the way `how`."""
     return sum(reached == 8 for reached in figures["waypoints"][how])
 
 

@@ -1,4 +1,4 @@
-"""Compares sets of sensors: the mission with many seeds, on a plant that the firmware's model fits and on other plants.
+"""Compares sets of sensors by the mission with many seeds, on a plant that fits the firmware's model and on others.
 
 Prints the table of firmware/README.md and draws firmware/sensors.svg:
 `PYTHONPATH=tools/docs .venv/bin/python tests/loop/sensor_study.py`.

@@ -1,4 +1,4 @@
-"""Compares lengths of the control step: the mission with some seeds, by the firmware as it is built for an RCX.
+"""Compares lengths of the control step by the mission with some seeds, flown by the firmware as built for an RCX.
 
 Prints the table of firmware/README.md: `.venv/bin/python tests/loop/step_study.py`. The firmware is built for this
 machine with the link of the simulator of the RCX's processor. `tests/python/test_hil_h8sim.py` shows that both programs
@@ -37,7 +37,8 @@ SENSORS = {"imu": "imu", "rotation": "imu+encoders"}  # name of the brick's buil
 def build(sensors: str, folder: Path, *, step_ms: int | None = None) -> Path:
     """Builds the brick's program with the flags of `firmware/targets/rcx/flags` for this machine, in `folder`.
 
-    With `step_ms` the program gets the constants of this step.
+    Args:
+        step_ms: length of the control step for which the program gets its constants; None: the brick's own step.
     """
     command = [ROOT / "firmware/targets/rcx/flags", sensors]
     flags = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
@@ -53,7 +54,7 @@ def build(sensors: str, folder: Path, *, step_ms: int | None = None) -> Path:
 
 
 def fly_by(program: Path, plan: flight.Plan) -> fly.HilFlight:
-    """Flies `plan` in lockstep with a brick's program that is linked by its standard input and output."""
+    """Flies `plan` in lockstep with a brick's program, whose link is its standard input and output."""
     ours, theirs = socket.socketpair()
     with theirs:
         brick = subprocess.Popen([program], stdin=theirs, stdout=theirs)

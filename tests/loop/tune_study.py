@@ -123,7 +123,7 @@ def truth(one: Study, name: str) -> Model:
 
 
 def route(one: Study, model: Path, file: Path) -> str:
-    """Writes the first waypoints of the mission that `firmware` gives the robot, with their share of the time."""
+    """Writes a mission: the first waypoints of the mission that `firmware` gives the robot, in their share of time."""
     whole = simulate.mission(load(model), None)
     share = one.waypoints / len(whole.waypoints)
     length = round((simulate.REST_S + share * (whole.duration - simulate.REST_S)) / STEP_S) * STEP_S
@@ -161,7 +161,7 @@ def fly_true(given: problems.Problem, devices: Any, model: Model, raw: problems.
 
 
 def study(name: str, parent: Path, jobs: int, budget: str, robots: int) -> dict[str, Any]:
-    """Returns the hidden and the found effects, and the mission's successes before and after tuning."""
+    """Returns the hidden and the found effects, and the success rates of the mission before and after tuning."""
     one = ROBOTS[name]
     data, found, tuned = measure(name, one, parent), parent / f"{name}-found", parent / f"{name}-tuned"
     model = found / "model.toml"
@@ -255,7 +255,7 @@ def main() -> None:
 
 
 def table() -> list[str]:
-    """Returns the lines of the table of the kept figures."""
+    """Returns the lines of the table, from the kept figures."""
     return [*HEAD.split("\n"), *map(shown, kept().values())]
 
 

@@ -39,7 +39,8 @@ from lab.avr_budget import PERIOD, Image, Profile
 from numpy.typing import NDArray
 
 FULL_BYTES, A_MESSAGE_BYTES = 40, 14
-"""Bytes in a step: more than the line carries in 3 ms at 117,647 baud; or one message's frame, so that none is lost."""
+"""Bytes that the host sends in a step: more than the line carries in 3 ms at 117,647 baud; or the frame of one message,
+so that no message is lost."""
 
 ROUTE_MM = [(600, 600), (600, -200), (-300, 100)]
 BY_ITSELF_S = 3.0
@@ -47,7 +48,7 @@ RCX_TARGETS = {f"h8:{sensors}": sensors for sensors in rcx_flight.SENSORS}
 
 
 def value_of(setting: Setting, drawn: random.Random) -> int:
-    """Draws a value: the lower end, the upper end, or any value of its range, with a chance of a third each."""
+    """Draws a value of a setting: the lower end, the upper end, or any value of its range, each with chance 1/3."""
     if setting.name == "telemetry_every":
         return 1
     return drawn.choice((setting.low, setting.high, drawn.randint(setting.low, setting.high)))
@@ -84,14 +85,14 @@ def begin(session: Session, drawn: random.Random) -> None:
 
 
 def planned(sensors: str, seconds: float, seed: int) -> tuple[flight.Plan, NDArray[np.float64], NDArray[np.int16]]:
-    """Returns the plan of the packaged mission, and the room for its log and its motors."""
+    """Returns the plan of the packaged mission, and empty arrays for its log and its motor commands."""
     plan = flight.plan(scenario.load(scenario.packaged()["mission"]), rcx(), sensors=sensors, seed=seed)
     room = max(plan.steps, round((seconds + 10 * BY_ITSELF_S) / STEP_S))
     return plan, np.zeros((room, len(flight.log_names()))), np.zeros((room, 2), dtype=np.int16)
 
 
 class _InSteps:
-    """The host's end of an AVR's line: the robot flies while the host waits."""
+    """The host's end of the line to an AVR chip. The robot flies while the host waits."""
 
     def __init__(self, robot: AvrRobot) -> None:
         self.robot, self.now_s = robot, 0.0

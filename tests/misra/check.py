@@ -3,9 +3,10 @@
     .venv/bin/python tests/misra/check.py [--all]    # --all also lists what the deviations allow
     .venv/bin/python tests/misra/check.py --write    # keeps the numbers of findings in counts.toml
 
-A deviation says why a rule is not kept in a folder; counts.toml says how many findings of the rule each file has. One
-finding more or one less fails, so that the numbers only fall; a deviation that allows nothing fails, too. Generated
-files and the headers of the FMI standard are left out. The texts of the rules are MISRA's, and are not here.
+A deviation says why a rule is not kept in a folder; counts.toml says how many findings of the rule each file has. The
+check fails if a file has more or fewer findings than its count, so that counts never rise. It also fails if a deviation
+allows no finding. Generated files and the headers of the FMI standard are left out. The texts of the rules belong to
+MISRA and are not here.
 """
 
 from __future__ import annotations
@@ -25,8 +26,8 @@ TOPS = ("firmware", "hal", "sim_host")
 INCLUDES = ("firmware", "hal/include", "hal", "sim_host", "sim_host/include")
 FINDING = re.compile(r"(?P<file>\S+?):(?P<line>\d+): misra-c2012-(?P<rule>[\d.]+)")
 UNSEEN = "__clang__", "sim_host/effects/real.h"
-"""A macro, and the only file that asks for it: beside lines for several robots at once, which cppcheck does not see, as
-LANES is 1. Without -U it would check the 70 sources that include this file twice, and see the same text."""
+"""A macro, and the only file that tests it. The tested lines are for several robots at once. As LANES is 1, cppcheck
+does not see them. Without -U, it would check the 70 sources that include this file twice, with the same text."""
 
 
 def findings() -> dict[tuple[str, int, str], None]:
@@ -64,7 +65,7 @@ def _write(counts: Counter[tuple[str, str]]) -> None:
 
 
 def _kept() -> Counter[tuple[str, str]]:
-    """Returns the counts of counts.toml; exits if another tool has made them."""
+    """Returns the counts of counts.toml; exits if another tool has written them."""
     read = tomllib.loads(COUNTS.read_text(encoding="utf-8"))
     if read.pop("tool") != _tool():
         sys.exit(f"counts.toml is not of {_tool()}: its findings may differ; --write keeps new ones")
@@ -72,7 +73,7 @@ def _kept() -> Counter[tuple[str, str]]:
 
 
 def told(found: list[tuple[str, int, str]], allowed: dict[tuple[str, str], str]) -> list[str]:
-    """Returns a line for each finding that nothing allows, and for each count and deviation that is too large."""
+    """Returns a line for each finding that no deviation allows, and for each count and deviation that is too large."""
     counts = Counter((rule, file) for file, _, rule in found)
     if "--write" in sys.argv[1:]:
         _write(counts)
@@ -92,7 +93,7 @@ def told(found: list[tuple[str, int, str]], allowed: dict[tuple[str, str], str])
 
 
 def main() -> None:
-    """Prints the findings that nothing allows; exit status 1 if there are any."""
+    """Prints the findings that no deviation allows; exit status 1 if there are such findings."""
     text = Path(__file__).with_name("deviations.toml").read_text(encoding="utf-8")
     allowed = {(one["rule"], top): one["reason"] for one in tomllib.loads(text)["deviation"] for top in one["in"]}
     found = list(findings())

@@ -42,7 +42,7 @@ SWAPS = {
 }  # fmt: skip
 TOKEN = re.compile(r"(?P<number>\b\d\w*)|[A-Za-z_]\w*|->|<<=|>>=|<<|>>|[<>=!+*/&|-]=|&&|\|\||\+\+|--|[<>+*/&|-]")
 STATEMENT = re.compile(r"\s+(?!return|break|continue|const|static|[a-z_0-9]+_t )[(a-z*+-].*[^{},];$")
-MOST_NUMBERS = 6  # a line with more is a row of a table
+MOST_NUMBERS = 6  # a line with more numbers than this is a row of a table
 
 
 @dataclass(frozen=True, order=True)
@@ -65,7 +65,7 @@ class Mutant:
 
 
 def without_comments(text: str) -> str:
-    """Returns C in which blanks stand for comments, strings and all preprocessor lines but numeric macros."""
+    """Returns C code with blanks in place of comments, strings and preprocessor lines; numeric macros stay."""
     blank = re.compile(r'/\*.*?\*/|"[^"\n]*"|^#(?!define \w+ [\d-]).*?$', re.DOTALL | re.MULTILINE)
     return blank.sub(lambda found: re.sub(r"[^\n]", " ", found[0]), text)
 
@@ -128,7 +128,7 @@ class Bench:
         return sorted(path for module in MODULES for path in (self._sources / module).glob("*.c"))
 
     def _compiled(self, paths: list[Path], level: str) -> dict[Path, bytes]:
-        """Returns the object of each source; fewer if one does not compile."""
+        """Returns source -> object, up to the first source that does not compile."""
         found = {}
         for path in paths:
             out = self._objects[path]
@@ -208,7 +208,7 @@ def drawn(mutants: list[Mutant], count: int, workers: int) -> Iterator[tuple[Mut
 
 
 def main() -> None:
-    """Prints the survivors and the share that was killed; exit status 1 if it is too small."""
+    """Prints the survivors and the share of killed mutants; exit status 1 if this share is too small."""
     asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     asked.add_argument("--count", type=int, default=40, help="so many mutants")
     asked.add_argument("--seed", type=int, default=1, help="of the draw")

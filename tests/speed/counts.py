@@ -5,9 +5,9 @@
     .venv/bin/python tests/speed/counts.py --write   # keeps them, for the compiler that built the program
 
 Times on a shared machine say little, but the instructions of the same program repeat exactly. Only the program's own
-are counted: libm chooses its functions by the processor. Each compiler makes other code, so the counts are kept by
-compiler, and tests/gates/test_instruction_counts.py compares those of the same one. Several runs at a time also depend
-on whether the processor has AVX2.
+instructions are counted, because libm chooses its functions by the processor. Each compiler makes other code, so the
+counts are kept by compiler, and tests/gates/test_instruction_counts.py compares counts of the same compiler. Counts of
+several runs at a time also depend on whether the processor has AVX2.
 """
 
 from __future__ import annotations
@@ -28,12 +28,13 @@ STEPS, SAMPLES, RUNS, MOTOR_STEPS = 400, 200, 8, 10
 """The same numbers as in kernels.c."""
 
 TOLERANCE = 0.02
-"""Share by which a count may differ from the kept one. Counts repeat exactly: a change of 2 % comes from the code."""
+"""Share by which a count may differ from the kept count. Counts repeat exactly, so a change of 2 % has its cause in the
+code."""
 
 
 @dataclass(frozen=True)
 class Kernel:
-    """One run of the program: the function whose instructions are counted, and how many times it does its work."""
+    """One run of the program: the function whose instructions are counted, and how many times the work is repeated."""
 
     name: str
     function: str
@@ -63,16 +64,16 @@ FIGURES: dict[str, Callable[[Counted], float]] = {
     "simulate 8 runs, a sample of one": lambda n: n["simulate_8", "bp_simulate"],
     "simulate 8 runs with two effects, a sample of one": lambda n: n["simulate_8_effects", "bp_simulate"],
 }
-"""Name of a figure -> its instructions, as a function of the counts per time of the kernels."""
+"""Name of a figure -> a function that computes its instructions from the kernels' counts per repetition."""
 
 
 def compiler(program: Path = PROGRAM) -> str:
-    """Returns the compiler that built the program, and the registers that it finds: the key of the kept figures."""
+    """Returns the key of the kept figures: the compiler of the program, and the vector registers that it finds."""
     return subprocess.run([program], stdout=subprocess.PIPE, text=True, check=True).stdout.strip()
 
 
 def count(kernel: Kernel, program: Path = PROGRAM) -> float:
-    """Returns the program's own instructions while the kernel's function runs, each time."""
+    """Returns the program's own instructions in the kernel's function, per repetition of the work."""
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "out"
         command = [
@@ -86,7 +87,7 @@ def count(kernel: Kernel, program: Path = PROGRAM) -> float:
 def own(text: str, program: str) -> int:
     """Returns the instructions of `program` itself in a file of callgrind, without those of libraries.
 
-    The line after "calls=" holds the cost of the call, which the lines of the called function already have.
+    The line after "calls=" is left out: it holds the cost of a call, which the lines of the called function also hold.
     """
     objects: dict[str, str] = {}
     inside, called, total = False, False, 0
@@ -114,7 +115,7 @@ def figures(program: Path = PROGRAM) -> dict[str, float]:
 
 
 def kept() -> dict[str, dict[str, float]]:
-    """Returns compiler -> figures, as they were kept."""
+    """Returns compiler -> figures, from the file of kept counts."""
     found: dict[str, dict[str, float]] = json.loads(KEPT.read_text(encoding="utf-8"))
     return found
 

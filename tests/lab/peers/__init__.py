@@ -28,9 +28,9 @@ class Peer:
     """One peer.
 
     Attributes:
-        function: ``module:name`` of a function of a data set and its roles; it fits to the fit runs only and returns
-            the free run of every run.
-        package: the needed import, or ``import:name``; None: the peer needs nothing but this package.
+        function: ``module:name`` of a function that takes a data set and its roles, fits a model to the fit runs only,
+            and returns the free run of every run.
+        package: the package that the peer imports, or ``package:name``; None: the peer needs no other package.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""The peers kS/kV/kA, WPILib's model of a drivetrain: the voltage of a side is kS sgn(v) + kV v + kA dv/dt."""
+"""The peers kS/kV/kA: WPILib's model of a drivetrain. The voltage of a side is kS sgn(v) + kV v + kA dv/dt."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from lab.real_score import Predictions
 Array = NDArray[np.float64]
 
 _MOST_SAMPLES = 10_000  # largest number of samples of all runs in the fit with delays
-_MOVING = 0.02  # share of the largest speed below which samples are left out, as in WPILib
+_MOVING = 0.02  # samples below this share of the largest speed are left out, as in WPILib
 
 
 def with_delays(dataset: Dataset, roles: Roles) -> Predictions:
-    """Returns the free runs of the law with delays of the commands and of each channel, fitted by simulation.
+    """Returns the free runs of the law with a delay of the commands and one of each channel, fitted by simulation.
 
-    A long log is first thinned to every k-th sample, because the fit simulates it some hundred times.
+    A long log is first thinned to every k-th sample, because the fit simulates the log some hundred times.
     """
     every = 1 + sum(len(run.time) for run in dataset.runs) // _MOST_SAMPLES
     thinned = dataclasses.replace(dataset, runs=tuple(_thinned(run, every) for run in dataset.runs))
@@ -91,8 +91,8 @@ _RATES = ("wheel_velocity", "wheel_speed", "velocity", "speed")
 _TRAVELS = ("wheel_travel", "wheel_angle", "position", "angle")
 _FIRST_DELAYS = (0.0, 0.03, 0.1)  # start values of all delays, s; one fit starts from each value
 _LONGEST_DELAY = 0.5  # s
-_MOVING_SAMPLES = 12  # number of samples of the line that gives the first speed of a run
-_SMOOTH_S = 0.1  # span, s, of the line that gives an acceleration of the first guess
+_MOVING_SAMPLES = 12  # number of samples through which a line is fitted for the first speed of a run
+_SMOOTH_S = 0.1  # span, s, of the line whose slope is an acceleration in the first guess
 _EVALUATIONS = 40  # largest number of evaluations of the residual from one start
 _STEP = 1e-4  # relative step of finite differences
 
@@ -155,7 +155,7 @@ class _Wheel:
 
 @dataclass(frozen=True)
 class _Record:
-    """One run for the fit: inputs (n, wheels) V, their integrals over time, and the speeds at the start."""
+    """One run for the fit: `inputs` (n, wheels), V; `charge`, their integrals over time; `first`, the start speeds."""
 
     run: Run
     clock: Array
@@ -185,7 +185,7 @@ class _Law:
     def descend(self, fitted: Sequence[_Record], delay: float) -> tuple[float, Array]:
         """Returns the cost and the parameters after a descent from a first guess with this delay.
 
-        Travels are first compared by their slopes: a travel sums up errors, so its cost has many local minima.
+        Travels are first compared by their slopes: a travel sums up errors, so the cost of a travel has many minima.
         """
         numbers = self._guess(fitted, delay)
         for by_slope in (True, False):
@@ -244,7 +244,7 @@ class _Law:
         return np.concatenate(parts)
 
     def _simulate(self, value: Mapping[str, float], one: _Record) -> Array:
-        """Returns (n, wheels): the speeds, cached, because a descent often changes only a channel's delay."""
+        """Returns (n, wheels): the speeds. They are cached, because a descent often changes only a channel's delay."""
         law = [v for name, v in value.items() if not name.startswith("delay of") and name != "yaw"]
         key = (np.array(law).tobytes(), one.run.name)
         if key not in self._speeds:
@@ -299,7 +299,7 @@ class _Law:
 def _wheel(dataset: Dataset, side: str) -> _Wheel:
     measured = {name for run in dataset.runs for name in run.outputs if np.isfinite(run.outputs[name]).any()}
     rate = next((f"{name}{side}" for name in _RATES if f"{name}{side}" in measured), None)
-    # A travel belongs to the rate with the same unit of length: rad to rad/s, m to m/s.
+    # A travel and a rate belong together if their units do: rad and rad/s, m and m/s.
     order = {"wheel_velocity": "wheel_travel", "velocity": "position", "wheel_speed": "wheel_angle", "speed": "angle"}
     wanted = (order[rate.removesuffix(side)],) if rate else _TRAVELS
     travel = next((f"{name}{side}" for name in wanted if f"{name}{side}" in measured), None)
@@ -416,7 +416,7 @@ def _origin(run: Run, name: str) -> float:
 
 
 def _spread(fitted: Sequence[_Record], name: str, *, summed: bool) -> tuple[float, float]:
-    """Returns the rms of a signal about each run's mean, and of its slope if `summed`, over the fit runs."""
+    """Returns two rms values over the fit runs: of a signal about each run's mean; of its slope if `summed`."""
     values, slopes = [np.zeros(1)], [np.zeros(1)]
     for one in fitted:
         measured = one.run.outputs.get(name, np.empty(0))
@@ -432,7 +432,7 @@ def _rms(parts: Sequence[Array]) -> float:
 
 
 def _metres_per_unit(dataset: Dataset, wheels: Sequence[_Wheel]) -> float:
-    """Returns metres per unit of the wheels' speed: 1 if measured in m/s or m, otherwise the wheel's radius."""
+    """Returns metres per unit of the wheels' speed: 1 for a speed in m/s or a travel in m, otherwise the radius."""
     name = wheels[0].rate or wheels[0].travel or ""
     if "velocity" in name or "travel" in name or name == "position":
         return 1.0

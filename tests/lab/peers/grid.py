@@ -30,7 +30,7 @@ class Stretch:
     Attributes:
         time: (n,) s, on the run's own clock.
         inputs: (n, m) mean motor voltages over the next step, V; a floating motor counts as 0 V.
-        outputs: (n, k) channels: each is a signal, or the signal's rate if it sums up motion.
+        outputs: (n, k) channels: each is a signal, or the signal's rate if the signal sums up motion.
     """
 
     time: Array
@@ -40,7 +40,7 @@ class Stretch:
 
 @dataclass(frozen=True)
 class Grid:
-    """All runs of a data set on even steps of `step` s. `signals` (k,): the channels' signals."""
+    """All runs of a data set on even steps of `step` s. `signals` (k,): the signal of each channel."""
 
     dataset: Dataset
     step: float
@@ -72,7 +72,7 @@ def signals_of(dataset: Dataset) -> tuple[str, ...]:
 
 
 def steps_for(dataset: Dataset) -> list[float]:
-    """Returns the steps, s, from which a peer may choose: not finer than the log, not too coarse for short runs."""
+    """Returns the steps, s, from which a peer may choose. None is finer than the log or too coarse for short runs."""
     own = float(np.median([np.median(np.diff(run.time)) for run in dataset.runs]))
     spans = [float(run.time[-1] - run.time[0]) for run in dataset.runs]
     coarsest = max(own, min(spans) / _FEWEST)
@@ -126,7 +126,7 @@ def _held_means(time: Array, values: Array, grid: Array, step: float) -> Array:
 Setting = TypeVar("Setting")
 
 Simulated = Callable[[Grid, Sequence[str], Sequence[str], Setting], Mapping[str, Array]]
-"""Fits on the runs of the first list and returns the channels (n, k) of each run of the second list."""
+"""A function that fits to the runs of the first list and returns the channels (n, k) of the second list's runs."""
 
 
 def choose(
@@ -134,8 +134,8 @@ def choose(
 ) -> Predictions:
     """Returns the free runs of the best setting on the best grid.
 
-    With three fit runs or more, every third run is used to choose the setting, and the others to fit. With fewer runs,
-    all are used for both purposes. Held-out runs are never used.
+    With three fit runs or more, every third run is used to choose the setting, and the other runs to fit. With fewer
+    runs, all runs are used for both purposes. Held-out runs are never used.
     """
     fitted = roles.fit()
     watched = fitted[1::3] if len(fitted) > 2 else fitted
@@ -163,7 +163,7 @@ def _score(grid: Grid, simulated: Mapping[str, Array], names: Sequence[str]) -> 
 def _safely(
     simulated: Simulated[Setting], grid: Grid, used: Sequence[str], wanted: Sequence[str], setting: Setting
 ) -> Mapping[str, Array]:
-    """Returns `simulated` of a setting; empty if the library fails by a singular matrix or a diverging model."""
+    """Returns `simulated` of a setting; {} if the library fails because of a singular matrix or a diverging model."""
     try:
         with np.errstate(all="ignore"):
             return simulated(grid, used, wanted, setting)

@@ -18,7 +18,7 @@ from lab.real_score import Predictions
 
 Array = NDArray[np.float64]
 
-_DIVERGED = 1e3  # limit, in sd of a channel: a model beyond it has diverged
+_DIVERGED = 1e3  # a model has diverged if a channel exceeds this limit, in sd of the channel
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def _simulated(grid: Grid, used: Sequence[str], wanted: Sequence[str], setting: 
 
 
 def _free_runs(library: Any, weights: Array, starts: Array, inputs: Sequence[Array]) -> list[Array]:
-    """Returns the channels (n, k) of each run, each sample from the previous sample, clipped where it diverges.
+    """Returns the channels (n, k) of each run. Each sample follows from the previous sample; diverging values are cut.
 
     All runs advance together, because the library takes the same time for one row and for many rows.
     """

@@ -16,7 +16,7 @@ from lab.real_score import Predictions
 Array = NDArray[np.float64]
 
 _ORDERS = (1, 2, 3, 4, 6, 8)
-_START_SAMPLES = 10  # least number of samples that give the state at a run's start
+_START_SAMPLES = 10  # least number of samples from which the state at a run's start is found
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The common part of peers that model each side separately: the sides' speeds give the other channels."""
+"""The common part of peers that model each side separately. The other channels follow from the sides' speeds."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Drive:
 
 
 FitSide = Callable[[Sequence[Drive]], Callable[[Drive], Array]]
-"""Fits on drives and returns a function that simulates a drive's speed (n,) from its volts and its first speed."""
+"""A function that fits to drives and returns a simulator: drive -> speed (n,) from its volts and its first speed."""
 
 
 def simulated_by_side(grid: Grid, fitted: Sequence[str], fit_side: FitSide) -> Predictions:

@@ -31,8 +31,8 @@ _WIDTH = 0.3  # kernel of the random features: exp(-_WIDTH d^2 / columns), on st
 _ALPHAS = (1.0, 10.0, 100.0)  # ridge penalties that are tried; a larger penalty gives a smoother prediction
 _TAUGHT_ROWS = 3000  # most rows that train the black box: further rows of a long log add nothing new
 _BEYOND = 0.1  # a column is clipped to its training range, widened at each end by this share of the range
-_FAR = 5.0  # robust sizes of the residual: a larger residual is clipped to this
-_NEXT_TO_NOTHING = 1e-300  # least divisor: if the nominal error is 0, a new error gives a share of 0, no error gives 1
+_FAR = 5.0  # largest residual, in robust sizes: a larger one is clipped to this
+_NEXT_TO_NOTHING = 1e-300  # least divisor: if the nominal error is 0, a new error has a share of 0, no error has 1
 _FILTERS_S = (0.1, 0.5, 2.0)  # filter time constants for a motor, for a body, and for slow changes
 _STANDSTILL_SHARE = 0.03  # share of the largest speed or voltage below which the smoothed sign goes to 0
 _SETTLING_S = 0.3
@@ -43,7 +43,7 @@ class Adequacy:
     """The error that an explanation leaves.
 
     Attributes:
-        predictable: signal -> the share of its squared residual that a black box predicts on runs not trained on.
+        predictable: signal -> the share of its squared residual that a black box predicts on runs outside its training.
         left: signal -> log of the residual's scale over its noise floor, nats per value.
         explained: signal -> the share of the nominal model's squared error above noise that is removed, 0..1.
     """
@@ -63,7 +63,7 @@ class Adequacy:
 
     @property
     def unexplained(self) -> str | None:
-        """Of signals above the limit with more error left than removed, that with the largest `left`; or None."""
+        """Of the signals with more error left than removed: the one with the largest `left`, if above the limit."""
         more = {one: left for one, left in self.left.items() if self.explained[one] < 1 - self.explained[one]}
         return max(
             (one for one in more if more[one] > numbers.UNEXPLAINED_NATS), key=lambda one: more[one], default=None
@@ -147,7 +147,7 @@ class Unseen:
     """The prediction of a black box for rows that it was not trained on.
 
     Attributes:
-        value: (rows,), the prediction, scaled by `boldness`.
+        value: (rows,) the prediction, scaled by `boldness`.
         best: the index of the penalty that predicts best.
         boldness: the factor, 0..1, that makes the prediction fit these rows best; 1: the prediction is not too large.
     """
@@ -158,7 +158,7 @@ class Unseen:
 
 
 def out_of_fold(columns: Array, target: Array, folds: Indices, seed: int) -> Unseen:
-    """Returns the prediction of `target` (rows,) from `columns` (rows, columns), each row from the other folds."""
+    """Returns the prediction of `target` (rows,) from `columns` (rows, columns), trained on the other folds."""
     tried = np.zeros((len(target), len(_ALPHAS)))
     for fold in np.unique(folds):
         here = folds == fold
@@ -198,7 +198,7 @@ def taught_by(columns: Array, target: Array, seed: int) -> Callable[[Array], Arr
 
 
 def folds_of(runs: Sequence[str], times: Array) -> Indices:
-    """Returns (rows,) each row's fold. Whole runs go to the emptiest fold, the longest first; a single run is cut."""
+    """Returns (rows,) each row's fold. Each run, the longest first, goes to the emptiest fold; a single run is cut."""
     names, number = np.unique(np.array(runs), return_inverse=True)
     if len(names) == 1:
         cut = np.floor(2 * _FOLDS * (times - times.min()) / max(float(np.ptp(times)), 1e-9)).astype(np.int64)

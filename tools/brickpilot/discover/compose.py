@@ -47,16 +47,16 @@ Array = NDArray[np.float64]
 
 _OUTPUTS = ("wheel_angle_left", "wheel_angle_right", "angle", "x", "position")
 _TINY = 1e-8  # step as a share of a coefficient's range: large against rounding errors, small enough to be linear
-_SIMULATED = 24  # number of atoms, the best of the linear screen, that are also simulated
+_SIMULATED = 24  # number of atoms that are also simulated: the best ones by the linear screen
 _SIZES = (1.0, 0.3)  # shares of the linear estimate at which these atoms are simulated: few terms are linear
-_NEARBY = 8  # most atoms that are fitted at a fitted period and beside it
+_NEARBY = 8  # most atoms that are fitted at a fitted period and at the periods next to it
 _ALIKE = 2  # most trials of the same terms with different settings
 _STRIP_TERMS = ("surge_loss_patch", "yaw_loss_patch", "floor_add_patch")
 _CELLS, _LEAST_CELL = 24, 4e-3  # number of cells of the travel in the search for strips, and least width of a cell, m
 _STRIPS = 2  # most strips that are tried
 _MOST_TERMS = 3  # most terms of a law: the basis is large, and a reader can check only a short law
 _SLOWEST_SWING_HZ = 0.5  # frequency of a pendulum of one metre: no robot here carries a longer pendulum
-_SPRUNG_HZ = (1.0, 2.0, 4.0)  # frequencies tried for a sprung mass, beside the peaks of the spectrum
+_SPRUNG_HZ = (1.0, 2.0, 4.0)  # frequencies tried for a sprung mass, in addition to the peaks of the spectrum
 _SENSOR_SIGNALS = {
     "encoder": {
         f"wheel_{kind}_{side}" for kind in ("speed", "angle", "travel", "velocity") for side in ("left", "right")
@@ -158,7 +158,7 @@ def with_terms(model: Model, values: Mapping[str, float]) -> Model:
 
 
 def find_atoms(vehicle: str, segments: Sequence[Segment], residual: Array) -> list[Atom]:
-    """Returns every term, periodic terms at the periods found in the projected `residual` (N,).
+    """Returns atoms of every term; periodic terms have the periods found in the projected `residual` (N,).
 
     Terms on a strip of the floor are left out: see `compose.TermSource`.
     """
@@ -196,7 +196,7 @@ def strip_atom(name: str, middle: float, half_width: float) -> Atom:
 
 
 def _visible_groups(vehicle: str, segments: Sequence[Segment]) -> list[tuple[Basis, ...]]:
-    """Returns the groups of terms that act on a part of this vehicle, sensors only if their signal was logged."""
+    """Returns the groups of terms that act on a part of this vehicle; for a sensor, only if it was logged."""
     if vehicle == "motor":
         return [terms for terms in _groups() if terms[0].place in OF_A_MOTOR and not terms[0].sided]
     signals = {segment.signal for segment in segments}
@@ -305,7 +305,7 @@ class TermSource:
     def _best(self, problem: Problem, point: Array, atoms: Sequence[Atom]) -> list[Trial]:
         """Returns the atoms that could reduce the residual of `problem` at `point` most, the best first.
 
-        All are compared by their signatures at the base model. The best are then simulated beside the model at `point`.
+        All atoms are compared by their signatures at the base model. The best are then simulated at `point`.
         """
         model, projection = problem.plan.at(point), Projection(problem, point)
         table, linear = model.effects.get(EFFECT, {}), []
@@ -419,7 +419,7 @@ def _best_windows(slopes: Array, residual: Array) -> list[tuple[int, int]]:
 
 
 def segments(data: Residual, model: Model) -> list[Segment]:
-    """Returns the blocks of a residual, each with those outputs of `model` at its times on which terms depend."""
+    """Returns the blocks of a residual, each with the outputs of `model` on which terms depend, at its times."""
     outputs = data.replay.simulate([model], threads=data.threads)[0]
     runs = {run.name: (run.time, age) for run, age in data.replay.aged}
     found = []

@@ -37,9 +37,9 @@ from brickpilot.vehicle.replay import RUN_KINDS, Replay
 
 _EFFECT_SHOWN = 1.0  # noise sd, rms over a tenth of a second: an effect larger than this shows in a signal
 _LAGS = 20  # longest lag of an autocorrelation, bins
-_BEYOND = 4  # most lags outside the bound with which a residual still counts as white
+_BEYOND = 4  # a residual counts as white if at most this many lags are outside the bound
 _LARGEST_LOG = 700.0  # largest logarithm of a double
-_ERROR_SHOWN = 1.5  # as `_EFFECT_SHOWN`, for an unexplained error; the error includes the noise, which alone gives 1
+_ERROR_SHOWN = 1.5  # as `_EFFECT_SHOWN`, for an unexplained error; noise is part of the error, and alone gives 1
 
 
 @dataclasses.dataclass(frozen=True)
@@ -83,7 +83,7 @@ class Conclusion:
         return {one.explanation.key: one.total for one in self.verdict.ranked}
 
     def removed(self, one: Explanation) -> float:
-        """Returns an explanation's evidence on a scale from 0, the nominal model, to 1, a residual of noise alone."""
+        """Returns an explanation's evidence, scaled: the nominal model has 0, a residual of noise alone has 1."""
         nothing = self.totals[self.verdict.nominal.key]
         way, gone = self.judge.top - nothing, self.totals.get(one.key, nothing) - nothing
         return float(np.clip(gone / way, 0.0, 1.0)) if way > 0 else 0.0
@@ -169,7 +169,7 @@ def _mechanisms(one: Explanation) -> tuple[str, ...]:
 def _effects(found: Conclusion) -> tuple[finding.Effect, ...]:
     """Returns the effects of the best explanation, the effect with most weight first.
 
-    The effects are claimed if the written model has them: for `named` and `ambiguous`, and beside a composed term.
+    The effects are claimed if the written model has them: for `named`, `ambiguous`, and together with a composed term.
     """
     beside = found.composed is not None and bool(found.written.explanation.effects)
     best = found.written if beside else found.best
@@ -195,7 +195,7 @@ def _effects(found: Conclusion) -> tuple[finding.Effect, ...]:
 
 
 def _shares(found: Conclusion) -> dict[str, float]:
-    """Returns part -> the share, 0..1, of the held explanations' weight that is on those that say this part."""
+    """Returns part -> weight of the held explanations that say this part, as a share, 0..1, of all held weight."""
     held = {one.explanation.key: one.weight for one in found.verdict.held}
     table = [one for one in found.verdict.ranked if one.explanation.key in held]
     weights = np.array([held[one.explanation.key] for one in table])
@@ -316,7 +316,7 @@ def _nominal_findings(prepared: Prepared, found: Conclusion) -> tuple[finding.No
 
     If claimed effects leave the values as stated, no value is a finding: the nominal model moved its values only to
     stand in for these effects. A value is also no finding if the data determine only a combination with other values:
-    the combination moved, but nobody knows which of its values moved.
+    the combination moved, but the data do not tell which of its values moved.
     """
     verdict = found.verdict
     is_rival = verdict.nominal in verdict.rivals  # then either an effect is missing or a value is stated wrongly

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from brickpilot.discover.prepare import Prepared
 
 SEARCHED, COMPOSED = 0.7, 0.9
-"""Shares of the budget after which the search and a composed term have to be done. The rest is for work that cannot be
-left out: the proof of the written model, intervals and the report."""
+"""Shares of the budget at which the search and the composed term must be finished. The rest of the budget is for work
+that cannot be left out: the proof of the written model, intervals and the report."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Deadline:
 
     Attributes:
         budget_s: the time limit, s; None: no limit.
-        share: the share of the budget after which the stage has to be done.
+        share: the share of the budget at which the stage must be finished.
         began: the start by `time.perf_counter`, s.
         left_out: the work for which there was no time, in order; all stages share this record.
     """
@@ -38,7 +38,7 @@ class Deadline:
     left_out: dict[str, None] = field(default_factory=dict)
 
     def until(self, share: float) -> Deadline:
-        """Returns the deadline of a stage that has to be done after this share of the budget."""
+        """Returns the deadline of a stage that must be finished at this share of the budget."""
         return dataclasses.replace(self, share=share)
 
     @property
@@ -55,12 +55,12 @@ class Deadline:
 NO_LIMIT = Deadline()
 
 _COARSE, _FINE = 90, 300
-"""Number of simulations of all fit runs in a unit of work: for each candidate on the coarse grid, and at samples."""
+"""Simulations of all fit runs in one unit of work: per candidate on the coarse grid, and in all at the samples."""
 
 _UNITS = ((1.3, 0.2, 0.5), (4.0, 0.4, 1.5), (math.inf, 1.5, 8.0))
-"""Rows: a largest ratio of the nominal model's cost to the cost of noise; the least and most units of work up to it. If
-noise explains the residual, the search ends; otherwise it starts again in windows and with terms. The rows were set on
-fifteen data sets, seven of them measured; one data set took 16 units."""
+"""Each row: the largest ratio of the nominal model's cost to the noise's cost for which the row holds; the least and
+most units of work. If noise explains the residual, the search ends; otherwise it starts again in windows and with
+terms. The rows were set on fifteen data sets, seven of them measured; one data set took 16 units."""
 
 _YARDSTICK_S = (3.0, 12.0)
 """Least and most processor time, s, of the black box that measures the attainable fit; one data set took 22 s."""
@@ -118,7 +118,7 @@ class Stages:
             self._progress(round(100 * share), 100, text)
 
     def expect(self, estimated: Span) -> None:
-        """Reports the estimated time. The report says 0 of 0, because the estimate is not a stage."""
+        """Reports the estimated time, with 0 done of 0 in all, because the estimate is not a stage."""
         self._expected_s = time.perf_counter() - self._began + estimated.middle
         if self._progress is not None:
             self._progress(0, 0, f"estimate: {estimated}")

@@ -1,8 +1,8 @@
 """Evidence: how well an explanation predicts stretches of time that it was not fitted to. It ranks explanations.
 
 1. Each stretch is predicted by a fit without it: one Gauss-Newton step from the fit to all runs, with the stretch's
-   rows deleted (the infinitesimal jackknife; Giordano and others 2019, AISTATS). A step that is long, or changes the
-   stretch by more than its residual, is shortened until its simulated end fits the other stretches no worse.
+   rows deleted (the infinitesimal jackknife; Giordano and others 2019, AISTATS). A step is too long if it leaves the
+   linear range or changes the stretch by more than its residual. It is then halved until the others fit no worse.
 2. The residual has a hyperbolic density. For each signal, the other stretches set the scale. It is at least the floor
    of noise and simulator error. A signal that no model explains down to noise has a larger scale.
 3. Values of a residual are not independent, and no law is exact. So `temperature` nats count as one nat.
@@ -81,11 +81,11 @@ class Evidence:
         return self.total / temperature + self.log_prior(temperature)
 
     def nat(self, temperature: float) -> float:
-        """Returns the cost that counts as one nat. Costs use the fit's scales, densities the residual's scales."""
+        """Returns the cost that counts as one nat. A cost uses the fit's scales, a density the residual's scales."""
         return temperature * max(2 * self.explanation.cost / max(len(self.left_out), 1), 1.0)
 
     def log_prior(self, temperature: float) -> float:
-        """Returns the part of `log_weight` beside the evidence: prior odds and the cost of values far from priors."""
+        """Returns `log_weight` without the evidence: the prior odds and the cost of values far from priors."""
         nat = self.nat(temperature)
         pulled = self.away_slopes.T @ self.away  # the priors' gradient, which is -(the data's gradient) at the fit
         step = _solved(self.information / nat + self.away_slopes.T @ self.away_slopes, -pulled * (1 - 1 / nat))
@@ -101,7 +101,7 @@ class Judge:
     Attributes:
         stretch: (values,) the stretch of each compared value.
         top: the evidence of a residual that is noise alone.
-        shape: error that a law's wrong shape may leave, as a share of what the law removes; 0: included in the floors.
+        shape: error that a law's wrong shape may leave, as a share of what the law removes; 0: the floors include it.
     """
 
     data: Residual
@@ -112,7 +112,7 @@ class Judge:
 
     @classmethod
     def of(cls, data: Residual, seed: int, shape: float = numbers.LAW_SHAPE) -> Judge:
-        """Returns the judge of a residual; its noise is drawn from `seed`."""
+        """Returns the judge of a residual. `seed`: seed of the noise whose evidence is `top`."""
         stretch, count = data.stretches(numbers.STRETCH_S, _LEAST_STRETCHES)
         noise = data.by_signal({signal: one.noise for signal, one in data.scales.items()})
         drawn = np.random.default_rng(seed).normal(size=len(data.measured)) * noise
@@ -120,14 +120,14 @@ class Judge:
         return cls(data, stretch, count, top, shape)
 
     def leaving_out_runs(self) -> Judge:
-        """Returns the judge that leaves out whole runs in turn; quarters of the data with fewer than four runs."""
+        """Returns the judge that leaves out whole runs in turn; with fewer than four runs, quarters of the data."""
         stretch, count = self.data.stretches(np.inf, _LEAST_RUNS)
         return dataclasses.replace(self, stretch=stretch, count=count)
 
     def changes(self, before: Array, after: Array) -> Array:
-        """Returns (1 + draws,): the log of the rms of the residual `after` over that of `before`, (values,) each.
+        """Returns (1 + draws,): the log of the ratio of rms, residual `after` to residual `before`, (values,) each.
 
-        The result is the mean over the signals. Its first entry weighs all stretches alike; the others use weights of a
+        The result is the mean over the signals. Entry 0 weighs all stretches alike; the other entries use weights of a
         Bayesian bootstrap. An rms below a signal's floor counts as the floor.
         """
         weights = np.vstack([np.ones(self.count), _bootstrap(self.count)])
@@ -153,7 +153,7 @@ class Judge:
         return np.concatenate([np.arange(b.place.start, b.place.stop) for b in self.data.blocks if b.signal == signal])
 
     def rises(self, before: Array, after: Array) -> Array:
-        """Returns (stretches,): by how much the log density rises from one residual (values,) to another.
+        """Returns (stretches,): the rise of the log density from residual `before` to `after`, (values,) each.
 
         Both densities use the scale of `before`. If a model predicts most stretches better, the scale of `after` is
         smaller, and with it the other stretches would look worse.
@@ -175,7 +175,7 @@ class Judge:
         count, moved = len(self.data.measured), problem.sensitivity(found.point)
         left_out = self.data.measured - problem.simulated(found.point)
         reach = np.array([one.reach for one in found.plan.free])
-        normal = slopes.T @ slopes + np.diag(1 / np.maximum(reach, 1e-12) ** 2)  # holds unseen parameters
+        normal = slopes.T @ slopes + np.diag(1 / np.maximum(reach, 1e-12) ** 2)  # holds parameters without effect
         bounds = np.array([one.bounds() for one in found.plan.free]).reshape(-1, 2)
         of_run = np.array([one.run is not None for one in found.plan.free], dtype=bool)
         ends = np.cumsum(np.bincount(self.stretch, minlength=self.count))
@@ -183,7 +183,7 @@ class Judge:
         for here in np.split(np.argsort(self.stretch, kind="stable"), ends[:-1]):
             own = slopes[:count][here]
             matrix, pull = normal - own.T @ own, own.T @ rows[:count][here]
-            # No other run knows a value of a run. If the stretch alone knows most of it, as of a late start, it stays.
+            # Only its own run shows a run value. If this stretch alone shows most of it (a late start), it stays fixed.
             alone = of_run & (np.square(own).sum(axis=0) > normal.diagonal() / 2)
             matrix[alone], matrix[:, alone], pull[alone] = 0.0, 0.0, 0.0
             step, is_long = _step(matrix, pull, reach, bounds.T - found.point)
@@ -258,7 +258,7 @@ class Judge:
     def excess(self, evidence: Evidence, least: float = 1.0) -> Array:
         """Returns (signals,): the remaining squared error above noise, in squares of each signal's floor.
 
-        `least`: the least scale, as a share of the floor. Below 1, values may be negative: a signal below its floor.
+        `least`: the least scale, as a share of the floor. If it is below 1, a signal below its floor has a value < 0.
         """
         squares = {one: self.squares(evidence, one, least) / self.data.floor(one) ** 2 for one in self.data.signals}
         return np.array([self.counts[signal] * (square - 1) for signal, square in squares.items()])
@@ -287,7 +287,7 @@ def _step(matrix: Array, pull: Array, reach: Array, room: Array) -> tuple[Array,
     while np.any(np.abs(step := _solved(matrix + damping * np.diag(reach**-2.0), pull)) > reach):
         damping, is_long = max(_DAMPED * damping, 1.0), True
     stopped = (step < room[0]) | (step > room[1])
-    if stopped.any():  # solve for the others again: a parameter stopped at its bound moves less than its step
+    if stopped.any():  # solve for the other parameters again: a stopped one moves less than its step
         step = np.where(stopped, np.clip(step, *room), 0.0)
         others = ~stopped
         rest = pull[others] - matrix[others][:, stopped] @ step[stopped]
@@ -312,7 +312,7 @@ def surprise(away: Array) -> float:
 
 
 def weigh(table: Sequence[Evidence], temperature: float) -> Array:
-    """Returns the weight of each explanation, (explanations,), of sum 1."""
+    """Returns (explanations,): the weight of each explanation. The weights sum to 1."""
     rows = np.array([one.by_stretch for one in table])
     odds = np.array([one.log_prior(temperature) for one in table])
     total = _bootstrap(rows.shape[1]) @ rows.T / temperature + odds
@@ -347,7 +347,7 @@ def scale_of_rest(residual: Array, floor: float) -> float:
 
 
 def _density(residual: Array, stretch: Indices, count: int, floor: float) -> Array:
-    """Returns (stretches,): the log density of one signal; the scale of each stretch comes from the others."""
+    """Returns (stretches,): the log density of one signal; each stretch is scaled by the other stretches."""
     weighted = _weighted(residual, scale_of_rest(residual, floor))
     sums, sizes = np.bincount(stretch, weighted, count), np.bincount(stretch, minlength=count)
     others = (sums.sum() - sums) / np.maximum(sizes.sum() - sizes, 1)

@@ -30,10 +30,10 @@ from brickpilot.vehicle.plant import OpenLoopRun
 Array = NDArray[np.float64]
 
 _STEP_S = 0.01  # time between the samples of a simulated manoeuvre
-_SEPARATES_NOISE_SD = 0.5  # rms difference of rivals, noise sd, that ten seconds of samples show clearly
+_SEPARATES_NOISE_SD = 0.5  # rms difference of rivals, in noise sd, that ten seconds of samples show clearly
 _SEPARATES_SIGNAL_SHARE = 0.02  # rms difference of rivals, as a share of a signal's rms, that an ordinary sensor shows
 _NO_FLOOR = 1e-3  # least scale as a share of the floor, small enough that the floor has no effect
-_BLACK_BOX_FINDS = 0.5  # rough share of a law's squared signature that a black box predicts, at about named sizes
+_BLACK_BOX_FINDS = 0.5  # rough share of a law's squared signature that a black box predicts, near the named sizes
 _CAN_MEASURE = frozenset(catalogue.outputs()) - {"x", "y", "surge", "sway", "force"}
 
 
@@ -96,7 +96,7 @@ def as_run(manoeuvre: Manoeuvre, vehicle: str) -> OpenLoopRun:
 
 
 def _separation(outputs: Sequence[Mapping[str, Array]], sizes: Mapping[str, float]) -> tuple[float, str]:
-    """Returns the largest rms difference of the two nearest rivals, relative to `sizes`, and its signal."""
+    """Returns the largest rms difference of the two nearest rivals, relative to `sizes`, and the signal that has it."""
     return max(
         (
             (min(rms_of([one[name] - other[name]]) for one, other in combinations(outputs, 2)) / size, name)
@@ -108,7 +108,7 @@ def _separation(outputs: Sequence[Mapping[str, Array]], sizes: Mapping[str, floa
 
 
 def smallest_sizes(prepared: Prepared, judge: Judge, nominal: Explanation, best: Explanation) -> dict[str, Visible]:
-    """Returns effect -> the least size that would be named beside `best`. A verdict of `none` rules out such sizes.
+    """Returns effect -> the least size that would be named beside `best`. A verdict `none` rules out these sizes.
 
     An effect is named if it surely improves the prediction, despite its prior odds, and if it removes as much error as
     it leaves or a black box predicts its share of a signal: see `verdict`. The size is extrapolated from the nearest
@@ -154,7 +154,7 @@ def size_of(part: Part) -> ParameterInfo:
 
 
 def nearest_sizes(tried: Iterable[tuple[Part, float, float]]) -> list[tuple[Part, float]]:
-    """Returns each effect's part and needed size, from the (part, tried size, needed size) with the closest sizes."""
+    """Returns each effect's part and needed size, from its (part, tried size, needed size) whose sizes are closest."""
     found: dict[str, tuple[float, Part, float]] = {}
     for part, size, needed in tried:
         away = abs(math.log(needed / size)) if size > 0 and needed > 0 else math.inf

@@ -27,11 +27,11 @@ _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
 
 ROUGH, FINE = 1e-3, 1e-4
-"""Relative change of cost at which a descent ends, for a proposal and for a judged explanation."""
+"""Relative change of cost at which a descent ends: for a proposal, and for an explanation that is judged."""
 
 _DESCENTS, _LEAST_GAIN_SHARE = 6, 3e-4  # most descents of a fine fit; relative gain below which a descent is the last
-_AT_BOUND = 1e-3  # share of a parameter: if closer to an end of its range (except `_WHOLE`), it is at the end
-_WHOLE = (0, 1)  # ends of a range that are possible values of a real machine: nothing and the whole
+_AT_BOUND = 1e-3  # a parameter nearer to an end of its range than this share of it is at this end, except `_WHOLE`
+_WHOLE = (0, 1)  # ends of a range that a real machine may have: a share of nothing and of the whole
 _LIMIT_OVER_READING = 0.9  # least ratio of a limit to the largest reading: a reading above its limit is noise
 _LEAST_BASE_SHARE = 0.1  # least ratio of a parameter to its addition, such as dry friction to a breakaway torque
 
@@ -41,8 +41,8 @@ class Explanation:
     """One model fitted to the fit runs.
 
     Attributes:
-        parts: its parts beside those of the nominal model.
-        plan: its free parameters, the nominal ones first.
+        parts: the parts that it adds to the nominal model.
+        plan: its free parameters, the nominal parameters first.
         point: the fitted coordinates of these parameters.
         cost: half the sum of the squared residuals, in scales, and squared priors.
     """
@@ -106,7 +106,7 @@ class Explanation:
     def laws(self) -> frozenset[str]:
         """The names of its laws. A law made of other laws is replaced by these if one of these is also a part.
 
-        For example, friction in one direction beside a constant offset is dry friction and another offset.
+        For example, beside a constant offset, friction in one direction is replaced by dry friction and another offset.
         """
         split = [one for one in self.parts if self.key.intersection(one.made_of)]
         return self.key.difference(one.name for one in split).union(*(one.made_of for one in split))
@@ -185,9 +185,9 @@ def before(
 def is_possible(found: Explanation, excitation: Excitation) -> bool:
     """Returns whether the fitted values are possible for the effects of the explanation.
 
-    No fitted parameter is at an end of its range: there the data ask for another law. A periodic effect has at least
-    about one period. No sensor reads beyond its limit. A parameter that adds to another, as a breakaway torque to dry
-    friction, does not replace it. No fitted size is below `least_of`.
+    They are possible if: no fitted parameter is at an end of its range, where the data ask for another law; a periodic
+    effect has at least about one period; no sensor reads beyond its limit; a parameter that adds to another one, as a
+    breakaway torque to dry friction, does not replace it; and no fitted size is below `least_of`.
     """
     tables = found.model.effects
     for one in found.effects:

@@ -39,8 +39,8 @@ class Parameter:
 
     Attributes:
         ci95: (low, high); None if the data do not determine it.
-        identified: if `ci95` is None, a combination of values that the data do determine, with the sign of the value,
-            such as the voltage that overcomes a friction torque; or None.
+        identified: if `ci95` is None, a combination of values that the data do determine, such as the voltage that
+            overcomes a friction torque; it has the sign of `value`. None: there is no such combination.
     """
 
     value: float
@@ -79,9 +79,9 @@ class Effect:
     Attributes:
         mechanism: the kind of cause; see `EffectInfo.mechanism`.
         law: the name of its law, as in "FAMILY, but DIFFERENCE"; see `catalogue.law`.
-        confidence: the share, 0..1, of the held explanations' weight that is on those with this effect.
-        removed: the explanation's evidence on a scale from 0, the nominal model, to 1, a residual of noise alone.
-        claimed: whether the verdict claims the effect. False: it explains the fit runs best, without proof.
+        confidence: weight of the held explanations with this effect, as a share of all held weight, 0..1.
+        removed: the explanation's evidence, scaled: the nominal model has 0, a residual of noise alone has 1.
+        claimed: whether the verdict claims the effect. False: the effect explains the fit runs best, without proof.
         equivalents: the explanations that the data cannot tell from it.
     """
 
@@ -98,16 +98,16 @@ class Effect:
 
 @dataclass(frozen=True)
 class Evidence:
-    """What proves the augmented model, measured last, on the model as read back from its file.
+    """The proof of the augmented model. It is measured last, on the model as read back from its file.
 
     Attributes:
-        kind: "held_out": the held-out runs confirm the model. "fitted_only": only fit runs show what it adds.
+        kind: "held_out": the held-out runs confirm the model. "fitted_only": only fit runs show what the model adds.
         removed_fit, removed_held_out: the share of the cost above noise that the model removes, at most 1; negative:
             the model is worse. None: no such runs, or no cost above noise.
-        draws: the share of bootstrap draws of stretches in which the held-out runs are predicted better, 0..1; None: no
-            such runs.
+        draws: share, 0..1, of the bootstrap draws of stretches in which the model predicts the held-out runs better
+            than the nominal model does; None: nothing is held out.
         contradicted: whether the held-out runs excite what the model adds, and contradict it.
-        sentence: what this means, for a reader.
+        sentence: what these numbers mean, for the reader of a report.
     """
 
     kind: EvidenceKind
@@ -124,8 +124,8 @@ class Share:
 
     Attributes:
         effects: the names of its parts; empty: the nominal model alone.
-        weight: 0..1.
-        mechanisms: the kinds of cause.
+        weight: its weight, 0..1.
+        mechanisms: the kinds of cause of its parts.
     """
 
     effects: tuple[str, ...]
@@ -169,7 +169,7 @@ class RunValues:
 
     Attributes:
         kind: its key in verdict.json.
-        words: the subject of a sentence: what differs.
+        words: the subject of `sentence`; it names what differs.
         unit: the SI unit; "1": the values are shares.
         runs: fit run -> value and its 95 % interval. The value of a held-out run is unknown: 0 is used.
     """
@@ -219,9 +219,9 @@ class Rank:
     Attributes:
         names: its effects.
         parameters: "effect.parameter" -> value, SI.
-        prediction_error: ratio of its error to noise on left-out stretches, from their density, not an rms.
-        removed: its evidence on a scale from 0, the nominal model, to 1, a residual of noise alone.
-        why: a sentence on why it was chosen or not.
+        prediction_error: ratio of error to noise on left-out stretches, computed from their density, not from an rms.
+        removed: its evidence, scaled: the nominal model has 0, a residual of noise alone has 1.
+        why: a sentence that says why it was chosen or not.
     """
 
     names: tuple[str, ...]
@@ -252,7 +252,7 @@ class Experiment:
 
     Attributes:
         advice: sentences for the user.
-        separates: the rivals.
+        separates: the names of the rivals that the manoeuvre separates.
         separation: rms difference between the rivals in `signal`, in noise sd.
         signal: the signal in which the rivals differ most, or a further signal to measure.
         manoeuvre: None: no manoeuvre helps, and `advice` says what to do instead.
@@ -328,13 +328,13 @@ class Finding(Result):
     """All that discovery says about a data set.
 
     Attributes:
-        effects: the named effects; for `ambiguous` those of the best explanation, with rivals in `equivalents`; for
-            `unknown` the best candidates, not claimed, or the effects beside a composed term, claimed.
+        effects: for `named` the named effects; for `ambiguous` the best explanation's, with rivals in `equivalents`;
+            for `unknown` the best candidates (not claimed) or the effects that join a composed term (claimed).
         mechanism: the kind of cause that explains most; None if nothing is missing or no mechanism was found.
         law_differs: whether the claimed effects leave more than noise in some signal: their laws are not quite right,
-            or something smaller is missing too. None: no effect is claimed, or a term stands beside them.
+            or something smaller is missing too. None: no effect is claimed, or a composed term joins them.
         evidence: what proves the augmented model; None: no effect and no term was added.
-        gap: "fit", "held_out" -> gap. `by_signal` is over all runs.
+        gap: "fit", "held_out" -> gap. `by_signal`: signal -> gap over all runs.
         nominal_model: the calibrated nominal model.
         augmented: the model that is written to model.toml.
         simulated: "nominal", "augmented" -> run -> outputs.
@@ -394,9 +394,9 @@ class Finding(Result):
         """Returns a table.
 
         Args:
-            table: "effects": a row for each parameter of each effect, in SI, with the ends of its 95 % interval, NaN
-                where the data do not determine it. "ranking": a row for each explanation that was tried, the best
-                first; `removed` is its evidence on a scale from 0, the nominal model, to 1, a residual of noise alone.
+            table: "effects": a row for each parameter of each effect, in SI, with the ends of its 95 % interval; the
+                ends are NaN if the data do not determine the parameter. "ranking": a row for each explanation that was
+                tried, the best first; for `removed` see `Rank`.
         """
         import pandas
 

@@ -1,4 +1,4 @@
-"""The parts that an explanation is made of: effects of the library, and values of which each run has its own.
+"""The parts that an explanation is made of: effects of the library, and values that differ from run to run.
 
 Composed terms are parts, too: see `compose`.
 """
@@ -24,7 +24,7 @@ from brickpilot.vehicle.model import Model, rcx
 from brickpilot.vehicle.plant import OpenLoopRun, State
 from brickpilot.vehicle.replay import RUN_KINDS
 
-_COMMAND = "voltage"  # the only limited signal that is a command; the others are readings
+_COMMAND = "voltage"  # the only limited signal that is a command; other limited signals are readings
 _UNSCALED = frozenset({"order", "phase", "phase_difference", "frequency", "wavelength"})  # without a usual size
 _ODDS = {"common": numbers.COMMON, "usual": numbers.USUAL, "rare": numbers.RARE}
 
@@ -150,11 +150,11 @@ class RunPart(Part):
 
 
 def library_parts(base: Model, measured: Collection[str] | None = None) -> list[Part]:
-    """Returns every effect that `base` lacks, once for each set of parameters worth freeing.
+    """Returns every effect that `base` lacks, once for each set of parameters that is fitted together.
 
     Args:
-        measured: the compared signals. A sensor effect that changes none of these signals is left out. Of effects that
-            change these signals alike, only the one that changes most signals is a part. None: all effects are parts.
+        measured: the compared signals. A sensor effect that changes none of these signals is left out. If several
+            effects change these signals alike, only the one that changes most signals is a part. None: all are parts.
     """
     found, read = [], set[frozenset[tuple[str, bytes]]]()
     has_current_loop = any(base.parameters.get(name, 0.0) != 0.0 for name in ("force_per_volt", "torque_per_volt"))
@@ -180,7 +180,7 @@ def run_parts(runs: Sequence[str]) -> list[RunPart]:
 
 
 def _adds_something(one: ParameterInfo, base: Model) -> bool:
-    """Returns whether `base` has the two sides that a parameter may need, and no parameter with the same action."""
+    """Returns whether `base` has two sides, if the parameter needs them, and no parameter with the same action."""
     sided = base.vehicle != "motor" or not one.odd
     return sided and not (one.same_as and base.parameters.get(one.same_as, 0.0) != 0)
 
@@ -224,7 +224,7 @@ def is_signed(one: ParameterInfo) -> bool:
 def least_of(info: ParameterInfo) -> float:
     """Returns the least size that is named, SI: one simulation step for a delay or a lag, 0 for all other sizes.
 
-    The models lack fast dynamics such as a tyre's compliance: a very short delay would stand in for them.
+    The models lack fast dynamics such as a tyre's compliance: a very short delay would stand in for these dynamics.
     """
     return MOTOR_STEP_S if info.unit == "s" and info.role == "size" and info.minimum == 0 else 0.0
 
@@ -240,7 +240,7 @@ def limit_of(part: Part) -> ParameterInfo | None:
 
 
 def scanned_parameter(part: Part) -> ParameterInfo | None:
-    """Returns the parameter whose sizes are tried one by one, for an effect that only some sizes show; or None."""
+    """Returns the parameter whose sizes are tried one by one because only some sizes show the effect; or None."""
     return next((one for one in part.infos.values() if one.scan), None)
 
 
@@ -250,7 +250,7 @@ def switch_settings(part: Part) -> list[dict[str, float]]:
 
 
 def _natural_size(info: ParameterInfo, model: Model) -> float:
-    """Returns a usual size of an effect's parameter on this vehicle, SI; 0 if it has none."""
+    """Returns a usual size of an effect's parameter on this vehicle, SI; 0 if no size is usual."""
     if info.role == "place" and info.unit == "m" and not info.arm_of:
         return 2 * _sizes(model)["m"] / DECADE  # a place lies within about a track width, not a decade of widths
     if info.name in _UNSCALED or info.role in ("place", "limit", "switch") or info.arm_of:
@@ -299,7 +299,7 @@ class Excitation:
     Attributes:
         largest: the largest command, under "voltage", and the largest reading of each signal.
         orders: orders (periods per turn) at which the wheels' acceleration repeats.
-        least_order: the lowest order of a periodic effect: a lower order shows less than about one period.
+        least_order: the lowest order of a periodic effect; at a lower order the runs show less than about one period.
         windowed: whether each short window is simulated from its measured state, so that wheels keep their phase.
     """
 

@@ -9,7 +9,7 @@ Each stage is a function in a module beside this one. It returns a frozen record
                                       the noise may be known only after a first search
     Search.run       -> Found         every explanation that was fitted, with its evidence           (search.py)
     weigh            -> Verdict       none, named or ambiguous, by the evidence alone                (verdict.py)
-    adequate         -> Verdict       the same without those that leave too much; if none: `unknown` (verdict.py)
+    adequate         -> Verdict       the same among those that leave little; if none: `unknown`     (verdict.py)
     prepare_windows  -> Prepared      for `unknown`: the search again in short windows, for periodic effects
     compose          -> Composed      still `unknown`: a law of few terms without a name             (compose.py)
     confirmed        -> Verdict       whether the measured samples confirm a name                    (verdict.py)
@@ -29,10 +29,10 @@ Each stage is a function in a module beside this one. It returns a frozen record
     budget    explain    unknown    time ran out before all was searched                   SEARCHED, in deadline.py
     runs      confirmed  none       only values of runs differ
     samples   confirmed  unknown    the measured samples do not surely show the name       CHANCE_NATS
-                         none       and leave little above noise without it                UNEXPLAINED_NATS
+                         none       the same, and little above noise is left without it    UNEXPLAINED_NATS
     seal      _prove     unknown    the error of held-out runs surely grows, or most       CHANCE_NATS, SURE
                                     draws of their stretches favour the nominal model
-                         ambiguous  they do not confirm it: the name or the nominal model  SURE
+                         ambiguous  held-out runs do not confirm: name or nominal model    SURE
 
 Every number that decides a verdict stands in numbers.py, with its reason. The sentences of a verdict are made in
 report/discover_text.py.
@@ -142,7 +142,7 @@ def _find(prepared: Prepared, nominal: Explanation, sealed: Sealed, tell: Stages
 
 
 def explain(prepared: Prepared, nominal: Explanation, tell: Stages, most: int = MOST_PARTS) -> Explained:
-    """Searches on the coarse grid for explanations beside the nominal model, weighs them, checks their residuals."""
+    """Searches for explanations on the coarse grid, weighs them, and checks whether their residuals are adequate."""
     judge = Judge.of(prepared.coarse, prepared.seed)
     library, until = Library(prepared.excitation, most), prepared.deadline.until(SEARCHED)
     search = Search(prepared.coarse, nominal, library, prepared.excitation, prepared.jobs, until, tell)

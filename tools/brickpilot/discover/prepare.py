@@ -1,7 +1,7 @@
 """The first stage: makes a data set ready for fits, and seals what is held out.
 
-Of a held-out run or stretch, later stages get only the inputs, because heat and charge carry over from run to run. The
-`Sealed` that is also returned keeps the measured values.
+Later stages get only the inputs of a held-out run or stretch. They need these inputs because heat and charge carry over
+from run to run. `prepare` also returns a `Sealed`, which keeps the measured values.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ Array = NDArray[np.float64]
 _MOTOR_WINDOW_S = 1.0
 _WINDOW_S = 0.6  # length of a window, in which a wheel turns once or twice
 _NOISE_ROUNDS = 2  # rounds in which noise model and nominal model are fitted in turn
-_HIGHEST_ORDER = 8  # highest order of a noise model, bins: a quarter of a second
+_HIGHEST_ORDER = 8  # highest order of a noise model, in bins; it spans a quarter of a second
 _SEARCHED_WINDOWS = 80  # most windows in the search; the fits after the search use all windows
 _PERIODS_PER_TURN, _PERIODS_OVER_TRAVEL = 0.9, 1.5  # least periods of a periodic effect: per turn, over the travel
 
@@ -155,7 +155,7 @@ def prepare(
 def prepare_windows(prepared: Prepared) -> Prepared | None:
     """Returns the same data in short windows. Each starts from the measured state, so the wheels' phase is right.
 
-    None if the data are in windows already, no wheel was measured, or the samples are too far apart for a window.
+    Returns None if the data are in windows already, no wheel was measured, or a window would hold too few samples.
     """
     windows = prepared.windows
     if windows is None or not any(run.outputs for run in windows.runs):
@@ -221,8 +221,8 @@ def in_closed_loop(prepared: Prepared, nominal: Explanation, best: Explanation |
     later stages use: the direct method. Noise model and nominal model are fitted in turn.
 
     Args:
-        best: its residual of the output that the commands follow is taken as the noise. None: none is known; then only
-            a disturbance with its own period, a fifth of the residual or more, is taken as noise.
+        best: the explanation whose residual of the output that the commands follow is taken as noise. None: not known;
+            then only a disturbance with its own period, a fifth of the residual or more, is taken as noise.
     """
     fitted, plain = tuple(run for run in prepared.dataset.runs if run.outputs), prepared.coarse
     loop = prepared.loop or follows_outputs(dataclasses.replace(prepared.dataset, runs=fitted), numbers.STRICT)
@@ -246,9 +246,9 @@ def in_closed_loop(prepared: Prepared, nominal: Explanation, best: Explanation |
 
 
 def disturbances(prepared: Prepared, model: Model) -> dict[str, periods.Period]:
-    """Returns signal -> a disturbance with its own period in the residual of free runs, if there is a feedback loop.
+    """Returns signal -> a disturbance with its own period in the residual of free runs; {} without a feedback loop.
 
-    Without a loop, the search would take periods of the commands for a disturbance.
+    Without a loop, the search would mistake periods of the commands for a disturbance.
     """
     if prepared.loop is None:
         return {}
@@ -282,9 +282,9 @@ def _innovations(data: Residual, models: Mapping[str, Array]) -> Residual:
 
 
 def with_default_sds(dataset: Dataset) -> Dataset:
-    """Returns the data set with an sd on every nominal value that was stated without an sd: no value is known exactly.
+    """Returns the data set with the usual sd on every nominal value that was stated without an sd.
 
-    A wrong nominal value is not an effect. So all nominal values are fitted, each with an sd usual for its kind.
+    No value is known exactly, and a wrong nominal value is not an effect. So all nominal values are fitted.
     """
     nominal = {
         name: Nominal(known.value, abs(known.value) * SD_SHARE[name])

@@ -3,11 +3,11 @@ accelerometer gives the value at an instant or the mean over a sample. A sure an
 
 Between two rows, inputs are held or linear. The nominal model is fitted with both kinds, also with a delay or
 first-order lag of the inputs: held inputs resemble linear inputs that are half a row late, and a lag turns each step
-into a slope. The test of Vuong (1989, Econometrica 57) says which of two models is nearer to the truth, with which
-probability: it compares the mean difference of their losses over stretches of time with the scatter of this difference.
+into a slope. The test of Vuong (1989, Econometrica 57) gives the probability that one of two models is nearer to the
+truth: it compares the mean difference of their losses over stretches of time with the scatter of this difference.
 
-An instantaneous acceleration and a mean are half a sample apart. A fit would compensate this delay by a slower or
-faster motor. The same test decides between instant and mean.
+An acceleration at an instant and a mean over a sample are half a sample apart. A fit would compensate this delay by a
+slower or faster motor. The same test decides between instant and mean.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ from brickpilot.vehicle.replay import Replay
 Array = NDArray[np.float64]
 TIMINGS: tuple[Timing, ...] = ("held", "linear")
 
-_FOLLOWABLE_ROW_S = 0.008  # shortest row, s, for this search: bins hide what inputs do between shorter rows
+_FOLLOWABLE_ROW_S = 0.008  # shortest row that is searched, s: bins hide what inputs do between shorter rows
 _TOLERANCE = 1e-5  # relative change of cost at which a fit ends
-_ROWS: dict[Kind, tuple[float, ...]] = {"lag": (0.5, 1.0, 2.0, 4.0), "delay": (0.5, 1.0, 2.0)}  # rows: the first search
+_ROWS: dict[Kind, tuple[float, ...]] = {"lag": (0.5, 1.0, 2.0, 4.0), "delay": (0.5, 1.0, 2.0)}  # of the first search
 _LEAST, _MOST = 0.5, {"lag": 2.0, "delay": 1.5}  # bounds of the second search, as multiples of the best of `_ROWS`
 _TRIALS = 6  # most trials of the second search
 _SURELY = 0.999  # the largest certainty that a note states
@@ -67,7 +67,7 @@ def with_known_timing(dataset: Dataset, model: Model | None, *, seed: int, jobs:
 
 
 def _found(prepared: Prepared, logged: Dataset, row_s: float) -> tuple[Timing, str]:
-    """Returns what the inputs do between two rows, "held" if the runs do not tell it, and the sentence for the user.
+    """Returns what the inputs do between rows ("held" if the runs do not tell) and the sentence for the user.
 
     Args:
         prepared: the fit runs of `logged`, with more rows.
@@ -76,7 +76,7 @@ def _found(prepared: Prepared, logged: Dataset, row_s: float) -> tuple[Timing, s
     stretch, _ = prepared.fine.stretches(CORRELATED_S)
 
     def losses(timing: Timing, behind: Behind) -> Array:
-        """Returns the loss of each stretch."""
+        """Returns (stretches,): the loss of each stretch."""
         compared = _with_inputs(prepared, logged, timing, behind)
         coarse = Problem(prepared.coarse.with_inputs(with_inputs_of(prepared.coarse.replay, compared)), nominal.plan)
         own = fit(coarse, (), nominal.plan, nominal.point, _TOLERANCE) or nominal
@@ -153,13 +153,13 @@ def _with_inputs(prepared: Prepared, logged: Dataset, timing: Timing, behind: Be
 
 
 def with_known_sampling(dataset: Dataset, prepared: Prepared, nominal: Explanation) -> Dataset | None:
-    """Returns the data set with accelerometer readings stated as instantaneous; None: they are not, or it is not sure.
+    """Returns the data set with accelerometer readings stated as instantaneous; None: this is wrong or not sure.
 
     Args:
         prepared: made of `dataset`.
         nominal: the calibrated nominal model.
 
-    If the data set does not state what a sample is, it counts as a mean, unless the fit runs surely show an instant.
+    If the data set does not state what a sample is, it counts as a mean unless the fit runs surely show an instant.
     """
     measured = {name for run in dataset.runs for name in run.outputs if name.startswith("accel_")}
     names = sorted(name for name in measured if name not in dataset.signals or dataset.signals[name].sampling is None)

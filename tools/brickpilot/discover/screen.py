@@ -47,7 +47,7 @@ _LIMIT_SHARES = (0.95, 0.85, 0.7, 0.5)  # shares of the largest command or readi
 _LONGEST_STEP = 20.0  # largest amplitude, in sizes of the probe, to which a signature is extrapolated
 _LEAST_STEP, _LARGEST_STEP = 0.1, 2.0  # range of the amplitude if its sign is fixed
 
-_USUAL_ORDERS = (1.0, 2.0, 4.0, 6.0, 8.0, 12.0)  # periods per turn, tried beside the orders that the wheels show
+_USUAL_ORDERS = (1.0, 2.0, 4.0, 6.0, 8.0, 12.0)  # periods per turn, tried together with the orders that the wheels show
 _PHASES = ((0.0, 0.0), (np.pi / 2, 0.0), (0.0, np.pi), (np.pi / 2, np.pi))  # (phase, phase_difference): span all phases
 _WHEELS = np.array([[1, 1j, 1j, -1], [1, 1j, -1j, 1]])  # phasors of the left and the right wheel at these phases
 _LARGE = (1.0, 3.0)  # sizes at which a periodic effect is not linear: it stops the wheels or throws them over a peak
@@ -91,13 +91,13 @@ def screen(
     excitation: Excitation,
     deadline: Deadline = NO_LIMIT,
 ) -> list[Trial]:
-    """Returns trials of every part from each of its sizes, the best first, without those that change nothing.
+    """Returns trials of every part at each of its sizes, the best first, except parts without a visible effect.
 
     Args:
         problem: holds the plan of the model, and the model's sensitivities at `point`.
         point: where the fit of that plan ended.
         excitation: how far the vehicle was driven.
-        deadline: parts whose turn comes after it are left out.
+        deadline: parts that would be screened after it are left out.
     """
     here = _Here.of(problem, point)
 
@@ -114,7 +114,7 @@ def screen(
 def _of_runs(part: RunPart, tried: Sequence[tuple[Probe, Array]], residual: Array) -> tuple[Probe, Array]:
     """Combines the probes of one kind of run values into one probe, with each run at its best tried value.
 
-    A small value, such as a short late start, may have no visible effect: a fit from it would lead nowhere.
+    A small value, such as a short late start, may have no visible effect: a fit cannot start from it.
     """
     signatures = np.array([one for _, one in tried])
     along = np.maximum(residual @ signatures, 0.0)
@@ -126,10 +126,10 @@ def _of_runs(part: RunPart, tried: Sequence[tuple[Probe, Array]], residual: Arra
 def signature_strengths(
     problem: Problem, point: Array, chosen: Sequence[Part], *, excitation: Excitation
 ) -> list[tuple[Part, Mapping[str, float], Array]]:
-    """Returns each part with one free size, the part's values, and (signals,) half its squared signature, in floors.
+    """Returns parts with one free size, each with its values and (signals,) half its squared signature, in floors.
 
-    The arguments are those of `screen`. Parts with a scanned parameter are left out: the signature of one size says
-    nothing about another size.
+    The arguments are those of `screen`. Parts with a scanned parameter are left out: their signature at one size does
+    not show their signature at another size.
     """
     few = [one for one in chosen if len(one.free) == 1 and scanned_parameter(one) is None]
     here, data = _Here.of(problem, point), problem.data
@@ -144,7 +144,7 @@ def signature_strengths(
 
 @dataclass(frozen=True)
 class _Here:
-    """The fitted model beside which parts are screened.
+    """The fitted model to which the screened parts are added.
 
     Attributes:
         scaled: (values,) the residual of the model, in scales.
@@ -173,7 +173,7 @@ class _Here:
             changes = np.array([self.scaled - next(simulated) for _ in probe.values])
             if not np.isfinite(changes).all() or np.abs(changes).max() < _INVISIBLE:
                 continue
-            if isinstance(part, RunPart):  # one simulation changes all runs: a run shows its own value
+            if isinstance(part, RunPart):  # one simulation changes all runs: each run shows its own value
                 changes = np.array([np.where(self.data.rows_of(run), changes[0], 0.0) for run in part.free])
                 if np.abs(changes).max(axis=1).min() < _INVISIBLE:
                     continue
@@ -181,7 +181,7 @@ class _Here:
         return found
 
     def trial(self, probe: Probe, signatures: Array) -> Trial:
-        """Returns a probe's trial, at the amplitudes of its signatures (rows, simulations) that fit the residual."""
+        """Returns a probe's trial, at those amplitudes of its signatures (rows, simulations) that fit the residual."""
         amplitudes = _fit_amplitudes(probe, signatures, self.residual)
         after = self.residual - signatures @ amplitudes
         values = _values_at(probe, amplitudes.tolist())

@@ -84,9 +84,9 @@ class Proof:
 
     Attributes:
         opened: the whole data set.
-        evidence: None if nothing was added to the nominal model.
+        evidence: what proves the model; None: nothing was added to the nominal model.
         simulated: "nominal", "augmented" -> run -> outputs, over whole runs.
-        gap: "fit", "held_out" -> gap. `by_signal` is over all runs.
+        gap: "fit", "held_out" -> gap. `by_signal`: signal -> gap over all runs.
     """
 
     opened: Opened
@@ -136,7 +136,7 @@ def unproved(proof: Proof, nominal: Model) -> Proof:
 
 
 def _evidence(prepared: Prepared, opened: Opened, nominal: Model, written: Model, *, grows: bool) -> Evidence:
-    """Returns what proves the written model. `grows`: whether the gap of the held-out runs grows, in free runs."""
+    """Returns what proves the written model. `grows`: whether the gap of the held-out runs grows in free runs."""
     removed_fit = _removed(prepared.fine, nominal, written)
     held_out = _held_out(prepared, opened)
     if held_out is None:
@@ -177,7 +177,7 @@ def _held_out(prepared: Prepared, opened: Opened) -> Residual | None:
 
 
 def _removed(data: Residual, nominal: Model, written: Model) -> float | None:
-    """Returns the share of the cost above the cost of noise that the written model removes, at most 1."""
+    """Returns the share, at most 1, of the cost above noise that the written model removes; None: no such cost."""
     before, after = (float(data.losses(model).sum()) for model in (nominal, written))
     noise = data.noise_cost()
     return min(1.0, (before - after) / (before - noise)) if before > noise else None

@@ -1,10 +1,10 @@
 """Searches for explanations. The search proposes and decides nothing: `verdict` weighs all explanations that it fitted.
 
-It fits single parts, pairs of the best parts, then one more part beside the best two explanations and the best fit. It
-goes on while more parts surely predict better, and the best fit leaves more than wrong shapes of its laws may leave. It
-replaces each part of the best fit once by other laws of the same mechanism. It searches rivals as hard as the winner:
-it forbids each part of the best explanation once, and searches on without this part. An explanation that fits worse
-than a smaller one inside it is a failed fit, and is refitted from the smaller one.
+It fits single parts, pairs of the best parts, then adds one part to the best two explanations and to the best fit. It
+adds parts while they surely predict better, and while the best fit leaves more error than wrong shapes of its laws may
+leave. It replaces each part of the best fit once by other laws of the same mechanism. To find rivals, it forbids each
+part of the best explanation once, and searches again without this part. If an explanation fits worse than a smaller
+explanation that it contains, its fit has failed, and is repeated from the values of the smaller one.
 """
 
 from __future__ import annotations
@@ -43,14 +43,14 @@ from brickpilot.side_by_side import side_by_side
 Array = NDArray[np.float64]
 Tell = Callable[[str], None]
 
-_PROMISED = 0.3  # share of the needed gain that a part must show in the screen to be fitted; the screen tries few sizes
-_NEAR = 6.0  # in units of `Evidence.nat`: largest cost above the best cost at which a rough fit is still refined
+_PROMISED = 0.3  # a part is fitted if the screen shows this share of the needed gain; the screen tries only a few sizes
+_NEAR = 6.0  # a rough fit is refined if its cost is at most this much above the best cost; unit: `Evidence.nat`
 _STARTS = 3  # number of starts of a periodic part, each from another order
 _BEAM = 2
 MOST_PARTS = 4
 PARTS_IN_WINDOWS = 2  # most parts of an explanation fitted in windows: a periodic effect, alone or with one other part
-_ORDER_OFFSETS = np.linspace(-0.08, 0.08, 161).tolist()  # relative errors of an order that are tried
-_LOWER = 0.98  # share of the present cost: an order whose cost is below this share gets a descent
+_ORDER_OFFSETS = np.linspace(-0.08, 0.08, 161).tolist()  # relative changes of an order that are tried
+_LOWER = 0.98  # share of the present cost: a descent starts from an order whose cost is below it
 _WORSE = 0.5  # units of cost: a fit has failed if it costs this much more than an explanation that it contains
 
 
@@ -59,7 +59,7 @@ class Width:
     """How wide a search is.
 
     Attributes:
-        rough, fine, least: for one screen, the most trials that are fitted, the most and the least fits refined.
+        rough, fine, least: for one screen: most trials that are fitted, most and fewest fits that are refined.
         paired: number of best single parts, all pairs of which are fitted; the best half of `fine` pairs are refined.
         swapped: the most library laws that are tried in place of one law; 0 if the parts are not laws of the library.
     """
@@ -84,7 +84,7 @@ class Source(Protocol):
     width: Width
 
     def screened(self, problem: Problem, point: Array, deadline: Deadline) -> list[Trial]:
-        """Returns the trials that are worth a fit beside the model of `problem` at `point`, the best first."""
+        """Returns the trials that are worth a fit as additions to the model of `problem` at `point`, the best first."""
 
     def nearby(self, problem: Problem, current: Explanation, fits: Sequence[Explanation]) -> list[Trial]:
         """Returns further trials that are worth a fit, judged by `fits`, which extend `current`."""
@@ -99,7 +99,7 @@ class Library:
         self._excitation, self.most, self._periodic = excitation, most, periodic
 
     def screened(self, problem: Problem, point: Array, deadline: Deadline) -> list[Trial]:
-        """Returns trials of each set of parameters of each effect that the model lacks, started from its best sizes."""
+        """Returns trials at the best sizes, for each effect that the model lacks and each set of free parameters."""
         base, runs = problem.plan.at(point), dict.fromkeys(run_of(block.run) for block in problem.data.blocks)
         own = [one for one in run_parts([*runs]) if one.effect not in base.by_run]
         chosen = [one for one in library_parts(base, problem.data.signals) if self._periodic or not one.is_periodic]
@@ -114,9 +114,9 @@ class Library:
         return found
 
     def nearby(self, problem: Problem, current: Explanation, fits: Sequence[Explanation]) -> list[Trial]:
-        """Returns, for each fit with one phase for both wheels, the part with a second phase, started from that fit.
+        """Returns, for each fit with one phase for both wheels, a trial with a second phase, started from that fit.
 
-        The linear screen cannot find two phases at once: it is linear about no effect, while wheels stop and slip.
+        The screen is linear about a model without the effect. It cannot find two phases, because wheels stop and slip.
         """
         return [
             Trial(other, found.model.effects[other.effect], found.cost)
@@ -133,8 +133,8 @@ class Found:
 
     Attributes:
         nothing: the calibrated nominal model.
-        screens: explanation -> the trials that the screen proposed beside it.
-        tried: each explanation with each part that was fitted beside it: a repeated fit would end at the same values.
+        screens: explanation -> the trials that the screen proposed as additions to it.
+        tried: each explanation with each part that was fitted with it: a repeated fit would end at the same values.
     """
 
     judge: Judge
@@ -171,14 +171,14 @@ class Found:
         return moves and not still
 
     def without_laws(self, one: Evidence) -> Evidence:
-        """Returns the evidence of an explanation's run values alone; if not fitted, that of the nominal model."""
+        """Returns the evidence of `one` with run values but no laws; if this was not fitted, of the nominal model."""
         laws = {part.name for part in one.explanation.effects} - self.nothing.explanation.key
         return self.table.get(one.explanation.key - laws) or self.table[self.nothing.explanation.key]
 
     def shape_error(self, one: Evidence) -> Array:
-        """Returns (signals,): the squared error, in squares of each floor, that wrong shapes of the laws may leave.
+        """Returns (signals,): the squared error that wrong shapes of the laws may leave; unit: the squared floor.
 
-        The error is a share of what these laws remove beside the values of runs. It justifies no further law.
+        It is a share of the error that the laws remove in addition to run values. It does not justify a further law.
         """
         excess = self.judge.excess
         return np.asarray(self.judge.shape * np.maximum(excess(self.without_laws(one)) - excess(one), 0.0))
@@ -194,7 +194,7 @@ class Found:
 
 @dataclass(frozen=True)
 class Search:
-    """A search, with all that it works on.
+    """A search, with its data, its source of parts and its limits.
 
     Attributes:
         base: the explanation that each explanation extends: the calibrated nominal model.
@@ -235,7 +235,7 @@ class Search:
         return found
 
     def _parents(self, found: Found, count: int) -> list[Evidence]:
-        """Returns the explanations to extend: the best so far of `count` parts, and the best fit whatever its odds.
+        """Returns the explanations of `count` parts to extend: the best scores, and the best fit whatever its odds.
 
         If only three rare parts together explain a machine, the search must pass through two unlikely parts first.
         """
@@ -248,8 +248,8 @@ class Search:
         """Returns the base at stated and usual values if its fitted values are far from these values, otherwise None.
 
         Far values may stand in for an effect: a resistance near 0 gives a lag, a huge yaw inertia keeps a robot from
-        turning. A descent from far values does not come back. Unstated values are fitted with a prior of a decade about
-        a usual value, to data weighed by the residual of the base.
+        turning. A descent from far values does not return to usual ones. Unstated values are fitted with a prior of one
+        decade about a usual value; the residual of the base sets the weights of the data.
         """
         plan, fitted = self.base.plan, self.base.point
         stated = np.array([one.known is not None for one in plan.free], dtype=bool)
@@ -284,7 +284,7 @@ class Search:
         temperature = found.judge.law_error(max(found.table.values(), key=lambda one: one.total), found.nothing)
         of_model = best.away[[k for k, one in enumerate(best.explanation.plan.free) if not one.run]]
         surprise = min(best.explanation.log_odds - best.log_prior(temperature), evidence.surprise(of_model))
-        left, own = max(found.judge.top - best.total, 0.0), found.shape_error(best)  # noise may give less than `top`
+        left, own = max(found.judge.top - best.total, 0.0), found.shape_error(best)  # noise may score above `top`
         if own.any():
             left = min(left, float(np.maximum(found.judge.excess(best) - own, 0.0).sum()) / 2)
         return bool(left / temperature + surprise > -np.log(numbers.COMMON))
@@ -294,14 +294,14 @@ class Search:
     ) -> list[Explanation]:
         """Returns the best fits of `parent` with one more part, for parts that may score better than the best so far.
 
-        `every`: fits all such trials of the screen, not only the first: the linear screen misleads far from a good fit.
+        `every`: fits all such trials, not only the first: the screen is linear, and misleads far from a good fit.
         """
         current, temperature, best = parent.explanation, found.temperature, found.ranked()[0]
         here = Problem(self.data, current.plan).keeping(current.point, len(current.point))
         behind = best.log_weight(temperature) - parent.log_weight(temperature)
 
         def promises(trial: Trial) -> bool:
-            gain = trial.gain / temperature + max(trial.prior_gain, 0.0)  # a fit finds values nearer to their priors
+            gain = trial.gain / temperature + max(trial.prior_gain, 0.0)  # a fit moves values nearer to their priors
             return gain > _PROMISED * (behind - trial.part.log_odds)
 
         def start(trial: Trial) -> Explanation | None:
@@ -348,12 +348,12 @@ class Search:
         return sorted(self._possible(before(self.deadline, one, starts, self.jobs)), key=_information)
 
     def _pairs(self, singles: Sequence[Explanation]) -> list[Explanation]:
-        """Returns the best pairs of singles, fitted from both fits, so that no third part stands for a pair."""
+        """Returns the best pairs of singles, started from both fits: otherwise a third part may imitate a pair."""
         pairs = [self._joined(*pair) for pair in itertools.combinations(singles, 2)]
         return self._refined(self._rough(pairs)[: self.source.width.fine // 2])
 
     def _joined(self, first: Explanation, second: Explanation) -> Explanation:
-        """Returns both explanations' parts, at the mean of the nominal values of both fits."""
+        """Returns an explanation with the parts of both, and with the mean of both fits' nominal values."""
         count, part = len(self.base.point), second.parts[-1]
         both = joined(first, part, part.values_in(second.model))
         point = np.array(both.point)
@@ -362,7 +362,7 @@ class Search:
         return Explanation(both.parts, both.plan, point)
 
     def _rivals(self, found: Found) -> None:
-        """For each part that would be named, searches on with this part and the laws that contain it forbidden."""
+        """Forbids, one at a time, each part that would be named, with the laws that contain it, and searches again."""
         best, ranked = found.ranked()[0].explanation, found.ranked()
         sure = evidence.held_by(ranked, evidence.weigh(ranked, found.temperature))
         for part in best.parts[len(self.base.parts) :]:
@@ -394,7 +394,7 @@ class Search:
         found.add(self._refined([one for one in swapped if one.cost < min(near, known.get(one.key, near))]), self.jobs)
 
     def _in_other_laws(self, best: Explanation) -> list[Explanation]:
-        """Returns `best` with one law replaced by another of its mechanism, or several laws by the law made of them."""
+        """Returns `best` with one law replaced by a law of the same mechanism, or several by the law made of them."""
         added = {one.name: one for one in best.parts[len(self.base.parts) :]}
         swaps: dict[tuple[str, ...], list[Part]] = {}
         for part in library_parts(best.model, self.data.signals):
@@ -429,9 +429,9 @@ class Search:
         found.add(self._refined(again), self.jobs)
 
     def _at_better_order(self, found: Explanation) -> list[Explanation]:
-        """Returns `found`, which has a periodic effect, fitted from the best order nearby; nothing if that is its own.
+        """Returns `found`, which has a periodic effect, fitted from the best order nearby; [] if it has this order.
 
-        The cost has local minima beside the right order, one period over the travel apart, which trap a descent.
+        A descent can end in a local minimum beside the right order, where the travel holds one period more or less.
         """
         orders = [k for k, one in enumerate(found.plan.free) if one.info.name == "order"]
         axes = np.eye(len(found.point))[orders]
@@ -443,7 +443,7 @@ class Search:
 
 
 def _different(ranked: Sequence[Evidence]) -> list[Evidence]:
-    """Returns explanations that neither contain a better one nor vary its laws: the same parts would join both."""
+    """Returns explanations that neither contain a better one nor vary its laws: both would get the same new parts."""
     families = [frozenset(map(catalogue.family, one.explanation.names)) for one in ranked]
     return [
         one

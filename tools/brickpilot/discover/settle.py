@@ -1,8 +1,8 @@
 """The last fit: the explanation that the verdict states, at the measured samples and over whole runs, with intervals.
 
 The search compares short windows and changes, because a wrong force shifts a velocity for seconds and a position for
-ever. But the written model must follow a whole run. So the values of the same explanation are fitted again to free
-runs, and kept if they fit the fit runs better. This fit adds no part.
+ever. But the written model must follow a whole run. So the same explanation is fitted again to free runs. The new
+values are kept if they fit the fit runs better. This fit adds no part.
 
 On request, the best predictor is settled too: the explanation with every part, claimed or not, that surely improves the
 prediction of left-out whole runs. It is for users who want to predict, not to explain.
@@ -64,7 +64,7 @@ class Settled:
 def settle(prepared: Prepared, found: Explanation) -> Settled:
     """Returns an explanation fitted to the end at the measured samples, or to whole runs if this lowers their error.
 
-    Whole runs are not fitted again if the samples are compared so already, or if a feedback loop biases free runs.
+    There is no fit to whole runs if the samples already compare whole runs, or if a feedback loop biases free runs.
     """
     found = (refine(prepared.fine, [found], prepared.jobs) or [found])[0]
     whole = None if prepared.innovations or _are_whole(prepared) else whole_runs(prepared)
@@ -142,7 +142,7 @@ def follow(whole: Residual, found: Explanation, jobs: int) -> tuple[Residual, Ex
 
 
 def error_changes(prepared: Prepared, before: Model, after: Model) -> dict[str, float]:
-    """Returns signal -> its squared error with `after` over that with `before`, in free runs of the fit runs.
+    """Returns signal -> the ratio of its squared errors, `after` to `before`, in free runs of the fit runs.
 
     Raises:
         SimulationError: a model diverges.
@@ -161,7 +161,7 @@ def _is_better(prepared: Prepared, model: Model, than: Model) -> bool:
 
 
 def best_predictor(prepared: Prepared, start: Explanation, tell: Tell) -> Settled:
-    """Returns the best predictor that grows from an explanation, chosen by the error in whole runs that are left out.
+    """Returns `start` with the parts that reduce the error in whole left-out runs most: the best predictor.
 
     Its parts are no findings: it may hold several parts that the evidence cannot tell apart, and prior odds do not
     count. A feedback loop biases its values, but not its simulations. A periodic part joins only if the angle is
@@ -197,7 +197,7 @@ def best_predictor(prepared: Prepared, start: Explanation, tell: Tell) -> Settle
 def better_predictor(prepared: Prepared, grown: Settled, explained: Settled) -> Settled:
     """Returns the model with less error on the fit runs: the grown predictor or the settled explanation.
 
-    A descent on whole runs may end the grown predictor at worse values than those of the explanation.
+    The descent on whole runs may leave the grown predictor at worse values than the explanation has.
     """
     return grown if _is_better(prepared, grown.model, explained.model) else _as_predictor(explained)
 

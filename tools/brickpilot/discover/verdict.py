@@ -1,11 +1,11 @@
 """The verdict that the evidence gives on all explanations found. See `pipeline` for what may change it later.
 
 The explanations that hold 95 % of the weight are kept. If one of them contains another, the larger one adds nothing
-beyond the tolerance, so the simpler one stands for both. An effect in 95 % of the weight is sure. The verdict is
-`named` for one minimal explanation of sure effects, `ambiguous` for several, `none` for the empty one. An explanation
-that leaves too much error is refuted (see `adequacy`): it is no answer, and supports no other. The verdict is `unknown`
-if all are refuted; measured samples (`confirmed`), held-out runs (`seal`) or a time limit may also turn it to
-`unknown`. An effect is not named if only stated values support it: a stated value may be wrong.
+beyond the tolerance, so the simpler one stands for both. An effect is sure if explanations with it hold 95 % of the
+weight. The verdict is `named` for one minimal explanation of sure effects, `ambiguous` for several, `none` for the
+empty one. An explanation that leaves too much error is refuted (see `adequacy`): it is no answer, and adds no weight to
+another. The verdict is `unknown` if all are refuted; measured samples (`confirmed`), held-out runs (`seal`) or a time
+limit may also turn it to `unknown`. An effect is not named if only stated values support it: they may be wrong.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Verdict:
         best: the explanation that is reported; the nominal model if no part is needed.
         rivals: the other minimal explanations, the heaviest first.
         held: the set that holds 95 % of the weight, the heaviest first.
-        sure: the names of parts with 95 % of the weight.
+        sure: the names of parts whose explanations hold 95 % of the weight.
         temperature: the nats that count as one.
         adequacy: the error that the best explanation leaves; None: not computed.
         ranked: the evidence of all weighed explanations, the heaviest first.
@@ -160,8 +160,8 @@ def confirmed(verdict: Verdict, samples: Found, enough: float) -> Verdict:
     """Returns `verdict` as the measured samples confirm or change it.
 
     Args:
-        samples: their evidence for the best explanation, for it less each of its parts, and for the nominal model.
-        enough: nats that the nominal model may leave above noise, for `none`.
+        samples: evidence at the samples: of the best explanation, of it without one part each, of the nominal model.
+        enough: most nats above noise that the nominal model may leave if the verdict is `none`.
     """
     if verdict.kind not in ("named", "ambiguous"):
         return verdict
@@ -198,14 +198,14 @@ def best_so_far(found: Found) -> Explanation:
 def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozenset[str]]) -> dict[Evidence, Evidence]:
     """Returns the explanations that are weighed, each with the evidence that is used for its weight.
 
-    An explanation is left out if a simpler kept one says as much. A larger explanation must remove at least as much
-    error of the simpler one inside it as it leaves itself. Error is squared error above noise plus distance of values
-    from stated ones. A refuted nominal model counts against no explanation: then a law is missing. Refuted laws count
-    until an added law removes enough: their shape may be wrong, and an added law may only imitate the right shape.
-    Error that wrong shapes of the simpler one's laws may leave in a signal does not count: it is a share of what these
-    laws removed beside the values of runs. Unless surely more than this error is removed, no part is missing, and the
-    simpler explanation gets the likelier evidence of both. An explanation is also left out if one with fewer parts is
-    no worse in evidence and prior: the many large sets of parts would together outweigh a name.
+    An explanation is left out if a simpler one, which is kept, says as much. If a larger explanation contains a simpler
+    one, it must remove at least as much of the simpler one's error as it leaves. Error is squared error above noise
+    plus distance of values from stated ones. A refuted nominal model counts against no explanation: a law is missing.
+    Refuted laws count until an added law removes enough: their shape may be wrong, and an added law may only imitate
+    the right shape. Error that wrong shapes of the simpler one's laws may leave in a signal does not count: it is a
+    share of what these laws remove in addition to run values. Unless surely more than this error is removed, no part is
+    missing, and the simpler explanation gets the likelier evidence of both. An explanation is also left out if one with
+    fewer parts has no worse evidence and prior: else the many large sets of parts would together outweigh a name.
     """
     temperature = found.temperature
     prior = {one: one.log_prior(temperature) for one in ranked}

@@ -86,11 +86,11 @@ class SignalFit:
 
 @dataclass(frozen=True)
 class Predictable:
-    """How much of the nominal model's squared error in free runs a black box predicts, on runs that it has not seen.
+    """The nominal model's squared error in free runs: how much of it a black box predicts on runs it has not seen.
 
     Attributes:
-        share, held_out: the predicted share, 0..1, on the fit runs, and on the held-out runs by a black box trained on
-            fit runs; errors are in units of each signal's variance. None: no such runs.
+        share, held_out: the predicted share, 0..1, on the fit runs and on the held-out runs; for held-out runs, the
+            black box is trained on the fit runs. Errors are in units of each signal's variance. None: no such runs.
         removed, removed_held_out: the share of the predictable error that the augmented model removes; negative if the
             error grows, 1 if the model removes more than the black box. None: nothing is predictable.
     """
@@ -181,7 +181,7 @@ def _fit(before: Agreement, after: Agreement, share: float) -> Fit:
 
 
 def _predictable(signals: Mapping[str, Mapping[str, SignalFit]]) -> Predictable:
-    """Returns the shares over all signals, from their fits. Each signal counts in units of its own variance."""
+    """Returns the shares over all signals, from their fits. Each signal's error is in units of its own variance."""
     free = [one[FREE_RUN] for one in signals.values() if FREE_RUN in one]
     share, removed = _shares([one.fit for one in free])
     held_out, removed_held_out = _shares([one.held_out for one in free])
@@ -189,7 +189,7 @@ def _predictable(signals: Mapping[str, Mapping[str, SignalFit]]) -> Predictable:
 
 
 def _shares(fits: Sequence[Fit]) -> tuple[float | None, float | None]:
-    """Returns the predictable share of the squared error, and the share of this that the augmented model removes."""
+    """Returns the predictable share of squared error, and the share of this part that the augmented model removes."""
     known = np.array([(one.before, one.after, one.attainable) for one in fits], dtype=np.float64).reshape(-1, 3)
     known = known[np.isfinite(known).all(axis=1)]
     if not len(known):
@@ -201,7 +201,7 @@ def _shares(fits: Sequence[Fit]) -> tuple[float | None, float | None]:
 
 
 def _unseen_shares(prepared: Prepared, proof: Proof, nominal: Model) -> dict[tuple[str, str], float]:
-    """Returns (signal, role) -> the share of the free-run squared error that a black box predicts, unseen."""
+    """Returns (signal, role) -> the share of the free-run squared error that a black box predicts on unseen runs."""
     whole = proof.opened.whole
     names = [run.name for run in whole.runs if run.outputs]
     data = of_bins(whole, nominal, names, width_s=numbers.BIN_S, as_measured=True, threads=prepared.jobs)

@@ -22,7 +22,7 @@ from brickpilot.vehicle.replay import Replay
 Array = NDArray[np.float64]
 
 _JUMP = 0.05  # share of the largest command: a smaller change from sample to sample is a ramp
-_LONGEST_HOLE = 3.0  # in usual distances of bins: the change over a longer hole, e.g. a held-out stretch, is left out
+_LONGEST_HOLE = 3.0  # longest hole, in usual bin distances, that a change may span; a held-out stretch is longer
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Block:
     Attributes:
         place: its part of the stacked residual.
         measured: the compared values, SI.
-        middle: s on the run's clock, the time of each value.
+        middle: (values,) the time of each value, s on the run's clock.
         picked: (values, simulated samples): the matrix that takes the simulated signal to these values.
         count: the average number of samples in a value.
     """
@@ -67,9 +67,9 @@ class Bins:
 
     Attributes:
         width: 0: samples are compared as they are.
-        grids: run -> time of the simulated samples, s, where they are not the measured ones.
+        grids: run -> time of the simulated samples, s, if they differ from the measured samples.
         changes: signals that are compared by their change from bin to bin.
-        as_measured: whether a motor's position or angle is compared itself, and not its derivative.
+        as_measured: whether a motor's position or angle is compared, and not its derivative.
     """
 
     width: float
@@ -153,7 +153,7 @@ def _means(
 
 
 def _selection(rows: NDArray[np.intp], length: int) -> csr_array:
-    """Returns (rows, length): the samples themselves."""
+    """Returns (rows, length): the matrix that picks the samples `rows`."""
     return csr_array((np.ones(len(rows)), rows, np.arange(len(rows) + 1)), shape=(len(rows), length))
 
 
@@ -180,10 +180,10 @@ def _jumps(run: Run) -> NDArray[np.bool_]:
 
 
 def _instants(time: Array, simulated: Array, jumps: NDArray[np.bool_] | None = None) -> csr_array:
-    """Returns (times, simulated): accelerations at `time`, from those of the plant: means since the sample before.
+    """Returns (times, simulated): accelerations at `time` from those of the plant, which are means over each step.
 
     A mean holds at the middle of its interval. Between two middles the acceleration is taken as linear, which is exact
-    to the second order. A sample at which a command jumps, (simulated,) `jumps`, precedes the jump: it gets the mean.
+    to the second order. `jumps`: (simulated,) whether a command jumps at a sample. This sample gets the mean before.
     """
     middles = simulated - np.append(0.0, np.diff(simulated)) / 2
     if jumps is None:
@@ -197,7 +197,7 @@ def _instants(time: Array, simulated: Array, jumps: NDArray[np.bool_] | None = N
 def _overlap(time: Array, span: float, grid: Array) -> csr_array:
     """Returns (times, grid): means over the last `span` s, from the means over the grid's steps.
 
-    What the first point holds counts before it, too.
+    The value of the first point also holds before this point.
     """
     begins, ends = np.append(-np.inf, grid[:-1]), np.append(grid[:-1], np.inf)
     first = np.minimum(np.searchsorted(grid, time - span, side="right"), len(grid) - 1)
@@ -212,7 +212,7 @@ def _overlap(time: Array, span: float, grid: Array) -> csr_array:
 def _fitted_signals(run: Run, names: Sequence[str], rates: Mapping[str, Array], bins: Bins) -> dict[str, Array]:
     """Returns the measured signals that are compared; a motor's velocity replaces its position, unless `as_measured`.
 
-    A position sums up the velocity's error over the run: it holds the same information, with an error that only grows.
+    A position holds the same information as the velocity, but it sums up the velocity's error over the run.
     """
     fitted = {name: run.outputs[name] for name in names if name in run.outputs}
     if bins.as_measured:
@@ -230,15 +230,15 @@ def _frozen(known: Array, rate: Array | None) -> bool:
 
 
 _STEPS_PER_BIN = 3
-_LEAST_STEP = 0.05  # steps of the grid: a jump of a command that is nearer to a row needs no row of its own
+_LEAST_STEP = 0.05  # in steps of the grid: a jump of a command nearer than this to a row gets no row of its own
 
 
 def on_coarse_grid(dataset: Dataset, width_s: float) -> tuple[Replay, Bins]:
     """Returns the runs on a grid of a third of a bin, and bins that compare its simulation with the measured samples.
 
     A simulation on this grid is about three times as fast as at the measured samples, and exact enough for a search. In
-    each step an input has its mean. Where a command jumps and then stays, the grid has a further row: a drive with a
-    dead band, or one that coasts at zero, would take the mean of the two commands for a third command.
+    each step an input has its mean. If a command jumps and then stays, the grid has a further row at the jump: the mean
+    of the two commands would be a third command to a drive with a dead band, or to a drive that coasts at zero.
     """
     step = width_s / _STEPS_PER_BIN
     runs, grids = [], {}
@@ -253,7 +253,7 @@ def on_coarse_grid(dataset: Dataset, width_s: float) -> tuple[Replay, Bins]:
 
 
 def _coarse_grid(run: Run, step: float) -> Array:
-    """Returns the times of the rows: one every `step` s, one where a command jumps and stays, and the last sample."""
+    """Returns the times of the rows: one every `step` s, one where a command jumps and then stays, and the last."""
     even = np.append(np.arange(run.time[0], run.time[-1] - step / 2, step), run.time[-1])
     jumps = run.time[_jumps(run)]
     apart = np.diff(jumps, prepend=-np.inf, append=np.inf) > step

@@ -46,10 +46,10 @@ class Gap:
     """One signal of one run, before and after the fit.
 
     Attributes:
-        before, after: the norm of the error over the norm of the signal: 1 - `fit_percent` / 100 (see
-            `data.agreement`). None if `fit_percent` has no value; `before` also if the plant diverges at the start.
+        before, after: ratio of the error's norm to the signal's norm: 1 - `fit_percent` / 100 (see `data.agreement`).
+            None if `fit_percent` has no value; `before` is also None if the plant diverges at the start values.
         time: (n,) s.
-        measured, simulated: (n,) SI, for a plot. `unfitted`: simulated before the fit; None if the plant diverges.
+        measured, simulated, unfitted: (n,) SI, for a plot. `unfitted`: simulated before the fit; None if it diverges.
     """
 
     run: str
@@ -72,7 +72,7 @@ class Calibration(Result):
 
     Attributes:
         model: the model with the fitted values, as written to model.toml.
-        parameters: by name, "mass" or "effect.parameter".
+        parameters: name, such as "mass" or "effect.parameter" -> estimate.
         cannot_tell_apart: groups of parameters of which only combinations are identifiable.
         combinations: identifiable combinations that have a physical meaning.
         scales: signal -> its weights in the fit.
@@ -104,7 +104,7 @@ class Calibration(Result):
 
     @property
     def correlation(self) -> tuple[tuple[float, ...], ...]:
-        """Correlation of the fitted parameters, in their order, (parameters, parameters); empty without any."""
+        """(parameters, parameters): correlation of the fitted parameters, in their order; empty: none was fitted."""
         return () if self.spread is None else tuple(tuple(row) for row in self.spread.correlation.tolist())
 
     def to_frame(self) -> pandas.DataFrame:
@@ -153,7 +153,7 @@ def calibrate(
 ) -> Calibration:
     """Fits the free parameters by simulation from the inputs alone, all fit runs together.
 
-    A plain value of [nominal] stays; {value, sd} is fitted with this prior; an absent parameter with a wide prior. The
+    A plain value of [nominal] stays. {value, sd} is fitted with this prior, an absent parameter with a wide prior. The
     same data set, options and seed give the same result.
 
     Args:
@@ -211,7 +211,7 @@ def calibrate(
 
 
 def _residual(ready: Comparable, fitted: Plan, threads: int, motor_step: float = 0.0) -> Residual:
-    """Returns the residual of the fit: samples as measured against runs simulated from their estimated starts."""
+    """Returns the residual of the fit: measured samples minus runs that are simulated from their estimated starts."""
     replay = Replay(ready.started, motor_step=motor_step)
     return of_samples(replay, fitted.model, ready.roles.fit(), measured=ready.part("fit"), threads=threads)
 

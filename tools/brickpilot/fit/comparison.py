@@ -39,7 +39,7 @@ class Trace:
 
 @dataclass(frozen=True)
 class RunComparison:
-    """The errors of one run as integrals over time (eq. 20); `Comparison.headline` has the headline numbers.
+    """The errors of one run as integrals over time (eq. 20). The headline numbers are in `Comparison.headline`.
 
     Attributes:
         signals: measured signal -> its error over the whole run.
@@ -82,7 +82,7 @@ class Comparison(Result):
         return horizon_name(self.window_s)
 
     def share(self, role: str, signal: str, *, windows: bool = False) -> float | None:
-        """Returns the norm of the error over the norm of the signal, over all runs of `role` ("fit" or "held_out").
+        """Returns the ratio of the error's norm to the signal's norm, over all runs of `role` ("fit" or "held_out").
 
         The ratio is 1 - `fit_percent` / 100; None if `fit_percent` has no value. See `data.agreement`.
         """
@@ -138,7 +138,7 @@ def compare(
     """Simulates every run open loop from its own inputs.
 
     Args:
-        model: None: the data set's nominal values, after a fit of absent parameters on the fit runs.
+        model: the model. None: the data set's nominal values, after a fit of absent parameters on the fit runs.
         window_s: length, s, of open-loop windows in which a motor's velocity is also compared. Each window restarts
             from the measured state, because the position sums up the velocity's error. 0: no windows; None: 1 s, for
             runs at least three times as long.
@@ -226,7 +226,7 @@ def _compared(ready: Comparable, model: Model, window_s: float, threads: int) ->
 
 
 def _nominal(dataset: Dataset, seed: int, threads: int, progress: Progress | None) -> tuple[Model, list[str]]:
-    """Returns the model of the nominal values, fitted if not stated as plain values, and notes."""
+    """Returns the model of the nominal values and notes. Values that are not stated as plain values are fitted."""
     stated = plan(dataset)
     if not stated.free:
         return stated.at(stated.start()), ["Nothing was fitted.", *stated.notes, NOTHING_FREE]

@@ -18,7 +18,7 @@ Progress = Callable[[int, int, str], None]
 Count = Callable[[str], None]
 
 _SCREENED = 32  # number of random starts at which only the cost is evaluated
-FOLLOWED = 2  # number of best random starts that get a descent, beside both systematic starts
+FOLLOWED = 2  # number of best random starts from which a descent starts, in addition to both systematic starts
 _EVALUATIONS = 20  # most evaluations of the residual in one descent
 ROUGH, FINE = 1e-4, 1e-7  # tolerance: the relative change of cost at which a descent ends
 _STEP_TOLERANCE = 1e-2  # relative step length at which a descent ends, as a share of the tolerance

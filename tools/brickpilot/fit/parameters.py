@@ -33,7 +33,7 @@ _EXACT = 1e-6
 # Share of the natural size that stands for zero in the logarithmic coordinate of a parameter that may be zero.
 _FLOOR = 1e-9
 
-# Reach of parameters that path or time multiplies to a phase: a small change adds up to whole turns.
+# Reach of parameters that are multiplied by path or time to give a phase: a small change adds up to whole turns.
 _TURNING = {"order": 1e-2, "frequency": 1e-2, "wavelength": 1e-2}
 
 
@@ -44,13 +44,13 @@ class Free:
     Attributes:
         name: "mass", "effect.parameter", or "kind@run" for a value of a single run.
         known: its value and sd in the data set; None: not stated, and the prior is wide.
-        unit: unit of its coordinate, SI, if the caller knows a better one than the stated value or preset; otherwise 0.
-        keeps_sign: its coordinate is the logarithm of its ratio to `unit`, and keeps its sign. If the data do not
-            determine a vehicle's mass, forces grow with the mass; this valley of the cost is straight only in
+        unit: unit of its coordinate, SI, if the caller knows a better unit than the stated value or preset; else 0.
+        keeps_sign: whether its coordinate is the logarithm of its ratio to `unit`, so that its sign stays. If the data
+            do not determine a vehicle's mass, forces grow with the mass; this valley of the cost is straight only in
             logarithms.
         centred: whether the values of its kind, one value for each run, have a mean of about 0.
-        natural: a usual size on this vehicle, SI, for an unstated parameter. The prior sd is a decade about `natural`
-            for the logarithm, or ten times `natural` about 0 for the value. 0: no such prior.
+        natural: a usual size on this vehicle, SI, for an unstated parameter. The prior of a logarithm has the mean
+            `natural` and the sd of a decade; the prior of a value has the mean 0 and the sd 10 `natural`. 0: no prior.
     """
 
     name: str
@@ -77,7 +77,7 @@ class Free:
 
     @cached_property
     def size(self) -> float:
-        """The unit of the coordinate: the first that is not 0 of `unit`, the stated value, the preset, and 1."""
+        """The unit of the coordinate: `unit`, the stated value, the preset or 1: the first that is not 0."""
         stated = abs(self.known.value) if self.known is not None else 0.0
         return abs(self.unit) or stated or abs(self.info.preset) or 1.0
 
@@ -88,10 +88,10 @@ class Free:
 
     @cached_property
     def load(self) -> str:
-        """The parameter that this one is the lever arm of, as "effect.parameter"; empty: none.
+        """The load, as "effect.parameter", whose lever arm this parameter is; empty: it is no lever arm.
 
-        Masses and torques are linear in a load and its moments, not in its arms. In other coordinates, if the vehicle's
-        own mass and motors are also free, the cost has a curved valley in which a descent does not end.
+        Masses and torques are linear in a load and its moments, not in its arms. So the coordinate is the moment. With
+        arms as coordinates, if the vehicle's own mass and motors are also free, a descent stays in a curved valley.
         """
         return f"{self.name.partition('.')[0]}.{self.info.arm_of}" if self.info.arm_of else ""
 
@@ -133,8 +133,8 @@ class Plan:
     Attributes:
         model: every fixed value, and the start of every free value.
         notes: sentences on choices that a user should know of.
-        held: parameters that the measured signals cannot tell from the free ones. They get no coordinates, because a
-            fit would drift along these; their values are as uncertain as the free values.
+        held: parameters that the measured signals cannot tell from the free parameters. They get no coordinates,
+            because a fit would drift along these coordinates; their values are as uncertain as the free values.
     """
 
     model: Model
@@ -192,7 +192,7 @@ def plan(dataset: Dataset, *, effects: Sequence[str] = (), free: Sequence[str] =
         free: nominal parameters to fit although the data set gives them as plain values.
 
     Raises:
-        InputError: the plant does not know an effect or a name in `free`, or it cannot be fitted.
+        InputError: the plant does not know an effect or a name in `free`, or a name in `free` cannot be fitted.
     """
     infos = {info.name: info for info in catalogue.parameters()}
     effect_infos = {effect.name: effect for effect in catalogue.effects()}
@@ -227,8 +227,8 @@ def plan(dataset: Dataset, *, effects: Sequence[str] = (), free: Sequence[str] =
 def stated_beside(chosen: Plan, model: Model, dataset: Dataset) -> tuple[Free, ...]:
     """Returns the nominal parameters that are stated with an sd and enter only with the effects of `model`.
 
-    They are not fitted, but the size of an effect may be relative to them: what a drive loses is stated relative to the
-    battery's voltage, which has no influence without such an effect. Their sd widens the effect's interval.
+    They are not fitted, but the size of an effect may be relative to them: the loss of a drive is stated relative to
+    the battery's voltage, which has no influence without such an effect. Their sd widens the effect's interval.
     """
     known = {one.name for one in chosen.uncertain}
     infos = {info.name: info for info in catalogue.parameters()}

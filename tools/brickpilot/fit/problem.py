@@ -16,12 +16,12 @@ Array = NDArray[np.float64]
 
 _EFFECT_STEP, _NOMINAL_STEP = 1e-2, 1e-4  # steps of finite differences, in coordinates
 _ANCHOR_SD = 30.0  # sd, in coordinates, of a prior so weak that it fixes only what the data do not determine
-_COMMON_SD = 0.01  # sd, in coordinates, of the mean of the runs' values
+_COMMON_SD = 0.01  # prior sd, in coordinates, of the mean of the run values of one kind
 _NOTHING_KEPT: Mapping[int, Array] = MappingProxyType({})
 
 
 def _kind(free: Free) -> str:
-    """Returns the kind of a run's own value as "kind@", distinct from a nominal parameter of the same name."""
+    """Returns the kind of a run value as "kind@", which differs from a nominal parameter of the same name."""
     return "".join(free.name.partition("@")[:2])
 
 
@@ -31,8 +31,8 @@ class Problem:
     If the plant diverges, the residual is NaN. If it diverges only at the end of a step, the derivative is 0.
 
     Args:
-        holds_priors: False while the scale of the residual is unknown. With priors, the error that they leave in the
-            data would then count as the model's error.
+        holds_priors: whether priors count. False while the scale of the residual is unknown: the error that priors
+            leave in the data would count as the model's error.
         kept: coordinate -> (values,) its sensitivity at the point of the last computation.
     """
 
@@ -45,9 +45,9 @@ class Problem:
     def keeping(self, point: Array, count: int) -> Problem:
         """Returns the problem with the sensitivities of the first `count` coordinates fixed at their values at `point`.
 
-        Sensitivities to nominal parameters take most time of a descent. Sensitivities to stated values change little
-        between candidates. The sensitivity to a parameter without a prior may change much: it is not kept if such
-        parameters are few.
+        Sensitivities to nominal parameters take most time of a descent, and change little between candidates if the
+        values are stated. The sensitivity to a parameter without a prior may change much: it is computed again if some
+        parameters are held.
         """
         few = bool(self.plan.held)
         which = [k for k, one in enumerate(self.plan.free[:count]) if one.known or one.effect or not few]
@@ -64,7 +64,7 @@ class Problem:
         return np.concatenate([found.value / self.data.taus() ** 0.5, self.prior(point)])
 
     def jacobian(self, point: Array) -> Array:
-        """Returns (values + parameters, parameters): the derivative of `residual`."""
+        """Returns (values + parameters, parameters): the Jacobian of `residual`."""
         found = self._robust(point)
         weight = -found.slope * self.data.weight() / self.data.taus() ** 0.5
         return np.vstack([self.sensitivity(point) * weight[:, np.newaxis], self.prior_slopes(point)])
@@ -137,8 +137,8 @@ class Problem:
     def prior(self, point: Array) -> Array:
         """Returns (parameters + kinds,): the distance of each parameter from its prior, in sd.
 
-        The runs' own values of one kind have a mean of about 0: their common part belongs to the model, and only this
-        part applies to a held-out run.
+        The run values of one kind have a mean of about 0: their mean belongs to the model, and only the mean applies to
+        a held-out run.
         """
         centre = self.plan.start()
         terms = []
@@ -168,8 +168,8 @@ class Problem:
     def _difference_ends(self, point: Array, index: int) -> tuple[Array | None, Array]:
         """Returns the two points of one coordinate's finite difference; None is `point` itself.
 
-        An effect's step is long, because the moment at which a wheel crosses its backlash is known only to a time step.
-        Its difference is central, because a slightly wrong slope does not lead down a narrow valley.
+        An effect's step is long, because a simulation resolves the crossing of a backlash only to a time step. Its
+        difference is central, because with a slightly wrong slope a descent does not follow a narrow valley.
         """
         free = self.plan.free[index]
         length = _EFFECT_STEP * free.reach if free.effect is not None else _NOMINAL_STEP
@@ -184,9 +184,9 @@ class Problem:
 
 
 class Projection:
-    """Removes from a whitened residual all that a problem's parameters can explain, linearised at `point`, with priors.
+    """Removes from a scaled residual all that a problem's parameters can explain, priors included.
 
-    Source: score test, Rao 1948.
+    The problem is linearised at `point`. Source: score test, Rao 1948.
     """
 
     def __init__(self, problem: Problem, point: Array) -> None:

@@ -47,7 +47,7 @@ MOTOR_STEP_S = 0.003
 LEAST_NOISE_SHARE = 1e-3
 """Least noise of a sample, as a share of the signal's rms: a smoother signal was filtered together with its noise."""
 
-_LEAST_KEPT, _KEPT_VALUES = 32, 2_000_000  # least number of models that are kept, and most kept values of all models
+_LEAST_KEPT, _KEPT_VALUES = 32, 2_000_000  # least number of models kept, and most values kept of all models
 _CHUNK = 24  # number of models that are simulated at once: their outputs take memory
 _FIRST_SCALE = 0.2  # scale of samples before any residual is known, as a share of the signal's rms
 _LEAST_RMS = 1e-30  # least rms, SI: a signal with a smaller rms counts as zero
@@ -223,7 +223,7 @@ class Residual:
     def weighed_by_size(self, model: Model, *, correlated: bool = False) -> Residual:
         """Returns the residual, each signal weighed by its robust size under `model`, so that no signal dominates.
 
-        `correlated`: whether also by its correlation time.
+        `correlated`: whether each signal is also weighed by its correlation time.
         """
         error, scales = self.error(model), {}
         for signal, one in self.scales.items():
@@ -284,8 +284,8 @@ class Residual:
         """Returns the pull psi(e) / (scale tau) and the stiffness psi'(e) / (scale^2 tau) at `model`, (values,) each.
 
         psi is the derivative of the loss. Pull times sensitivity is a value's score; stiffness weighs its information.
-        A signal's residual counts as at least its scale: the fit moves the model error in a scale into the parameters,
-        so the residual does not show it.
+        The rms of a signal's residual is raised to at least its scale: the scale includes model error, which the fit
+        moves into the parameters, so that the residual does not show it.
         """
         size, tau = 1 / self.weight(), self.taus()
         scaled = self.error(model) / size
@@ -432,7 +432,7 @@ def _noise(dataset: Dataset, own: Sequence[Block], rms: float) -> tuple[float, f
 
 
 def rms_of(parts: Sequence[Array]) -> float:
-    """Returns the rms of all values of some arrays together."""
+    """Returns the rms of all values in `parts`."""
     return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
 
 

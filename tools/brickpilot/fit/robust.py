@@ -16,7 +16,7 @@ from scipy.sparse import csr_array, dia_array
 Array = NDArray[np.float64]
 
 HUBER_THRESHOLD = 2.0
-"""Residual, in units of its scale, beyond which residuals count linearly, not as squares."""
+"""Residual, in units of its scale, beyond which the loss grows linearly instead of quadratically."""
 
 _SIZE_THRESHOLD = 2.5  # threshold of Huber's proposal 2, in units of the size
 _SIZE_EFFICIENCY = 0.9775  # mean square of a normal residual that is limited to this threshold
@@ -42,7 +42,7 @@ def pseudo_huber(scaled: Array) -> RobustResidual:
 
 
 def pseudo_huber_loss(scaled: Array) -> Array:
-    """Returns the loss phi^2 / 2 of each residual over its scale; see `pseudo_huber`."""
+    """Returns (n,): the loss phi^2 / 2 of residuals in units of their scale; see `pseudo_huber`."""
     return np.asarray(HUBER_THRESHOLD**2 * (np.sqrt(1 + (scaled / HUBER_THRESHOLD) ** 2) - 1))
 
 
@@ -63,7 +63,7 @@ def correlation_time(parts: Sequence[Array], *, about_mean: bool = True) -> floa
     Each part is one run; parts are not correlated with each other.
 
     Args:
-        about_mean: whether each part is taken about its own mean. False: about zero; a constant is correlated.
+        about_mean: whether the mean of each part is removed. False: nothing is removed, so a constant is correlated.
     """
     longest = max(len(part) for part in parts)
     total = np.zeros(longest)
@@ -121,7 +121,7 @@ def whitening(coefficients: Array, length: int) -> csr_array:
         length: n, samples of the run.
     """
     order = len(coefficients)
-    bands = np.empty((order + 1, length))  # by lag and column
+    bands = np.empty((order + 1, length))  # (lags, columns)
     bands[0], bands[1:] = 1.0, -np.asarray(coefficients)[:, np.newaxis]
     lower, scale = np.asarray(coefficients, dtype=np.float64), 1.0
     for row in range(order - 1, -1, -1):

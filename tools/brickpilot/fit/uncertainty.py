@@ -1,9 +1,9 @@
 """The uncertainty of a fit: intervals, unidentifiable parameters, and identifiable combinations of these.
 
 The problem is linearised at the estimate. The covariance is the sandwich of M-estimators (Huber 1967) over stretches of
-time, plus the noise of the sample that each run starts from. Each parameter has its own unit, so that one threshold
-fits all: its logarithm if it is far above zero, otherwise its natural size, which moves the simulated signals by their
-rms.
+time, plus the noise of the sample that each run starts from. Each parameter is scaled, so that one threshold fits all:
+a parameter far above zero by its logarithm, other parameters by their natural size, which is the change that moves the
+simulated signals by their rms.
 """
 
 from __future__ import annotations
@@ -29,25 +29,25 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_KNOWN_SD = 0.5  # parameter units: a direction with a larger sd is not identifiable
-_SMALL_SD = 0.05  # share of the natural size: sd below which a parameter that may be zero is known to be small
-_NARROWED = 0.9  # share of the prior's sd: an sd below this share shows information from the data
+_KNOWN_SD = 0.5  # largest sd, in scaled parameters, of an identifiable direction
+_SMALL_SD = 0.05  # sd, as a share of the natural size, below which a parameter that may be zero is known to be small
+_NARROWED = 0.9  # an sd below this share of the prior's sd shows information from the data
 _FAR = 0.3  # share of the natural size above which a parameter is far above zero
 _MEMBER = 0.02  # least share in unidentifiable directions that makes a parameter a member of a group
 _STEP = 3e-3  # step up and down, as a share of a parameter: dry friction and backlash are not smooth on smaller steps
 _SLOPE_ERROR = 1e-2  # relative error of finite differences for a plant with dry friction
-_LARGEST_LOG = 700.0  # largest logarithm of a double; an interval ends at the parameter's range long before
+_LARGEST_LOG = 700.0  # largest logarithm of a double; an interval is clipped to the parameter's range anyway
 _FORMULA_STEP = 1e-4  # step as a share of a parameter in a formula, which is smooth
-_LEAST_REST = 1e-3  # least remaining share of a direction's information without one stretch: less may be rounding
+_LEAST_REST = 1e-3  # least share of a direction's information that remains without a stretch: less may be rounding
 _STRETCHES = 20  # least number of stretches of time whose scatter gives the intervals
 
 CORRELATED_S = 1.0
-"""Time, s, over which residuals count as correlated, about one part of a manoeuvre. It widens intervals."""
+"""Time, s, over which residuals count as correlated: about one part of a manoeuvre. It makes intervals wider."""
 
 
 @dataclass(frozen=True)
 class Combination:
-    """An identifiable combination of parameters; `formula` in the paper's symbols."""
+    """An identifiable combination of parameters. `formula` uses the paper's symbols."""
 
     name: str
     formula: str
@@ -63,7 +63,7 @@ class Estimate:
     Attributes:
         ci95: (low, high); None if the parameter is neither identifiable nor stated.
         basis: "data", "data and prior", "prior alone" (the data add nothing), or "not narrowed by the data".
-        identified: if the data do not determine an effect's parameter, a combination that they determine, or None.
+        identified: if the data do not determine an effect's parameter, a combination that the data determine; or None.
     """
 
     value: float
@@ -106,7 +106,7 @@ NOTHING_FITTED = Uncertainty({}, (), (), (), None)
 
 
 def assess(data: Residual, model: Model, fitted: tuple[Free, ...], beside: tuple[Free, ...] = ()) -> Uncertainty:
-    """Returns the intervals at `model`, the fit's result. No interval is narrower than `data.matched` allows.
+    """Returns the intervals at `model`, the fit's result. `data.matched` is the least relative sd.
 
     Args:
         beside: parameters with a stated sd that were not fitted. Their sd widens the intervals; they get no estimate.
@@ -168,7 +168,7 @@ def _assessed(
 
 
 def _natural_sizes(data: Residual, free: tuple[Free, ...], slopes: Array) -> Array:
-    """Returns (parameters,) SI: the change that moves the simulated signals by their rms, or the parameter's range."""
+    """Returns (parameters,) SI: the change that moves the signals by their rms, at most the parameter's range."""
     share = np.sqrt(np.mean((slopes / data.by_signal(data.rms)[:, np.newaxis]) ** 2, axis=0))
     spans = np.array([one.info.maximum - one.info.minimum for one in free])
     return np.where(share * spans > 1, 1 / np.maximum(share, 1e-300), spans)
@@ -177,8 +177,8 @@ def _natural_sizes(data: Residual, free: tuple[Free, ...], slopes: Array) -> Arr
 def _without_errors(slopes: Array, stiffness: Array) -> Array:
     """Returns `slopes` (samples, parameters) without the directions that errors of finite differences may have made.
 
-    If only combinations of parameters change the signals, the parameters' slopes cancel along one direction. Finite
-    differences across stops by dry friction do not cancel exactly; over many samples the rest looks like information.
+    If only combinations of parameters change the signals, the parameters' slopes cancel along one direction. With dry
+    friction, finite differences do not cancel exactly; over many samples the remainder looks like information.
     """
     information = slopes.T @ (slopes * stiffness[:, np.newaxis])
     size = np.sqrt(np.maximum(np.diag(information), 1e-300))
@@ -190,12 +190,12 @@ def _without_errors(slopes: Array, stiffness: Array) -> Array:
 def _scatter(
     data: Residual, scores: Array, slopes: Array, weighted: Array, curvature: NDArray[np.floating]
 ) -> tuple[Array, int]:
-    """Returns the covariance of the estimate's scatter, in the parameters' sizes, and its degrees of freedom.
+    """Returns the covariance of the estimate's scatter, in scaled parameters, and its degrees of freedom.
 
     The scatter comes from sums over stretches of time, so the residual may be correlated in time and between signals.
-    Each stretch counts by the shift of the estimate without it (the jackknife CV3 of MacKinnon, Nielsen & Webb 2023, J.
-    Econometrics 232(2)): if one stretch alone determines a parameter, the fit follows this stretch, and its residual is
-    too small.
+    Each stretch counts by the shift of the estimate if the stretch is left out (the jackknife CV3 of MacKinnon, Nielsen
+    & Webb 2023, J. Econometrics 232(2)): if one stretch alone determines a parameter, the fit follows this stretch, and
+    its residual is too small.
     """
     parameters = scores.shape[1]
     numbers, count = data.stretches(CORRELATED_S, _STRETCHES + 2 * parameters)
@@ -272,7 +272,7 @@ def _combination(
     covariance: Array,
     quantile: float,
 ) -> Combination | None:
-    """Returns the value of a formula with its interval; None if the data do not determine this value either."""
+    """Returns the value of a formula with its interval; None if the data do not determine this value."""
     try:
         with np.errstate(divide="ignore", invalid="ignore"):
             value = formula.value_at(known)
