@@ -1,8 +1,7 @@
 /* board.h: the wiring of the robot, and the sign, zero and scale of each sensor. Edit it if your robot is wired differently.
  *
  * This file names no register, so that a simulator of the board can include it, too. A pin is a pair: the letter of its port, and
- * its bit. The chip is the compiler's target. On a host it is the ATmega328P, or the ATmega2560 with
- * -DBOARD_ATMEGA2560.
+ * its bit. The chip is the compiler's target; on a host, the ATmega328P, or the one of -DBOARD_ATMEGA2560.
  */
 #ifndef BRICKPILOT_AVR_BOARD_H
 #define BRICKPILOT_AVR_BOARD_H
@@ -22,9 +21,8 @@
  *    0   0    0     coast: no current. This is the state after a reset, and every safe state
  *
  * Timer 1 makes the PWM: fast, 10 bits, no prescaler, 15.6 kHz. OCR1A or OCR1B = 0..1023 gives a duty of 1..1024 parts
- * of 1024. While a motor coasts or brakes, the timer is disconnected from its PWM pin. After a reset all pins are
- * inputs: pull-down resistors of 10 kilohm hold each of the six pins low. If a motor turns the wrong way, swap its two
- * wires. */
+ * of 1024. While a motor coasts or brakes, the timer is off its PWM pin. After a reset all pins are inputs, and
+ * pull-down resistors of 10 kilohm hold each of the six low. If a motor turns the wrong way, swap its two wires. */
 #ifdef BOARD_ATMEGA2560
 #define BOARD_LEFT_PWM B, 5  /* OC1A, pin 11 of an Arduino Mega */
 #define BOARD_RIGHT_PWM B, 6 /* OC1B, pin 12 */
@@ -59,8 +57,7 @@
 
 /* The IMU: analogue sensors, or a chip on the I2C bus: an MPU-6050 (MPU-6500, 9250, 9255) or an LSM6DS (DS3, DSL, DS3TR-C, DSO). The chip lies
  * with its x axis forward and its face up, near the robot's middle. Its ranges are 1,000 degrees/s and 2 g. Its module needs pull-up
- * resistors on both lines, as all boards with these chips have. SECOND_ADDRESS: 1 if the chip's address pin (AD0, SA0)
- * is high. */
+ * resistors on both lines, as all boards with these chips have. SECOND_ADDRESS: 1 if its pin AD0 or SA0 is high. */
 #define BOARD_ANALOGUE 0
 #define BOARD_MPU6050 1
 #define BOARD_LSM6DS 2
@@ -98,8 +95,7 @@
 /* A divider with 30 kilohm to the battery and 10 kilohm to ground: 5 V at the input mean a battery voltage of 20 V. */
 #define BOARD_BATTERY_FULL_MV 20000
 
-/* The host's line: UART 0, 8 bits, no parity. At 16 MHz the real rate is 117,647 baud, 2.1 % more, as on every
- * Arduino. */
+/* The host's line: UART 0, 8 bits, no parity. At 16 MHz its rate is 117,647 baud, 2.1 % more, as on every Arduino. */
 #define BOARD_BAUD 115200UL
 
 /* Timer 2 counts milliseconds. A tick begins every BOARD_TICK_MS. */

@@ -16,8 +16,7 @@ enum {
     ERROR = 2
 };
 
-/* Count for each change of the lines. Index: old A * 8 + old B * 4 + new A * 2 + new B. Forward, A leads: 00, 10, 11,
- * 01. */
+/* The count of a change. Index: old A * 8 + old B * 4 + new A * 2 + new B. Forward, A leads: 00, 10, 11, 01. */
 static const __flash int8_t STEPS[16] = {0, -1, 1, ERROR, 1, 0, ERROR, -1, -1, ERROR, 0, 1, ERROR, 1, -1, 0};
 
 static volatile uint16_t left, right, errors;

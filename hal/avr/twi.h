@@ -1,8 +1,7 @@
 /* twi.h: the I2C bus, whose only master is this chip. A transfer runs by interrupts, one per byte, at 400 kHz.
  *
  * A device that was interrupted while it sent, for example by a reset of this chip, may hold the data line low and wait
- * for the clock. Then no transfer ends. twi_free() gives the device nine clock pulses and a stop, so that it releases
- * the line.
+ * for the clock. Then no transfer ends. twi_free() gives it nine clock pulses and a stop, and it releases the line.
  */
 #ifndef BRICKPILOT_AVR_TWI_H
 #define BRICKPILOT_AVR_TWI_H
