@@ -21,7 +21,7 @@ enum { FIRST_PROFILE = BODY_ONLY };
 enum { FIRST_PROFILE = BODY_COUPLED };
 #endif
 
-/* Returns NULL if the profile is not in this image. */
+/* Returns the constants of a profile, or NULL if this image does not hold that profile. */
 static const FLASH loop_config_t *constants_of(uint8_t profile)
 {
 #ifndef BODY_WITHOUT_COUPLED
@@ -124,7 +124,7 @@ static bool running(const commands_t *commands, const loop_state_t *loop)
     return loop->step.mode.mode == MODE_RUN || commands->pending == MODE_START;
 }
 
-/* The requests for parameters, waypoints and routes share two fields: a number, and whether to write. */
+/* The requests for parameters, waypoints and routes share two fields: a number, and a flag that asks to write. */
 static inline uint8_t number_of(const uint8_t *data)
 {
     return data[WIRE_PARAMETER_REQUEST_PARAMETER_AT] & WIRE_PARAMETER_REQUEST_PARAMETER_MASK;
@@ -204,7 +204,7 @@ static uint8_t route(commands_t *commands, loop_state_t *loop, uint8_t *data)
     uint8_t status = ROUTE_OK;
 
     if (!writes(data) || (count > 0 && count == commands->route.count && crc == crc_in_force(commands))) {
-        /* the host reads, or repeats a request whose reply was lost */
+        /* the host only reads, or repeats a request whose reply was lost */
     } else if (running(commands, loop)) {
         status = ROUTE_BUSY;
     } else if (count > ROUTE_WAYPOINTS_MAX) {
@@ -227,8 +227,8 @@ static uint8_t route(commands_t *commands, loop_state_t *loop, uint8_t *data)
 static const struct row {
     uint16_t id; /* id of the request; the reply has the next id */
     request_t *take;
-    uint8_t status_at;  /* place of the status in the reply's data */
-    bool beside_number; /* the status stands in the upper bits of the byte that holds the number */
+    uint8_t status_at;  /* index of the status byte in the reply's data */
+    bool beside_number; /* the status is in the upper bits of the byte that holds the number */
 } REQUESTS[] = {
     {WIRE_OPEN_FRAME_ID, open_session, WIRE_HELLO_STATUS_AT, false},
     {WIRE_MODE_COMMAND_FRAME_ID, command_mode, WIRE_MODE_REPLY_STATUS_AT, false},

@@ -1,9 +1,9 @@
 /* commands.h: the requests of the host at the other end of the link. Pure: no HAL, no clock.
  *
  * OPEN begins a session with the constants of a profile, an empty route and no command. A host writes a new route,
- * waypoint by waypoint, beside the route in force. The new route then replaces the old one at once, so that the robot
- * never flies half a route. Every request gets a reply with the same sequence number. A request whose CRC is wrong, or
- * whose kind is unknown, gets no reply.
+ * waypoint by waypoint, into a second buffer. The new route then replaces the route in force in one step, so that the
+ * robot never flies half a route. Every request gets a reply with the same sequence number. A request whose CRC is
+ * wrong, or whose kind is unknown, gets no reply.
  */
 #ifndef BRICKPILOT_APP_COMMANDS_H
 #define BRICKPILOT_APP_COMMANDS_H
@@ -13,14 +13,15 @@
 
 typedef struct {
     parameters_t parameters;
-    route_t route; /* the route in force: its waypoints are the caller's own, or stand in `waypoints` */
-    route_waypoint_t waypoints[2][ROUTE_WAYPOINTS_MAX]; /* one is in force, the host writes the other */
+    route_t route; /* the route in force: its waypoints are the caller's own, or are in `waypoints` */
+    route_waypoint_t waypoints[2][ROUTE_WAYPOINTS_MAX]; /* one route is in force, the host writes the other */
     mode_command_t pending;                             /* the command for the next step */
     bool open;                                          /* a session is open: the reply to OPEN was ok */
     bool realtime;                                      /* the pace that OPEN asked for */
 } commands_t;
 
-/* The state before any session: no route, and the constants of `coupled`, or of the only profile in the image (model/body.h). */
+/* Sets the state before any session: no route, and the constants of `coupled`, or of the only profile in the image
+ * (model/body.h). */
 void commands_start(commands_t *commands);
 
 /* Carries out the request `message`, overwrites it with the reply, and returns true. Returns false, and changes

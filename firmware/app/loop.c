@@ -54,7 +54,7 @@ static void send_telemetry(const loop_config_t *config, loop_state_t *state)
         state->until_telemetry = (uint8_t)(every - 1);
         state->next_part = 0;
     }
-    /* Where `every` is small, a tick sends several parts, so that one report ends before the next one begins. */
+    /* If `every` is small, a tick sends several parts, so that one report ends before the next report begins. */
     for (uint8_t sent = 0; sent < TELEMETRY_PARTS; sent = (uint8_t)(sent + every)) {
         if (state->next_part == TELEMETRY_PARTS)
             return;
@@ -82,7 +82,7 @@ static void take_time(loop_state_t *state)
     state->started = true;
 }
 
-/* Returns the time since the tick before, at most 65535 ms. */
+/* Returns the time since the previous tick, at most 65535 ms. */
 static uint16_t elapse(loop_state_t *state)
 {
     const uint32_t now_ms = hal_clock_ms(), elapsed_ms = now_ms - state->clock_ms;
@@ -108,7 +108,7 @@ void loop_heard(loop_state_t *state)
     state->silent_ms = 0;
 }
 
-/* Returns `command`, or the command that cuts the run if a tick is too late or nothing has been heard for too long. */
+/* Returns `command`. Returns the command that cuts the run if a tick is too late or the silence has lasted too long. */
 static mode_command_t guard(const loop_config_t *config, loop_state_t *state, uint16_t elapsed_ms,
                             mode_command_t command)
 {

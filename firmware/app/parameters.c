@@ -17,7 +17,7 @@ typedef struct {
     uint8_t at; /* offset of the setting in parameters_t, bytes */
     unsigned size : 3;
     unsigned range : 4;
-    unsigned at_rest : 1; /* not to be written while the robot drives */
+    unsigned at_rest : 1; /* 1: must not be written while the robot drives */
 } place_t;
 
 #define RANGE(low, span) {low, span},
@@ -35,7 +35,7 @@ void parameters_start(parameters_t *parameters, const FLASH loop_config_t *const
     parameters->believed_travel_um_q2 = constants->step.speed.count_travel_um_q2;
 }
 
-/* The corrected travel per count, `believed` * (1 + scale); saturates. */
+/* Returns the corrected travel per count, `believed` * (1 + scale); saturates. */
 static uint16_t scaled_travel_um_q2(uint16_t believed, int16_t scale_q15)
 {
     const int32_t more = fix_mul_q15(believed, scale_q15);

@@ -6,7 +6,7 @@
 
 /* Reads one message, if one has come, and replies. A new session stops the motors and clears the loop's state. Call it before
  * each loop_tick(), and as often as there is time. A host waits for the reply to a request before it sends the next
- * one. A host that does not wait takes no more of a control period. */
+ * one. A host that does not wait takes no more time of a control period. */
 void serve(commands_t *commands, loop_state_t *state);
 
 #endif

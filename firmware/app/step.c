@@ -10,7 +10,7 @@ static inline int16_t of_model(int16_t voltage_mv)
 }
 
 #ifndef FRICTION_UNLEARNT
-/* Steps the model with the voltages of the step before, less the voltage that friction takes. */
+/* Steps the model with the previous step's voltages minus the voltage that friction takes. */
 static void predict(const step_config_t *config, step_state_t *state, const signals_drive_t *drive)
 {
     const int16_t surge_mv = (int16_t)fix_trunc_shift(fix_add(drive->left_mv, drive->right_mv), 1);
@@ -21,7 +21,7 @@ static void predict(const step_config_t *config, step_state_t *state, const sign
                  of_model(fix_sub16(drive->right_mv, taken_mv)));
 }
 
-/* The voltage that holds the demanded speed, also against friction. The autopilot never demands a speed backwards. */
+/* Returns the voltage that holds the demanded speed against friction. The autopilot never demands a negative speed. */
 static int16_t feedforward_mv(const step_config_t *config, const step_state_t *state, int16_t speed_mm_s_q4)
 {
     const int16_t mv = fix_mul16_q10(config->feedforward_mv_q10, speed_mm_s_q4);
@@ -46,12 +46,12 @@ static inline int16_t feedforward_mv(const step_config_t *config, const step_sta
 void step_run(const step_config_t *config, const route_t *route, step_state_t *state, const signals_sensors_t *sensors,
               mode_command_t command, step_output_t *output)
 {
-    const signals_drive_t *const drive = &state->mixer.drive; /* output of the step before */
+    const signals_drive_t *const drive = &state->mixer.drive; /* output of the previous step */
     pid_input_t input;
 
     mixer_take_battery(&config->mixer, &state->mixer, sensors);
 
-    /* The model, with the voltages of the step before. */
+    /* The model, with the previous step's voltages. */
     state->lag_ms = (uint8_t)(state->lag_ms + sensors->period_ms);
     for (; state->lag_ms >= BODY_PERIOD_MS; state->lag_ms = (uint8_t)(state->lag_ms - BODY_PERIOD_MS))
         predict(config, state, drive);

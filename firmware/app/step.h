@@ -1,12 +1,12 @@
 /* step.h: one control step, sensors -> model -> estimator -> autopilot -> PIDs -> mixer. Pure: no HAL, no clock.
  *
- *   model      predicts the motion from the voltages of the step before. Where the battery is known to sag, its next
+ *   model      predicts the motion from the previous step's voltages. If the battery is known to sag, the new battery
  *              reading corrects these voltages first.
  *   estimator  heading from the gyro, speed from prediction and sensors, pose by dead reckoning; a reference overrides
- *              them all
+ *              all three
  *   autopilot  mode and line of sight: the speed and heading to hold
  *   control    one PID for the speed and one for the heading, eq. 21
- *   mixer      the voltages of both motors, heading first, and the duty for them at this battery voltage
+ *   mixer      the voltages of both motors, with priority for heading, and their duty at this battery voltage
  */
 #ifndef BRICKPILOT_APP_STEP_H
 #define BRICKPILOT_APP_STEP_H
@@ -21,7 +21,7 @@
 
 typedef struct {
     const body_coefficients_t
-        *model; /* the caller's constants: no setting changes them, so they are not copied into RAM */
+        *model; /* points to the caller's constants: no setting changes them, so RAM holds no copy */
     heading_config_t heading;
     speed_config_t speed;
     mode_config_t mode;
@@ -31,7 +31,7 @@ typedef struct {
     mixer_config_t mixer;
 } step_config_t;
 
-/* All fields are 0 at the start: at rest at the origin, heading along x. */
+/* All fields are 0 at the start: the robot is at rest at the origin, and points along x. */
 typedef struct {
     body_state_t model;
     heading_state_t heading;
@@ -49,7 +49,7 @@ typedef struct {
     signals_predicted_t predicted;
     signals_estimate_t estimate;
     signals_demand_t demand;
-    pid_output_t speed_pid; /* the parts of both efforts, for telemetry */
+    pid_output_t speed_pid; /* the P, I and D parts of both efforts, for telemetry */
     pid_output_t heading_pid;
     signals_effort_t effort;
     signals_drive_t drive;

@@ -3,9 +3,9 @@
 #include "core/fix.h"
 #include "wire/codecs_gen.h"
 
-enum { TICK_AT = WIRE_TELEMETRY_X_TICK_MS_AT, LAST = MESSAGE_DATA_MAX - 1 }; /* places that are the same in each part */
+enum { TICK_AT = WIRE_TELEMETRY_X_TICK_MS_AT, LAST = MESSAGE_DATA_MAX - 1 }; /* byte indices, the same in each part */
 
-/* Puts a number into the message, low byte first, and returns the place behind it. */
+/* Puts a number into the message, low byte first, and returns the address after it. */
 static uint8_t *put16(uint8_t *at, uint16_t value)
 {
     at[0] = (uint8_t)value;
@@ -19,7 +19,7 @@ static void put_three(uint8_t *data, int16_t first, int16_t second, int16_t thir
     (void)put16(put16(put16(data, (uint16_t)first), (uint16_t)second), (uint16_t)third);
 }
 
-/* Takes the number by address: an argument of 32 bits makes more code, and the RCX has hardly any room for it. */
+/* Takes the number by address: a 32-bit argument makes more code, and the RCX has hardly any memory left. */
 static uint8_t *put32(uint8_t *at, const int32_t *value)
 {
     return put16(put16(at, (uint16_t)*value), (uint16_t)((uint32_t)*value >> 16));
@@ -49,7 +49,7 @@ static uint8_t track_flags(const mode_state_t *mode, const signals_estimate_t *e
     return flags;
 }
 
-/* Packs the fault and the two saturation flags. A flag of -1, 0 or 1 takes two bits. */
+/* Packs the fault and the two saturation flags. Each flag is -1, 0 or 1 and takes two bits. */
 static uint8_t demand_flags(mode_fault_t fault, const signals_drive_t *drive)
 {
     uint8_t flags = (uint8_t)drive->yaw_saturated;
@@ -61,7 +61,7 @@ static uint8_t demand_flags(mode_fault_t fault, const signals_drive_t *drive)
     return flags | fault;
 }
 
-/* Sets id and size of the message. Returns the place of its data. */
+/* Sets id and size of the message. Returns the address of its data. */
 static uint8_t *begin(message_t *message, uint16_t id)
 {
     message->id = id;

@@ -22,7 +22,7 @@ static void look(const route_t *route, los_state_t *los, const signals_estimate_
     los->distance_squared_mm2 = fix_dot(&los->to_mm, &los->to_mm);
 }
 
-/* Not a part of look(): a step that finds the waypoint reached needs no direction to it. */
+/* Sets the direction to the waypoint. Not a part of look(): a step that reaches the waypoint needs no direction. */
 static void sight(los_state_t *los)
 {
     los->sight_bam16 = trig_atan2_bam16(los->to_y_um, los->to_x_um);
@@ -41,7 +41,7 @@ static uint16_t heading_error_bam16(los_state_t *los, const signals_estimate_t *
     return fix_abs_u16(los->heading_error_bam16);
 }
 
-/* Compares the distance to the waypoint with `distance_mm`. Returns less than 0, 0 or more than 0. */
+/* Compares the distance to the waypoint with `distance_mm`. Returns a number below, equal to or above 0. */
 static int16_t compare_distance(const los_state_t *los, uint16_t distance_mm)
 {
     return fix_compare_square(los->distance_squared_mm2, distance_mm);
@@ -72,7 +72,7 @@ static void end(los_state_t *los, los_status_t status)
     enter(los, LOS_END);
 }
 
-/* If the heading error is too large to drive on, brakes for a turn and returns true. */
+/* If the heading error is too large to keep driving, begins to brake for a turn and returns true. */
 static bool pivots(const los_config_t *config, los_state_t *los, const signals_estimate_t *estimate)
 {
     if (heading_error_bam16(los, estimate) <= config->pivot_bam16)
@@ -86,7 +86,7 @@ static void set_line(los_state_t *los, uint16_t bearing_bam16)
     set_direction(&los->left_q15, (uint16_t)(bearing_bam16 - TURN_QUARTER));
 }
 
-/* The caller sets the leg's line. */
+/* Begins a leg, except for the leg's line, which the caller sets. */
 static void begin_leg(const los_config_t *config, const route_t *route, los_state_t *los,
                       const signals_estimate_t *estimate)
 {
@@ -140,7 +140,7 @@ static bool overshoots(const los_config_t *config, los_state_t *los, const signa
     return los->leg_overshoots > config->max_overshoots;
 }
 
-/* The condition that ends the phase holds in this step. True when the condition has held for `needed_ms`. */
+/* Call this in each step in which the phase's end condition holds. True when the condition has held for `needed_ms`. */
 static bool held(los_state_t *los, uint8_t period_ms, uint16_t needed_ms)
 {
     los->quiet_ms = fix_add_u16(los->quiet_ms, period_ms);
@@ -178,9 +178,9 @@ static void move(const los_config_t *config, los_state_t *los, const signals_est
         enter_drive(los);
 }
 
-/* The speed from which the robot can still brake: the square root of 2 decel distance, limited to creep..cruise. No
- * root is computed where the larger coordinate of the distance alone allows cruise: with the roots the worst step takes
- * 3,000 states more. */
+/* The speed from which the robot can still brake: sqrt(2 * decel * distance), limited to creep..cruise. If the larger
+ * coordinate of the distance alone allows cruise, no root is computed: the roots would add 3,000 states to the longest
+ * step. */
 static uint16_t approach_speed_mm_s_q4(const los_config_t *config, const los_state_t *los)
 {
     const uint16_t cruise = (uint16_t)config->cruise_mm_s_q4, creep = (uint16_t)config->creep_mm_s_q4;

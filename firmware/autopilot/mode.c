@@ -3,7 +3,7 @@
 #include "core/bytes.h"
 #include "core/fix.h"
 
-enum { WAIT_STEPS = 255 }; /* longest wait: about 4 blocks of the estimator, 0.8 s at 3 ms, 2.3 s at 9 ms */
+enum { WAIT_STEPS = 255 }; /* longest wait for the gyro's bias: 0.8 s with steps of 3 ms, 2.3 s with steps of 9 ms */
 
 /* Enters a mode with the motors off. In RUN the same step may switch them on. */
 static void enter(mode_state_t *state, mode_name_t mode, mode_fault_t fault)

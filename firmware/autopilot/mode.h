@@ -4,9 +4,9 @@
  *                    '----any reason-----> FAULT
  *   ARRIVED, FAULT --reset--> IDLE
  *
- * Only a reset leaves FAULT. Motors are off in every mode but RUN. A run whose gyro has no learnt bias yet begins with
- * a rest of up to 255 steps, in LOS_BEGIN and with motors off. If the bias is not learnt by then, the robot drives
- * without it, and signals_estimate_t.bias_unknown says so.
+ * Only a reset leaves FAULT. Motors are off in every mode but RUN. If the gyro's bias is not learnt yet, a run begins
+ * with a rest of up to 255 steps, in LOS_BEGIN and with motors off. If the bias is not learnt after this rest, the
+ * robot drives without it, and signals_estimate_t.bias_unknown says so.
  */
 #ifndef BRICKPILOT_AUTOPILOT_MODE_H
 #define BRICKPILOT_AUTOPILOT_MODE_H
@@ -15,7 +15,7 @@
 
 typedef struct {
     los_config_t los;
-    uint16_t lost_ms; /* longest time in RUN with an invalid estimate; meanwhile the last demand is kept */
+    uint16_t lost_ms; /* longest time in RUN with an invalid estimate; during it the last demand is kept */
 } mode_config_t;
 
 enum { MODE_IDLE = 0, MODE_RUN = 1, MODE_ARRIVED = 2, MODE_FAULT = 3 };
@@ -33,7 +33,7 @@ enum {
 };
 typedef uint8_t mode_fault_t;
 
-/* The control loop gives the last two commands itself. The fault that follows has the number of the command. */
+/* The control loop itself gives the last two commands. Each causes the fault of the same number. */
 enum {
     MODE_NONE = 0,
     MODE_START = 1,

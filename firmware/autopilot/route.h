@@ -1,10 +1,10 @@
-/* route.h: the waypoints of a mission, checked once when set. */
+/* route.h: the waypoints of a mission. route_set() checks them once. */
 #ifndef BRICKPILOT_AUTOPILOT_ROUTE_H
 #define BRICKPILOT_AUTOPILOT_ROUTE_H
 
 #include <stdint.h>
 
-/* Most waypoints of a route that a host writes: a build constant, 1..32. RAM holds two such routes. */
+/* Largest number of waypoints that a host may write: a build constant, 1..32. RAM holds two such routes. */
 #ifndef ROUTE_WAYPOINTS_MAX
 #define ROUTE_WAYPOINTS_MAX 32
 #endif
@@ -18,7 +18,7 @@ typedef struct {
 
 /* With all fields 0 the route is empty. */
 typedef struct {
-    const route_waypoint_t *waypoints; /* the caller's; must outlive the route */
+    const route_waypoint_t *waypoints; /* the caller's array; must outlive the route */
     uint8_t count;                     /* 0..ROUTE_WAYPOINTS_MAX */
 } route_t;
 
@@ -27,7 +27,7 @@ enum {
     ROUTE_EMPTY = 1,
     ROUTE_TOO_LONG = 2, /* more than ROUTE_WAYPOINTS_MAX */
     ROUTE_TOO_FAR = 3,  /* a coordinate beyond ROUTE_COORDINATE_MAX_MM */
-    ROUTE_REPEATED = 4  /* a waypoint equal to the one before it: a leg without direction */
+    ROUTE_REPEATED = 4  /* a waypoint equals the previous one: the leg has no direction */
 };
 typedef uint8_t route_status_t;
 

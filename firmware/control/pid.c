@@ -5,8 +5,8 @@
 
 enum { PERIOD_MAX_MS = 20 };
 
-/* mV/s Q10, times ms, times 0.064 is mV Q16. Returns 0.064 * period * 2^14, that is 1048.576 * period, at most 1.5 too
- * large. The products are of bytes, which the RCX multiplies in one instruction. */
+/* Returns the factor 0.064 * period in Q14 (1048.576 * period, at most 1.5 too large): it converts a rate in mV/s Q10
+ * into the change in mV Q16 over the period. Products are of two bytes: the RCX multiplies bytes in one instruction. */
 static uint16_t factor_q14(uint8_t period_ms)
 {
     if (period_ms > PERIOD_MAX_MS)

@@ -1,9 +1,10 @@
 /* pid.h: one PID controller, eq. 21, with its output in millivolts.
  *
  * Used twice: for forward speed (error in mm/s times 16) and for heading (error as binary angle). The derivative acts on
- * the measurement, so that a new demand causes no kick. The integral is kept in mV. It is held (anti-windup) while the
- * output is saturated in the direction of its change. The controller never fails: it saturates, and `limited` says so.
- * The response is the same in both directions: negate every input and the state, and every output is negated.
+ * the measurement, so that a new demand causes no kick. The integral is kept in mV. Anti-windup: while the output is
+ * saturated, the integral does not change in the direction of the saturation. The controller never fails: it
+ * saturates, and `limited` says so. The response is the same in both directions: negate every input and the state, and
+ * every output is negated.
  */
 #ifndef BRICKPILOT_CONTROL_PID_H
 #define BRICKPILOT_CONTROL_PID_H
@@ -32,11 +33,11 @@ typedef struct {
 } pid_state_t;
 
 typedef struct {
-    int16_t error;          /* demand minus measurement, error units, any */
-    int16_t rate;           /* rate of change of the measurement, rate units, any; 0 where unknown */
-    int16_t feedforward_mv; /* any */
-    int8_t saturated;       /* the mixer's flag for the last output: 1: the motors got less; -1: more; 0: as much */
-    uint8_t period_ms;      /* 1..20; larger counts as 20 */
+    int16_t error;          /* demand minus measurement, in error units; any value is allowed */
+    int16_t rate;           /* rate of change of the measurement, in rate units, any value; 0 if unknown */
+    int16_t feedforward_mv; /* any value is allowed */
+    int8_t saturated;       /* the mixer's flag for the last output. 1: the motors got less; -1: more; 0: all of it */
+    uint8_t period_ms;      /* 1..20; larger values count as 20 */
 } pid_input_t;
 
 typedef struct {
@@ -44,11 +45,11 @@ typedef struct {
     int16_t proportional_mv; /* the three parts of the output, saturated at +-32767, for telemetry */
     int16_t integral_mv;
     int16_t derivative_mv;
-    int8_t limited; /* 1: limit_mv cut the output from above; -1: from below; 0: not at all */
+    int8_t limited; /* 1: the output is at +limit_mv, and cut; -1: at -limit_mv, and cut; 0: not cut */
 } pid_output_t;
 
 /* Sets the integral so that the next pid_step() with this input gives `output_mv`, within 1 mV and as far as limit_mv
- * allows (bumpless start). The loop does not need it: its runs start at rest. */
+ * allows (bumpless start). The loop does not call this function: its runs start at rest. */
 void pid_start(const pid_config_t *config, pid_state_t *state, const pid_input_t *input, int16_t output_mv);
 
 /* Sets all outputs and the integral to 0. */

@@ -1,12 +1,13 @@
 /* fix.h: saturating fixed-point arithmetic. It needs no library call, not even on the RCX.
  *
  * The RCX's compiler turns every `*` wider than 8 x 8 bits and every `/` into a library call that the brick does not
- * have. So all products and quotients of variables in firmware/ are made here. Shifts are by constants. Right shifts of
- * negative numbers are arithmetic (they round towards minus infinity) with every compiler in use; test_fix.c checks it.
+ * have. So this file computes all products and quotients of variables in firmware/. Shifts are by constants. Right
+ * shifts of negative numbers are arithmetic (they round towards minus infinity) with every compiler in use; test_fix.c
+ * checks it.
  *
  * Beware: the RCX's compiler, gcc 3.4.6, makes wrong code for some right shifts of 32-bit numbers: by 15, and of signed
- * numbers by 24 to 26. It does so also where it joins two shifts to one of these. Use the two 16-bit words of the
- * number instead. tests/vectors finds such errors.
+ * numbers by 24 to 26. The code is also wrong if the compiler merges two shifts into one of these. Use the two 16-bit
+ * words of the number instead. tests/vectors finds such errors.
  */
 #ifndef BRICKPILOT_CORE_FIX_H
 #define BRICKPILOT_CORE_FIX_H
@@ -14,7 +15,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* FIX_IN_ASSEMBLY: on the RCX most functions are in assembly, in core/h8; their C forms define their results.
+/* FIX_IN_ASSEMBLY: on the RCX most functions are in assembly, in core/h8; the C code defines the right results.
  * FIX_INLINE: makes the small functions inline, except on the RCX, where each use would take 20 to 100 bytes. */
 #ifdef __H8300__
 #define FIX_IN_ASSEMBLY
@@ -38,7 +39,7 @@ FIX_INLINE uint32_t fix_mul_u16(uint16_t a, uint16_t b);
 FIX_INLINE uint16_t fix_abs_u16(int16_t value);
 FIX_INLINE uint32_t fix_abs_u32(int32_t value);
 
-/* Exact signed product and sum. Any operands: the product is at most 2^30 in magnitude. */
+/* Exact signed product and sum of any operands: the product is at most 2^30 in magnitude. */
 FIX_INLINE int32_t fix_mul(int16_t a, int16_t b);
 FIX_INLINE int32_t fix_add(int16_t a, int16_t b);
 
@@ -69,7 +70,7 @@ int32_t fix_clamp_q16(int32_t value, int16_t limit);
  * Any value; bits 1..30, a constant. */
 FIX_INLINE int32_t fix_round_shift(int32_t value, uint8_t bits);
 
-/* The same, saturated to 16 bits; bits 8..30. */
+/* As fix_round_shift(), saturated to 16 bits; bits 8..30. */
 int16_t fix_round_shift16(int32_t value, uint8_t bits);
 
 /* gain * value, rounded to the nearest, halves away from zero; fix_mul16_q10() also saturates. gain 0..32767, value any. */
@@ -85,7 +86,8 @@ int32_t fix_mul32_u8(int32_t value, uint8_t factor);
 /* 1 / value: 32768 / value to the nearest, at most 32767; value 1..255. */
 int16_t fix_reciprocal_q15(uint8_t value);
 
-/* The number of bits of `count`, 0..16, at most `most`. bias.c gives its newest sample the weight 2^-bits. */
+/* The number of significant bits of `count`, 0..16, limited to `most`. bias.c gives its newest sample the weight
+ * 2^-bits. */
 uint8_t fix_bit_length(uint16_t count, uint8_t most);
 
 /* count + 1, saturated at 65535. */
@@ -103,19 +105,20 @@ uint32_t fix_mul_u32_q16(uint32_t a, uint16_t b);
 /* value * factor / 2^15 rounded towards zero: negating one operand negates the result. Saturates at +-(2^31 - 1). */
 int32_t fix_mul_q15(int32_t value, int16_t factor_q15);
 
-/* The same, saturated at +-32767. */
+/* As fix_mul_q15(), saturated at +-32767. */
 int16_t fix_mul16_q15(int16_t value, int16_t factor_q15);
 
 /* value * factor / 2^16 rounded towards zero: negating value negates the result. Any operands: the result fits. */
 int32_t fix_mul_q16(int32_t value, uint16_t factor_q16);
 
-/* value / 1000, as value * 16777 / 2^24, too small by 13 parts in a million; to the nearest, halves away from zero, saturated. */
+/* value / 1000, saturated. Computed as value * 16777 / 2^24, which is too small by 13 parts in a million, and rounded
+ * to the nearest, halves away from zero. */
 int16_t fix_div_1000(int32_t value);
 
 /* value / 2^bits rounded towards zero; bits 0..31. */
 int32_t fix_trunc_shift(int32_t value, uint8_t bits);
 
-/* Rounds an angle in 2^32ths of a turn to the nearest 65536th, halves away from zero. */
+/* Rounds an angle in units of 1/2^32 turn to the nearest 1/65536 turn, halves away from zero. */
 uint16_t fix_round_bam16(uint32_t angle_bam32);
 
 /* dividend / divisor, rounded towards zero. Divisor 0 gives 2^32 - 1. */

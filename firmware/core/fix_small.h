@@ -1,5 +1,5 @@
-/* fix_small.h: the bodies of fix.h's small functions, inline. Only fix.h includes it, at its end. The RCX does not use
- * it: its forms of these functions are in core/h8. */
+/* fix_small.h: the bodies of fix.h's small functions, inline. Only fix.h includes this file, at its end. The RCX does
+ * not use it: core/h8 has these functions in assembly. */
 #ifndef BRICKPILOT_CORE_FIX_SMALL_H
 #define BRICKPILOT_CORE_FIX_SMALL_H
 

@@ -1,9 +1,9 @@
-/* flash.h: FLASH, for constant tables. On an AVR chip a const table is copied into RAM, unless FLASH keeps it in flash,
- * where other instructions read it. A pointer to such a table points to `const FLASH`. On other processors FLASH is
- * empty.
+/* flash.h: the qualifier FLASH for constant tables. On an AVR chip a const table is copied into RAM. FLASH keeps the
+ * table in flash memory instead, and other instructions read it. A pointer to such a table points to `const FLASH`. On
+ * other processors FLASH is empty.
  *
- * Beware: where a loop walks through such a table, the pass ivopts of avr-gcc 5.4 at -O2 forgets that the table is in
- * flash, and the loop reads RAM. So only bytes_copy_flash() has such a loop, and hal/avr/compile switches the pass off.
+ * Beware: if a loop runs through such a table, the compiler pass ivopts of avr-gcc 5.4 at -O2 loses the qualifier, and
+ * the loop reads RAM. So only bytes_copy_flash() has such a loop, and hal/avr/compile switches the pass off.
  * tests/vectors finds such errors.
  */
 #ifndef BRICKPILOT_CORE_FLASH_H

@@ -1,4 +1,4 @@
-/* signals.h: the structs that pass from one stage of a step to the next. Each struct is written by one stage alone.
+/* signals.h: the structs that pass from one stage of a step to the next. Only one stage writes each struct:
  *
  *   sensors    the loop, from the HAL
  *   predicted  the model
@@ -8,8 +8,8 @@
  *   drive      the mixer
  *
  * Frame: the paper's. x forward, y right, z down: heading and yaw rate are positive clockwise seen from above.
- * Names carry unit and format: _q4 is a value times 16, _bam16 a binary angle (65536 = one turn), _q15 a share times
- * 32767. Only the rotation sensors are raw counts, which wrap.
+ * Names end in unit and format: _q4 is a value times 16, _bam16 a binary angle (65536 = one turn), _q15 a fraction
+ * times 32767. Only the rotation sensors are raw counts, which wrap.
  */
 #ifndef BRICKPILOT_CORE_SIGNALS_H
 #define BRICKPILOT_CORE_SIGNALS_H
@@ -17,7 +17,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* The control step, ms: a build constant. params_gen.h holds constants for each value that is possible. */
+/* Period of a control step in ms: a build constant. params_gen.h holds constants for each possible value. */
 #ifndef STEP_MS
 #define STEP_MS 3
 #endif
@@ -32,15 +32,15 @@ enum {
 };
 
 /* The sensors that this build supports. A build for a brick with fewer sensors, -DSENSORS_POSSIBLE=..., has no code for
- * the others and never asks the HAL for them. It does what a full build does when those sensors are absent. */
+ * the missing sensors and never asks the HAL for them. It acts as a full build does when those sensors are absent. */
 #ifndef SENSORS_POSSIBLE
 #define SENSORS_POSSIBLE (SENSOR_GYRO | SENSOR_ACCELEROMETER | SENSOR_ROTATION | SENSOR_REFERENCE | SENSOR_BATTERY)
 #endif
 
 #define SENSOR_POSSIBLE(bits) ((SENSORS_POSSIBLE & (bits)) != 0)
 
-/* True when a sensor in `bits` (constants) has a value in this step. False at compile time if the build supports
- * none. */
+/* True if one of the sensors in `bits` (constants) has a value in this step. A constant false if the build supports
+ * none of these sensors. */
 #define SIGNALS_HAVE(sensors, bits) (((sensors)->have & ((bits)&SENSORS_POSSIBLE)) != 0)
 
 /* False if the build has only the profile `coupled`, whose wheels cannot slide sideways. */
@@ -50,10 +50,10 @@ enum {
 #define SIGNALS_SWAY true
 #endif
 
-/* Loop -> estimator. A field is valid only where its bit in `have` is set. */
+/* Loop -> estimator. A field is valid only if its sensor's bit in `have` is set. */
 typedef struct {
     uint8_t have;              /* SENSOR_* bits */
-    uint8_t period_ms;         /* time since the step before, 1..20 */
+    uint8_t period_ms;         /* time since the previous step, 1..20 */
     int16_t accel_surge_mm_s2; /* specific force, -32767..32767 */
     int16_t accel_sway_mm_s2;
     int16_t yaw_rate_mrad_s; /* -32767..32767 */
@@ -74,7 +74,7 @@ typedef struct {
     int32_t yaw_rate_mrad_s_q12; /* +-480 rad/s */
 } signals_motion_t;
 
-/* Model -> estimator: the motion that the voltages of the step before should have caused. */
+/* Model -> estimator: the motion that the previous step's voltages should have caused. */
 typedef struct {
     signals_motion_t motion;
     bool driven; /* one of these voltages was not 0 */
@@ -84,15 +84,15 @@ typedef struct {
 typedef struct {
     int32_t x_um; /* +-2147 m, saturates */
     int32_t y_um;
-    int32_t travel_um_q5;      /* travel forward since the step before, +-1613234176 */
-    int32_t sway_travel_um_q5; /* the same to the right */
+    int32_t travel_um_q5;      /* forward travel since the previous step, +-1613234176 */
+    int32_t sway_travel_um_q5; /* travel to the right since the previous step */
     uint16_t heading_bam16;
     int16_t speed_mm_s_q4;   /* surge, saturates at +-2.047 m/s */
     int16_t yaw_rate_mrad_s; /* without the gyro's bias, -32767..32767, saturates */
     int16_t accel_mm_s2;     /* rate of change of speed, filtered, saturates */
     uint8_t period_ms;       /* time since the step before, 1..20 */
-    bool at_rest; /* wheels and body stand still: true from the end of the first quiet block until something moves */
-    bool valid;   /* false: the estimate is too poor to steer by */
+    bool at_rest;      /* true from the end of the first block of quiet samples (heading.h) until something moves */
+    bool valid;        /* false: the estimate is too poor to steer by */
     bool bias_unknown; /* the heading comes from a gyro whose bias has not been learnt */
 } signals_estimate_t;
 
@@ -111,7 +111,7 @@ typedef struct {
 
 /* Mixer -> motors; in the next step -> model, and -> control for its anti-windup. */
 typedef struct {
-    int16_t left_mv; /* voltage of the model's motor, after saturation */
+    int16_t left_mv; /* voltage for a motor like the model's, after saturation */
     int16_t right_mv;
     int16_t left_q15; /* duty, -32767..32767 = -1..1 times the battery voltage */
     int16_t right_q15;

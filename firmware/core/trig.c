@@ -8,7 +8,8 @@
 /* Not static: h8/trig.S reads them. */
 extern const FLASH curve_t trig_sine_q15, trig_arctan_bam16_q2;
 
-/* 32767 sin(i / 256 of a quarter turn): neighbours differ by at most 201, so interpolation multiplies 8 x 8 bits. */
+/* Value i is 32767 sin(i / 256 of a quarter turn). Neighbours differ by at most 201: interpolation multiplies 8 x 8
+ * bits. */
 const FLASH curve_t trig_sine_q15 = {
     .every_8th =
         {
@@ -29,7 +30,7 @@ const FLASH curve_t trig_sine_q15 = {
         },
 };
 
-/* atan(i / 256) in quarters of 1/65536 turn; neighbours differ by at most 163. */
+/* Value i is atan(i / 256) in units of 1/4 of 1/65536 turn. Neighbours differ by at most 163. */
 const FLASH curve_t trig_arctan_bam16_q2 = {
     .every_8th =
         {
@@ -57,7 +58,7 @@ static uint8_t bend(const FLASH curve_t *curve, uint8_t index)
     return index & 1U ? both & 15U : both >> 4;
 }
 
-/* The curve at `place_q8`, an index times 256, interpolated linearly between its values. */
+/* The curve's value at `place_q8` (index times 256), interpolated linearly. */
 static uint16_t value(const FLASH curve_t *curve, uint16_t place_q8)
 {
     const uint8_t index = (uint8_t)(place_q8 >> 8), within = index & 7U;

@@ -1,4 +1,4 @@
-/* trig.h: sine, cosine and four-quadrant arc tangent on binary angles (65536 = one turn, so wrapping costs nothing). */
+/* trig.h: sine, cosine and four-quadrant arc tangent on binary angles (65536 = one turn: overflow wraps the angle). */
 #ifndef BRICKPILOT_CORE_TRIG_H
 #define BRICKPILOT_CORE_TRIG_H
 

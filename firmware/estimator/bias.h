@@ -1,5 +1,5 @@
-/* bias.h: the reading of a sensor at rest, learnt from samples at rest. The first sample sets it. Later samples are averaged
- * in, each with less weight than the one before. Negate value and sample, and the result is negated.
+/* bias.h: a sensor's bias, learnt from samples at rest. The first sample sets the bias. Later samples are averaged into
+ * it, each with less weight than the previous sample. Negate value and sample, and the result is negated.
  */
 #ifndef BRICKPILOT_ESTIMATOR_BIAS_H
 #define BRICKPILOT_ESTIMATOR_BIAS_H

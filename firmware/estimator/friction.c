@@ -5,11 +5,12 @@
 #include "core/fix.h"
 
 enum {
-    QUIET_MRAD_S = 60,                           /* three times the gyro's resolution, four sd of its noise */
-    QUIET_MM_S2 = 115,                           /* the same for the accelerometer */
-    QUIET_MEAN_MM_S2 = 20,                       /* four sd of the mean of FRICTION_REST_STEPS readings */
-    FEIGNED_MM_S2 = FRICTION_BIAS_MM_S2 * 5 / 2, /* the bias, the speed it adds over the time constant, and noise */
-    PER_MS_Q15 = 524                             /* 16 / s */
+    QUIET_MRAD_S = 60,     /* largest yaw rate at rest: 3 times the gyro's resolution, 4 sd of its noise */
+    QUIET_MM_S2 = 115,     /* largest acceleration at rest: the same multiples for the accelerometer */
+    QUIET_MEAN_MM_S2 = 20, /* largest mean at rest: 4 sd of the mean of FRICTION_REST_STEPS readings */
+    FEIGNED_MM_S2 =
+        FRICTION_BIAS_MM_S2 * 5 / 2, /* acceleration that an unknown bias, the speed from it, and noise feign */
+    PER_MS_Q15 = 524                 /* learning rate: 16 / s */
 };
 
 #define MOST_MV_Q4 (FRICTION_MOST_MV * 16L)
@@ -25,7 +26,7 @@ static bool quiet(const friction_input_t *input)
            fix_abs_u16(input->yaw_rate_mrad_s) <= QUIET_MRAD_S && fix_abs_u16(input->accel_mm_s2) <= QUIET_MM_S2;
 }
 
-/* True after enough quiet steps whose mean acceleration is noise: a robot that starts gently is not at rest. */
+/* True after FRICTION_REST_STEPS quiet steps whose mean acceleration is noise: a gentle start is not rest. */
 static bool rests(friction_state_t *state, const friction_input_t *input)
 {
     const bool is_quiet = quiet(input);
@@ -44,7 +45,7 @@ static bool rests(friction_state_t *state, const friction_input_t *input)
     return is_quiet && sum <= QUIET_MEAN_MM_S2 * FRICTION_REST_STEPS;
 }
 
-/* The friction in force: four times the learnt friction above what a bias feigns, at most all that is learnt. */
+/* The friction in force: 4 * (learnt friction - friction that a bias feigns), within 0..learnt friction. */
 static int32_t in_force_mv_q4(const friction_config_t *config, const friction_state_t *state)
 {
     const int32_t learnt_mv_q4 = (int32_t)state->learnt_mv_q4;

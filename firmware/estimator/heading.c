@@ -2,10 +2,10 @@
 
 #include "core/fix.h"
 
-/* bam32 per 2^-9 urad, with 1 urad = 1 mrad/s times 1 ms: 2^32 / (2 pi 1e6 2^9) = 1.335089, less 1. */
+/* bam32 per 2^-9 urad, where 1 urad = 1 mrad/s * 1 ms: 2^32 / (2 pi 1e6 2^9) = 1.335089; here minus 1. */
 enum { BAM32_PER_MRAD_Q9_LESS_1_Q15 = 10980 };
 
-/* The gyro's rate, without the errors that the configuration states. */
+/* The gyro's rate, without the known bias and scale error of the configuration. */
 static int16_t measured_mrad_s(const heading_config_t *config, int16_t gyro_mrad_s)
 {
     const int16_t rate_mrad_s = fix_sub16(gyro_mrad_s, config->gyro_bias_mrad_s);
@@ -28,7 +28,7 @@ static bool stands(const heading_config_t *config, heading_state_t *state, const
            fix_abs_u16(fix_round_shift16(predicted->motion.surge_mm_s_q17, 13)) <= config->rest_speed_mm_s_q4;
 }
 
-/* Adds a rate to the block. True while all rates of the block lie within quiet_mrad_s. */
+/* Adds a rate to the block. True while no two rates of the block differ by more than quiet_mrad_s. */
 static bool quiet(const heading_config_t *config, heading_state_t *state, int16_t rate)
 {
     int16_t least = state->block_least_mrad_s, most = state->block_most_mrad_s;
@@ -65,7 +65,7 @@ static void watch_rest(const heading_config_t *config, heading_state_t *state, c
     state->at_rest = false;
 }
 
-/* Turns the heading by the mean of this rate and the rate before, without bias. Returns this rate, without bias. */
+/* Turns the heading by the mean of this rate and the previous rate, without bias. Returns this rate, without bias. */
 static int16_t integrate(heading_state_t *state, uint8_t period_ms, int16_t rate_mrad_s)
 {
     const int32_t twice_q8 = fix_add(rate_mrad_s, state->raw_rate_mrad_s) * 256 - 2 * state->bias.value;
@@ -75,7 +75,7 @@ static int16_t integrate(heading_state_t *state, uint8_t period_ms, int16_t rate
     return fix_round_shift16(fix_to_q8(rate_mrad_s) - state->bias.value, 8);
 }
 
-/* The yaw rate of this step, with the gyro's bias in it: from the gyro, or else from the model. */
+/* The yaw rate of this step, gyro bias included: from the gyro, or from the model if the gyro gives none. */
 static int16_t take_rate(const heading_config_t *config, heading_state_t *state, const signals_sensors_t *sensors,
                          const signals_predicted_t *predicted)
 {

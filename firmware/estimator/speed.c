@@ -3,14 +3,14 @@
 #include "core/fix.h"
 
 enum {
-    Q17_PER_UM_S_Q8_Q15 = 16777,     /* 131.072 / 256: (um/s q8) to (mm/s q17) */
+    Q17_PER_UM_S_Q8_Q15 = 16777,     /* 131.072 / 256: converts um/s q8 to mm/s q17 */
     PER_1000_Q24 = 16777,            /* 1/1000: applied as q15, then shifted by 9 bits */
-    MM_S2_Q8_PER_Q17_MS_Q14 = 32000, /* 256 * 1000 / 131072: (mm/s q17 per ms) to (mm/s^2 q8) */
+    MM_S2_Q8_PER_Q17_MS_Q14 = 32000, /* 256 * 1000 / 131072: converts mm/s q17 per ms to mm/s^2 q8 */
     SPEED_LIMIT_MM_S_Q1 = 16380,
     JUMP_LIMIT_MM_S_Q1 = 8192,
     MOST_TRAVEL_UM_Q_11 = 16384, /* um / 2^11: 2^30 um q5 */
     MOST_COUNTS = 4096,
-    KNOWN_BIAS = 64 /* samples: their mean has an eighth of the noise, 4 mm/s^2 */
+    KNOWN_BIAS = 64 /* samples after which the bias is known: their mean has an eighth of the noise, 4 mm/s^2 */
 };
 
 #define BIAS_LIMIT_MM_S2_Q12 4096000L
@@ -26,7 +26,7 @@ static inline int16_t sway_mm_s_q4(const signals_predicted_t *predicted)
     return predicted->motion.sway_mm_s_q17 == 0 ? 0 : to_q4(predicted->motion.sway_mm_s_q17);
 }
 
-/* Acceleration by eq. 2's Coriolis term, sway times yaw rate. */
+/* The Coriolis acceleration of eq. 2: sway times yaw rate. */
 static int16_t coriolis_mm_s2(const signals_predicted_t *predicted, int16_t yaw_rate_mrad_s)
 {
     const int32_t product_q4 = fix_mul(sway_mm_s_q4(predicted), yaw_rate_mrad_s);
@@ -45,7 +45,7 @@ static int16_t forward_mm_s2(const speed_state_t *state, const signals_sensors_t
 }
 
 #ifndef FRICTION_UNLEARNT
-/* True where only the accelerometer measures the speed, and its bias is known. */
+/* True if only the accelerometer measures the speed, and its bias is known. */
 static bool learns_friction(const speed_config_t *config, const speed_state_t *state, const signals_sensors_t *sensors)
 {
     return config->friction.mv_per_mm_s2_q10 != 0 && state->bias.learnt >= KNOWN_BIAS && !state->rotation_known &&
@@ -53,7 +53,7 @@ static bool learns_friction(const speed_config_t *config, const speed_state_t *s
 }
 #endif
 
-/* The accelerometer's correction of the predicted speed, mm/s q17: eq. 2, with the specific force as X - D_u. */
+/* The accelerometer's correction of the predicted speed, in mm/s q17: eq. 2, with the specific force as X - D_u. */
 static int32_t accel_correction(const speed_config_t *config, speed_state_t *state, const signals_sensors_t *sensors,
                                 const signals_predicted_t *predicted, int16_t yaw_rate_mrad_s)
 {
@@ -92,7 +92,7 @@ static int32_t travel_of_counts_um_q5(const speed_config_t *config, int16_t coun
     return limited < 0 ? -travel : travel;
 }
 
-/* Travel of the vehicle's middle since the step before, by the rotation sensors. */
+/* Travel of the vehicle's middle since the previous step, by the rotation sensors. */
 static int32_t counted_travel_um_q5(const speed_config_t *config, speed_state_t *state,
                                     const signals_sensors_t *sensors)
 {
@@ -109,8 +109,9 @@ static int32_t counted_travel_um_q5(const speed_config_t *config, speed_state_t 
     return fix_clamp_q16(mean + fix_mul_q15(turned, config->count_mismatch_q15), MOST_TRAVEL_UM_Q_11);
 }
 
-/* The rotation sensors' correction of the predicted speed, mm/s q17. Corrects the travel, too. A step without a reading
- * gets no correction, but its travel is kept, since the next reading includes its counts. */
+/* The rotation sensors' correction of the predicted speed, in mm/s q17. Corrects the travel, too. A step without a
+ * reading gets no correction, but its estimated travel is kept, since the next reading includes the counts of that
+ * step. */
 static int32_t rotation_correction(const speed_config_t *config, speed_state_t *state, const signals_sensors_t *sensors,
                                    signals_estimate_t *estimate)
 {
@@ -127,7 +128,7 @@ static int32_t rotation_correction(const speed_config_t *config, speed_state_t *
     return fix_mul_q15(state->residual_um_q5, config->speed_gain_q15);
 }
 
-/* The filtered rate of change of speed, after a change of `jump_mm_s_q17` in this step. */
+/* The filtered acceleration after the speed has changed by `jump_mm_s_q17` in this step. */
 static int16_t filter_accel(const speed_config_t *config, speed_state_t *state, int32_t jump_mm_s_q17,
                             uint8_t period_ms)
 {
@@ -145,7 +146,7 @@ static inline int32_t travel_um_q5(int16_t before_mm_s_q4, int16_t after_mm_s_q4
     return fix_mul32_u8(fix_add(before_mm_s_q4, after_mm_s_q4), period_ms);
 }
 
-/* The speed from prediction and sensors, mm/s q17. Sets the forward travel. */
+/* The speed from prediction and sensors, in mm/s q17. Sets the forward travel. */
 static int32_t observe(const speed_config_t *config, speed_state_t *state, const signals_sensors_t *sensors,
                        const signals_predicted_t *predicted, signals_estimate_t *estimate)
 {

@@ -2,7 +2,7 @@
 
 #include "core/fix.h"
 
-enum { FULL_FROM_MV = 2047 }; /* 16 times this is more than any size */
+enum { FULL_FROM_MV = 2047 }; /* 16 times this voltage is above any size_mv */
 
 int16_t drive_turning_mm_s_q4(const drive_config_t *config, int16_t yaw_rate_mrad_s)
 {

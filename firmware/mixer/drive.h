@@ -1,14 +1,15 @@
-/* drive.h: from the voltage of the model's motor to the voltage that this motor needs for the same motion.
+/* drive.h: converts the voltage of the model's motor into the voltage that the real motor needs for the same motion.
  *
- * Known differences of one side's drive, motor and wheel from the model are undone, in the order from the wheel to the
- * battery:
+ * It compensates known differences between one side's drive, motor and wheel and the model, in the order from the wheel
+ * to the battery:
  *
  *   motor = wanted + emf * speed + offset + friction in the direction of motion
  *   needed = motor * (1 + gain) + deadband in the direction of motor
  *
- * Below DRIVE_STILL_MM_S_Q4 friction acts in the direction of the wanted voltage. There, friction is 16 times this
- * voltage, up to its full size, and so is the dead band: noise about zero does not reverse the motor again and again. A
- * configuration of all zeros changes nothing, bit for bit. Negate voltage, speed and offset, and the result is negated.
+ * Below DRIVE_STILL_MM_S_Q4 friction acts in the direction of the wanted voltage. Below this speed, the friction term
+ * is 16 times the wanted voltage, up to its full size. The dead band is likewise 16 times `motor`, up to its full
+ * size. So noise about zero does not reverse the motor again and again. A configuration of all zeros changes nothing,
+ * bit for bit. Negate voltage, speed and offset, and the result is negated.
  */
 #ifndef BRICKPILOT_MIXER_DRIVE_H
 #define BRICKPILOT_MIXER_DRIVE_H
@@ -19,10 +20,10 @@
 
 /* The known values of one side. */
 typedef struct {
-    int16_t emf_mv_q15;  /* mV per 1/16 mm/s of this side's speed over ground, any: +-16 V per m/s */
+    int16_t emf_mv_q15;  /* mV per 1/16 mm/s of this side's speed over ground; any value: +-16 V per m/s */
     int16_t offset_mv;   /* -32000..32000 */
     int16_t friction_mv; /* 0..32000 */
-    int16_t gain_q15;    /* share of the voltage to add: -32767..32767 = -1..1 */
+    int16_t gain_q15;    /* fraction of the voltage that is added: -32767..32767 = -1..1 */
 } drive_side_t;
 
 typedef struct {

@@ -45,7 +45,7 @@ static void drive_motors(const drive_config_t *config, const supply_t *supply, c
     drive->right_q15 = duty_q15(supply, drive_voltage_mv(config, &config->right, drive->right_mv, right_mm_s_q4));
 }
 
-/* Corrects the model's voltages: their duty was computed for the reading before, but the battery gave `battery_mv`. */
+/* Corrects the model's voltages: their duty was for the previous reading, but the battery gave `battery_mv`. */
 static void correct(const mixer_config_t *config, mixer_state_t *state, uint16_t battery_mv)
 {
     const uint16_t floor_mv = config->battery_floor_mv;

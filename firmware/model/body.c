@@ -1,7 +1,7 @@
 #include "core/fix.h"
 #include "model/body.h"
 
-/* On the RCX h8/body.S holds the profile `coupled`. In a build without `paper` it replaces all of this file. */
+/* On the RCX, h8/body.S has the profile `coupled`. In a build without `paper`, h8/body.S replaces all of this file. */
 #ifdef FIX_IN_ASSEMBLY
 void body_h8_predict(const body_coefficients_t *coefficients, body_state_t *state, int16_t left_mv, int16_t right_mv);
 void body_h8_correct_surge(const body_coefficients_t *coefficients, body_state_t *state, int32_t change_mm_s_q17);
@@ -20,7 +20,7 @@ static inline int32_t clamp_speed(int32_t speed_mm_s_q17)
 {
     return fix_clamp_q16(speed_mm_s_q17, BODY_SPEED_LIMIT_MM_S_Q17 / 65536);
 }
-/* Square of a speed, (mm/s)^2 q2. */
+/* Square of a speed, in (mm/s)^2 q2. */
 static int32_t square(int32_t speed_mm_s_q17)
 {
     const uint16_t speed_q1 = (uint16_t)(fix_abs_u32(speed_mm_s_q17) >> 16);
@@ -60,7 +60,7 @@ static void correct_coupled(const body_coefficients_t *coefficients, body_state_
 #endif
 
 #ifndef BODY_WITHOUT_PAPER
-/* Change of speed by one wheel's thrust in this step, mm/s q24. */
+/* Change of speed that one wheel's thrust causes in this step, in mm/s q24. */
 static int32_t thrust(const body_coefficients_t *coefficients, uint8_t side, motor_state_t *wheel, int16_t voltage_mv)
 {
     const int32_t before = wheel->speed_mrad_s_q13;
@@ -78,8 +78,8 @@ static bool moves(int32_t surge_mm_s_q17, int32_t sway_mm_s_q17)
            fix_mul_u16((uint16_t)BODY_REST_SPEED_MM_S_Q17, (uint16_t)BODY_REST_SPEED_MM_S_Q17);
 }
 
-/* Direction of thrust by eq. 6, 7 and 9, in the room's frame: along the velocity. For a vehicle that moves backward,
- * along the mirror image of the velocity ahead of it. */
+/* Direction of thrust by eq. 6, 7 and 9, in the room's frame: along the velocity. If the vehicle moves backward, along
+ * the mirror image of the velocity that points forward. */
 static uint16_t thrust_bam16(const body_state_t *state, uint16_t heading_bam16)
 {
     if (!moves(state->motion.surge_mm_s_q17, state->motion.sway_mm_s_q17))

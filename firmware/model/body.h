@@ -3,14 +3,14 @@
  * Profile BODY_COUPLED. Wheels neither slip nor slide, so surge = r_w (w_l + w_r) / 2, yaw rate = r_w (w_l - w_r) /
  * (2 half-track), sway = 0, and the tyre force puts the body's inertia onto the wheels. Mean and half difference of
  * both wheels are then two independent motors, with the inertias J + m r_w^2 / 2 and J + J_z r_w^2 /
- * (2 half-track^2). Only air drag (eq. 5) is taken from the speed of the step before.
+ * (2 half-track^2). Only air drag (eq. 5) is computed from the speed of the previous step.
  *
  * Profile BODY_PAPER. Each wheel is one motor (eq. 14). Thrust is eq. 15 to 17 with the wheel speed's mean over the
- * step, along the velocity vector (eq. 6, 7, 9), or along the heading below BODY_REST_SPEED; nothing damps yaw. The
+ * step. It acts along the velocity (eq. 6, 7, 9), or along the heading below BODY_REST_SPEED; nothing damps yaw. The
  * velocity is kept in the room's frame, where the Coriolis terms of eq. 2 and 3 vanish, and turned into surge and sway.
  *
  * Both: no branch treats left and right, or forward and backward, differently. Mirror the voltages, and the run is
- * mirrored, bit for bit. Everything saturates at the limits given; a floating motor is not modelled.
+ * mirrored, bit for bit. All states saturate at the limits below; a floating motor is not modelled.
  */
 #ifndef BRICKPILOT_MODEL_BODY_H
 #define BRICKPILOT_MODEL_BODY_H
@@ -19,15 +19,15 @@
 #include "model/motor.h"
 
 #define BODY_PERIOD_MS STEP_MS
-#define BODY_SPEED_LIMIT_MM_S_Q17 1073479680L      /* 8.19 m/s, either axis: the sum of two fits in 31 bits */
+#define BODY_SPEED_LIMIT_MM_S_Q17 1073479680L      /* 8.19 m/s on either axis: the sum of two speeds fits in 31 bits */
 #define BODY_YAW_RATE_LIMIT_MRAD_S_Q12 1966080000L /* 480 rad/s */
-#define BODY_REST_SPEED_MM_S_Q17 45875L            /* 0.35 mm/s: below it motion has no direction */
+#define BODY_REST_SPEED_MM_S_Q17 45875L            /* 0.35 mm/s: a slower motion has no direction */
 
 typedef enum { BODY_COUPLED = 0, BODY_PAPER = 1 } body_profile_t;
 
-/* An image for a small brick holds one profile: -DBODY_WITHOUT_PAPER or -DBODY_WITHOUT_COUPLED. Do not give it
- * coefficients of the other profile. With -DBODY_VELOCITY_ONLY, too, an image without `paper` has body_predict() and
- * body_correct_surge() alone, which are all that app/step.c calls. */
+/* An image for a small brick holds one profile: -DBODY_WITHOUT_PAPER or -DBODY_WITHOUT_COUPLED. Do not give such an
+ * image coefficients of the other profile. If -DBODY_VELOCITY_ONLY is also set, an image without `paper` has only
+ * body_predict() and body_correct_surge(), because app/step.c calls no other function. */
 #if defined(BODY_WITHOUT_PAPER)
 #define BODY_ONLY BODY_COUPLED
 #define BODY_IS_PAPER(coefficients) false
@@ -38,8 +38,8 @@ typedef enum { BODY_COUPLED = 0, BODY_PAPER = 1 } body_profile_t;
 #define BODY_IS_PAPER(coefficients) ((coefficients)->profile == BODY_PAPER)
 #endif
 
-/* The generator computes the coefficients from SI values, and proves that nothing overflows. Brackets: units of input
- * and result. */
+/* The generator computes the coefficients from SI values, and proves that nothing overflows. Brackets give the units of
+ * input and result. */
 typedef struct {
     body_profile_t profile;
     /* Coupled: mean and half difference, with the sum or difference of mV as input. Paper: left and right. */
@@ -59,10 +59,10 @@ typedef struct {
 
 /* With all fields 0 the vehicle rests at the origin. */
 typedef struct {
-    motor_state_t motor[2];  /* as coefficients.motor */
+    motor_state_t motor[2];  /* same order as in coefficients.motor */
     signals_motion_t motion; /* saturates */
 #ifndef BODY_VELOCITY_ONLY
-    int32_t velocity_x_mm_s_q17; /* paper: in the room's frame */
+    int32_t velocity_x_mm_s_q17; /* paper: velocity in the room's frame */
     int32_t velocity_y_mm_s_q17;
     uint32_t heading_bam32; /* 2^32 = one turn */
     int32_t x_um;           /* +-2147 m, saturates */
@@ -80,19 +80,19 @@ typedef struct {
     int32_t right_mrad_s_q13;
 } body_wheels_t;
 
-/* One step of the velocities, with both voltages held and limited to +-MOTOR_VOLTAGE_LIMIT_MV. Moves the heading in
- * `paper`, where thrust needs it. It moves neither the heading in `coupled` nor the position. */
+/* One step of the velocities, with both voltages held and limited to +-MOTOR_VOLTAGE_LIMIT_MV. In `paper` it also moves
+ * the heading, which thrust needs. It moves neither the heading in `coupled` nor the position. */
 void body_predict(const body_coefficients_t *coefficients, body_state_t *state, int16_t left_mv, int16_t right_mv);
 
 /* One step of velocities, heading and position. */
 void body_step(const body_coefficients_t *coefficients, body_state_t *state, int16_t left_mv, int16_t right_mv);
 
-/* Adds an observer's correction `change_mm_s_q17` (+-8.19 m/s) to the surge. In `coupled` both wheels follow. */
+/* Adds an observer's correction `change_mm_s_q17` (+-8.19 m/s) to the surge, and in `coupled` to both wheel speeds. */
 void body_correct_surge(const body_coefficients_t *coefficients, body_state_t *state, int32_t change_mm_s_q17);
 
 void body_wheels(const body_coefficients_t *coefficients, const body_state_t *state, body_wheels_t *wheels);
 
-/* Heading rounded to a 65536th of a turn. */
+/* Heading rounded to 1/65536 turn. */
 uint16_t body_heading_bam16(const body_state_t *state);
 
 #endif

@@ -1,4 +1,4 @@
-/* body_parts.h: what body.c and body_pose.c share. No other file includes it. */
+/* body_parts.h: helper functions of body.c and body_pose.c. No other file includes it. */
 #ifndef BRICKPILOT_MODEL_BODY_PARTS_H
 #define BRICKPILOT_MODEL_BODY_PARTS_H
 
@@ -37,8 +37,8 @@ static inline int32_t middle(int32_t before, int32_t after)
     return before + half(after - before);
 }
 
-/* Turns the heading by the mean of two yaw rates: the yaw rate has changed linearly. Returns the heading in the middle
- * of the step. */
+/* Turns the heading by the mean of the yaw rates before and after the step: the yaw rate is taken to change linearly.
+ * Returns the heading in the middle of the step. */
 static inline uint16_t turn(const body_coefficients_t *coefficients, body_state_t *state, int32_t before_mrad_s_q12)
 {
     const int32_t mean = middle(before_mrad_s_q12, state->motion.yaw_rate_mrad_s_q12);

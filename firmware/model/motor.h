@@ -1,9 +1,9 @@
 /* motor.h: a gear motor with its load, eq. 12 to 14, in fixed point.
  *
- * Two states, current and speed at the wheel. Rolling friction (eq. 13, with the absolute value of the speed) is linear
- * in speed, so the motor is a linear system and the step is exact for a voltage that is held (matrix
- * exponential, taken by the generator). Each step computes the current anew and the speed by its change, so that the
- * slow time constant and the final speed are right to 1e-4 of their value.
+ * The states are the current and the speed at the wheel. Rolling friction (eq. 13, with the absolute value of the
+ * speed) is linear in speed, so the motor is a linear system. The step is exact for a voltage that is held: the
+ * generator takes the matrix exponential. Each step computes the current itself, but only the change of the speed, so
+ * that the slow time constant and the final speed are right to 1e-4 of their value.
  *
  * One pair of states stands for a wheel (profile paper), or for the mean or half difference of both wheels (coupled: see
  * body.h); the coefficients say which. The terminals always have a voltage: a floating motor is not modelled.
@@ -17,8 +17,8 @@
 
 #define MOTOR_SPEED_LIMIT_MRAD_S_Q13 (MOTOR_SPEED_LIMIT_MRAD_S_Q13_HIGH * 65536L)
 
-/* The new value of a state, or its change: the sum of these shares of current, speed and voltage. The generator refuses
- * parameters with which a sum could pass 2^31 within the limits above. */
+/* Coefficients of a state's new value, or of its change: a weighted sum of current, speed and voltage. The generator
+ * refuses parameters if the sum could pass 2^31 within the limits above. */
 typedef struct {
     scale_t from_current;
     scale_t from_speed;
@@ -27,7 +27,7 @@ typedef struct {
 
 typedef struct {
     motor_row_t current; /* the new value */
-    motor_row_t speed;   /* the change; from_speed is negative: minus the share of speed that a step loses */
+    motor_row_t speed;   /* the change; from_speed is negative: the fraction of the speed that a step loses */
 } motor_coefficients_t;
 
 /* With all fields 0 the motor is at rest. */
@@ -36,8 +36,8 @@ typedef struct {
     int32_t speed_mrad_s_q13; /* +-96 rad/s, saturates */
 } motor_state_t;
 
-/* One step of STEP_MS with `voltage_mv` (any) held. `load_mrad_s_q13` is the change of speed that an outside torque causes
- * in this step, +-20 rad/s. */
+/* One step of STEP_MS at a constant `voltage_mv` (any value). `load_mrad_s_q13` is the change of speed that an external
+ * torque causes in this step, +-20 rad/s. */
 void motor_step(const motor_coefficients_t *coefficients, motor_state_t *state, int16_t voltage_mv,
                 int32_t load_mrad_s_q13);
 

@@ -1,4 +1,4 @@
-/* scale.h: multiplication by a real number below 1, held as a 15-bit mantissa and a shift.
+/* scale.h: multiplication by a real number below 1, stored as a 15-bit mantissa and a shift.
  *
  * The model's coefficients span six decades. Each coefficient has a mantissa of 16384..32767, so that its relative
  * error is at most 2^-15 = 3.1e-5, whatever its size. Products are rounded to the nearest, halves away from zero:

@@ -7,7 +7,8 @@
 #include "avr/board.h"
 #include "hal.h"
 
-/* 125 kHz: the converter gives 10 good bits up to 200 kHz. A conversion takes 13 of its cycles, the next start 1. */
+/* The converter's clock is 125 kHz: up to 200 kHz it gives 10 good bits. A conversion takes 13 of its cycles, a start
+ * 1. */
 enum { CONTROL = 1U << ADEN | 1U << ADIE | 1U << ADPS2 | 1U << ADPS1 | 1U << ADPS0, BEGIN = 1U << ADSC };
 enum { AVCC = 1U << REFS0 };
 #ifdef BOARD_ATMEGA2560
@@ -16,8 +17,8 @@ enum { BANDGAP_INPUT = 0x1E };
 enum { BANDGAP_INPUT = 0x0E };
 #endif
 
-/* A round reads each sensor in turn; a burst is 4 rounds and two readings of the bandgap, of which the first one only
- * lets the input settle. */
+/* A round reads each sensor in turn. A burst has 4 rounds and two readings of the bandgap; the first of these two is
+ * not used, since the input still settles. */
 enum { ROUNDS = 4, COUNT_MOST = 1023, FRESH_TICKS = 1 };
 #if BOARD_IMU != BOARD_ANALOGUE
 #define ROUND ANALOGUE_BATTERY
@@ -42,10 +43,10 @@ static const __flash uint8_t INPUTS[ANALOGUE_SUMS] = {
     [ANALOGUE_BATTERY] = AVCC | BOARD_BATTERY_INPUT, [ANALOGUE_BANDGAP] = AVCC | BANDGAP_INPUT,
 };
 
-/* 1.1 V of 5 V reads as 225; both voltages may be wrong by a tenth. */
+/* The bandgap of 1.1 V reads as 225 with a reference of 5 V; both voltages may be wrong by a tenth. */
 enum { BANDGAP_LEAST = 184, BANDGAP_MOST = 276 };
 
-static uint16_t sums[ANALOGUE_SUMS]; /* sums of the burst under way */
+static uint16_t sums[ANALOGUE_SUMS]; /* sums of the present burst */
 static uint8_t at;                   /* conversions of this burst that have ended */
 static volatile uint16_t newest[ANALOGUE_BATTERY + 1];
 static volatile uint8_t age = 255; /* ticks since the newest good burst ended; saturates at 255 */
@@ -101,7 +102,7 @@ void analogue_begin(void)
         age++;
     if (at != READINGS) {
         count_fault();
-        ADCSRA = 1U << ADIF; /* ends a conversion that hangs; one that has just ended must not count in the new burst */
+        ADCSRA = 1U << ADIF; /* ends a conversion that hangs, and drops a result that would count in the new burst */
     }
     for (uint8_t i = 0; i < ANALOGUE_SUMS; i++)
         sums[i] = 0;
@@ -137,8 +138,8 @@ static bool read(uint8_t which, uint16_t *sum)
 #define LOG2(readings) ((readings) == 16 ? 4U : (readings) == 8 ? 3U : 2U)
 
 #if BOARD_IMU == BOARD_ANALOGUE
-/* The value of an axis. An input that stays at either end is not connected. The whole range fits: see the checks
- * below. */
+/* An input whose readings all lie at one end of the range is not connected. The value of an axis fits into 16 bits over
+ * the whole range: see the checks below. */
 #define IS_CONNECTED(sum, readings) ((sum) > 0 && (sum) < (readings) * (uint16_t)COUNT_MOST)
 
 static int16_t scaled(uint16_t sum, uint8_t readings_log2, uint16_t zero, uint16_t per_count_q8, bool reversed)
@@ -197,7 +198,7 @@ hal_status_t hal_battery_read(uint16_t *out_mv)
     return HAL_OK;
 }
 
-/* Nothing on the robot measures its true state. */
+/* No device on the robot measures its true state. */
 hal_status_t hal_reference_read(hal_reference_t *out)
 {
     (void)out;

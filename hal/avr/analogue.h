@@ -1,9 +1,9 @@
-/* analogue.h: the battery, and gyro and accelerometer where they are analogue, on the A/D converter.
+/* analogue.h: the A/D converter, which reads the battery, and also gyro and accelerometer if they are analogue.
  *
- * Every tick begins a burst of conversions, 2.5 ms long, one interrupt each. A burst adds up several readings of every
- * sensor in turn, so that all means are for about the same time. At its end it measures the chip's own 1.1 V, which a
- * converter that is stuck, or has lost its reference, does not find. A reading is stale when no good burst has ended
- * for two ticks.
+ * Every tick begins a burst of conversions, 2.5 ms long, with one interrupt for each conversion. A burst adds up
+ * several readings of every sensor in turn, so that all means are for about the same time. At its end it measures the
+ * chip's own 1.1 V: the result is wrong if the converter is stuck or has lost its reference. A reading is stale when
+ * no good burst has ended for two ticks.
  */
 #ifndef BRICKPILOT_AVR_ANALOGUE_H
 #define BRICKPILOT_AVR_ANALOGUE_H
@@ -27,12 +27,12 @@ enum {
     ANALOGUE_SUMS
 };
 
-/* Number of bursts that did not end, or did not find the 1.1 V; saturates at 65535. */
+/* Number of bursts that did not end, or measured the 1.1 V wrongly; saturates at 65535. */
 uint16_t analogue_faults(void);
 
 void analogue_start(void);
 
-/* Begins a burst, in the tick's interrupt. A burst that has not ended is given up. */
+/* Begins a burst; called in the tick's interrupt. A previous burst that has not ended is given up. */
 void analogue_begin(void);
 
 #endif

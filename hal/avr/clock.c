@@ -15,7 +15,7 @@ enum { PRESCALE = 64, TOP = BOARD_CPU_HZ / PRESCALE / 1000 - 1 };
 _Static_assert(BOARD_TICK_MS > 1, "the digital IMU is read in the ms before a tick");
 
 static volatile uint32_t now_ms;
-static volatile uint8_t ticks; /* ticks that have begun and that the loop has not seen; saturates at 255 */
+static volatile uint8_t ticks; /* ticks that have begun and that clock_wait() has not returned yet; saturates at 255 */
 static uint8_t until_tick = BOARD_TICK_MS;
 
 ISR(TIMER2_COMPA_vect)
@@ -51,8 +51,8 @@ uint32_t hal_clock_ms(void)
     return ms;
 }
 
-/* Sleeps until an interrupt, as the manual of avr/sleep.h says: no interrupt comes between sei() and the instruction
- * after it, so that the chip sleeps through none. Interrupts are off before and after. */
+/* Sleeps until an interrupt, as the manual of avr/sleep.h says: no interrupt can come between sei() and the next
+ * instruction, so the sleep misses no interrupt. Interrupts are off before and after. */
 static void sleep_until_interrupt(void)
 {
     sleep_enable();

@@ -24,24 +24,24 @@ typedef struct {
     uint8_t at, value;
 } setting_t;
 
-/* For each sensor: its address, the names of the chips of its kind, its settings, the burst (its first register and
- * size, the bits of the first byte that say "new data"), where in the burst the values are, and mrad/s or mm/s^2 per
- * count, times 65536. Both sensors have ranges of 1,000 degrees/s and 2 g, and a bandwidth of 150 to 190 Hz. */
+/* For each sensor: its address, the WHO_AM_I values of its chips, its settings, the burst (first register, size, bits
+ * of the first byte that say "new data"), the place of each value in the burst, and mrad/s or mm/s^2 per count, times
+ * 65536. Both sensors have ranges of 1,000 degrees/s and 2 g, and a bandwidth of 150 to 190 Hz. */
 #if BOARD_IMU == BOARD_MPU6050
 /* InvenSense, MPU-6000/6050 register map 4.2; the MPU-6500, 9250 and 9255 have the same registers. Data: high byte first. */
 enum { ADDRESS = 0x68 | BOARD_IMU_SECOND_ADDRESS, WHO_AM_I = 0x75, BURST = 0x3A, SIZE = 15, READY = 1 };
 enum { SURGE_AT = 1, SWAY_AT = 3, YAW_AT = 13, HIGH = 0, LOW = 1 };
 static const __flash uint8_t NAMES[] = {0x68, 0x70, 0x71, 0x73};
 static const __flash setting_t SETTINGS[] = {
-    {0x6B, 0x01}, /* PWR_MGMT_1: awake, on the gyro's clock */
+    {0x6B, 0x01}, /* PWR_MGMT_1: awake, clocked by the gyro */
     {0x1A, 0x01}, /* CONFIG: the filter of 184 Hz */
     {0x19, 0x00}, /* SMPLRT_DIV: 1 kHz */
     {0x1B, 0x10}, /* GYRO_CONFIG: 1,000 degrees/s */
     {0x1C, 0x00}, /* ACCEL_CONFIG: 2 g */
     {0x38, 0x01}, /* INT_ENABLE: data ready */
 };
-#define YAW_Q16 34873UL   /* 32.8 counts are a degree/s */
-#define FORCE_Q16 39227UL /* 16,384 counts are g */
+#define YAW_Q16 34873UL   /* 32.8 counts per degree/s */
+#define FORCE_Q16 39227UL /* 16,384 counts per g */
 #else
 /* ST, LSM6DS3, LSM6DSL, LSM6DS3TR-C, LSM6DSO: low byte first. */
 enum { ADDRESS = 0x6A | BOARD_IMU_SECOND_ADDRESS, WHO_AM_I = 0x0F, BURST = 0x1E, SIZE = 14, READY = 3 };
@@ -52,8 +52,8 @@ static const __flash setting_t SETTINGS[] = {
     {0x10, 0x70}, /* CTRL1_XL: 833 Hz, 2 g */
     {0x11, 0x78}, /* CTRL2_G: 833 Hz, 1,000 degrees/s */
 };
-#define YAW_Q16 40034UL   /* a count is 35 thousandths of a degree/s */
-#define FORCE_Q16 39204UL /* a count is 61 millionths of g */
+#define YAW_Q16 40034UL   /* 0.035 degree/s per count */
+#define FORCE_Q16 39204UL /* 61 millionths of g per count */
 #endif
 
 enum { ASK = 0, FIRST_SETTING = 1, RUN = FIRST_SETTING + sizeof SETTINGS / sizeof SETTINGS[0] };

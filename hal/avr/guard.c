@@ -6,8 +6,8 @@
 
 #include "avr/motors.h"
 
-/* The fuses that avrdude writes: a crystal at its full speed, no boot loader, and the brown-out detector at 4.3 V,
- * which the sensors' 5 V need. An Arduino library has no fuses: a boot loader cannot write them. */
+/* The fuses that avrdude writes: a crystal at full speed, no boot loader, and the brown-out detector at 4.3 V, because
+ * the sensors need 5 V. A build as Arduino library has no fuses: a boot loader cannot write them. */
 #ifndef BRICKPILOT_LIBRARY
 FUSES = {
     .low = 0xFF,
@@ -18,14 +18,14 @@ FUSES = {
 
 #define CANARY 0xA5C3U
 
-/* The stack grows down to here. */
+/* Lowest address that the stack may reach. */
 extern uint16_t __heap_start;
 
 #define ALIVE 0x6B95D2A4UL
 
-/* The mark is not cleared at a start, so that it outlives every reset and every boot loader: loaders use the start of
- * RAM and its end, and the mark lies between the variables and the stack. After power-on RAM holds such a pair only by
- * a chance of 1 in 2^64. */
+/* The mark is not cleared at a start, so it outlives every reset and every boot loader: loaders use only the two ends
+ * of RAM, and the mark lies between the variables and the stack. After power-on, RAM holds this pair with a
+ * probability of 1 in 2^64. */
 static struct {
     uint32_t alive, complement;
 } mark __attribute__((section(".noinit")));
@@ -71,7 +71,7 @@ void guard_start(void)
 
 void guard_tick(void)
 {
-    leave_mark(); /* also after a stack that grew too far has overwritten it */
+    leave_mark(); /* written again in case the stack has overwritten it */
     if (__heap_start == CANARY)
         wdt_reset();
 }

@@ -1,9 +1,9 @@
-/* guard.h: why the chip started, and what starts it again when the program fails.
+/* guard.h: finds out why the chip started, and resets the chip when the program fails.
  *
  * Every reset makes all pins inputs at once, and the pull-down resistors at the H-bridge then let both motors coast.
- * That is the safe state. Three things lead there: the watchdog, when guard_tick() is not called for GUARD_MS; the
- * brown-out detector, below 4.3 V; and an unexpected interrupt, or a stack that has grown into the variables, after
- * which the watchdog resets the chip.
+ * That is the safe state. Three causes lead to it: the watchdog, if guard_tick() is not called for GUARD_MS; the
+ * brown-out detector, below 4.3 V; and an unexpected interrupt or a stack overflow, after which the watchdog resets the
+ * chip.
  */
 #ifndef BRICKPILOT_AVR_GUARD_H
 #define BRICKPILOT_AVR_GUARD_H
@@ -11,10 +11,10 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* The watchdog's own oscillator is accurate to a tenth. */
+/* Time-out of the watchdog. Its oscillator is accurate to a tenth. */
 enum { GUARD_MS = 30 };
 
-/* Bits of guard_cause(), as MCUSR has them. */
+/* Bits of guard_cause(), the same as in MCUSR. */
 enum { GUARD_POWER_ON = 1, GUARD_RESET_PIN = 2, GUARD_BROWN_OUT = 4, GUARD_WATCHDOG = 8 };
 
 /* Returns why the chip started. More than one bit may be set: a slow rise of the supply is a power-on and a brown-out.

@@ -37,7 +37,7 @@ bool hal_link_read(message_t *message)
             return true;
         case FRAME_BAD:
             count(&bad);
-            return false; /* the other bytes wait, so that a call takes the time of one frame */
+            return false; /* the other bytes wait: a call takes at most the time of one frame */
         case FRAME_MORE:
             break;
         }
@@ -49,7 +49,7 @@ static bool send(const message_t *message)
 {
     uint8_t bytes[FRAME_SIZE_MAX];
 
-    if (!serial_has_room(FRAME_SIZE_MAX)) { /* asked first, since a frame takes time to make */
+    if (!serial_has_room(FRAME_SIZE_MAX)) { /* checked first, since encoding a frame takes time */
         count(&without_room);
         return false;
     }

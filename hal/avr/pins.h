@@ -11,7 +11,7 @@
 #define PINS_DIRECTION_(letter, bit) DDR##letter
 #define PINS_BIT_(letter, bit) (1U << (bit))
 
-/* For a pin of board.h, which expands to its letter and its bit. */
+/* The argument is a pin of board.h, which expands to its port's letter and its bit. */
 #define PINS_OUT(...) PINS_OUT_(__VA_ARGS__)
 #define PINS_IN(...) PINS_IN_(__VA_ARGS__)
 #define PINS_DIRECTION(...) PINS_DIRECTION_(__VA_ARGS__)

@@ -16,7 +16,7 @@ enum {
     ERROR = 2
 };
 
-/* The count of a change, by the lines before (A 8, B 4) and now (A 2, B 1). Forward, A leads: 00, 10, 11, 01. */
+/* The count of a change. Index: old A * 8 + old B * 4 + new A * 2 + new B. Forward, A leads: 00, 10, 11, 01. */
 static const __flash int8_t STEPS[16] = {0, -1, 1, ERROR, 1, 0, ERROR, -1, -1, ERROR, 0, 1, ERROR, 1, -1, 0};
 
 static volatile uint16_t left, right, errors;
@@ -40,7 +40,7 @@ static inline void take(volatile uint16_t *count, uint8_t *was, uint8_t is)
 
 ISR(PCINT2_vect)
 {
-    const uint8_t pins = PINS_IN(BOARD_LEFT_A); /* read once, so that all four pins are of the same time */
+    const uint8_t pins = PINS_IN(BOARD_LEFT_A); /* read once, so that all four levels are from the same time */
 
     take(&left, &left_was, state(pins, LEFT_A, LEFT_B));
     take(&right, &right_was, state(pins, RIGHT_A, RIGHT_B));

@@ -6,9 +6,9 @@
 
 #include "avr/board.h"
 
-enum { DIVISOR = (BOARD_CPU_HZ + 4 * BOARD_BAUD) / (8 * BOARD_BAUD) - 1 }; /* with 8 samples a bit */
+enum { DIVISOR = (BOARD_CPU_HZ + 4 * BOARD_BAUD) / (8 * BOARD_BAUD) - 1 }; /* mode U2X: 8 samples per bit */
 
-/* Only interrupts write in_put and out_taken, only the program in_taken and out_put. One byte each needs no lock. */
+/* Only interrupts write in_put and out_taken; only the program writes in_taken and out_put. Bytes need no lock. */
 static volatile uint8_t in[SERIAL_IN], out[SERIAL_OUT];
 static volatile uint8_t in_put, in_taken, out_put, out_taken;
 static volatile uint16_t overruns;

@@ -1,12 +1,12 @@
-/* serial.h: bytes on UART 0, through a ring buffer in each direction. Interrupts move them. */
+/* serial.h: bytes on UART 0, through a ring buffer in each direction. Interrupts move the bytes. */
 #ifndef BRICKPILOT_AVR_SERIAL_H
 #define BRICKPILOT_AVR_SERIAL_H
 
 #include <stdbool.h>
 #include <stdint.h>
 
-/* Powers of two, so that an index wraps with a mask. Up to 35 bytes come in a tick of 3 ms; a frame has at most 15
- * bytes, and eight frames can wait to be sent. One byte of each buffer stays empty. */
+/* Sizes of the buffers in bytes: powers of two, so that an index wraps with a mask. Up to 35 bytes come in a tick of 3
+ * ms; a frame has at most 15 bytes, and eight frames can wait to be sent. One byte of each buffer stays empty. */
 enum { SERIAL_IN = 64, SERIAL_OUT = 128 };
 
 void serial_start(void);

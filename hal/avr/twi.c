@@ -9,11 +9,11 @@
 
 #if BOARD_IMU != BOARD_ANALOGUE
 
-/* The chip divides its clock by 16 + 2 TWBR. */
+/* The bus clock is the chip's clock divided by 16 + 2 TWBR. */
 enum { HERTZ = 400000, RATE = (BOARD_CPU_HZ / HERTZ - 16) / 2 };
 
-/* Values of TWSR: what has happened. simavr reports an address's acknowledge as that of a byte; both do the same
- * here. */
+/* Values of TWSR: what has happened on the bus. simavr reports the acknowledge of an address as that of a byte; this
+ * file treats both alike. */
 enum {
     STARTED = 0x08,
     STARTED_AGAIN = 0x10,
@@ -37,7 +37,7 @@ static void end(twi_state_t how)
     state = how;
 }
 
-/* The last byte is not acknowledged, so that the device lets go of the line. */
+/* Starts to receive a byte. The last byte is not acknowledged, so that the device releases the line. */
 static void await_byte(void)
 {
     TWCR = got + 1 < to_get ? GO | 1U << TWEA : GO;
@@ -121,7 +121,7 @@ void twi_free(void)
         LET_GO(BOARD_SCL);
         _delay_us(HALF_US);
     }
-    PULL(BOARD_SDA); /* then a stop: the data line rises while the clock is high */
+    PULL(BOARD_SDA); /* now a stop condition: the data line rises while the clock is high */
     _delay_us(HALF_US);
     LET_GO(BOARD_SDA);
     state = TWI_REFUSED;

@@ -25,7 +25,7 @@ static void sleep_until_next(void)
     chip.now = then;
 }
 
-/* Lets time pass up to the instruction at `pc`, which it counts. Returns the interrupt that comes instead, or 0. */
+/* Lets time pass until the instruction at `pc` runs, and counts it. Returns the interrupt that comes instead, or 0. */
 static int brick_before(uint16_t pc, bool masked, const uint16_t *registers)
 {
     const bool sleeps = word_at(pc) == SLEEP && !(registers[1] == EXIT_R1 && registers[2] == EXIT_R2);

@@ -6,7 +6,7 @@
  *
  * Registers are bytes of the simulator's memory. Before each instruction chip_touch() gets the address of its data;
  * after it, chip_written() handles what a program wrote into a register. A device sets a flag. A program clears the
- * flag by writing 0 after it has read 1; so a flag that rises in between stays set.
+ * flag by writing 0 after it has read 1. So a flag that is set between this read and write stays set.
  */
 #ifndef BRICKPILOT_H8SIM_CHIP_H
 #define BRICKPILOT_H8SIM_CHIP_H
@@ -45,7 +45,7 @@ enum { OCFA = 0x08, OCFB = 0x04, CCLRA = 0x01, OCRS = 0x10, OVF = 0x80, WATCHES 
 
 static const uint64_t NEVER = UINT64_MAX;
 
-/* What the processor spends its time on. The interrupts stand in the order of their priority. */
+/* What the processor spends its time on. The interrupts are in the order of their priority. */
 enum { IDLE, PROGRAM, KERNEL, NMI, OCIA, OCIB, ERI, RXI, TXI, TEI, ADI, KINDS };
 
 /* A maskable interrupt is pending if its flag is up and its enable bit is set. */
@@ -61,7 +61,7 @@ static const struct {
     [ADI] = {35, ADCSR, ADF, ADCSR, ADIE},
 };
 
-/* Registers with such flags, and their bits that are flags, which a program may only clear. */
+/* Registers with such flags, and the flags' bits. A program may only clear these bits. */
 enum { FLAGGED = 3 };
 static const struct {
     uint16_t at;
@@ -71,10 +71,10 @@ static const struct {
 static struct {
     uint8_t *memory;
     uint64_t now;                           /* states since the start */
-    uint64_t next;                          /* time at which a device next has something to do */
+    uint64_t next;                          /* time of the next event of any device */
     uint16_t touched;                       /* the register that the last instruction read or wrote; 0: none */
-    uint8_t before[FLAGGED], seen[FLAGGED]; /* contents of the registers of FLAGS; flags read as 1 */
-    int pending;                            /* the maskable interrupt that comes first; 0: none */
+    uint8_t before[FLAGGED], seen[FLAGGED]; /* old contents of the registers in FLAGS; flags read as 1 */
+    int pending;                            /* the pending maskable interrupt of highest priority; 0: none */
     bool nmi;
 
     uint64_t frt_setting, frt_zero, match_a, match_b; /* setting and start of the counter, times of the next matches */
@@ -87,7 +87,7 @@ static struct {
     uint64_t converted;   /* time at which the conversion ends */
     uint16_t analogue[4]; /* the converter's four inputs, 0..1023 */
 
-    uint64_t sent; /* time at which the byte that is being sent is out */
+    uint64_t sent; /* time at which the byte in `sending` has been sent */
     uint8_t sending;
     void (*out)(uint8_t byte); /* takes the byte that was sent */
 
@@ -133,7 +133,8 @@ static uint64_t frt_period(void)
     return (chip.memory[TCSR] & CCLRA ? chip.ocr[0] + 1U : 0x10000U) * frt_tick();
 }
 
-/* The counter begins at 0 when the timer is set up. If it is cleared at OCRA, it never reaches an OCRB above OCRA. */
+/* Starts the counter at 0, when the timer is set up. A counter that is cleared at OCRA never reaches an OCRB above
+ * OCRA. */
 static void start_frt(void)
 {
     const bool beyond = (chip.memory[TCSR] & CCLRA) != 0 && chip.ocr[1] > chip.ocr[0];
@@ -143,7 +144,7 @@ static void start_frt(void)
     chip.match_b = beyond ? NEVER : chip.now + (chip.ocr[1] + 1U) * frt_tick();
 }
 
-/* States of one byte on the line: start bit, eight bits, parity and stop bit. */
+/* Time of one byte on the line, in states: start bit, eight bits, parity and stop bit. */
 static uint64_t byte_states(void)
 {
     return 11ULL * 32 * (1ULL << 2 * (chip.memory[SMR] & 3)) * (chip.memory[BRR] + 1U);
@@ -156,7 +157,7 @@ static uint64_t wdt_tick(void)
     return STATES[chip.wdt_control & 7];
 }
 
-/* Sets the counter. The prescaler runs on unchanged. */
+/* Sets the watchdog's counter. The prescaler runs on unchanged. */
 static void start_wdt(uint8_t counter)
 {
     chip.overflow = chip.wdt_control & TME ? (chip.now / wdt_tick() + 256U - counter) * wdt_tick() : NEVER;
@@ -248,7 +249,7 @@ static void load_sender(void)
     chip.memory[SSR] = (uint8_t)((chip.memory[SSR] | TDRE) & ~TEND);
 }
 
-/* Without TE there is nothing to send, and a byte on its way is lost. */
+/* If TE is 0, nothing is sent, and a byte that is being sent is lost. */
 static void serial_written(void)
 {
     if ((chip.memory[SCR] & TE) == 0) {
@@ -314,7 +315,8 @@ static void chip_receive(uint8_t byte, bool wrong)
     find_pending();
 }
 
-/* An input whose power is on measures the battery's voltage, not the sensor. Bits 0 to 2 of port 6 switch the power. */
+/* While an input's power is on, the converter reads the battery's voltage there, not the sensor. Bits 0 to 2 of port 6
+ * switch the power. */
 static void end_conversion(void)
 {
     const uint8_t input = chip.memory[ADCSR] & 3;
@@ -337,7 +339,7 @@ static void end_byte(void)
     chip_receive(byte, false);
 }
 
-/* Does all that the devices have to do up to the present time. */
+/* Brings all devices up to the present time. */
 static void chip_run(void)
 {
     if (chip.match_a <= chip.now) {

@@ -1,20 +1,20 @@
-/* console.h: the surroundings of a simulated RCX, controlled by commands on the simulator's standard input. Numbers are big-endian, and
- * the number of bytes of each stands behind it:
+/* console.h: the surroundings of a simulated RCX, controlled by commands on the simulator's standard input. Numbers
+ * are big-endian; the number in brackets is the size in bytes:
  *
  *   r ms(2)                time passes
- *   l byte(1) wrong(1)     the brick receives a byte, in the time of a byte; wrong not 0: with a wrong parity
+ *   l byte(1) wrong(1)     the brick receives a byte, which takes the time of a byte; wrong not 0: with a wrong parity
  *   k keys(1)              these buttons are held: 1 On-Off, 2 Run, 4 View, 8 Prgm
  *   a input(1) raw(2)      sets what the converter measures at input 1, 2 or 3, or at the battery (input 0): 0..1023
- *   m address(2) size(2)   the reply is the content of the memory there
+ *   m address(2) size(2)   the reply is the content of the memory from this address on
  *   b address(2)           from now on records the time whenever the instruction at this address begins
  *   e                      the reply is the number of recorded times (2) and these times, in states since the start
  *                          (8 each). The recorded times are then cleared
  *   t                      the reply is the time since the start (8), and for each kind of chip.h how often it came (4) and how
  *                          long it took (8), both since the start
- *   f size(1) path         a copy of this brick, a process of its own, takes the commands from the socket of this path
+ *   f size(1) path         starts a copy of this brick as a new process, which takes commands from the socket `path`
  *
- * The reply to r and l is: how long motors A and C were driven in that time, forward less backward (us, 4 bytes each, signed), the number
- * of bytes that the brick has sent (2), and those bytes. The program ends at the end of its input.
+ * The reply to r and l is: how long motors A and C were driven in that time, forward minus backward (us, 4 bytes each,
+ * signed), the number of bytes that the brick has sent (2), and those bytes. The program ends when its input ends.
  */
 #ifndef BRICKPILOT_H8SIM_CONSOLE_H
 #define BRICKPILOT_H8SIM_CONSOLE_H
@@ -35,7 +35,7 @@ static struct {
     uint8_t brought;
     uint8_t motors; /* value of the motor port since the time `settled` */
     uint64_t settled;
-    int64_t driven_a, driven_c; /* states, forward less backward */
+    int64_t driven_a, driven_c; /* driven time of motors A and C in states, forward minus backward */
     uint8_t sent[SENT_MOST];
     uint16_t sent_size;
     uint16_t kept_at;
@@ -48,7 +48,7 @@ static int direction(unsigned forward, unsigned backward)
     return (forward != 0) - (backward != 0);
 }
 
-/* A motor with both bits set is shorted; with none it floats. */
+/* A motor with both bits set is shorted; with no bit set it floats. */
 static void settle_motors(void)
 {
     const int64_t states = (int64_t)(chip.now - console.settled);
@@ -132,7 +132,7 @@ static void write_tally(void)
     }
 }
 
-/* The host waits at the socket, and sends nothing until the copy is there: so no command waits unread at this end. */
+/* The host waits at the socket, and sends nothing until the copy connects: so this process has no unread command. */
 static void copy_itself(void)
 {
     struct sockaddr_un to = {.sun_family = AF_UNIX};
@@ -152,7 +152,7 @@ static void copy_itself(void)
     dup2(end, STDOUT_FILENO);
 }
 
-/* Obeys a command. Returns false if time has to pass before the next one. */
+/* Carries out a command. Returns false if time has to pass before the next command. */
 static bool obey(int command)
 {
     switch (command) {
@@ -199,7 +199,7 @@ static bool obey(int command)
     return true;
 }
 
-/* Records the time if the instruction at `pc` is the one of command b. */
+/* Records the time if `pc` is the address that command b has set. */
 static void keep_time(uint16_t pc)
 {
     if (pc == console.kept_at && console.kept_size < KEPT_MOST)

@@ -1,15 +1,15 @@
-/* decoded.h: hal/h8sim/simulator puts this in place of the call of decode() in the simulator's main loop. It uses the loop's
- * variables sd, cpu, pc and code, and those of its condition codes.
+/* decoded.h: hal/h8sim/simulator puts this file in place of the call of decode() in the simulator's main loop. It uses
+ * the loop's variables sd, cpu, pc and code, and those of its condition codes.
  *
- * decode() searches its table of instructions for each one executed: this allows 0.2 million per second. No instruction
- * of the H8/300 is longer than four bytes, so an address whose four bytes are still the same needs no second search: 30
- * million per second.
+ * decode() searches its table for each executed instruction, which allows 0.2 million instructions per second. No
+ * instruction of the H8/300 is longer than four bytes. So if the four bytes at an address are unchanged, this code uses
+ * the earlier result: 30 million instructions per second.
  *
  * If the environment variable H8SIM_TRACE names a file, the address and the stack pointer of every instruction are written
  * there, two native 16-bit words each.
  *
- * If H8SIM_BRICK is set, the processor is an RCX's: time passes, interrupts come (brick.h), and standard input and output belong to
- * console.h.
+ * If H8SIM_BRICK is set, the processor is that of an RCX: time passes, interrupts come (brick.h), and console.h uses
+ * standard input and output.
  */
 {
     static struct {

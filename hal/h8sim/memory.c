@@ -1,4 +1,4 @@
-/* memory.c: the compiler calls these two to copy and clear structs of the link port, and the simulator has no library. */
+/* memory.c: two functions that the compiler calls to copy and clear structs. The simulator has no library. */
 #include <stdint.h>
 
 void *memcpy(void *to, const void *from, uint16_t size);

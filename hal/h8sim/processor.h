@@ -1,11 +1,11 @@
 /* processor.h: how long the RCX's processor takes for an instruction, and how it takes interrupts. Source: Hitachi
  * H8/300 Series Programming Manual, appendix A, and the chapter on exceptions of the H8/3297 Series Hardware Manual.
  *
- * states_gen.h has the accesses of each instruction. Here their addresses are known, so each access gets the time of
- * its memory: ROM and RAM on the chip take 2 states for a byte or a word, everything else (the RCX's RAM and its motor
- * port on the 8-bit bus, the chip's own registers) 3 for a byte and 6 for a word. No device of the RCX asks for wait
- * states. All words of code count as in the memory of the instruction, also the first word after a jump to other
- * memory. */
+ * states_gen.h lists the memory accesses of each instruction. This file knows their addresses, so each access gets the
+ * time of its memory. ROM and RAM on the chip take 2 states for a byte or a word. All else (the RCX's RAM and its motor
+ * port on the 8-bit bus, the chip's own registers) takes 3 states for a byte and 6 for a word. No device of the RCX
+ * asks for wait states. All words of code are timed by the memory of the instruction, even the first word after a jump
+ * to other memory. */
 #ifndef BRICKPILOT_H8SIM_PROCESSOR_H
 #define BRICKPILOT_H8SIM_PROCESSOR_H
 
@@ -15,7 +15,7 @@
 enum { SLEEP = 0x0180, RTE = 0x56, EEPMOV = 0x7B, STACK = 7 };
 enum { ROM_END = 0x4000, RAM_BEGIN = 0xFD80, RAM_END = 0xFF80 }; /* on the chip */
 enum { PROGRAMS_BEGIN = 0xADBC };  /* where brickOS's memory for programs begins; the kernel lies below */
-enum { DECIDE = 2, INTERNAL = 4 }; /* states of an interrupt besides its accesses */
+enum { DECIDE = 2, INTERNAL = 4 }; /* states of an interrupt in addition to its memory accesses */
 
 static struct {
     int depth; /* 0: a task runs, 1: an interrupt, 2: an NMI in an interrupt */
@@ -80,7 +80,7 @@ static unsigned instruction_states(uint16_t pc, const uint16_t *registers)
            cost->own;
 }
 
-/* Adds states to the time, and to the sum for what the processor does at `pc`. */
+/* Adds states to the time, and to the sum of the kind (program, kernel or interrupt) that runs at `pc`. */
 static void spend(unsigned states, uint16_t pc)
 {
     const int task = pc >= PROGRAMS_BEGIN && pc < RAM_BEGIN ? PROGRAM : KERNEL;
@@ -106,7 +106,7 @@ static int interrupt_now(bool masked)
     return masked ? 0 : chip.pending;
 }
 
-/* Counts the interrupt. Returns the address of its vector. */
+/* Counts the interrupt and its time. Returns the address of its vector. */
 static uint16_t enter(int kind, uint16_t stack)
 {
     const uint16_t vector = (uint16_t)(2 * (kind == NMI ? 3 : INTERRUPTS[kind].vector));
@@ -119,7 +119,7 @@ static uint16_t enter(int kind, uint16_t stack)
     return vector;
 }
 
-/* Counts the instruction at `pc`. */
+/* Adds the time of the instruction at `pc`. */
 static void count_instruction(uint16_t pc, const uint16_t *registers)
 {
     spend(instruction_states(pc, registers), pc);

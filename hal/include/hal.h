@@ -1,8 +1,8 @@
-/* hal.h: all that the controller knows of its hardware.
+/* hal.h: the controller's only interface to its hardware.
  *
  * A port (hal/sil, hal/link, hal/rcx, ...) defines every function below. A program that lacks one of them does not link.
- * Only firmware/app/loop.c, serve.c and the main programs in firmware/targets call them, always from the same thread. No
- * function blocks.
+ * Only firmware/app/loop.c, serve.c and the main programs in firmware/targets call these functions, always from the
+ * same thread. No function blocks.
  */
 #ifndef BRICKPILOT_HAL_H
 #define BRICKPILOT_HAL_H
@@ -21,7 +21,7 @@ typedef enum {
 
 typedef struct {
     int16_t accel_surge_mm_s2; /* specific force forward, mm/s^2, -32767..32767; saturates */
-    int16_t accel_sway_mm_s2;  /* to the right */
+    int16_t accel_sway_mm_s2;  /* specific force to the right, same unit and range */
     int16_t yaw_rate_mrad_s;   /* clockwise from above, mrad/s, -32767..32767; saturates; bias not removed */
 } hal_imu_t;
 
@@ -42,13 +42,13 @@ typedef struct {
 /* Milliseconds since power-on; wraps at 2^32. */
 uint32_t hal_clock_ms(void);
 
-/* These functions give the newest reading, and the same one in a second call in a step. They write `out` only if they
- * return HAL_OK; with HAL_PARTLY they write only its yaw rate. */
+/* These functions give the newest reading; a second call in the same step gives the same reading. They write `out` only
+ * if they return HAL_OK; with HAL_PARTLY they write only its yaw rate. */
 hal_status_t hal_imu_read(hal_imu_t *out);
 hal_status_t hal_rotation_read(hal_rotation_t *out);
 hal_status_t hal_reference_read(hal_reference_t *out);
 
-/* Gives the battery's voltage at the motor drive, mV, 0..32000. */
+/* Gives the battery's voltage at the motor drive in mV, 0..32000. */
 hal_status_t hal_battery_read(uint16_t *out_mv);
 
 /* Sets the duty of both motors: -32767..32767 is -1..1 times the battery's voltage, forward positive. It takes effect at

@@ -3,7 +3,7 @@
 #include "wire/crc.h"
 
 #ifdef __H8300__
-#define LINK_THREAD /* that processor has no threads */
+#define LINK_THREAD /* the H8/300 has no threads */
 #else
 #define LINK_THREAD __thread
 #endif

@@ -103,7 +103,7 @@ static void accept(set_t *set, const struct wire_sync_t *sync)
     read_reference(set);
 }
 
-/* Takes the set that the waiting SYNC announces, if all of its parts are there. */
+/* Takes the set that the stored SYNC announces, if all parts of the set are there. */
 static set_status_t settle(set_t *set)
 {
     struct wire_sync_t sync;

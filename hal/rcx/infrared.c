@@ -110,7 +110,7 @@ bool hal_link_write(const message_t *message)
     return true;
 }
 
-/* Returns 0 if there is nothing to send. */
+/* Condition for wait_event(). Returns 0 if there is nothing to send. */
 static wakeup_t something_to_send(wakeup_t unused)
 {
     (void)unused;
@@ -122,8 +122,8 @@ bool infrared_idle(void)
     return something_to_send(0) == 0;
 }
 
-/* The task that sends. wait_event() returns 0 when the program has to end. If a reply is replaced while the kernel
- * copies it, the copy's CRC is wrong, and the reply is sent again. */
+/* The task that sends. wait_event() returns 0 when the program has to end. If a new reply overwrites the reply while
+ * the kernel copies it, the copy's CRC is wrong, and the reply is sent again. */
 static int send(int argc, char **argv)
 {
     (void)argc;

@@ -4,8 +4,8 @@
 #include "hal.h"
 
 /* Every 2 ms, and when a waiting task goes on, brickOS adds the speed to an 8-bit sum, and gives a pulse when the sum
- * overflows: a speed of 0..254 is that many 256ths of full power, and 255 is full power. A duty of 0 shorts the motor,
- * as in the controller's model. Between pulses brickOS lets the motor float. */
+ * overflows. So a speed of 0..254 gives speed / 256 of full power, and 255 gives full power. A duty of 0 shorts the
+ * motor, as in the controller's model. Between pulses brickOS lets the motor float. */
 static uint8_t speed_of(int16_t duty_q15, MotorDirection *direction)
 {
     const uint16_t size = duty_q15 < 0 ? -(uint16_t)duty_q15 : (uint16_t)duty_q15;

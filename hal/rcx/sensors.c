@@ -6,8 +6,8 @@
 /* The 10 bits of a converter's reading are the highest bits of a word. */
 enum { RAW_ONE = 64, RAW_MAX = 0xFFC0 };
 
-/* mV per count of the battery's converter: 43988 / 1560, as a whole part and a fraction. The formula is brickOS's own. 709 counts
- * are the most that stay below 20 V. */
+/* mV per count of the battery's converter: 43988 / 1560, as a whole part and a fraction. The formula is that of
+ * brickOS. More than 709 counts would mean more than 20 V. */
 enum { BATTERY_WHOLE = 28, BATTERY_OVER = 77, BATTERY_UNDER = 390, BATTERY_MOST = 709 };
 
 void sensors_start(void)
@@ -18,7 +18,7 @@ void sensors_start(void)
     ds_rotation_set(&BOARD_RIGHT_INPUT, 0);
     ds_rotation = BOARD_COUNTING_INPUTS;
 #endif
-    /* The other inputs are passive: the kernel leaves every input so when it starts a program. */
+    /* The other inputs stay passive: the kernel makes every input passive when it starts a program. */
 }
 
 static uint16_t raw_of(uint16_t converter)
@@ -31,7 +31,7 @@ static bool connected(uint16_t converter)
     return converter >= RAW_ONE && converter < RAW_MAX;
 }
 
-/* Multiplies 8 x 8 bits at a time: the processor has no other product. */
+/* Multiplies in parts of 8 x 8 bits: the processor has no other multiplication. */
 static uint16_t times(uint16_t counts, uint8_t factor)
 {
     return (uint16_t)((uint8_t)(counts >> 8) * factor << 8) + (uint8_t)counts * factor;
@@ -77,7 +77,7 @@ static uint16_t counts_of(int16_t count, bool reversed)
     return reversed ? -(uint16_t)count : (uint16_t)count;
 }
 
-/* A sensor that is not plugged in counts nothing. It looks like a wheel at rest. */
+/* A sensor that is not plugged in counts nothing, and so looks like a wheel at rest. */
 hal_status_t hal_rotation_read(hal_rotation_t *out)
 {
     out->left = counts_of(BOARD_LEFT_COUNT, BOARD_LEFT_REVERSED);
@@ -109,7 +109,7 @@ hal_status_t hal_battery_read(uint16_t *out_mv)
 {
     uint16_t raw = raw_of(BATTERY);
 
-    if (raw == 0) /* not converted yet */
+    if (raw == 0) /* no conversion has ended yet */
         return HAL_STALE;
     if (raw > BATTERY_MOST)
         raw = BATTERY_MOST;

@@ -1,5 +1,5 @@
-/* sil.h: the port inside one process. The owner of the plant fills a mailbox and binds it; the controller's calls of the HAL
- * read and write that mailbox.
+/* sil.h: the HAL port inside one process. The owner of the plant fills a mailbox and binds it; the controller's calls
+ * of the HAL read and write this mailbox.
  *
  * The binding is per thread, so that many closed loops can run side by side.
  */
@@ -12,7 +12,7 @@ enum { SIL_LINK_SIZE = 16 };
 
 typedef struct {
     uint32_t clock_ms;
-    /* What the next read returns. A value counts only if its status is HAL_OK; of HAL_PARTLY, the yaw rate. */
+    /* What the next read returns. A value is valid only if its status is HAL_OK; the yaw rate also with HAL_PARTLY. */
     hal_status_t imu_status, rotation_status, reference_status, battery_status;
     hal_imu_t imu;
     hal_rotation_t rotation;
@@ -26,7 +26,7 @@ typedef struct {
     uint16_t link_out_size, link_in_size;
 } sil_port_t;
 
-/* Binds the port that this thread's calls of the HAL use from now on. The caller keeps it alive. NULL unbinds. */
+/* From now on this thread's calls of the HAL use `port`, which must outlive its use. NULL: no port. */
 void sil_bind(sil_port_t *port);
 
 #endif

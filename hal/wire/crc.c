@@ -2,12 +2,12 @@
 
 static uint16_t byte_more(uint16_t crc, uint8_t byte)
 {
-#ifdef __H8300__ /* 34 bytes of code less, on a brick that has few left */
+#ifdef __H8300__ /* saves 34 bytes of code on the RCX, whose memory is nearly full */
     crc ^= (uint16_t)((uint16_t)byte << 8);
     for (uint8_t bits = 8; bits > 0; bits--)
         crc = (uint16_t)(crc << 1) ^ (crc & 0x8000U ? 0x1021U : 0U);
     return crc;
-#else /* eight bits at a time: about 1,200 cycles less for a message on an AVR chip */
+#else /* eight bits at a time: saves about 1,200 cycles per message on an AVR chip */
     uint8_t turned = (uint8_t)((uint8_t)(crc >> 8) ^ byte);
 
     turned ^= (uint8_t)(turned >> 4); /* x^16 = x^12 + x^5 + 1, and the upper four bits of x^12 come back once more */

@@ -1,6 +1,6 @@
 /* crc.h: CRC-16/CCITT-FALSE, and the CRC that messages have in bytes 6 and 7.
  *
- * A transport may have a checksum of its own; slcan has none. So every message that can move the motors has an
+ * Some transports have a checksum of their own, but slcan has none. So every message that can move the motors has an
  * end-to-end CRC.
  */
 #ifndef BRICKPILOT_WIRE_CRC_H
@@ -12,7 +12,7 @@
 
 #define CRC_START 0xFFFFU
 
-enum { CRC_AT = 6 }; /* place in the message's data */
+enum { CRC_AT = 6 }; /* index of the CRC in the message's data */
 
 /* Continues `crc` with `size` bytes. The first call takes CRC_START. Polynomial 0x1021, not reflected; the CRC of
  * "123456789" is 0x29B1. */

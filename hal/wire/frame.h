@@ -1,11 +1,11 @@
 /* frame.h: messages on a serial line.
  *
  *   id low, id high, size, data, CRC low, CRC high   at most 13 bytes; the CRC covers all bytes before it
- *   coded as COBS                                    one byte more, and no 0x00 inside
+ *   coded as COBS                                    one byte longer, without any 0x00
  *   0x00                                             ends the frame
  *
  * A reader that joins late, or reads a damaged frame, finds the next frame after the next 0x00. A sender may put a 0x00
- * before its first frame, to end whatever is on the line.
+ * before its first frame, to end an incomplete frame on the line.
  */
 #ifndef BRICKPILOT_WIRE_FRAME_H
 #define BRICKPILOT_WIRE_FRAME_H

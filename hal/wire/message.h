@@ -1,4 +1,4 @@
-/* message.h: one message of brickpilot.dbc, as it travels on every transport: a classic CAN frame. */
+/* message.h: one message of brickpilot.dbc. On every transport it has the content of a classic CAN frame. */
 #ifndef BRICKPILOT_WIRE_MESSAGE_H
 #define BRICKPILOT_WIRE_MESSAGE_H
 
@@ -12,8 +12,8 @@ typedef struct {
     uint8_t data[MESSAGE_DATA_MAX];
 } message_t;
 
-/* The lowest byte of a number of `size` bytes stands at MESSAGE_LOWEST(size) in memory, and the next byte MESSAGE_UP further.
- * In a message the lowest byte comes first. */
+/* Byte order of this processor: the lowest byte of a number of `size` bytes is at index MESSAGE_LOWEST(size) in
+ * memory, and the next byte MESSAGE_UP further. In a message the lowest byte comes first. */
 #if defined(__BYTE_ORDER__) && __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__
 #define MESSAGE_LOWEST(size) 0
 #define MESSAGE_UP 1

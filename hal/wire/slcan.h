@@ -1,4 +1,4 @@
-/* slcan.h: messages on a serial line in the ASCII protocol of CAN adapters (Lawicel). The decoder plays the adapter.
+/* slcan.h: messages on a serial line in the ASCII protocol of CAN adapters (Lawicel). The decoder acts as the adapter.
  *
  *   tIIILDD..\r   a frame: id in three hexadecimal digits, size in one, data
  *   C, O, Sn      close, open, bit rate: the reply is \r. The bit rate has no effect
@@ -32,7 +32,7 @@ typedef struct {
 typedef enum {
     SLCAN_MORE = 0,
     SLCAN_MESSAGE = 1, /* `message` is written */
-    SLCAN_REPLY = 2    /* `reply` is to be sent */
+    SLCAN_REPLY = 2    /* the caller has to send `reply` */
 } slcan_status_t;
 
 slcan_status_t slcan_take(slcan_decoder_t *decoder, uint8_t byte, message_t *message);

@@ -13,20 +13,20 @@ typedef enum { BRIDGE_COAST, BRIDGE_SHORT, BRIDGE_FORWARD, BRIDGE_BACKWARD, BRID
 typedef struct {
     bridge_state_t state;
     uint64_t since;                 /* cycle up to which `cycles` are counted */
-    uint64_t cycles[BRIDGE_STATES]; /* in each state since the last bridge_clear() */
+    uint64_t cycles[BRIDGE_STATES]; /* cycles in each state since the last bridge_clear() */
 } bridge_t;
 
 bridge_state_t bridge_state(bool in1, bool in2, bool pwm);
 
-/* From cycle `now` on, the bridge is in this state. A `now` earlier than the last call's counts as the last call's. */
+/* From cycle `now` on, the bridge is in this state. If `now` is before the last call's `now`, the last one is used. */
 void bridge_set(bridge_t *bridge, bridge_state_t state, uint64_t now);
 
-/* Counts up to cycle `now`. */
+/* Counts the cycles of the present state up to cycle `now`. */
 void bridge_count(bridge_t *bridge, uint64_t now);
 
 void bridge_clear(bridge_t *bridge);
 
-/* Returns the mean duty of what was counted, -1..1, where a shorted motor counts as 0. NaN: it coasted for at least
+/* Returns the mean duty over the counted cycles, -1..1; a shorted motor has duty 0. NaN: the motor coasted for at least
  * half of the time, or nothing was counted. A shorter coasting time is left out of the mean. */
 double bridge_duty(const bridge_t *bridge);
 

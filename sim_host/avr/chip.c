@@ -14,7 +14,7 @@
 enum { RUN_AT_MOST = 1000 };
 static const double REGULATOR_DROP_V = 0.5, REGULATED_V = 5.0, NEEDED_AT_16_MHZ_V = 3.8;
 
-/* Drops simavr's messages: the errors that matter here come as a status. */
+/* Drops simavr's messages: chip.h reports errors as a status. */
 static void say_nothing(avr_t *avr, const int level, const char *format, va_list values)
 {
     (void)avr;
@@ -35,7 +35,7 @@ static bool main_runs(const avr_t *avr)
     return avr->interrupts.running_ptr == 0 && avr->sreg[S_I] && avr->state == cpu_Running;
 }
 
-/* Lets the time of a jump to itself pass, in place of the main program's next instruction. */
+/* Replaces the main program's next instruction by a jump to itself: only the time of the jump passes. */
 static void stand_still(avr_t *avr)
 {
     avr->cycle += 2;
@@ -79,8 +79,8 @@ static void run(avr_t *avr)
         look(chip, asleep);
 }
 
-/* simavr may run many instructions in a call, up to its next timer; it runs one if a fault or a profile looks at
- * each. */
+/* simavr may run many instructions in a call, up to its next timer. If a fault or a profile checks each instruction, it
+ * runs one. */
 static void choose_stride(chip_t *chip)
 {
     const bool each = chip->fault[CHIP_INTERRUPT_STUCK] > 0 || chip->fault[CHIP_MAIN_HELD] > 0 || chip->profile != NULL;
@@ -136,7 +136,7 @@ void chip_turn(chip_t *chip, int side, const quadrature_track_t *track)
         await(chip, encoder->began + after, turn, encoder);
 }
 
-/* simavr's reset drops all its timers, ours included. */
+/* simavr's reset removes all its timers, even those of this file. */
 static void after_reset(avr_io_t *hook)
 {
     chip_t *chip = chip_of(hook->avr);
@@ -292,7 +292,7 @@ bool chip_has_stopped(const chip_t *chip)
     return chip->avr->state != cpu_Running && chip->avr->state != cpu_Sleeping;
 }
 
-/* Time passes without instructions; timers go on. */
+/* Lets time pass without instructions; timers go on. */
 static void idle(avr_t *avr)
 {
     const avr_cycle_count_t cycles = avr_cycle_timer_process(avr);
@@ -313,7 +313,7 @@ void chip_run_step(chip_t *chip)
     }
 }
 
-/* The level of the brown-out detector, V, from the three low bits of the extended fuse byte; 0: the detector is off. */
+/* The brown-out detector's level in V, from the three low bits of the extended fuse byte; 0: the detector is off. */
 static double brown_out_level(const avr_t *avr)
 {
     static const double LEVELS[] = {0, 0, 0, 0, 4.3, 2.7, 1.8, 0};
@@ -358,7 +358,8 @@ static void pull_reset_pin(chip_t *chip, bool low)
 
 static const avr_regbit_t NEVER = {.reg = 0};
 
-/* While the data line is held low, the chip's own I2C device waits: its enable bit is hidden from it. */
+/* While the data line is held low, the chip's own I2C device waits: this function hides the enable bit from the
+ * device. */
 static void hold_bus(chip_t *chip, bool held)
 {
     if (held == (chip->twi->twen.reg == 0))

@@ -1,8 +1,8 @@
-/* chip.h: the processor, simulated by simavr, with what is soldered to its pins: two H-bridges, two rotation sensors, four analogue
- * voltages, an MPU-6050 and an LSM6DS, the host's line, the supply.
+/* chip.h: the processor, simulated by simavr, with the devices at its pins: two H-bridges, two rotation sensors, four
+ * analogue voltages, an MPU-6050 and an LSM6DS, the host's line, the supply.
  *
  * All times are cycles of the processor since power-on. Every signal changes at its own cycle; the processor sees the
- * change at the end of the instruction under way. The same calls give the same bits. simavr 1.6 differs from the real
+ * change at the end of the present instruction. The same calls give the same bits. simavr 1.6 differs from the real
  * chips in a few places; chip.c, pins.c and line.c name each difference where they correct it.
  */
 #ifndef BRICKPILOT_SIM_AVR_CHIP_H
@@ -24,12 +24,12 @@
 
 enum { CHIP_HZ = 16000000, LINE_ROOM = 8192 };
 
-/* What may be wrong with the chip or its surroundings, besides the supply. */
+/* Faults of the chip or its surroundings, except for the supply. */
 typedef enum {
     CHIP_MAIN_HELD,       /* the main program stands still; interrupts are served */
     CHIP_INTERRUPT_STUCK, /* the converter's interrupt comes again as soon as it has returned */
     CHIP_CONVERTER_STUCK, /* a conversion never ends */
-    CHIP_LINE_OVERRUN,    /* share of the received bytes, 0..1, that come when the receiver is full */
+    CHIP_LINE_OVERRUN,    /* fraction of the received bytes, 0..1, that come when the receiver is full */
     CHIP_ENCODER_NOISE,   /* false pulses per second on signal A of each rotation sensor */
     CHIP_RESET_PIN,       /* the reset pin is low, by its button or by the host's DTR */
     CHIP_IMU_UNPOWERED,   /* the digital IMUs have no supply; when it returns, they start as after power-on */
@@ -63,9 +63,9 @@ struct chip {
     avr_uart_t *uart;
     avr_adc_t *adc;
     avr_twi_t *twi;
-    avr_regbit_t converter_enable; /* copy of adc->aden, while a stuck converter hides it */
-    avr_regbit_t bus_enable;       /* copy of twi->twen, while a device holds the bus */
-    bool clock_was_low;            /* the bus' clock line was low, at its pin */
+    avr_regbit_t converter_enable; /* copy of adc->aden while the fault CHIP_CONVERTER_STUCK hides it */
+    avr_regbit_t bus_enable;       /* copy of twi->twen while a device holds the bus */
+    bool clock_was_low;            /* the I2C bus' clock line was low at its pin */
     int clocks;                    /* pulses of the clock line since the bus was held */
 
     bridge_t bridge[SIDES];
@@ -97,16 +97,16 @@ struct chip {
 
 typedef enum { CHIP_OK, CHIP_BAD_IMAGE, CHIP_UNKNOWN, CHIP_TOO_LARGE, CHIP_BAD_TRACE } chip_status_t;
 
-/* Powers the processor with an ELF image. The image's fuses also say whether a reset begins in the boot section. `chip`
- * must not move in memory until chip_close(), which the caller calls even after a failure.
- *
- * Every step_cycles cycles `on_step(owner)` is called, at exactly that cycle; the bridges' times are counted up to it.
- * `trace`: a file to which the signals are written as VCD; NULL: none. */
+/* Loads an ELF image and powers the processor. The image's fuses also say whether a reset begins in the boot section.
+ * `chip` must not move in memory until chip_close(), which the caller calls even after a failure. `trace`: a file to
+ * which the signals are written as VCD; NULL: none.
+ * chip_every() lets `on_step(owner)` be called exactly every step_cycles cycles, after the bridges' cycles are
+ * counted. */
 chip_status_t chip_open(chip_t *chip, const wiring_t *wiring, const char *image, const char *trace);
 void chip_every(chip_t *chip, uint32_t step_cycles, void (*on_step)(void *owner), void *owner);
 void chip_close(chip_t *chip);
 
-/* Runs until the next step has been done. */
+/* Runs until the next on_step() has returned. */
 void chip_run_step(chip_t *chip);
 
 /* Sets how a wheel turns from now until the next step. */
@@ -134,7 +134,7 @@ bool queue_take(chip_queue_t *queue, uint8_t *byte);
 /* pins.c */
 void pins_connect(chip_t *chip);
 void pins_after_reset(chip_t *chip);
-void pins_look(chip_t *chip); /* sets the bridges as the pins are now */
+void pins_look(chip_t *chip); /* sets the bridges' states from the levels of the pins */
 void pins_encoder(chip_t *chip, int side);
 void pins_convert(chip_t *chip);
 void pins_make_noise(chip_t *chip);

@@ -81,7 +81,7 @@ static void sample_lsm(i2c_imu_t *imu)
                                            (imu->registers[LSM_GYRO] >> 4 ? LSM_GYRO_NEW : 0));
 }
 
-/* Cycles from sample to sample; 0: the IMU does not measure. */
+/* Cycles between two samples; 0: the IMU does not measure. */
 static uint64_t period(const i2c_imu_t *imu)
 {
     static const double HZ[] = {0, 12.5, 26, 52, 104, 208, 416, 833, 1666, 3332, 6664};
@@ -151,7 +151,8 @@ static void take(i2c_imu_t *imu, uint8_t byte)
     measure(imu);
 }
 
-/* A read of the flag "data ready" clears it (MPU-6050), or a read of the data does (LSM6DS). */
+/* Gives a byte to the master. The flag "data ready" is cleared when it is read (MPU-6050) or when data are read
+ * (LSM6DS). */
 static uint8_t give(i2c_imu_t *imu)
 {
     const uint8_t byte = imu->registers[imu->pointer];

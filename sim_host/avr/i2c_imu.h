@@ -1,6 +1,6 @@
 /* i2c_imu.h: an MPU-6050 or an LSM6DS on the processor's I2C bus, by their data sheets: registers, ranges, "data
- * ready", the time from set-up to the first sample. Their filters are not simulated: a burst gives the motion at its
- * start.
+ * ready", the time from set-up to the first sample. Their filters are not simulated: a burst gives the motion at the
+ * burst's start.
  */
 #ifndef BRICKPILOT_SIM_AVR_I2C_IMU_H
 #define BRICKPILOT_SIM_AVR_I2C_IMU_H
@@ -30,10 +30,10 @@ typedef struct {
     i2c_motion_t motion;
 } i2c_imu_t;
 
-/* Puts a chip on the bus, as it is after power-on: it does not measure yet. */
+/* Connects a chip to the bus in its state after power-on: the chip does not measure yet. */
 void i2c_imu_connect(i2c_imu_t *imu, i2c_imu_kind_t kind, avr_twi_t *bus);
 
-/* Takes the chip's supply away, or gives it back: then its registers are those of power-on. */
+/* Switches the chip's supply off or on. After switching on, its registers are those of power-on. */
 void i2c_imu_power(i2c_imu_t *imu, bool on);
 
 #endif

@@ -1,4 +1,4 @@
-/* interface.c: brickpilot_avr.h over world.h. */
+/* interface.c: the functions of brickpilot_avr.h, on top of world.h. */
 #include "brickpilot_avr.h"
 
 #include <math.h>

@@ -1,7 +1,7 @@
 /* line.c: the host's end of UART 0. */
 #include "avr/chip.h"
 
-enum { BITS = 10, RECEIVER_HOLDS = 3 }; /* bytes: two, and one in the shift register */
+enum { BITS = 10, RECEIVER_HOLDS = 3 }; /* bytes that the receiver holds: two, and one in the shift register */
 
 static void on_sent(avr_irq_t *irq, uint32_t value, void *param)
 {
@@ -27,7 +27,7 @@ static unsigned unread(const avr_uart_t *uart)
     return (unsigned)(uart->input.write - uart->input.read) % uart_fifo_fifo_size;
 }
 
-/* A byte begins to arrive. simavr's receiver has 64 places; the chip's is full after three. */
+/* A byte begins to arrive. simavr's receiver holds 64 bytes; the real chip's receiver is full after three. */
 static void receive(chip_t *chip, uint8_t byte)
 {
     avr_uart_t *uart = chip->uart;

@@ -1,4 +1,4 @@
-/* pins.c: what is soldered to the processor's pins. */
+/* pins.c: the devices at the processor's pins. */
 #include <math.h>
 #include <simavr/avr_ioport.h>
 
@@ -11,15 +11,15 @@ static avr_ioport_t *port_of(const chip_t *chip, wiring_pin_t pin)
     return chip->port[pin.port - 'A'];
 }
 
-/* The level that the port drives; low where the pin is an input, by its pull-down resistor. */
+/* The level that the port drives. If the pin is an input, its pull-down resistor makes the level low. */
 static bool port_level(const chip_t *chip, wiring_pin_t pin)
 {
     const avr_ioport_t *port = port_of(chip, pin);
     return (chip->avr->data[port->r_ddr] & chip->avr->data[port->r_port]) >> pin.bit & 1;
 }
 
-/* The level of a PWM pin. If the timer's output is connected, the timer drives the pin, whatever the port says; simavr
- * lets a write to the port through. With the compare value at the counter's top the output never changes; simavr sets
+/* The level of a PWM pin. On the chip, a connected timer output drives the pin, whatever the port says; in simavr a
+ * write to the port changes the pin. With the compare value at the counter's top the output never changes; simavr sets
  * it to the wrong level. */
 static bool pwm_level(const chip_t *chip, int side)
 {
@@ -66,7 +66,7 @@ static void on_compare(avr_irq_t *irq, uint32_t value, void *param)
 }
 
 /* A conversion samples its input when it starts. simavr divides the reference by 1023 and takes whole millivolts; the
- * chip divides it by 1024. So simavr gets the millivolts for which its result equals the chip's. */
+ * chip divides it by 1024. So this function gives simavr the millivolts for which its result equals the chip's. */
 static void on_conversion(avr_irq_t *irq, uint32_t value, void *param)
 {
     (void)irq;

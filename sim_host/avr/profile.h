@@ -1,8 +1,9 @@
-/* profile.h: cycles of the processor in each part of its program, step by step, and the depth of its stack.
+/* profile.h: the processor's cycles in each part of its program for each control step, and the depth of its stack.
  *
- * A part is a set of functions, given by their addresses. From the entry of such a function to its return the cycles
- * count for the part, with all that it calls. Part 0 is the control step: a part that it calls is counted apart, and
- * all else that it calls counts for part 0. What other parts call counts for them. Interrupts are counted apart.
+ * A part is a set of functions, given by their addresses. The cycles from the entry of such a function to its return
+ * count for the part, including the functions that it calls. Part 0 is the control step. If it calls another part,
+ * these cycles count for that part only. Parts that another part calls count for the caller. Interrupts are counted
+ * separately.
  */
 #ifndef BRICKPILOT_SIM_AVR_PROFILE_H
 #define BRICKPILOT_SIM_AVR_PROFILE_H
@@ -13,7 +14,7 @@
 #include "brickpilot_avr.h"
 
 enum { PROFILE_FUNCTIONS = 64 };
-enum { PROFILE_FRAMES = 4 }; /* for the step, a part of it, an interrupt, and one to spare */
+enum { PROFILE_FRAMES = 4 }; /* for the step, a part in it, an interrupt, and one in reserve */
 
 typedef struct {
     uint8_t part;
@@ -23,7 +24,7 @@ typedef struct {
 typedef struct {
     bp_avr_function function[PROFILE_FUNCTIONS];
     int functions;
-    uint32_t vectors_end; /* the first address behind the interrupts' vectors */
+    uint32_t vectors_end; /* the first address after the interrupt vectors */
     profile_frame_t frame[PROFILE_FRAMES];
     int frames;
     uint64_t now;          /* cycle up to which all is counted */

@@ -12,14 +12,14 @@ typedef struct {
     double counts[2]; /* at the start and at the end: angle times counts per turn, not rounded */
     double rate[2];   /* counts/s */
     double seconds;   /* from start to end */
-    uint32_t cycles;  /* the same in cycles; 1 or more */
+    uint32_t cycles;  /* time from start to end in cycles; 1 or more */
 } quadrature_track_t;
 
-/* Returns the cycle from the start, 1..track->cycles, at which the sensor's count leaves `count` for good in this
- * track; 0: it does not. `step` becomes +1 or -1. */
+/* Returns the cycle since the track's start, 1..track->cycles, at which the sensor's count leaves `count` and does not
+ * return in this track; 0: it does not leave. `step` becomes +1 or -1. */
 uint32_t quadrature_next(const quadrature_track_t *track, int64_t count, int *step);
 
-/* The levels of A and B at a count. Forward, A leads B. */
+/* The levels of A and B at a count. In forward motion A leads B. */
 bool quadrature_a(int64_t count);
 bool quadrature_b(int64_t count);
 

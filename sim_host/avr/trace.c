@@ -1,4 +1,4 @@
-/* trace.c: the signals at the processor's pins as a VCD file, by simavr's own writer. */
+/* trace.c: writes the signals at the processor's pins to a VCD file, with simavr's own writer. */
 #include <stdio.h>
 
 #include "avr/chip.h"

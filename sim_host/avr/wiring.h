@@ -1,4 +1,4 @@
-/* wiring.h: hal/avr/board.h as data, for either chip: which pin leads where, and what a volt at an input means. */
+/* wiring.h: hal/avr/board.h as data, for either chip: the device at each pin, and the scale of each analogue input. */
 #ifndef BRICKPILOT_SIM_AVR_WIRING_H
 #define BRICKPILOT_SIM_AVR_WIRING_H
 
@@ -13,7 +13,7 @@ typedef struct {
     int bit;
 } wiring_pin_t;
 
-/* A reading is zero + value / per_count counts of 1024. */
+/* The converter's reading is zero + value / per_count, in counts; 1024 counts are the full range. */
 typedef struct {
     int input; /* number of the converter's input */
     double zero;
@@ -21,7 +21,7 @@ typedef struct {
 } wiring_analog_t;
 
 typedef struct {
-    const char *chip; /* as simavr names it */
+    const char *chip; /* simavr's name of the chip */
     wiring_pin_t motor[SIDES][MOTOR_PINS];
     wiring_pin_t encoder[SIDES][2];      /* A, B */
     bool reversed[SIDES];                /* B leads A in forward motion */

@@ -53,7 +53,7 @@ static void sense(world_t *world)
 {
     const imu_config_t *imu = &world->imu_config;
     const double *out = world->output;
-    /* Battery voltage over its nominal value: the share that the effects of the supply leave. */
+    /* Ratio of the battery voltage to its nominal value, as the effects of the supply leave it. */
     const double supply = out[OUTPUT_BATTERY_VOLTAGE] / world->plant.vehicle.parameter[PARAMETER_BATTERY_VOLTAGE];
 
     world->measured =
@@ -93,8 +93,8 @@ static void turn_wheels(world_t *world, const double before[OUTPUT_COUNT])
     }
 }
 
-/* The drives' duty in the step just ended moves the plant. The sensor edges of this motion come in the step that
- * begins. */
+/* Moves the plant with the drives' duty of the step that has just ended. The sensor edges of this motion come in the
+ * step that begins. */
 static void on_step(void *owner)
 {
     world_t *world = owner;
@@ -116,7 +116,8 @@ static void on_step(void *owner)
     turn_wheels(world, before);
 }
 
-/* Takes the request's sensors, or else the packaged robot's, without rounding: the processor's converter rounds. */
+/* Takes the sensors of the request, or of the packaged robot if the request has none. Does not round: the processor's
+ * converter rounds. */
 static void choose_devices(world_t *world)
 {
     const bp_devices *devices = world->request.devices;

@@ -44,7 +44,7 @@ static int64_t keep_pace(brick_t *brick)
         brick->port.clock_ms = (uint32_t)(brick->now_us / 1000);
         step(brick);
         brick->next_us += BRICK_STEP_US;
-        if (brick->next_us <= brick->now_us) /* late by more than a step: missed steps are not made up for */
+        if (brick->next_us <= brick->now_us) /* late by more than a step: missed steps are skipped */
             brick->next_us = brick->now_us - (brick->now_us - brick->next_us) % BRICK_STEP_US + BRICK_STEP_US;
     }
     return brick->next_us - brick->now_us;

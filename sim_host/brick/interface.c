@@ -1,4 +1,4 @@
-/* interface.c: brickpilot_brick.h over brick.h. */
+/* interface.c: the functions of brickpilot_brick.h, on top of brick.h. */
 #include <stdlib.h>
 #include <string.h>
 

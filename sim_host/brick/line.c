@@ -78,7 +78,8 @@ static const char *split(const char *host_and_port, char *host, size_t room, con
     return NULL;
 }
 
-/* Returns NULL, or why the brick may not listen on this address: anyone who reaches the line can command the robot. */
+/* Takes the token from the environment. Returns NULL, or why the brick may not listen on this address without a token:
+ * anyone who reaches the line can command the robot. */
 static const char *take_token(line_t *line, const struct sockaddr_in *address)
 {
     const char *token = getenv(LINE_TOKEN);
@@ -127,7 +128,7 @@ const char *line_listen(line_t *line, const char *host_and_port)
     return trouble;
 }
 
-/* True if the present client is still connected and has sent nothing that is unread. */
+/* True if the present client is still connected and all its bytes have been read. */
 static bool is_quiet(int fd)
 {
     char byte;
@@ -135,7 +136,7 @@ static bool is_quiet(int fd)
     return recv(fd, &byte, 1, MSG_PEEK | MSG_DONTWAIT) < 0 && (errno == EAGAIN || errno == EWOULDBLOCK);
 }
 
-/* Sends words between two 0 bytes, which no frame has. */
+/* Sends words between two 0 bytes, so that they are not part of a frame. */
 static void tell(int fd, const char *words)
 {
     char bytes[2 + TOKEN_TEXT_MOST] = {0};

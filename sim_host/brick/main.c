@@ -68,7 +68,7 @@ static void take_byte(process_t *process, uint8_t byte)
 
 static void send_all(process_t *process)
 {
-    uint8_t bytes[SLCAN_SIZE_MAX]; /* the larger of both encodings */
+    uint8_t bytes[SLCAN_SIZE_MAX]; /* room for the larger of the two encodings */
     message_t message;
 
     while (brick_give(&process->brick, &message)) {

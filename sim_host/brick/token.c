@@ -47,7 +47,7 @@ static void take_block(uint32_t state[8], const uint8_t *block)
         state[i] += s[i];
 }
 
-/* SHA-256 of a block and the `size` bytes of text behind it, at most TOKEN_TEXT_MOST. */
+/* SHA-256 of a block followed by `size` bytes of text, at most TOKEN_TEXT_MOST. */
 static void hash(const uint8_t *block, const uint8_t *text, size_t size, uint8_t out[HASH])
 {
     uint32_t state[8] = {0x6a09e667U, 0xbb67ae85U, 0x3c6ef372U, 0xa54ff53aU,

@@ -1,6 +1,7 @@
 #include "effects/effect.h"
 
-/* memory: V at each motor, 0 at the run's start. The input is constant over a step, so the mean voltage is exact. */
+/* memory: voltage at each motor in V, 0 at the run's start. The input is constant in a step, so the mean voltage is
+ * exact. */
 static void drive(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     const mask_t lags = value[0] > 0;

@@ -1,9 +1,9 @@
 #include "effects/effect.h"
 
 typedef struct {
-    real_t open;      /* V of the battery without current */
-    real_t given[2];  /* V at each motor that this effect passed on in the last motor step */
-    real_t passed[2]; /* share of it that the effects after this one let through: a dead band takes some */
+    real_t open;      /* battery voltage without current, V */
+    real_t given[2];  /* voltage for each motor that this effect set in the last motor step, V */
+    real_t passed[2]; /* fraction of it that the later effects leave: a dead band takes some */
 } sag_t;
 
 static void supply(const real_t *value, real_t *memory, vehicle_t *vehicle)
@@ -13,12 +13,12 @@ static void supply(const real_t *value, real_t *memory, vehicle_t *vehicle)
 }
 
 /* The mean current over the step is linear in the voltage; plant/motor.h computes it in the same way, with the speed at
- * the start of the step. So the voltage at which battery and motors agree is exact, however long the step is compared
- * with L / R. */
+ * the start of the step. So the voltage at which battery and motors agree is exact, for any ratio of the step to L /
+ * R. */
 static void drive(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     sag_t *sag = (sag_t *)memory;
-    real_t slope = real_of(0), drawn = slope; /* the battery's current is drawn + slope V */
+    real_t slope = real_of(0), drawn = slope; /* the battery's current is drawn + slope * V */
     real_t share[2];
     for (int k = 0; k < vehicle_wheels(vehicle); k++) {
         const mask_t driven = mask_not(is_nan(vehicle->voltage[k]));
@@ -40,8 +40,8 @@ static void drive(const real_t *value, real_t *memory, vehicle_t *vehicle)
         sag->given[k] = vehicle->voltage[k] = share[k] * vehicle->supply; /* a floating motor is NaN and stays so */
 }
 
-/* Learns what the effects after this one let through. The estimate goes half way in each step, because the share that a
- * dead band lets through depends on the voltage. */
+/* Estimates the fraction of the voltage that the later effects leave. The estimate moves half of the difference in each
+ * step, because the fraction that a dead band leaves depends on the voltage. */
 static void wheel(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)value;

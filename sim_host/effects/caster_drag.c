@@ -1,6 +1,6 @@
 #include "effects/effect.h"
 
-/* At rest the friction may oppose surge or yaw in full, since no direction of sliding divides it yet. */
+/* At rest the full friction may oppose surge or yaw, since no direction of sliding divides it between the two. */
 static void wheel(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)memory;

@@ -1,5 +1,5 @@
-/* composed_basis.h: the terms of composed_term, each written once. Its laws and its rows are made from these lines. So
- * are the equations and C files that Python writes: Python parses the rows' meanings.
+/* composed_basis.h: the terms of composed_term, each written once. The laws and the rows of composed_term are made from
+ * these lines. So are the equations and C files that Python writes: Python parses the rows' meanings.
  *
  *   X(name, unit of the coefficient, lowest coefficient as a multiple of the range: 0 or -1, odd, expression)
  *
@@ -13,8 +13,8 @@
  *   sprung the push of a sprung mass, per mass: q = p^2 z + 2 damping p z' with
  *          z'' + q = -u' (or -r') and p = 2 pi frequency
  *
- * The factor of the place raises the power by one: a gain V * V is a law in V^3, a loss w * w is a law in w^3, and a
- * loss 1 is linear.
+ * The law is the expression times the factor of its place, V or w, for example. So a gain V * V gives a law in V^3, a
+ * loss w * w gives a law in w^3, and a loss 1 gives a linear law.
  */
 #ifndef BRICKPILOT_EFFECTS_COMPOSED_BASIS_H
 #define BRICKPILOT_EFFECTS_COMPOSED_BASIS_H

@@ -37,7 +37,7 @@ typedef struct {
 } composed_point_t;
 
 /* Sums the terms of one list with the coefficients c. A term with coefficient 0 is not evaluated, because its
- * expression need not be finite. */
+ * expression may be infinite. */
 typedef double composed_sum_t(const double *c, const composed_t *given, const composed_point_t *at);
 
 composed_sum_t composed_drive_gain;

@@ -16,10 +16,10 @@ typedef struct {
 } sprung_t;
 
 typedef struct {
-    double acts[PLACE_COUNT]; /* 0 where every coefficient of the place is 0 */
+    double acts[PLACE_COUNT]; /* 0 if every coefficient of the place is 0 */
     double start_age;
     double time;     /* s since the run's start, counted in motor steps */
-    double speed[2]; /* rad/s of the wheels, a body step ago */
+    double speed[2]; /* speeds of the wheels one body step ago, rad/s */
     double step;     /* s: length of the last body step */
     double dry_surge, dry_yaw;
     sprung_t surge, yaw;
@@ -27,7 +27,8 @@ typedef struct {
     double gyro_error, gyro_angle;         /* rad/s, rad: error of the gyro's readings */
 } memory_t;
 
-/* Evaluates a law at the left wheel (k = 0) or the right one (k = 1). Terms of a difference act on a robot alone. */
+/* Evaluates a law at the left (k = 0) or right wheel (k = 1). Terms of a difference act only on a robot, not on a
+ * motor. */
 static double sided(composed_sum_t *sum, const double *common, const double *diff, const composed_t *given,
                     const composed_point_t *at, const vehicle_t *vehicle, int k)
 {
@@ -47,7 +48,7 @@ static double volts(const vehicle_t *vehicle, int k)
     return k >= vehicle_wheels(vehicle) || isnan(vehicle->voltage[k]) ? 0 : vehicle->voltage[k];
 }
 
-/* Returns 1 where a value from one member of composed_t up to another is not 0. Members are given by their offsets. */
+/* Returns 1 if any value between two members of composed_t is not 0. The members are given by their offsets. */
 static double any(const double *value, size_t first, size_t end)
 {
     for (size_t i = first / sizeof *value; i < end / sizeof *value; i++)
@@ -71,7 +72,7 @@ static void start(const double *value, double *memory, vehicle_t *vehicle)
     kept->speed[1] = vehicle->state.wheel_speed[1];
 }
 
-/* The time t that the terms use, s, at `since` s after the run's start. */
+/* The time t of the terms in s, at `since` s after the run's start. */
 static double clock_time(const composed_t *given, const memory_t *kept, double since)
 {
     return since + given->clock * kept->start_age;
@@ -197,7 +198,7 @@ static composed_point_t body_point(const composed_t *given, memory_t *kept, cons
     return at;
 }
 
-/* Gravity's pull at position x, m. The sine of the angle by which the floor falls along x is limited to +-0.7. */
+/* Gravity's pull at position x (in m). The sine of the floor's downward slope along x is limited to +-0.7. */
 static pull_t pull_at(const composed_t *given, const vehicle_t *vehicle, double x, double heading)
 {
     const composed_point_t at = {.x = x, .patch = patch_at(given, x)};
@@ -225,7 +226,7 @@ static void push_body(const composed_t *given, memory_t *kept, vehicle_t *vehicl
     vehicle->moment_yaw += composed_yaw_push(given->yaw_push, given, &at);
 }
 
-/* The floor terms act on a robot alone: on a motor their pull would be a force on the load. */
+/* The floor terms act only on a robot: on a motor their pull would be a force on the load. */
 static void body(const double *value, double *memory, vehicle_t *vehicle)
 {
     const composed_t *given = (const composed_t *)value;
@@ -238,7 +239,7 @@ static void body(const double *value, double *memory, vehicle_t *vehicle)
         push_body(given, kept, vehicle);
 }
 
-/* From the run's start on, the error of a speed adds up to an error of the angle. */
+/* Adds the error of the wheel speeds. Its integral since the run's start is the error of the angles. */
 static void misread_wheels(const composed_t *given, memory_t *kept, vehicle_t *vehicle)
 {
     const bp_state *state = &vehicle->state;
@@ -279,7 +280,7 @@ static void misread_motion(const composed_t *given, memory_t *kept, vehicle_t *v
     output[OUTPUT_ACCEL_SWAY] += composed_accel_sway_add(given->accel_sway_add, given, &at);
 }
 
-/* Terms of sensors act on a robot alone, not on a motor. */
+/* Terms of sensors act only on a robot, not on a motor. */
 static void sensor(const double *value, double *memory, vehicle_t *vehicle)
 {
     const composed_t *given = (const composed_t *)value;

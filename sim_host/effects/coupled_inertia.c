@@ -1,13 +1,13 @@
 #include "effects/effect.h"
 
-/* Least number of motor steps in a free oscillation: a faster oscillation would ring with the steps. */
+/* Least number of motor steps in a period of free oscillation: with fewer steps the integration would ring. */
 static const double STEPS_OF_PERIOD = 12;
 
 static const double FULL_TURN = 6.283185307179586; /* rad */
 
 typedef struct {
     real_t speed; /* rad/s of the second inertia */
-    real_t twist; /* rad by which it is ahead of the wheel */
+    real_t twist; /* angle by which it is ahead of the wheel, rad */
     real_t step;  /* s: the motor step over which `twist` has not been integrated yet */
 } second_t;
 
@@ -26,7 +26,7 @@ static void start(const real_t *value, real_t *memory, vehicle_t *vehicle)
         second[k].speed = vehicle->state.wheel_speed[k];
 }
 
-/* Metres per rad at the wheel; 1 where the input of a motor commands a force. */
+/* Metres per rad at the wheel; 1 if the motor's input commands a force. */
 static real_t metres_per_rad(const vehicle_t *vehicle)
 {
     const mask_t linear = vehicle->parameter[PARAMETER_FORCE_PER_VOLT] > 0;
@@ -43,7 +43,7 @@ static coupling_t coupling(const real_t *value, const vehicle_t *vehicle, int k)
                         .damping = 2 * value[2] * rate / (1 + value[1])};
 }
 
-/* Returns by how much the second inertia turns faster than the wheel, which has just done its step. */
+/* Returns the speed of the second inertia minus the speed of the wheel, which has just done its step. */
 static real_t catch_up(second_t *second, real_t wheel_speed)
 {
     const real_t ahead = second->speed - wheel_speed;
@@ -68,7 +68,7 @@ static void wheel(const real_t *value, real_t *memory, vehicle_t *vehicle)
     }
 }
 
-/* Moves the readings of a wheel or a motor to the second inertia where the sensor sits on that. */
+/* Moves the readings of a wheel or a motor to the second inertia if the sensor is mounted there. */
 static void read_second(const real_t *value, vehicle_t *vehicle, second_t *second, int k)
 {
     const bool motor = vehicle->vehicle == BP_MOTOR;

@@ -1,8 +1,8 @@
 #include "effects/effect.h"
 #include "effects/middle_speed.h"
 
-/* The drive gives less than the command if too large a current would flow. The voltage across the winding is what the
- * back EMF leaves of the command; the back EMF is that of the middle of the step. */
+/* The drive gives less than the command if the current would be too large. The voltage across the winding is the
+ * command minus the back EMF in the middle of the step. */
 static void drive(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     for (int k = 0; k < vehicle_wheels(vehicle); k++) {

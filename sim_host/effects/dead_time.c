@@ -1,8 +1,8 @@
 #include "effects/effect.h"
 #include "effects/middle_speed.h"
 
-/* If less than the lost voltage is left to drive a current, no current flows: the motor's voltage is its back EMF, that
- * of the middle of the step. */
+/* If the command minus the back EMF is smaller than the lost voltage, no current flows: the motor's voltage is then its
+ * back EMF in the middle of the step. */
 static void drive(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     for (int k = 0; k < vehicle_wheels(vehicle); k++) {

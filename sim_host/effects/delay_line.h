@@ -9,14 +9,14 @@
 
 enum { DELAY_ROWS = 128 };
 
-/* A ring of rows. `oldest` is the last row at or before the time that is read, `newest` is the present. */
+/* A ring buffer of rows. `oldest` is the last row at or before the time that is read, `newest` is the present row. */
 typedef struct {
     double started, time, oldest, newest;
     double stamp[DELAY_ROWS]; /* s: the time of a row */
     double signal[];          /* `count` readings a row */
 } delay_line_t;
 
-/* Memory of an effect that delays `count` signals, in doubles. */
+/* Number of doubles in the memory of an effect that delays `count` signals. */
 #define DELAY_MEMORY(count) ((int)(sizeof(delay_line_t) / sizeof(double)) + DELAY_ROWS * (count))
 
 static inline int delay_after(int row)
@@ -24,8 +24,8 @@ static inline int delay_after(int row)
     return (row + 1) % DELAY_ROWS;
 }
 
-/* Rows are so far apart that the ring spans the delay: the newest row is overwritten until it is far enough from the
- * one before it. */
+/* Rows must be so far apart that the ring spans the delay: the newest row is overwritten until it is far enough from
+ * the previous row. */
 static inline void delay_remember(delay_line_t *line, const double *signal, int count, double delay)
 {
     const int newest = (int)line->newest, before = (newest + DELAY_ROWS - 1) % DELAY_ROWS;
@@ -38,7 +38,7 @@ static inline void delay_remember(delay_line_t *line, const double *signal, int 
     memcpy(&line->signal[row * count], signal, (size_t)count * sizeof *signal);
 }
 
-/* Reads the ring at `time`: linear between rows, and the first row before the run. */
+/* Reads the ring at `time`: linear between rows; before the run, the first row. */
 static inline void delay_recall(delay_line_t *line, double *signal, int count, double time)
 {
     int oldest = (int)line->oldest;
@@ -53,7 +53,7 @@ static inline void delay_recall(delay_line_t *line, double *signal, int count, d
         signal[i] = share > 0 ? from[i] + share * (to[i] - from[i]) : from[i];
 }
 
-/* Replaces `count` readings after a step of `step` s by those of `delay` s before. */
+/* Replaces `count` readings after a step of `step` s by the readings `delay` s earlier. */
 static inline void delay_signals(double *memory, double *signal, int count, double delay, double step)
 {
     delay_line_t *line = (delay_line_t *)memory;

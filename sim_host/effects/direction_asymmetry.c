@@ -7,7 +7,7 @@ static void drive(const real_t *value, real_t *memory, vehicle_t *vehicle)
         vehicle->voltage[k] *= 1 + 0.5 * value[2] * real_sign(vehicle->voltage[k]);
 }
 
-/* Changes the drag, but not below 0: then one direction is free of losses. */
+/* Changes the drag, but not below 0: at 0 one direction has no losses. */
 static void motor(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)memory;

@@ -1,12 +1,12 @@
-/* effect.h: what one effect consists of: its row of the table, and the functions that make it act.
+/* effect.h: one effect: its row of the table, and the functions that make it act.
  *
  * An effect is something that the nominal model lacks. To add one:
  *   1. write NAME.c in this folder. It defines `const effect_t effect_NAME`: the row, and a hook for each site where
  *      the effect acts. brickpilot_sim.h explains every field of the row.
  *   2. add EFFECT(NAME) to the table in effects.c, at the place in the order where it acts.
  *   3. test it in tests/unit/effects/test_NAME.c, and give it a law of another engine in tests/hidden.
- * Hooks that are written over real_t (effects/real.h) and do not branch by a value also run for several robots side by
- * side; those that are written over double run robot by robot, which gives the same bytes and takes longer.
+ * Hooks that use real_t (effects/real.h) and do not branch by a value also run for several robots side by side. Hooks
+ * that use double run robot by robot, which gives the same bytes and takes longer.
  * Nothing else lists effects: the command line, the fits, discovery and the reports read the table.
  */
 #ifndef BRICKPILOT_EFFECTS_EFFECT_H
@@ -18,8 +18,8 @@
 #endif
 
 /* Makes the effect act at one site. `value` holds the parameters in the order of the row. `memory` is the effect's own
- * state in this run, `memory_count` doubles that are 0 at its start. Hooks are called in the order of the table. An
- * effect that is off costs nothing. */
+ * state in this run, `memory_count` doubles that are 0 at the run's start. Hooks are called in the order of the table.
+ * An effect that is off costs nothing. */
 typedef void effect_hook_t(const real_t *value, real_t *memory, vehicle_t *vehicle);
 
 typedef enum {
@@ -44,10 +44,10 @@ typedef struct {
     bp_effect_info info;
     int memory_count;
     effect_hook_t *hook[SITE_COUNT]; /* NULL: the effect does not act there */
-    effect_undo_t *undo;             /* NULL: the firmware can undo nothing of it */
+    effect_undo_t *undo;             /* NULL: the firmware can undo no part of the effect */
 } effect_t;
 
-/* The row of the table at `index`, or NULL beyond the last. */
+/* The row of the table at `index`, or NULL beyond the last row. */
 const effect_t *effect_at(int index);
 
 /* The index of the effect of that name, or -1. */

@@ -4,9 +4,9 @@
 
 /* The table, one line for each effect. Hooks run in this order.
  *
- * First come drive and motor, in the order in which a command passes them: pulses are made of the whole command, and a
- * rotor in its play changes the back EMF after the drive has done its part. Then wheels, body and floor, then what the
- * vehicle is made of, then the sensors, in the order in which a signal passes them. */
+ * First come drive and motor, in the order in which a command passes them: for example, pulses are made of the whole
+ * command, and a rotor in its play changes the back EMF after the drive. Then come wheels, body and floor, then masses
+ * and geometry, then the sensors, in the order in which a signal passes them. */
 /* clang-format off */
 #define EFFECTS \
     EFFECT(start_delay) \

@@ -1,10 +1,10 @@
 #include "effects/effect.h"
 
 /* The plant's wheel carries the rotor's inertia J_m and feels the torque K_t i. Let the rotor turn faster than the wheel
- * by `slip`. Then the wheel must feel K_t i - J_m slip' instead. In contact nothing changes; in the play the
- * motor drives the rotor alone; and momentum is kept when the rotor meets the tooth. */
+ * by `slip`. Then the wheel must feel K_t i - J_m slip' instead. In contact nothing changes. In the play the
+ * motor drives only the rotor. When the rotor meets the tooth, momentum is conserved. */
 typedef struct {
-    real_t play;  /* rad by which the rotor is ahead of the wheel, from the middle of the play */
+    real_t play;  /* angle of the rotor ahead of the wheel, from the middle of the play, rad */
     real_t slip;  /* rad/s: rate of `play` */
     real_t speed; /* rad/s of the wheel, a motor step ago; NaN after an impact */
     real_t accel; /* rad/s^2 of the wheel */
@@ -27,14 +27,14 @@ static void drive(const real_t *value, real_t *memory, vehicle_t *vehicle)
         vehicle->voltage[k] -= vehicle->motor[k].emf_constant * mesh[k].slip;
 }
 
-/* A drive that commands force has no inertia of its own, so the share is taken of the mass. */
+/* A drive that commands force has no inertia of its own, so the rotor gets this share of the mass. */
 static real_t rotor_inertia(const vehicle_t *vehicle, int k, real_t share)
 {
     const real_t own = vehicle->motor[k].inertia;
     return share * choose(own > 0, own, vehicle->build.mass);
 }
 
-/* Torque that turns the rotor relative to the wheel. `damping` is how fast it falls with `slip`. */
+/* Torque that turns the rotor relative to the wheel. `damping`: by how much it falls per unit of `slip`. */
 static real_t push(const vehicle_t *vehicle, int k, real_t inertia, real_t accel, real_t *damping)
 {
     const motor_t *motor = &vehicle->motor[k];

@@ -1,6 +1,6 @@
 #include "effects/effect.h"
 
-/* The angle is that of the middle of the motor step, so the error is of second order. */
+/* Uses the angle in the middle of the motor step, so the error is of second order. */
 static void wheel(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)memory;

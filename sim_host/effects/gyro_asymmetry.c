@@ -2,8 +2,8 @@
 
 typedef struct {
     real_t started;
-    real_t last;   /* rad, the true heading a step ago */
-    real_t turned; /* rad, the way turned in either direction since the start */
+    real_t last;   /* true heading one step ago, rad */
+    real_t turned; /* sum of the absolute changes of heading since the start, rad */
 } turns_t;
 
 static void sensor(const real_t *value, real_t *memory, vehicle_t *vehicle)

@@ -1,6 +1,6 @@
 #include "effects/effect.h"
 
-/* memory: s since the run's start. */
+/* memory: time since the run's start in s. */
 static void sensor(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     memory[0] += vehicle->step;

@@ -1,6 +1,6 @@
 #include "effects/effect.h"
 
-/* memory: s since the run's start. The drift counts from power-on, so it goes on from run to run. */
+/* memory: time since the run's start in s. The drift begins at power-on, so it goes on from run to run. */
 static void sensor(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     memory[0] += vehicle->step;

@@ -1,7 +1,7 @@
 #include "effects/effect.h"
 
 typedef struct {
-    real_t missing; /* rad/s by which the last yaw rate was cut */
+    real_t missing; /* the part of the last yaw rate that was cut off, rad/s */
     real_t angle;   /* rad: the integral of `missing` */
 } lost_t;
 

@@ -2,7 +2,7 @@
 
 typedef struct {
     real_t started;
-    real_t heading; /* rad at the start, where the angle counts from */
+    real_t heading; /* heading at the start, from which the angle counts, rad */
 } origin_t;
 
 static void sensor(const real_t *value, real_t *memory, vehicle_t *vehicle)

@@ -3,9 +3,9 @@
 typedef struct {
     real_t started;
     real_t surge, sway, yaw_rate; /* filtered, at the end of the last step */
-    real_t mean_surge, mean_sway; /* filtered, means over the last step, as accelerations are read */
+    real_t mean_surge, mean_sway; /* filtered, as means over the last step, like accelerometer readings */
     real_t turning;               /* unfiltered yaw rate of the last step */
-    real_t first;                 /* yaw rate at the start, where the filter has settled */
+    real_t first;                 /* yaw rate at the start, when the filter is in its steady state */
 } filter_t;
 
 /* Exact if the accelerations are constant in the step, as means are, and the yaw rate is linear in time. */

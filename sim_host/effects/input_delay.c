@@ -9,8 +9,8 @@ typedef struct {
     double command[2];
 } change_t;
 
-/* Changes of the command that have not arrived yet: a ring of `count` from `first`. Before the run the command was 0
- * V. */
+/* A ring buffer of the changes of the command that have not arrived yet: `count` changes from index `first`. Before the
+ * run the command was 0 V. */
 typedef struct {
     double time, first, count;
     double arrived[2];
@@ -43,8 +43,8 @@ static void enter(line_t *line, const double command[2])
     change->command[1] = command[1];
 }
 
-/* The command of a step in which a change arrives: the mean of before and after. A step that floats in part takes the
- * command of the longer part. */
+/* The command of a step in which a change arrives: the weighted mean of the old and the new command. If the motor
+ * floats in a part of the step, the command of the longer part. */
 static double blend(double early, double late, double late_share)
 {
     if (isnan(early) || isnan(late))

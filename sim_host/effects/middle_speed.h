@@ -1,4 +1,4 @@
-/* middle_speed.h: how fast the wheels turn in the middle of a motor step. For drive hooks that use the back EMF. */
+/* middle_speed.h: the wheel speeds in the middle of a motor step. For drive hooks that use the back EMF. */
 #ifndef BRICKPILOT_EFFECTS_MIDDLE_SPEED_H
 #define BRICKPILOT_EFFECTS_MIDDLE_SPEED_H
 
@@ -20,7 +20,7 @@ static void middle_speed_start(const real_t *value, real_t *memory, vehicle_t *v
         before->speed[k] = vehicle->state.wheel_speed[k];
 }
 
-/* The speed of wheel k half a motor step ahead, rad/s, extrapolated. Call it once a step. */
+/* The extrapolated speed of wheel k half a motor step ahead, in rad/s. Call it once in each step. */
 IN_LANES real_t middle_speed(real_t *memory, const vehicle_t *vehicle, int k)
 {
     before_t *before = (before_t *)memory;

@@ -2,7 +2,7 @@
 
 /* This is a gain of the drive, not of the motor. It scales V, and so stall torque and speed alike. A difference of the
  * motors is torque_constant_asymmetry: it scales K_t V by 1 + c and K_t K_e by (1 + c)^2, which gives more torque and
- * less speed. Any run with a start and a steady speed distinguishes the two. A single motor has no other side. */
+ * less speed. Any run with a start and a steady speed distinguishes the two effects. A BP_MOTOR has no other side. */
 static void drive(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)memory;

@@ -1,7 +1,7 @@
 #include "effects/effect.h"
 
-/* 1/K: temperature coefficient of copper at 20 degrees C (IEC 60028). It is no parameter, because it is known and acts
- * only in its product with the thermal resistance. */
+/* Temperature coefficient of copper at 20 degrees C (IEC 60028), 1/K. It is not a parameter, because it is known and
+ * acts only in its product with the thermal resistance. */
 static const double COPPER = 0.00393;
 
 static void start(const real_t *value, real_t *memory, vehicle_t *vehicle)

@@ -3,13 +3,13 @@
 #include <math.h>
 #include <stdbool.h>
 
-/* Share of a tick, or of a sum, that counts as rounding. */
+/* Largest fraction of a tick, or of a sum, that is taken as a rounding error. */
 static const double SLACK = 1e-9;
 
 typedef struct {
     double sum;  /* sum of the ticks' duties so far; a tick in which it reaches 1 is a pulse */
     double on;   /* 1 during a pulse */
-    double owed; /* s: pulse time that is still due, since a motor step is all on or all off */
+    double owed; /* pulse time in s that is still due: a motor step is all on or all off */
 } density_t;
 
 typedef struct {

@@ -2,8 +2,9 @@
  *
  * A file is compiled for one robot, or for LANES robots side by side. Then a real_t holds one value of each robot, in
  * the lanes of a vector register, and an operator acts on all of them. By IEEE 754 every operation gives the same in a
- * lane as alone, and functions of the C library are called lane by lane, so both give the same bits. A law that decides
- * by a value computes all that a lane may need, then chooses: `any_lane` and `all_lanes` say what can be left out.
+ * lane as alone, and functions of the C library are called lane by lane, so both give the same bits. A law that depends
+ * on a condition computes all cases, then chooses one in each lane: `any_lane` and `all_lanes` say which can be left
+ * out.
  */
 #ifndef BRICKPILOT_EFFECTS_REAL_H
 #define BRICKPILOT_EFFECTS_REAL_H
@@ -18,8 +19,8 @@
 /* Functions on vectors are inlined into their callers, so that no vector is passed through memory. */
 #define IN_LANES static inline __attribute__((always_inline))
 
-/* A long function that is seldom called for one robot. Inlined, it would take registers that the other work of its
- * caller needs, even when it is not called. */
+/* For a long function that is seldom called for one robot. If inlined, it would take registers that its caller needs,
+ * even when it is not called. */
 #if LANES == 1
 #define APART static __attribute__((noinline))
 #else
@@ -126,7 +127,7 @@ IN_LANES mask_t mask_not(mask_t mask)
 }
 IN_LANES real_t choose(mask_t mask, real_t yes, real_t no)
 {
-#ifdef __clang__ /* clang 14 merges the bit operations below into a wrong one, with AVX-512 */
+#ifdef __clang__ /* with AVX-512, clang 14 merges the bit operations below into a wrong operation */
     real_t result = no;
     for (int i = 0; i < LANES; i++)
         result[i] = mask[i] != 0 ? yes[i] : no[i];
@@ -194,12 +195,12 @@ IN_LANES void real_turn(real_t angle, real_t *cosine, real_t *sine)
 
 #endif
 
-/* The smaller of both; `limit` if the value is NaN. */
+/* The smaller of `value` and `limit`; `limit` if the value is NaN. */
 IN_LANES real_t real_least(real_t value, real_t limit)
 {
     return choose(value < limit, value, limit);
 }
-/* The larger of both; `limit` if the value is NaN. */
+/* The larger of `value` and `limit`; `limit` if the value is NaN. */
 IN_LANES real_t real_most(real_t value, real_t limit)
 {
     return choose(value > limit, value, limit);

@@ -1,6 +1,6 @@
 #include "effects/effect.h"
 
-/* Acts as a bound of dry friction, because a force with an infinite slope at rest would ring. */
+/* Acts as a bound of dry friction: a force whose slope is infinite at rest would make the integration ring. */
 static void wheel(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)memory;

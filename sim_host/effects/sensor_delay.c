@@ -3,12 +3,12 @@
 /* The signals of a robot. A motor has fewer. */
 enum { SIGNALS = OUTPUT_BATTERY_VOLTAGE + 1 };
 
-/* An accelerometer's reading is a mean over a step, and steps differ in length. So what is delayed is the sum of the
- * readings: the speed, m/s, that they add up to since the run's start. */
+/* An accelerometer's reading is a mean over a step, and steps differ in length. So this effect delays the integral of
+ * the readings since the run's start: a speed in m/s. */
 typedef struct {
-    double first;   /* m/s^2: the first reading, which holds before the run, too */
-    double speed;   /* now */
-    double delayed; /* delayed, at the end of the last step */
+    double first;   /* the first reading, m/s^2; also valid for the time before the run */
+    double speed;   /* present integral */
+    double delayed; /* delayed integral at the end of the last step */
 } accel_sum_t;
 
 typedef struct {
@@ -20,15 +20,15 @@ typedef struct {
 
 enum { SUMS_MEMORY = sizeof(sums_t) / sizeof(double) };
 
-/* Replaces a reading by the sum of the readings. */
+/* Replaces a reading by the integral of the readings. */
 static void sum_up(accel_sum_t *sum, double *reading, double step)
 {
     sum->speed += step * *reading;
     *reading = sum->speed;
 }
 
-/* Replaces a delayed sum by its mean slope in the step. `time`: s from the run's start to what is shown now. A step of
- * 0 s, before the run, shows the first reading. */
+/* Replaces a delayed integral by its mean slope in the step. `time`: the time, in s since the run's start, that the
+ * sensor shows now. A step of 0 s, before the run, shows the first reading. */
 static void differentiate(accel_sum_t *sum, double *reading, double time, double step)
 {
     const double delayed = time < 0 ? sum->first * time : *reading;

@@ -1,7 +1,7 @@
 #include "effects/effect.h"
 
-/* memory: V at each motor, 0 at the run's start. The input is constant over a step, so the mean voltage of a ramp is
- * exact, whether it ends within the step or later. */
+/* memory: voltage at each motor in V, 0 at the run's start. The input is constant in a step, so the mean voltage of a
+ * ramp is exact, whether the ramp ends within the step or later. */
 static void drive(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     const mask_t ramps = value[0] > 0;

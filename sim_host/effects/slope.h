@@ -9,7 +9,7 @@ typedef struct {
     real_t surge, sway;
 } pull_t;
 
-/* The pull at `heading`. slope_x, slope_y: sine of the angle by which the floor falls along the earth's axes. */
+/* The pull at `heading`. slope_x, slope_y: sine of the floor's downward slope along the room's axes x and y. */
 static inline pull_t slope_pull(const vehicle_t *vehicle, real_t slope_x, real_t slope_y, real_t heading)
 {
     const real_t gravity = vehicle->parameter[PARAMETER_GRAVITY];
@@ -18,7 +18,7 @@ static inline pull_t slope_pull(const vehicle_t *vehicle, real_t slope_x, real_t
     return (pull_t){gravity * (slope_x * cosine + slope_y * sine), gravity * (slope_y * cosine - slope_x * sine)};
 }
 
-/* Applies the pull at the centre of mass. For body hooks. */
+/* Applies the pull to the vehicle's centre of mass. For body hooks. */
 static inline void slope_push(vehicle_t *vehicle, pull_t pull)
 {
     const build_t *build = &vehicle->build;
@@ -34,13 +34,13 @@ static inline void slope_show(vehicle_t *vehicle, pull_t pull)
     vehicle->output[OUTPUT_ACCEL_SWAY] -= pull.sway;
 }
 
-/* Heading in the middle of the last body step, over which accelerations are means. For sensor hooks. */
+/* Heading in the middle of the last body step: accelerations are means over this step. For sensor hooks. */
 static inline real_t slope_heading(const vehicle_t *vehicle)
 {
     return vehicle->state.heading - 0.5 * vehicle->step * vehicle->state.yaw_rate;
 }
 
-/* The position x at that time, m. */
+/* The position x in m in the middle of the last body step. */
 static inline real_t slope_position(const vehicle_t *vehicle)
 {
     const state_t *state = &vehicle->state;

@@ -3,11 +3,11 @@
 
 typedef struct {
     before_t before;
-    real_t summed[2]; /* V s: the error at each motor, summed since the run's start */
+    real_t summed[2]; /* integral of each motor's error since the run's start, V s */
 } control_t;
 
-/* The command is the voltage at which an unloaded motor has the wanted speed. So the gains act on a voltage, and have
- * the same size on a small and on a large machine. A motor that floats, or has no back EMF, has no such controller. */
+/* The command is the voltage at which an unloaded motor has the wanted speed. So the gains act on a voltage, and their
+ * size does not depend on the machine's size. A motor that floats, or has no back EMF, has no such controller. */
 static void drive(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     control_t *control = (control_t *)memory;

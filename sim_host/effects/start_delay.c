@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-/* memory: s since the run's start. The step in which the delay ends gets the inputs for its last part. */
+/* memory: time since the run's start in s. The step in which the delay ends gets the inputs for its last part only. */
 static void timing(const double *value, double *memory, vehicle_t *vehicle)
 {
     const double held = (value[0] - memory[0]) / vehicle->step;

@@ -1,7 +1,7 @@
 #include "effects/effect.h"
 
-/* K_t and K_e come from one magnetic flux, so they differ together. A difference of K_t alone would look like a
- * difference of 1 / R where L / R is short. A single motor has no other side. */
+/* K_t and K_e come from one magnetic flux, so they differ together. If L / R is short, a difference of K_t
+ * alone would look like a difference of 1 / R. A BP_MOTOR has no other side. */
 static void motor(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     (void)memory;

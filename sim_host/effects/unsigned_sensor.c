@@ -1,6 +1,6 @@
 #include "effects/effect.h"
 
-/* Angles and travels of both wheels, or of a motor, and the speeds that go with them. */
+/* Angles and travels of both wheels, or of a motor, and their speeds. */
 static const int ANGLES[] = {OUTPUT_WHEEL_ANGLE_LEFT,
                              OUTPUT_WHEEL_ANGLE_RIGHT,
                              OUTPUT_WHEEL_TRAVEL_LEFT,
@@ -17,7 +17,7 @@ enum { CHANNELS = sizeof ANGLES / sizeof ANGLES[0] };
 
 typedef struct {
     real_t started;
-    real_t last[CHANNELS], back[CHANNELS]; /* the true angle a step ago, and the way turned backward since the start */
+    real_t last[CHANNELS], back[CHANNELS]; /* true angle one step ago; angle turned backward since the start */
 } count_t;
 
 static void sensor(const real_t *value, real_t *memory, vehicle_t *vehicle)

@@ -1,8 +1,8 @@
-/* vehicle.h: what the plant and its effects share: the names of parameters and outputs, the state, and the working
+/* vehicle.h: data that the plant and its effects share: the names of parameters and outputs, the state, and the working
  * values of a step.
  *
  * SI units, and the paper's frame: x forward, y right, yaw clockwise seen from above. [0] is left and [1] is right. A
- * BP_MOTOR has [0] alone; where its input commands a force, its "torques" are in N and its "speeds" in m/s.
+ * BP_MOTOR has only [0]; if its input commands a force, its "torques" are in N and its "speeds" in m/s.
  */
 #ifndef BRICKPILOT_EFFECTS_VEHICLE_H
 #define BRICKPILOT_EFFECTS_VEHICLE_H
@@ -39,8 +39,8 @@ typedef enum {
 
 /* Index into an output row; the order of bp_output_name(). An output that this vehicle does not have is NaN. */
 typedef enum {
-    OUTPUT_ACCEL_SURGE, /* specific force u' - v r at the middle of the axle, where the centre of mass nominally is; the
-                           mean over the time since the last reading. In sensor hooks: over the last body step */
+    OUTPUT_ACCEL_SURGE, /* specific force u' - v r at the middle of the axle, where the centre of mass nominally is: the
+                           mean since the last reading; in sensor hooks, the mean over the last body step */
     OUTPUT_ACCEL_SWAY,  /* v' + u r */
     OUTPUT_YAW_RATE,
     OUTPUT_YAW_ANGLE, /* unwrapped */
@@ -68,11 +68,10 @@ typedef enum {
     OUTPUT_COUNT
 } output_t;
 
-/* How the tyres hold in one direction. For small forces F the slip speed is creep F; F never exceeds `friction` times
- * the load. */
+/* The tyres' law in one direction. For small forces F the slip speed is creep * F; F never exceeds friction * load. */
 typedef struct {
     real_t creep;    /* m/s per N; 0: the tyres do not slip this way */
-    real_t friction; /* 1 */
+    real_t friction; /* friction coefficient, unit 1 */
 } tyre_t;
 
 /* Masses and geometry of the vehicle, with the effects applied. */
@@ -80,14 +79,14 @@ typedef struct {
     real_t mass;
     real_t yaw_inertia; /* about the centre of mass */
     real_t com_forward; /* m: centre of mass ahead of the middle of the axle */
-    real_t com_right;   /* m: and to the right of it */
-    real_t rim[2];      /* radius of each wheel over wheel_radius */
-    tyre_t along;       /* each wheel's rolling; coupled profile only */
-    tyre_t across;      /* the side force of both wheels together; coupled profile only */
+    real_t com_right;   /* m: centre of mass to the right of the middle of the axle */
+    real_t rim[2];      /* ratio of each wheel's radius to wheel_radius */
+    tyre_t along;       /* slip of each wheel along the track; coupled profile only */
+    tyre_t across;      /* sideways slip of both wheels together; coupled profile only */
     real_t one_circle;  /* 1: `along` is the law of each wheel, in every direction of its slip */
 } build_t;
 
-/* Dry friction is a bound: the most that may oppose one motion, or hold it at zero. Each motion has its own bound. */
+/* Dry friction is a bound: the largest force or torque that opposes a motion or holds it at zero, for each motion. */
 typedef enum {
     DRY_LEFT,  /* turning of the left wheel, N m; of a motor, N m or N */
     DRY_RIGHT, /* turning of the right wheel, N m */
@@ -96,7 +95,7 @@ typedef enum {
     DRY_COUNT
 } dry_t;
 
-/* One motor, with all values as the wheel feels them. */
+/* One motor, with all values referred to the wheel. */
 typedef struct {
     real_t resistance;      /* ohm */
     real_t inductance;      /* H; 0: the current follows the voltage at once */
@@ -116,9 +115,9 @@ typedef struct {
 } state_t;
 #endif
 
-/* The struct begins with numbers alone, so that a number has the same index for one robot and for several. */
+/* The struct begins with numbers only, so that a number has the same index for one robot and for several. */
 typedef struct {
-    /* State. Hooks read it; they may write the windings' `heat` alone. */
+    /* State. Hooks may read all of it, and may write only the windings' `heat`. */
     state_t state;
     real_t accel_surge; /* mean specific force over the last body step */
     real_t accel_sway;
@@ -133,7 +132,7 @@ typedef struct {
         real_t surge, sway, yaw_rate, heading;
     } middle;
 
-    /* Working values. The plant sets them to the nominal model's; then the hooks of the site named here change them. */
+    /* Working values. The plant sets those of the nominal model; then the hooks of the site named here change them. */
     real_t force_surge;     /* body: N forward, at the middle of the axle; starts at 0 */
     real_t force_sway;      /* body: N to the right; no effect while coupled wheels do not slide; starts at 0 */
     real_t moment_yaw;      /* body: N m clockwise, about the middle of the axle; starts at 0 */
@@ -145,9 +144,9 @@ typedef struct {
     real_t command[2];      /* timing: V; NaN: the motor floats */
     real_t supply;          /* supply: V at the drive; commands scale with supply / battery_voltage */
     real_t voltage[2];      /* drive: V at the motor; NaN: it floats */
-    real_t wheel_torque[2]; /* wheel: N m driving forward, beside the motor's; starts at 0 */
-    real_t dry[DRY_COUNT];  /* wheel: bounds; several effects add theirs; starts at 0 */
-    motor_t motor[2];       /* motor */
+    real_t wheel_torque[2]; /* wheel: N m forward, in addition to the motor's torque; starts at 0 */
+    real_t dry[DRY_COUNT];  /* wheel: sums of the effects' bounds; start at 0 */
+    motor_t motor[2];       /* motor: both motors */
 
     build_t build;               /* build hooks change it, other hooks read it */
     real_t output[OUTPUT_COUNT]; /* sensor: readings of the state just reached, without noise */
@@ -157,14 +156,14 @@ typedef struct {
     int profile;
 } vehicle_t;
 
-/* How many wheels, and motors, the vehicle has. */
+/* Number of wheels, which is also the number of motors. */
 static inline int vehicle_wheels(const vehicle_t *vehicle)
 {
     return vehicle->vehicle == BP_MOTOR ? 1 : 2;
 }
 
-/* Limits the voltage that effects have left of a battery to at least 1 % of the nominal voltage, so that a command
- * divided by the supply stays finite. */
+/* Limits a supply voltage, as effects have changed it, to at least 1 % of the battery's nominal voltage, so that a
+ * command divided by the supply stays finite. */
 static inline real_t vehicle_supply_of(const vehicle_t *vehicle, real_t voltage)
 {
     const real_t least = 0.01 * vehicle->parameter[PARAMETER_BATTERY_VOLTAGE];

@@ -1,12 +1,12 @@
 #include "effects/effect.h"
 #include "effects/middle_speed.h"
 
-/* Share of the battery's nominal voltage up to which a command counts as zero: what a lag leaves of a command is never
+/* A command counts as zero up to this fraction of the battery's nominal voltage: behind a lag, a command is never
  * exactly 0. */
 static const double ZERO = 0.01;
 
-/* A motor that feels its own back EMF draws no current. So a share of the back EMF takes away that share of the
- * braking, and the response is linear in the share. */
+/* A motor whose voltage is its own back EMF draws no current. So a fraction of the back EMF removes the same fraction
+ * of the braking, and the response is linear in this fraction. */
 static void drive(const real_t *value, real_t *memory, vehicle_t *vehicle)
 {
     const real_t zero = ZERO * vehicle->parameter[PARAMETER_BATTERY_VOLTAGE];

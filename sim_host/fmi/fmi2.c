@@ -12,7 +12,7 @@ typedef struct {
     double start_time;
 } component_t;
 
-/* A message holds no "%", so it is passed as the format: some simulators show the format alone. */
+/* A message has no "%", so it is passed as the format: some simulators show only the format. */
 static fmi2Status fail(const component_t *component, const char *message)
 {
     if (component->callback.logger != NULL)

@@ -1,5 +1,5 @@
-/* fmi2_absent.c: functions of FMI 2.0 that modelDescription.xml does not announce. They do nothing; their status says
- * so. */
+/* fmi2_absent.c: functions of FMI 2.0 that modelDescription.xml does not announce. They do nothing. They return an
+ * error, or success if the call asks for nothing. */
 #include "fmi/standard/fmi2Functions.h"
 
 #pragma GCC diagnostic ignored "-Wunused-parameter"

@@ -1,8 +1,8 @@
-/* fmu.h: the plant as a co-simulation FMU, whatever the version of FMI. fmi2.c and fmi3.c put the standard's functions
- * on top of it.
+/* fmu.h: the plant as a co-simulation FMU, for any version of FMI. fmi2.c and fmi3.c implement the standard's functions
+ * on top of this file.
  *
- * `brickpilot export fmu` writes the robot: a table with one row for each variable, whose place in the table is its
- * value reference. An instance uses no static variables, so that several may run at once, and no files.
+ * `brickpilot export fmu` writes the robot: a table with one row for each variable. A variable's index in the table is
+ * its value reference. An instance uses no static variables, so that several may run at once, and no files.
  */
 #ifndef BRICKPILOT_FMI_FMU_H
 #define BRICKPILOT_FMI_FMU_H
@@ -48,15 +48,15 @@ typedef struct fmu fmu_t;
 fmu_t *fmu_new(void);
 void fmu_free(fmu_t *fmu);
 
-/* Puts the instance back to where fmu_new() left it. */
+/* Restores the state of the instance after fmu_new(). */
 void fmu_reset(fmu_t *fmu);
 
 /* Why the last call failed: one line, valid until the next call. */
 const char *fmu_message(const fmu_t *fmu);
 
 /* Set or get the variable with this value reference; `boolean`: it is boolean, not real. Parameters and initial values
- * may be set until the initialisation ends, inputs at any time. An output that is read before then follows from the
- * values set so far. False: there is no such variable, it cannot be set now, or the values are outside their ranges. */
+ * may be set until the initialisation ends, inputs at any time. Before that end, an output follows from the values set
+ * so far. False: there is no such variable, it cannot be set now, or the values are outside their ranges. */
 bool fmu_set(fmu_t *fmu, size_t reference, bool boolean, double value);
 bool fmu_get(fmu_t *fmu, size_t reference, bool boolean, double *value);
 
@@ -67,8 +67,8 @@ bool fmu_begin(fmu_t *fmu, double time);
  * simulation has not begun, or the state diverged. */
 bool fmu_step(fmu_t *fmu, double time, double step);
 
-/* The whole state, with the memories of the effects, in a copy of fmu_size() bytes. It may be given back to the instance
- * that it was taken from, and to no other. */
+/* The whole state, with the memories of the effects, in a copy of fmu_size() bytes. fmu_restore() accepts a copy only
+ * from the same instance. */
 size_t fmu_size(void);
 void fmu_save(const fmu_t *fmu, void *copy);
 void fmu_restore(fmu_t *fmu, const void *copy);

@@ -2,8 +2,8 @@
  * through cffi.
  *
  * Time is simulated, and nothing depends on the clock of this machine: the same calls give the same bits. The plant is
- * one motor step (0.3 ms) behind the processor: what the bridges did in a step moves the plant in the next. cffi reads
- * this header as it stands, with that of the plant, so it holds plain declarations only.
+ * one motor step (0.3 ms) behind the processor: the bridges' output of a step moves the plant in the next step. cffi
+ * reads this header and that of the plant unchanged, so it holds plain declarations only.
  */
 #ifndef BRICKPILOT_AVR_H
 #define BRICKPILOT_AVR_H
@@ -15,7 +15,7 @@ typedef struct bp_avr bp_avr;
 enum { BP_AVR_E_IMAGE = -20, BP_AVR_E_CHIP = -21, BP_AVR_E_TOO_LARGE = -22, BP_AVR_E_TRACE = -23 };
 
 /* Powers the brick with an ELF image, whose fuses may let a reset begin in a boot loader. `chip` is "atmega328p" or
- * "atmega2560", wired as in hal/avr/board.h. `request` is that of a mission for bp_fly(), and is used as in
+ * "atmega2560", wired as in hal/avr/board.h. `request` is one of bp_fly() for a mission, and is used as in
  * bp_loop_open(); its model and arrays must outlive the brick. `trace`: a VCD file of the signals at the pins, or NULL.
  * Returns NULL on failure: then `status` holds a BP_E_ or BP_AVR_E_ code. */
 bp_avr *bp_avr_open(const bp_flight *request, const char *image, const char *chip, const char *trace, int *status);
@@ -43,25 +43,26 @@ enum {
     BP_AVR_MAIN_HELD = 0,       /* the main program stands still, interrupts are served */
     BP_AVR_INTERRUPT_STUCK = 1, /* the converter's interrupt comes again as soon as it has returned */
     BP_AVR_CONVERTER_STUCK = 2, /* a conversion never ends, even after the fault */
-    BP_AVR_LINE_OVERRUN = 3,    /* share of the bytes to the brick that its receiver loses, 0..1 */
+    BP_AVR_LINE_OVERRUN = 3,    /* fraction of the bytes to the brick that its receiver loses, 0..1 */
     BP_AVR_ENCODER_NOISE = 4,   /* false pulses per second, 20 us long, on signal A of both rotation sensors */
     BP_AVR_RESET_PIN = 5,       /* the reset pin is low: the button is held, or the host's DTR pulls it */
     BP_AVR_IMU_UNPOWERED = 6,   /* the digital IMUs have no supply; when it returns, they start as after power-on */
     BP_AVR_BUS_HELD = 7,        /* the I2C bus' data line is low until the clock line has pulsed nine times */
-    BP_AVR_BATTERY = 8          /* V; 0: the model's */
+    BP_AVR_BATTERY = 8          /* battery voltage in V; 0: the model's voltage */
 };
 int bp_avr_fault(bp_avr *brick, int fault, double value); /* 0, or BP_E_RANGE */
 
-/* What the program's parts cost, in cycles. A part is a set of functions, given by their addresses (in bytes). From the
- * entry of such a function to its return the cycles count for the part, with all that it calls. Part 0 is the control
- * step: a part that it calls is counted apart. What other parts call counts for them. Interrupts are counted apart. */
+/* Cycles of the program's parts. A part is a set of functions, given by their addresses (in bytes). The cycles from the
+ * entry of such a function to its return count for the part, including the functions that it calls. Part 0 is the
+ * control step: parts that it calls are counted separately, and so are interrupts. Parts that another part calls count
+ * for the caller. */
 enum { BP_AVR_PARTS = 16 };
 typedef struct {
     unsigned int entry;
     int part; /* 0..BP_AVR_PARTS - 1 */
 } bp_avr_function;
 
-/* Cycles since the end of the control step before. */
+/* Cycles since the end of the previous control step. */
 typedef struct {
     unsigned int part[16]; /* BP_AVR_PARTS */
     unsigned int interrupts;
@@ -74,7 +75,7 @@ typedef struct {
 int bp_avr_profile(bp_avr *brick, const bp_avr_function *functions, int count, unsigned int vectors_end,
                    bp_avr_costs *rows, int room);
 
-/* What has happened since power-on. */
+/* Report on the time since power-on. */
 typedef struct {
     unsigned long long cycles;
     unsigned int resets;   /* by the watchdog, the brown-out detector or the reset pin */
@@ -83,8 +84,8 @@ typedef struct {
     int stopped;           /* 1: the processor has stopped */
     int unpowered;         /* 1: its supply is too low */
     int profiled;          /* rows of bp_avr_profile() that are filled */
-    int stack;             /* most bytes of stack since bp_avr_profile() */
-    double duty[2];        /* of the drives in the last motor step, -1..1; NaN: they coasted */
+    int stack;             /* largest depth of the stack since bp_avr_profile(), bytes */
+    double duty[2];        /* duty of the drives in the last motor step, -1..1; NaN: they coasted */
 } bp_avr_report;
 void bp_avr_tell(const bp_avr *brick, bp_avr_report *report);
 

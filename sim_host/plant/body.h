@@ -4,8 +4,8 @@
 
 #include "effects/vehicle.h"
 
-/* Fills `middle`, and sets the body's forces and drags to the nominal ones. The air drag of eq. 5 is a linear drag in
- * each body step, 1/2 rho C_d A abs(u), with u extrapolated to the middle of the step. */
+/* Fills `middle`, and sets the body's forces and drags to their nominal values. In each body step the air drag of eq. 5
+ * is a linear drag, 1/2 rho C_d A abs(u), with u extrapolated to the middle of the step. */
 static inline void body_prepare(vehicle_t *vehicle, double step)
 {
     const state_t *state = &vehicle->state;

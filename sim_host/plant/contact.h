@@ -1,5 +1,5 @@
-/* contact.h: what joins the wheels to the body. There are four contacts; vehicle, profile and tyres determine which one
- * applies. */
+/* contact.h: the contact law between wheels and body. There are four contacts; vehicle, profile and tyres determine
+ * which contact applies. */
 #ifndef BRICKPILOT_PLANT_CONTACT_H
 #define BRICKPILOT_PLANT_CONTACT_H
 
@@ -13,9 +13,9 @@ typedef struct {
      * force and pose. */
     void (*finish)(const wheels_t *wheels, vehicle_t *vehicle, const state_t *before, double step);
 
-    /* For each motor step of h s, if the body moves on its own; NULL if the wheels carry the body along. `expect`
+    /* For each motor step of h s, if the body has its own speeds; NULL if the wheel speeds determine them. `expect`
      * estimates the tyres' slip at the step's end. `grip` sets the wheels' inertia and load for this slip. After the
-     * step, `overloads` is true if a tyre bore more than it can, and corrects the estimate: then the step must be
+     * step, `overloads` is true if a tyre's force was above its limit, and corrects the estimate: then the step must be
      * repeated from `grip` on. `follow` sets the body's speeds. */
     void (*expect)(wheels_t *wheels, const vehicle_t *vehicle);
     void (*grip)(wheels_t *wheels, vehicle_t *vehicle, double h);
@@ -23,15 +23,15 @@ typedef struct {
     void (*follow)(wheels_t *wheels, vehicle_t *vehicle, double h);
 } contact_t;
 
-/* Coupled profile, tyres that slip along the track, sideways, or both: the body has its own surge, sway and yaw
+/* Coupled profile, with tyres that slip along the track, sideways, or both: the body has its own surge, sway and yaw
  * rate. */
 extern const contact_t contact_slip;
 
 /* Returns the contact of this vehicle. */
 const contact_t *contact_of(const vehicle_t *vehicle);
 
-/* Turns the body's masses or drags, `surge` for u and `yaw` for r, into the matrix for its ground speeds at the left
- * and the right wheel. */
+/* Converts the body's masses or drags (`surge` for u, `yaw` for r) into the matrix for the body's ground speeds at the
+ * left and the right wheel. */
 static inline pair_t contact_at_wheels(real_t surge, real_t yaw, real_t half_track)
 {
     const real_t sum = 0.25 * surge, difference = 0.25 * yaw / (half_track * half_track);

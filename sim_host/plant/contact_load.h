@@ -1,5 +1,5 @@
-/* contact_load.h: the contact of a BP_MOTOR. The motor drives the mass through the wheel radius, or directly where the input commands a
- * force. */
+/* contact_load.h: the contact of a BP_MOTOR. The motor drives the mass through the wheel radius, or directly if the
+ * input commands a force. */
 #ifndef BRICKPILOT_PLANT_CONTACT_LOAD_H
 #define BRICKPILOT_PLANT_CONTACT_LOAD_H
 
@@ -11,7 +11,8 @@ static inline real_t contact_load_lever(const real_t *parameter)
     return choose(parameter[PARAMETER_FORCE_PER_VOLT] > 0, real_of(1), parameter[PARAMETER_WHEEL_RADIUS]);
 }
 
-/* The second wheel does not exist. It gets an inertia, so that its equation can be solved and its speed stays 0. */
+/* A BP_MOTOR has no second wheel. Its equations get an inertia for it, so that they can be solved and its speed stays
+ * 0. */
 static inline void load_prepare(wheels_t *wheels, const vehicle_t *vehicle)
 {
     const real_t lever = contact_load_lever(vehicle->parameter);

@@ -8,7 +8,7 @@
 #include "plant/body.h"
 #include "plant/contact.h"
 
-/* Turns masses or drags of the body into those that the wheels feel. */
+/* Converts masses or drags of the body into their values at the wheels. */
 static inline pair_t no_slip_at_wheels(const vehicle_t *vehicle, real_t surge, real_t yaw)
 {
     const real_t radius = vehicle->parameter[PARAMETER_WHEEL_RADIUS], square = radius * radius;
@@ -27,7 +27,7 @@ static inline void no_slip_prepare(wheels_t *wheels, const vehicle_t *vehicle)
     const real_t half_track = vehicle->parameter[PARAMETER_HALF_TRACK];
     const real_t forward = build->com_forward, right = build->com_right;
     const real_t yaw_inertia = build->yaw_inertia + build->mass * (forward * forward + right * right);
-    const real_t turn_gain = 0.5 * radius / half_track; /* yaw rate over difference of wheel speeds */
+    const real_t turn_gain = 0.5 * radius / half_track; /* ratio of yaw rate to difference of wheel speeds */
     const real_t couple = radius * turn_gain * build->mass * right;
     wheels->inertia = no_slip_at_wheels(vehicle, build->mass, yaw_inertia);
     wheels->inertia.left += vehicle->motor[0].inertia - couple * build->rim[0] * build->rim[0];

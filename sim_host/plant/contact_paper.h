@@ -6,7 +6,7 @@
 #include "plant/body.h"
 #include "plant/contact.h"
 
-/* m/s. Below this speed the direction of motion has no meaning, and the thrust of eq. 6 and 7 points forward as at
+/* Speed in m/s below which the direction of motion has no meaning: the thrust of eq. 6 and 7 points forward, as at
  * rest. */
 static const double REST_SPEED = 3.5e-4;
 
@@ -22,7 +22,7 @@ static inline void paper_prepare(wheels_t *wheels, const vehicle_t *vehicle)
     wheels->dry_arm[DRY_YAW] = real_of(0);
 }
 
-/* Eq. 15 to 17: a second torque law beside that of eq. 14 (fault 1). A floating motor has no thrust. */
+/* Eq. 15 to 17: a second torque law in addition to that of eq. 14 (fault 1). A floating motor has no thrust. */
 static inline real_t paper_thrust(const vehicle_t *vehicle, int side, real_t speed)
 {
     const real_t *p = vehicle->parameter;
@@ -60,7 +60,7 @@ static inline paper_rates_t paper_rates(const vehicle_t *vehicle, real_t u, real
                            .yaw = (moment + offset) / build->yaw_inertia};
 }
 
-/* Limits the drags to half of what Heun's method is stable for. */
+/* Limits the drags to half of the stability limit of Heun's method. */
 static inline void paper_limit_drags(vehicle_t *vehicle, double step)
 {
     vehicle->drag_surge = real_least(vehicle->drag_surge, vehicle->build.mass / step);
@@ -68,7 +68,7 @@ static inline void paper_limit_drags(vehicle_t *vehicle, double step)
     vehicle->drag_yaw = real_least(vehicle->drag_yaw, vehicle->build.yaw_inertia / step);
 }
 
-/* Returns the speed after the impulse of dry friction; 0 if the impulse can stop the motion. */
+/* Returns the speed after dry friction has changed it by at most `most`; 0 if this can stop the motion. */
 static inline real_t paper_rub(real_t speed, real_t most)
 {
     return choose(real_abs(speed) > most, speed - real_signed(most, speed), real_of(0));

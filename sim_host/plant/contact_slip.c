@@ -3,7 +3,7 @@
 #include "plant/body.h"
 #include "plant/contact.h"
 
-/* Ratio of a tyre's force to the most that it can bear, above which a step is repeated. */
+/* A step is repeated if the ratio of a tyre's force to its limit is above this. */
 static const double OVERLOAD = 1.05;
 
 static pair_t add(pair_t a, pair_t b)
@@ -17,25 +17,25 @@ static pair_t invert(pair_t a)
     return (pair_t){.left = a.right * scale, .right = a.left * scale, .cross = -a.cross * scale};
 }
 
-/* Slip speed over force: `creep` for small forces. It grows with the slip, so that the force stays within the
- * friction. */
+/* Ratio of slip speed to force: `creep` for small forces. The ratio grows with the slip, so that the force stays within
+ * the friction. */
 static double compliance(const tyre_t *tyre, double load, double slip)
 {
     const double beyond = slip / (tyre->friction * load);
     return sqrt(tyre->creep * tyre->creep + beyond * beyond);
 }
 
-/* How the tyres hold in a step. With `one_circle`, a wheel's slip along the track and its slip sideways share one
- * limit. */
+/* The tyres' linearised law in a step. With `one_circle`, a wheel's slip along the track and its slip sideways share
+ * one limit. */
 typedef struct {
-    double along[2]; /* m/(N s): slip speed over force of each wheel along the track */
-    double side;     /* kg: side impulse of both wheels over their common slip speed */
-    double side_yaw; /* kg m: side impulse over yaw rate, and yaw impulse over sway, of contacts ahead and behind */
-    double yaw;      /* kg m^2: yaw impulse of the contacts' side forces over the yaw rate */
+    double along[2]; /* m/(N s): slip speed per force of each wheel along the track */
+    double side;     /* kg: side impulse of both wheels per common slip speed */
+    double side_yaw; /* kg m: side impulse per yaw rate, and yaw impulse per sway, of contacts ahead and behind */
+    double yaw;      /* kg m^2: yaw impulse of the contacts' side forces per yaw rate */
 } hold_t;
 
-/* Share of the load that one of two opposite contacts bears. The contact lies `arm` from the middle, the centre of mass
- * `offset` towards it. Neither contact lifts off. */
+/* Fraction of the load on one of two opposite contacts. The contact lies `arm` from the middle; the centre of mass lies
+ * `offset` towards the contact. Neither contact lifts off. */
 static double load_share(double offset, double arm)
 {
     return 0.5 * fmin(fmax(1 + offset / arm, 0.05), 1.95);
@@ -90,8 +90,8 @@ static hold_t hold_of(const vehicle_t *vehicle, const slip_t *slip, double h)
     return hold;
 }
 
-/* The force over a step is that of the slip at the step's end; the slip at its start would make the method first order.
- * The slip is extrapolated from the starts of the last step and this one. */
+/* A step uses the force for the slip at the step's end; with the slip at its start, the method would be of first order.
+ * The slip is extrapolated from its values at the starts of the last step and of this step. */
 static void expect(wheels_t *wheels, const vehicle_t *vehicle)
 {
     const bp_state *state = &vehicle->state;
@@ -127,8 +127,9 @@ static void prepare(wheels_t *wheels, const vehicle_t *vehicle)
     wheels->body.turn = 0;
 }
 
-/* Impulses over h s on surge, sway and yaw about the middle of the axle, without the tyres'. The velocity of the centre
- * of mass keeps its direction over ground, so it turns in the body's axes. This is exact and adds no energy. */
+/* Impulses over h s on surge, sway and yaw about the middle of the axle, without those of the tyres. The velocity of
+ * the centre of mass keeps its direction over ground, so it turns in the body's axes. This is exact and adds no
+ * energy. */
 typedef struct {
     double surge, sway, yaw;
 } impulse_t;
@@ -178,8 +179,7 @@ static void free_body(wheels_t *wheels, const vehicle_t *vehicle, double h, cons
 }
 
 /* With the compliance C of the tyres and the body's mass B, the impulse on the body is (C / h + 1 / B)^-1 times the
- * speed of the wheels ahead of the free body. This rule is implicit in the slip, and for C = 0 it gives rolling without
- * slip. */
+ * speed of the wheels minus that of the free body. This rule is implicit in the slip; for C = 0 it gives no slip. */
 static void grip(wheels_t *wheels, vehicle_t *vehicle, double h)
 {
     const bp_state *state = &vehicle->state;
@@ -231,7 +231,7 @@ static void ground_speeds(const wheels_t *wheels, const vehicle_t *vehicle, doub
         dry_solve(ground, &wheels->body.mass, inverse, bound);
 }
 
-/* True where contacts of a skid steer, dragged sideways by a turn, were taken to hold too much. Sets their slip. */
+/* True if a turn drags contacts of a skid steer sideways and their assumed force was too large. Sets their slip. */
 static bool drags(wheels_t *wheels, const vehicle_t *vehicle, double h)
 {
     if (vehicle->vehicle != BP_SKID_STEER)
@@ -248,8 +248,8 @@ static bool drags(wheels_t *wheels, const vehicle_t *vehicle, double h)
     return over;
 }
 
-/* True where a tyre was expected to stick and bore more force than it can. Its slip is then set to what that force
- * gives, so in each repetition it holds less, by the ratio of the overload. */
+/* True if a tyre was expected to stick and its force was above its limit. Then its slip is set to the slip for this
+ * force, so in each repetition the tyre holds less, by the ratio of the overload. */
 static bool overloads(wheels_t *wheels, const vehicle_t *vehicle, double h)
 {
     const double radius = vehicle->parameter[PARAMETER_WHEEL_RADIUS];

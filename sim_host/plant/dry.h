@@ -1,9 +1,9 @@
 /* dry.h: dry friction of two coupled wheels, solved exactly within a motor step.
  *
  * The wheel speeds w minimise 1/2 (w - f)' A (w - f) + sum_i c_i |d_i . w|. Here f are the speeds without dry friction,
- * and d_i are the four motions of dry_t: left (1, 0), right (0, 1), surge (1, 1), yaw (1, -1). Each motion meets a
- * bounded impulse against it, or the impulse that holds it at exactly zero. c_i is the sum of the bounds of all
- * effects.
+ * and d_i are the four motions of dry_t: left (1, 0), right (0, 1), surge (1, 1), yaw (1, -1). On each motion acts its
+ * full bound as an opposing impulse, or the smaller impulse that holds the motion at exactly zero. c_i is the sum of
+ * the bounds of all effects.
  */
 #ifndef BRICKPILOT_PLANT_DRY_H
 #define BRICKPILOT_PLANT_DRY_H
@@ -17,7 +17,7 @@ typedef struct {
     real_t cross;
 } pair_t;
 
-/* Share by which rounding may exceed a bound where two cases meet. */
+/* Fraction by which rounding may exceed a bound at the limit between two cases. */
 static const double DRY_SLACK = 1e-12;
 
 typedef struct {
@@ -31,7 +31,7 @@ typedef struct {
 static const dry_way_t DRY_MOTION[DRY_COUNT] = {{1, 0}, {0, 1}, {1, 1}, {1, -1}};
 static const dry_way_t DRY_ALONG[DRY_COUNT] = {{0, 1}, {1, 0}, {1, -1}, {1, 1}}; /* speeds with motion i zero */
 
-/* One pair of speeds inside each sector between the lines on which a motion is zero. */
+/* The lines on which a motion is zero divide the plane of speeds into sectors. One pair of speeds in each sector: */
 static const dry_way_t DRY_SECTOR[] = {{2, 1}, {1, 2}, {-1, 2}, {-2, 1}, {-2, -1}, {-1, -2}, {1, -2}, {2, -1}};
 
 static inline dry_vector_t dry_vector(dry_way_t way)
@@ -70,7 +70,7 @@ static inline dry_vector_t dry_opposing(dry_vector_t w, const real_t bound[DRY_C
                           along[DRY_RIGHT] + along[DRY_SURGE] - along[DRY_YAW]};
 }
 
-/* Supposes that every motion slips in its direction of `guess`. True where the resulting speeds agree with that. */
+/* Assumes that every motion slips in the direction that it has in `guess`. True if the resulting speeds agree. */
 static inline mask_t dry_slips(dry_vector_t guess, dry_vector_t *w, dry_vector_t free, const pair_t *inverse,
                                const real_t bound[DRY_COUNT])
 {
@@ -84,7 +84,7 @@ static inline mask_t dry_slips(dry_vector_t guess, dry_vector_t *w, dry_vector_t
     return agree;
 }
 
-/* True where all stands still: the impulse exceeds what the bounds hold in no direction of motion. */
+/* True if all motions stand still: in no direction of motion does the impulse exceed what the bounds can hold. */
 static inline mask_t dry_sticks(dry_vector_t impulse, const real_t bound[DRY_COUNT])
 {
     mask_t moves = mask_of(0);
@@ -98,7 +98,7 @@ static inline mask_t dry_sticks(dry_vector_t impulse, const real_t bound[DRY_COU
     return mask_not(moves);
 }
 
-/* Supposes that motion j is held at zero and the others slip. True where the impulse that holds it is within its
+/* Assumes that motion j is held at zero and the others slip. True if the impulse that holds motion j is within its
  * bound. */
 static inline mask_t dry_holds(int j, dry_vector_t *w, dry_vector_t impulse, const pair_t *matrix,
                                const real_t bound[DRY_COUNT])
@@ -127,7 +127,7 @@ static inline dry_vector_t dry_solution(dry_vector_t free, const pair_t *matrix,
         return found;
     const dry_vector_t still = {real_of(0), real_of(0)};
     const dry_vector_t impulse = dry_multiply(matrix, free);
-    found = dry_choose(done, found, still); /* final if all sticks, or if by rounding no case below fits */
+    found = dry_choose(done, found, still); /* the result if all motions stick, or if rounding lets no case below fit */
     done |= dry_sticks(impulse, bound);
     for (int j = 0; j < DRY_COUNT && !all_lanes(done); j++) {
         const mask_t holds = dry_holds(j, &w, impulse, matrix, bound) & mask_not(done);
@@ -142,8 +142,8 @@ static inline dry_vector_t dry_solution(dry_vector_t free, const pair_t *matrix,
     return found;
 }
 
-/* Replaces the speeds w without dry friction by those with it. matrix is A, positive definite; inverse is that of A;
- * bound holds c_i >= 0 in N m s. */
+/* Replaces the speeds w without dry friction by the speeds with dry friction. matrix is A, positive definite; inverse
+ * is the inverse of A; bound holds c_i >= 0 in N m s. */
 APART void dry_solve(real_t w[2], const pair_t *matrix, const pair_t *inverse, const real_t bound[DRY_COUNT])
 {
     const dry_vector_t solution = dry_solution((dry_vector_t){w[0], w[1]}, matrix, inverse, bound);

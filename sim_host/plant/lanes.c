@@ -5,7 +5,7 @@
 
 #include "plant/contact.h"
 
-/* LANES_BUILT: width of the widest kernel in this build. Without kernels each run goes alone. */
+/* LANES_BUILT: width of the widest kernel in this build. Without kernels each run is simulated alone. */
 #ifndef LANES_BUILT
 #define LANES_BUILT 1
 #endif
@@ -128,7 +128,7 @@ static void take_site(lanes_t *lanes, int lane, site_t site)
     }
 }
 
-/* Gives each plant with hooks that run robot by robot the state and what follows from it; at SITE_MOTOR, the motors. */
+/* Gives the state and derived values (at SITE_MOTOR, the motors) to each plant with hooks that run robot by robot. */
 static void tell(void *owner, site_t site)
 {
     lanes_t *lanes = owner;
@@ -169,7 +169,7 @@ static int law_of(lanes_t *lanes, const effect_t *effect)
     return lanes->law_count++;
 }
 
-/* Puts those effects of plant `from` into a lane that have a law in registers. */
+/* Copies the effects of plant `from` that have a law in registers into a lane. */
 static void enter_effects(lanes_t *lanes, int from, int lane)
 {
     const bp_model *model = lanes->plant[from].model;
@@ -205,10 +205,10 @@ static void enter(lanes_t *lanes, int from, int lane)
     enter_effects(lanes, from, lane);
 }
 
-/* Position of each plant in its model's list of effects, while the order of a site is made. */
+/* Position of each plant in its model's list of effects, while order_site() computes the order. */
 typedef struct {
     int effect[LANES_MOST];
-    int hook[LANES_MOST]; /* number of effects before this one with a hook at the site */
+    int hook[LANES_MOST]; /* number of earlier effects with a hook at the site */
 } cursor_t;
 
 /* The next effect at a site, over all plants; NULL after the last. */
@@ -276,7 +276,7 @@ void lanes_open(lanes_t *lanes, int count)
     memset(lanes->status, 0, sizeof lanes->status);
     memset(lanes->acts, 0, sizeof lanes->acts);
     for (int lane = 0; lane < lanes->kernel->width; lane++)
-        enter(lanes, lane < count ? lane : 0, lane); /* a spare lane repeats the first plant */
+        enter(lanes, lane < count ? lane : 0, lane); /* an unused lane repeats the first plant */
     for (int site = SITE_TIMING; site < SITE_COUNT; site++)
         order_site(lanes, (site_t)site);
     lanes->view->tell = NULL;

@@ -3,7 +3,7 @@
  * files. The hooks of other effects run plant by plant.
  *
  * Plants can form a group if they have the same kind of vehicle, profile and longest steps, and no tyres that slip. The
- * caller starts plant[0] to plant[count - 1], calls lanes_open(), and then reaches them by these functions alone. */
+ * caller starts plant[0] to plant[count - 1], calls lanes_open(), and then uses only these functions for the plants. */
 #ifndef BRICKPILOT_PLANT_LANES_H
 #define BRICKPILOT_PLANT_LANES_H
 
@@ -20,7 +20,7 @@ typedef struct {
 typedef struct {
     plant_t plant[LANES_MOST];
     int count;
-    int status[LANES_MOST]; /* 0, or why a plant has stopped; it then stays as it is */
+    int status[LANES_MOST]; /* 0, or the error that has stopped a plant; the plant then no longer changes */
     int law_count;
     const effect_t *effect_of_law[LAWS_MOST];
     hooks_t batch[SITE_COUNT][LAWS_MOST + 1][LANES_MOST]; /* hooks that run robot by robot between two laws */
@@ -34,13 +34,13 @@ typedef struct {
 /* How many plants can be in one group on this processor: 2, 4 or 8, but at most `limit`; 1: a group is not possible. */
 int lanes_widest(int limit);
 
-/* The same for `count` plants that `threads` threads share: not so wide that a thread has nothing to do. */
+/* As lanes_widest(), for `count` plants that `threads` threads share: small enough that each thread gets a group. */
 int lanes_shared(int count, int threads, int limit);
 
-/* True where this plant, which has been started, can be in a group. */
+/* True if this plant, which has been started, can be in a group. */
 bool lanes_may_hold(const plant_t *plant);
 
-/* Begins with plants that have been started; 2 to lanes_widest() of them. */
+/* Makes a group of `count` started plants, 2 to lanes_widest(). */
 void lanes_open(lanes_t *lanes, int count);
 
 /* plant_restart() and plant_advance() for plants that have not stopped. Their results are in `status`. */

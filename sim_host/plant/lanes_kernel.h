@@ -1,7 +1,7 @@
 /* lanes_kernel.h: the step of plant/step.h in vector registers, and what plant/lanes.c needs of it.
  *
  * lanes_laws.c is compiled once for each width, with the laws of effects that are written over real_t. There a
- * vehicle_t holds LANES robots, so both files share these types alone. The number at index i of a plant's vehicle has
+ * vehicle_t holds LANES robots, so both files share only these types. The number at index i of a plant's vehicle has
  * index i * width + lane here, and in all arrays below. */
 #ifndef BRICKPILOT_PLANT_LANES_KERNEL_H
 #define BRICKPILOT_PLANT_LANES_KERNEL_H
@@ -18,7 +18,7 @@ enum { LANES_BYTES = 65536, LANES_ALIGNMENT = 64 }; /* bytes: size and alignment
 enum { LAWS_MOST = 16, LAW_VALUES = 8, LAW_MEMORY = 16 };
 
 typedef struct {
-    const effect_t *effect; /* used by the kernel alone */
+    const effect_t *effect; /* only the kernel uses it */
     unsigned robots;        /* one bit for each lane that has this effect */
     double *value;          /* LAW_VALUES parameters for each lane */
     double *memory;         /* LAW_MEMORY doubles for each lane */
@@ -30,7 +30,7 @@ typedef struct {
     int count;
     struct {
         int law;   /* an index into `law`; or -1: hooks that run robot by robot */
-        int batch; /* the number of their batch, for `run` */
+        int batch; /* if law is -1: number of the batch of hooks, for `run` */
     } step[STEPS_MOST];
 } lanes_site_t;
 
@@ -71,7 +71,7 @@ typedef struct {
 
 extern const lanes_kernel_t lanes_kernel_2, lanes_kernel_4, lanes_kernel_8;
 
-/* How many numbers a vehicle_t begins with. */
+/* Number of the numbers at the beginning of a vehicle_t. */
 static inline int vehicle_numbers(void)
 {
     return (int)(offsetof(vehicle_t, parameter) / sizeof(real_t));

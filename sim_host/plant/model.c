@@ -226,7 +226,7 @@ static int in_range(const bp_parameter_info *info, double value)
     return value >= info->minimum && value <= info->maximum;
 }
 
-/* A motor may be without a load (mass, radius) and without an inertia of its own. */
+/* A BP_MOTOR may have no load (mass, radius) and no inertia of its own. */
 static int may_be_absent(const bp_model *model, int parameter)
 {
     return model->vehicle == BP_MOTOR &&

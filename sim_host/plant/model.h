@@ -1,4 +1,4 @@
-/* model.h: what a bp_model holds. brickpilot_sim.h documents its functions. */
+/* model.h: the fields of bp_model. brickpilot_sim.h documents its functions. */
 #ifndef BRICKPILOT_PLANT_MODEL_H
 #define BRICKPILOT_PLANT_MODEL_H
 
@@ -14,7 +14,7 @@ struct bp_model {
     struct {
         const effect_t *effect;
         double value[BP_MAX_PARAMETERS];
-    } effect[MODEL_EFFECTS]; /* in the order of the table, so that the order of switching on does not matter */
+    } effect[MODEL_EFFECTS]; /* in the order of the table, in whatever order they were switched on */
 };
 
 #endif

@@ -3,9 +3,9 @@
  * With a = h R / L and phi_1 = (1 - e^-a) / a, phi_2 = (1 - phi_1) / a, phi_3 = (1/2 - phi_2) / a:
  *   i(h)   = e^-a i + (1 - e^-a) / R e - (1 - phi_1) / R K_e dw
  *   mean i = phi_1 i + (1 - phi_1) / R e - (1/2 - phi_2) / R K_e dw          e = V - K_e w, dw = the change of w
- * and i = (V - K_e w) / R for L -> 0. This is an integrating factor: Hochbruck & Ostermann 2010. Where a step does not
- * resolve the motion (`stiffness` near 1), the last factor goes from 1/2 - phi_2 to 1, which damps instead of ringing.
- * The stiffness is of second order in h, so the method stays of order 2.
+ * and i = (V - K_e w) / R for L -> 0. This is an integrating factor: Hochbruck & Ostermann 2010. If a step does not
+ * resolve the motion (`stiffness` near 1), the last factor goes from 1/2 - phi_2 to 1: the motion is damped and does
+ * not ring. The stiffness is of second order in h, so the method stays of order 2.
  */
 #ifndef BRICKPILOT_PLANT_MOTOR_H
 #define BRICKPILOT_PLANT_MOTOR_H
@@ -30,7 +30,7 @@ typedef struct {
     real_t gain;
     real_t mean_decay;
     real_t mean_gain;
-    real_t mean_ramp; /* (1/2 - phi_2) / R, more where the step is stiff */
+    real_t mean_ramp; /* (1/2 - phi_2) / R; larger if the step is stiff */
     motor_settled_t settled;
 } motor_step_t;
 
@@ -41,7 +41,8 @@ typedef struct {
     real_t a_phi_1, a_phi_2, a_phi_3;
 } motor_phi_t;
 
-/* For small a the closed forms lose digits. There phi_3 is summed from its series, and the others follow from it. */
+/* For small a the closed forms lose digits. So phi_3 is summed from its series, and the other values follow from
+ * phi_3. */
 static inline motor_phi_t motor_phi_of_small(real_t a)
 {
     motor_phi_t phi;
@@ -104,7 +105,7 @@ static inline void motor_settle(motor_settled_t *settled, const motor_t *motor, 
     settled->of_inductance = motor->inductance;
 }
 
-/* True where `settled` holds what motor_settle() would compute. */
+/* True if `settled` already has the values that motor_settle() would compute. */
 IN_LANES mask_t motor_settled(const motor_settled_t *settled, const motor_t *motor, double h)
 {
     const mask_t step = settled->of_step == h, resistance = settled->of_resistance == motor->resistance;
@@ -137,7 +138,7 @@ static inline void motor_prepare(motor_step_t *step, const motor_step_t *other, 
     step->mean_ramp = choose(floats, none, ramp);
 }
 
-/* The mean current over the step for a constant speed. The caller adds the part that the change of speed makes. */
+/* The mean current over the step for a constant speed. The caller adds the part that the change of speed causes. */
 static inline real_t motor_mean_current(const motor_step_t *step, real_t voltage, real_t speed, real_t current)
 {
     return step->mean_decay * current + step->mean_gain * (voltage - step->emf_constant * speed);

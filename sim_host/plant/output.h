@@ -43,7 +43,7 @@ static inline void output_of_motor(const vehicle_t *vehicle, real_t *out)
 }
 
 /* Writes the accelerometers' readings into `out`: means over all body steps since the last reading, as an integrating
- * converter gives them. Until then `out` holds the means over the last body step alone. */
+ * converter gives them. Before this call `out` has the means over the last body step only. */
 static inline void output_felt(const vehicle_t *vehicle, real_t *out)
 {
     if (vehicle->vehicle == BP_MOTOR)

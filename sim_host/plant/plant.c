@@ -8,7 +8,7 @@
 #include "plant/contact_load.h"
 #include "plant/output.h"
 
-/* Share of a step by which an interval may exceed a whole number of steps, so that rounding in sample times adds no
+/* Fraction of a step by which an interval may exceed a whole number of steps: so rounding of sample times adds no
  * step. */
 static const double STEP_SLACK = 1e-6;
 
@@ -203,7 +203,7 @@ int plant_restart(plant_t *plant, const bp_state *state)
     const bool wheels_open = isnan(state->wheel_speed[0]) && isnan(state->wheel_speed[1]);
     const bool body_given = !isnan(state->surge) || !isnan(state->yaw_rate);
     if (vehicle->vehicle != BP_MOTOR && vehicle->profile == BP_COUPLED && wheels_open && body_given) {
-        whole.wheel_speed[0] = 0; /* 0 means: from the body's speeds */
+        whole.wheel_speed[0] = 0; /* 0: start_state() takes the body's speeds */
         whole.wheel_speed[1] = 0;
     }
     start_state(vehicle, &whole);

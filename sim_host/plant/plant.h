@@ -17,7 +17,7 @@ typedef struct {
     double *memory;
 } plant_hook_t;
 
-/* Callers may read vehicle.state. All else is for the plant alone. */
+/* Callers may read vehicle.state. Only the plant uses the other fields. */
 typedef struct plant {
     vehicle_t vehicle;
     const bp_model *model; /* must outlive the plant and not change */
@@ -49,7 +49,7 @@ int plant_advance(plant_t *plant, const double input[2], double dt);
 /* Counts the body steps in an interval of dt seconds, and the motor steps in each of them. BP_E_TIME: as above. */
 int plant_divide(const plant_t *plant, double dt, int *body_count, int *motor_count);
 
-/* Fills both motors as they are without effects. */
+/* Fills in both motors without effects. */
 void plant_nominal_motors(const vehicle_t *vehicle, motor_t motor[2]);
 
 /* Fills `out` with the OUTPUT_COUNT outputs of the present state, in the order of bp_output_name(): with the sensor

@@ -16,10 +16,10 @@
 #include "plant/body.h"
 #include "plant/contact.h"
 
-/* How many times a motor step is done at most, to find the slip of tyres that lose their hold in it. */
+/* Largest number of attempts at a motor step to find the slip of tyres that begin to slip in it. */
 enum { STEP_SLIP_TRIES = 4 };
 
-/* True where the state holds neither an infinity nor a NaN. */
+/* True if the state has neither an infinity nor a NaN. */
 IN_LANES mask_t step_finite(const state_t *state)
 {
     const real_t *value = (const real_t *)state; /* a state is made of numbers alone */
@@ -29,7 +29,7 @@ IN_LANES mask_t step_finite(const state_t *state)
     return sum == 0;
 }
 
-/* Turns the commands into the voltages at the motors. */
+/* Converts the commands into the voltages at the motors. */
 static inline void step_drive(stepped_t *plant, const real_t input[2])
 {
     vehicle_t *vehicle = &plant->vehicle;
@@ -51,7 +51,7 @@ static inline bool step_floats_anew(const stepped_t *plant)
     return any_lane(left | right);
 }
 
-/* One motor step of wheels and a body that moves on its own. */
+/* One motor step of the wheels and of a body with its own speeds. */
 static inline void step_slipping(stepped_t *plant, const contact_t *contact, double h)
 {
     vehicle_t *vehicle = &plant->vehicle;

@@ -1,4 +1,4 @@
-/* wheels.h: both motors and wheels over one motor step: eq. 14, what the contact adds to it, and dry friction.
+/* wheels.h: both motors and wheels over one motor step: eq. 14, the contact's inertia and load, and dry friction.
  *
  * The linear part is integrated by the implicit midpoint rule: (M + h/2 D + h K) dw = h (torque(w) + load) + p. M is
  * the inertia that the wheels feel, D the linear losses, K the motors' damping within the step, and p the impulse of
@@ -13,7 +13,7 @@
 
 /* Speeds of the tyres over the floor, m/s. */
 typedef struct {
-    real_t along[2]; /* of each wheel's rim ahead of the body */
+    real_t along[2]; /* speed of each wheel's rim minus that of the body */
     real_t sway;     /* of both tyres, sideways */
     real_t yaw_rate; /* rad/s; of a skid steer: it adds to sway, times a contact's distance ahead */
 } slip_t;
@@ -26,8 +26,8 @@ typedef struct {
     real_t dry_arm
         [DRY_COUNT]; /* factor from vehicle_t.dry to N m at the wheel; 0 where the wheels do not carry the motion */
 
-    /* Used by the contact alone, if the body moves on its own. Ground speeds are those of the body at each wheel,
-     * m/s. */
+    /* Only the contact uses these, if the body has its own speeds. Ground speeds are those of the body at each wheel,
+     * in m/s. */
     struct {
         pair_t inverse;                   /* 1/kg: change of the ground speeds per impulse at the wheels */
         pair_t grip;                      /* kg: impulse on the body per wheel speed ahead of `free` */
@@ -38,22 +38,22 @@ typedef struct {
         real_t sway_lever;                /* kg m: sway impulse that a change of the yaw rate takes */
         real_t travel_surge, travel_sway; /* m: travel since the body step began */
         real_t turn;                      /* rad: turn since the body step began */
-        slip_t slip;                      /* at the start of the motor step; only where has_slip */
+        slip_t slip;                      /* slip at the start of the motor step; valid only if has_slip */
         bool has_slip;
-        slip_t ahead;   /* expected at the end of the motor step: the tyres' hold is computed for it */
-        real_t turned;  /* kg m^2: hold of the contacts on the yaw rate in this step, with `ahead` */
-        real_t soft[2]; /* 1/kg: slip speed over impulse of each tyre in this step, with `ahead` */
+        slip_t ahead;   /* slip expected at the end of the motor step: the tyres' law is linearised there */
+        real_t turned;  /* kg m^2: yaw impulse of the contacts per yaw rate in this step, for `ahead` */
+        real_t soft[2]; /* 1/kg: slip speed per impulse of each tyre in this step, for `ahead` */
     } body;
 
     /* Set by wheels_prepare(). */
     double step; /* s */
     mask_t floats[2];
     motor_step_t motor[2];
-    real_t weight[2]; /* s: h/2, more where the step is stiff */
+    real_t weight[2]; /* s: h/2; larger if the step is stiff */
     pair_t matrix;    /* M + h/2 D + h K */
     pair_t inverse;
 
-    real_t energy[2]; /* J: what the drive fed each motor since the caller set it to 0 */
+    real_t energy[2]; /* J: energy from the drive into each motor since the caller set this to 0 */
 } wheels_t;
 
 /* s^2 / (1 + s^2) of wheels.h, for the motion with the least inertia. */
@@ -102,8 +102,8 @@ static inline pair_t wheels_scaled(const pair_t *matrix, real_t left, real_t rig
     return (pair_t){matrix->left * left * left, matrix->right * right * right, matrix->cross * left * right};
 }
 
-/* Solves for the speeds of the rims: whatever the radii, their sum gives the surge and their difference the yaw. Leaves
- * `end` unchanged where `rubs` is false. */
+/* Solves for the speeds of the rims: for any radii, their sum gives the surge and their difference the yaw. Leaves
+ * `end` unchanged if `rubs` is false. */
 static inline void wheels_solve_rims(real_t end[2], const wheels_t *wheels, const real_t rim[2],
                                      real_t bound[DRY_COUNT], mask_t rubs)
 {

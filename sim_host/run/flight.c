@@ -1,4 +1,5 @@
-/* flight.c: what closed loops share, wherever their controller is. brickpilot_sim.h is the manual. */
+/* flight.c: functions for closed loops, with the firmware or with a controller outside. brickpilot_sim.h is the
+ * manual. */
 #include "run/flight.h"
 
 #include <math.h>
@@ -73,8 +74,7 @@ void flight_sense(flight_t *flight)
                                         flight_int16(state->surge * 16e3), flight_int16(state->yaw_rate * 1e3)};
 }
 
-/* Puts the constants and the request's settings in force. False: there is no such setting, or a value is out of its
- * range. */
+/* Sets the constants and the request's settings. False: there is no such setting, or a value is outside its range. */
 static bool write_settings(const bp_flight *request, parameters_t *parameters)
 {
 #ifdef BODY_WITHOUT_PAPER
@@ -95,7 +95,7 @@ static bool write_settings(const bp_flight *request, parameters_t *parameters)
     return true;
 }
 
-/* Gives the flight the sensors that the request describes, or else the packaged robot's. */
+/* Gives the flight the sensors of the request, or of the packaged robot if the request has none. */
 static void choose_devices(flight_t *flight)
 {
     const bp_devices *devices = flight->request->devices;

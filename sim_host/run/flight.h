@@ -15,7 +15,7 @@ enum { PLANT_STEP_MS = (int)(RCX_BODY_STEP * 1e3 + 0.5) };
 typedef struct {
     const bp_flight *request; /* the request, its arrays and the plant must outlive the flight */
     plant_t *plant;
-    int step; /* the control step that comes next, or is under way */
+    int step; /* the present control step, or the next one */
     sil_port_t port;
     loop_state_t loop;
     route_waypoint_t waypoints[BP_MAX_WAYPOINTS];
@@ -36,7 +36,7 @@ int flight_prepare(flight_t *flight, const bp_flight *request, plant_t *plant);
 /* Reads the sensors of this moment, with their noise, into the port. */
 void flight_sense(flight_t *flight);
 
-/* Fills in the voltages, V, of the duties in the port. */
+/* Converts the duties in the port into `voltage`, in V. */
 void flight_commanded_voltage(const flight_t *flight, double voltage[2]);
 
 /* Stores the step's log and motor commands, and goes on to the next step. `loop`: NULL if the controller is outside. */

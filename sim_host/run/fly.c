@@ -13,7 +13,7 @@
 _Static_assert(STEP_MS % PLANT_STEP_MS == 0,
                "a step of the firmware is one of the plant, [rates] body_step, or several");
 
-/* Sets the voltages of a manoeuvre: those of its schedule, and 0 once its path is done. */
+/* Sets the voltages of a manoeuvre: those of its schedule, and 0 after its path has been driven. */
 static void follow_schedule(flight_t *flight, double voltage[2])
 {
     const bp_flight *request = flight->request;
@@ -34,7 +34,7 @@ static void control(flight_t *flight)
 {
     const int every = STEP_MS / PLANT_STEP_MS;
     const int begins =
-        (flight->request->start_step + every - 1) / every * every; /* the command waits until a step is due */
+        (flight->request->start_step + every - 1) / every * every; /* the start command waits until a step is due */
 
     flight->port.link_out_size = 0;
     if (flight->step % every == 0)
@@ -42,7 +42,7 @@ static void control(flight_t *flight)
                   flight->step == begins ? MODE_START : MODE_NONE);
 }
 
-/* Does a control step without the plant: fills in the voltages with which the plant has to advance. */
+/* Does a control step without the plant. Sets the voltages for the plant's next step. */
 static void fly_step(flight_t *flight, double voltage[2])
 {
     const bool manoeuvre = flight->request->drive != NULL;

@@ -8,13 +8,13 @@
 #include "run/thread.h"
 
 enum { THREADS_MAX = 64 };
-enum { LOOK_AHEAD = 64 }; /* a run that joins a group is at most so many places further on in the list */
+enum { LOOK_AHEAD = 64 }; /* a run joins a group only if it is at most this many places further on in the list */
 
 typedef struct {
     bp_run *runs;
     int count;
-    int widest;  /* the most runs that go side by side */
-    int next;    /* no run before this one is free */
+    int widest;  /* largest number of runs that go side by side */
+    int next;    /* all earlier runs are taken */
     bool *taken; /* `count` flags, one for each run; NULL if each run goes alone */
     lock_t lock;
 } queue_t;
@@ -198,7 +198,7 @@ int bp_simulate_lanes(bp_run *runs, int count, int threads, int lanes)
     const int wanted = threads < count ? threads : count;
     while (helpers < wanted - 1 && helpers < THREADS_MAX && thread_start(&helper[helpers], work, &queue) == 0)
         helpers++;
-    work(&queue); /* the caller works too, so a thread that fails to start costs time only */
+    work(&queue); /* the caller works too, so if a thread does not start, only time is lost */
     for (int i = 0; i < helpers; i++)
         thread_join(helper[i]);
     free(queue.taken);

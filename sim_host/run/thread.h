@@ -1,4 +1,4 @@
-/* thread.h: a thread and a lock, as POSIX and as Windows have them. */
+/* thread.h: a thread and a lock, for POSIX and for Windows. */
 #ifndef BRICKPILOT_RUN_THREAD_H
 #define BRICKPILOT_RUN_THREAD_H
 
@@ -13,7 +13,7 @@ typedef SRWLOCK lock_t;
 #define THREAD_RETURNS DWORD WINAPI
 #define THREAD_DONE 0
 
-/* Starts `run`, which takes `argument`; returns 0, or another value where no thread can be started. */
+/* Starts a thread that calls `run` with `argument`. Returns 0, or another value if no thread can be started. */
 static inline int thread_start(thread_t *thread, LPTHREAD_START_ROUTINE run, void *argument)
 {
     *thread = CreateThread(NULL, 0, run, argument, 0, NULL);

@@ -1,5 +1,5 @@
-/* imu.h: two accelerometers and a gyro behind the brick's converter. A reading is the truth with a bias and white
- * noise, then limited to the range, then rounded to the resolution. */
+/* imu.h: two accelerometers and a gyro on the brick's converter. A reading is the true value plus a bias and white
+ * noise, limited to the range and rounded to the resolution. */
 #ifndef BRICKPILOT_SENSORS_IMU_H
 #define BRICKPILOT_SENSORS_IMU_H
 
@@ -13,7 +13,7 @@ typedef struct {
     double gyro_noise_sd; /* rad/s */
     double gyro_range;    /* rad/s */
     double gyro_bias;     /* rad/s */
-    int bits;             /* of the converter, 1..24: the resolution is 2 range / 2^bits; 0: readings are not rounded */
+    int bits;             /* bits of the converter, 1..24: the resolution is 2 range / 2^bits; 0: no rounding */
 } imu_config_t;
 
 typedef struct {

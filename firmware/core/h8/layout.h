@@ -1,7 +1,8 @@
-/* layout.h: offsets, in bytes, that the RCX's compiler gives the fields of all structs that assembly reads. The only
- * list of them: assembly includes it, and firmware/model/h8/layout.c does not compile where an offset is wrong.
+/* layout.h: offsets, in bytes, that the RCX's compiler gives the fields of all structs that assembly reads. This is the
+ * only list of these offsets: assembly includes it, and firmware/model/h8/layout.c does not compile if an offset is
+ * wrong.
  *
- * Every field of such a struct is listed, in its order, so that no two fields can change places unnoticed.
+ * Every field of such a struct is listed, in the struct's order, so that two fields cannot be exchanged unnoticed.
  */
 #ifndef BRICKPILOT_CORE_H8_LAYOUT_H
 #define BRICKPILOT_CORE_H8_LAYOUT_H
@@ -67,7 +68,7 @@
     X(body_state_t, motor[1], STATE_MOTOR_1)                                                                           \
     X(body_state_t, motion, STATE_MOTION)
 
-/* A larger build has these fields after the fields above. No assembly reads them. */
+/* A build with more functions has these fields after the fields above. No assembly reads them. */
 #define COEFFICIENTS_TRAVEL_FROM_SPEED 66
 #define COEFFICIENTS_HEADING_FROM_YAW_RATE 70
 #define COEFFICIENTS_THRUST_FROM_VOLTAGE 74

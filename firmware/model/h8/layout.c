@@ -1,4 +1,4 @@
-/* layout.c: does not compile for the RCX where core/h8/layout.h is wrong about a struct. It makes no code. */
+/* layout.c: does not compile for the RCX if an offset in core/h8/layout.h is wrong. It makes no code. */
 #include "core/h8/layout.h"
 
 #include <stddef.h>
@@ -11,7 +11,7 @@
 #define CHECK(type, field, offset)                                                                                     \
     extern char correct_in_core_h8_layout_h_##offset[offsetof(type, field) == (offset) ? 1 : -1];
 
-#ifdef __H8300__ /* another compiler has a layout of its own */
+#ifdef __H8300__ /* other compilers use other layouts */
 LAYOUT_OF_CORE(CHECK)
 LAYOUT_OF_MOTOR(CHECK)
 LAYOUT_OF_BODY(CHECK)

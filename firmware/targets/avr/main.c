@@ -1,7 +1,7 @@
-/* main.c: the autopilot on an ATmega328P or ATmega2560. After power-on, or a push of the reset button, the robot rests for two seconds, in
- * which it learns the gyro's bias, and flies the route of app/mission.h. If a host begins a session on the serial line,
- * the host starts the mission. After any other reset, or one whose cause a boot loader hides, the robot waits for a
- * host (guard_may_start()).
+/* main.c: the autopilot on an ATmega328P or ATmega2560. After power-on, or a push of the reset button, the robot rests
+ * for two seconds to learn the gyro's bias. Then it flies the route of app/mission.h. If a host begins a session on the
+ * serial line, the host starts the mission instead. After any other reset, or a reset whose cause a boot loader hides,
+ * the robot waits for a host (guard_may_start()).
  */
 #include <avr/interrupt.h>
 
@@ -37,7 +37,7 @@ static void start_devices(void)
     sei();
 }
 
-/* Returns the host's command, or MODE_START once the robot has rested. */
+/* Returns the host's command. When the rest is over, returns MODE_START instead. */
 static mode_command_t command_now(void)
 {
     const mode_command_t command = commands_next(&commands);

@@ -1,6 +1,6 @@
-/* main.c: the firmware on the H8/300 instruction-set simulator. It reads and writes frames of wire/frame.h on standard input and
- * output. In lockstep, it makes a step as soon as a set of readings is whole and STEP_MS has passed. It ends with its
- * input.
+/* main.c: the firmware on the H8/300 instruction-set simulator. It reads and writes frames of wire/frame.h on standard
+ * input and output. In lockstep, it makes a step as soon as a set of readings is complete and STEP_MS has passed. The
+ * program ends when its input ends.
  */
 #include "app/serve.h"
 #include "h8sim/system.h"

@@ -1,4 +1,4 @@
-/* system.c: the two system calls of firmware/targets/h8sim/main.c on this machine, so that the same program runs here too. */
+/* system.c: the two system calls of targets/h8sim/main.c for the host, so that the same program runs there, too. */
 #include <unistd.h>
 
 #include "h8sim/system.h"

@@ -1,6 +1,6 @@
-/* main.c: the autopilot as a program of brickOS. Run starts it. After two seconds at rest, in which it learns the gyro's bias, it flies
- * the route of mission.h. It does not fly if a session over the infrared link begins, or if Prgm is pressed. View starts the mission
- * again. Run ends the program.
+/* main.c: the autopilot as a program of brickOS. The button Run starts it. The robot rests for two seconds to learn the
+ * gyro's bias, and then flies the route of mission.h. It does not fly if a session over the infrared link begins, or if
+ * Prgm is pressed. View starts the mission again. Run ends the program.
  */
 #include <unistd.h>
 
@@ -13,18 +13,18 @@
 
 enum {
     REST_MS = 2000,
-    TELEMETRY_MS = 2000, /* from one report to the next: its seven messages take half a second of the link */
-    HEARTBEAT_MS = 3000  /* from one HEARTBEAT with FAULTS to the next */
+    TELEMETRY_MS = 2000, /* period of a report: its seven messages occupy the link for half a second */
+    HEARTBEAT_MS = 3000  /* period of the messages HEARTBEAT and FAULTS */
 };
 
 static commands_t commands;
 static loop_state_t state;
 static bool starting; /* the mission starts as soon as the robot has rested */
 
-/* Times of the clock. 16 bits are enough for the times measured here. */
+/* Clock times. 16 bits are enough for the times measured here. */
 static uint16_t now_ms, due_ms, resting_ms, telemetry_ms, heartbeat_ms;
 
-/* True if `time_ms` has passed since `since_ms`, which is then set to now. */
+/* True if `time_ms` has passed since `since_ms`. In that case sets `since_ms` to now. */
 static bool is_over(uint16_t *since_ms, uint16_t time_ms)
 {
     if ((uint16_t)(now_ms - *since_ms) < time_ms)
@@ -61,7 +61,7 @@ static mode_command_t command_now(void)
     return command;
 }
 
-/* The loop's settings for sending are made for faster links. So this function holds the messages back, tick by tick. */
+/* The loop sends too often for this slow link. So this function delays the messages in every tick. */
 static void hold_back(void)
 {
     state.until_telemetry = state.until_heartbeat = 1;
@@ -73,7 +73,7 @@ static void hold_back(void)
         state.until_heartbeat = 0;
 }
 
-/* Sleeps until the next tick is due. If that time is over already, lets the other tasks run. */
+/* Sleeps until the next tick is due. If the tick is due already, lets the other tasks run. */
 static void wait(void)
 {
     int16_t left_ms = (int16_t)(due_ms - (uint16_t)hal_clock_ms());

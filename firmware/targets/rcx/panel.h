@@ -1,4 +1,4 @@
-/* panel.h: buttons and display. The kernel keeps Run and On-Off for itself: they end the program. */
+/* panel.h: buttons and display. The kernel handles Run and On-Off itself: they end the program. */
 #ifndef BRICKPILOT_TARGETS_RCX_PANEL_H
 #define BRICKPILOT_TARGETS_RCX_PANEL_H
 

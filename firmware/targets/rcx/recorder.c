@@ -1,6 +1,6 @@
-/* recorder.c: a program of its own. It drives the manoeuvres below and keeps the sensors' readings in the memory that the autopilot
- * would need. The link carries 218 bytes per second: too few to send the readings while driving. `brickpilot import rcx` fetches the
- * recording afterwards, as a data set.
+/* recorder.c: a separate program. It drives the manoeuvres below and stores the sensors' readings in the memory that
+ * the autopilot would need. The link carries 218 bytes per second: too few to send the readings while driving.
+ * Afterwards `brickpilot import rcx` fetches the recording, as a data set.
  *
  * The host asks for a block by number: two bytes, low byte first. The reply is the number and the block. Block 0 is the
  * description (describe()); block n holds the samples from 20 (n - 1) on. A repeated request gets the same reply.
@@ -23,7 +23,7 @@ enum {
     HALF = 16384
 };
 
-/* The duty of both motors for a number of samples. */
+/* A part of a manoeuvre: the duty of both motors, held for a number of samples. */
 typedef struct {
     int16_t left_q15, right_q15;
     uint16_t samples;

@@ -1,7 +1,8 @@
-/* main.c: the autopilot on a board of your own. Copy this folder together with the port; CONTRIBUTING.md says where the recipe is.
+/* main.c: the autopilot on a board of your own. Copy this folder together with the port; CONTRIBUTING.md links the
+ * recipe.
  *
- * After two seconds at rest, in which it learns the gyro's bias, the robot flies the route of app/mission.h, unless a host begins a
- * session over the link.
+ * The robot rests for two seconds to learn the gyro's bias. Then it flies the route of app/mission.h, unless a host
+ * begins a session over the link.
  */
 #include "app/mission.h"
 #include "app/serve.h"
@@ -14,14 +15,14 @@ static commands_t commands;
 static loop_state_t state;
 static uint16_t resting = REST_TICKS; /* ticks until the mission starts; 0: it does not start by itself */
 
-/* Waits until the next tick is due, and returns true; false ends the program. */
+/* Waits until the next tick is due, and returns true. Returns false to end the program. */
 static bool wait_for_tick(void)
 {
     NOT_DONE("start a timer of STEP_MS, sleep until it is over, and return true");
     return false;
 }
 
-/* Returns the host's command, or MODE_START once the robot has rested. */
+/* Returns the host's command. When the rest is over, returns MODE_START instead. */
 static mode_command_t command_now(void)
 {
     const mode_command_t command = commands_next(&commands);
