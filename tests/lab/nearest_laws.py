@@ -28,7 +28,7 @@ from hidden.recipe import Recipe
 from threadpoolctl import threadpool_limits
 
 README = Path(__file__).parents[1] / "hidden" / "README.md"
-HEAD = "| odd law | its error | nearest law of the library | it leaves | share | beyond noise |"
+HEAD = "| odd law | nearest law of the library | its error | it leaves | share | beyond noise |"
 RUNS = ("forward_back_full", "spin_left", "curve_left", "left_alone")
 """The four runs that are used of the eight: ahead and back, on the spot, in a left curve, to the right on one wheel."""
 
@@ -67,8 +67,8 @@ class Nearest:
     def row(self) -> str:
         """Returns the row of the table."""
         beyond = "yes" if self.is_beyond_noise else "no"
-        numbers = f"{self.error:.3g} | `{self.law}` | {self.left:.2g} | {self.share:.2g}"
-        return f"| `{self.odd}` | {numbers} | {beyond} |"
+        numbers = f"{self.error:.3g} | {self.left:.2g} | {self.share:.2g}"
+        return f"| `{self.odd}` | `{self.law}` | {numbers} | {beyond} |"
 
 
 class Squares(Problem):
@@ -130,7 +130,7 @@ def stated() -> dict[str, Nearest]:
     """Returns odd law -> its row in the README's table."""
     rows = README.read_text(encoding="utf-8").partition(HEAD)[2].partition("\n\n")[0].splitlines()[2:]
     cells = [[cell.strip(" `") for cell in row.split("|")[1:-1]] for row in rows]
-    return {odd: Nearest(odd, law, float(error), float(left)) for odd, error, law, left, _, _ in cells}
+    return {odd: Nearest(odd, law, float(error), float(left)) for odd, law, error, left, _, _ in cells}
 
 
 def main() -> None:

@@ -14,7 +14,7 @@ from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.plant import OpenLoopRun
 from synthetic import robot
 
-DRIVES = ((4, 4), (-5, -5), (5, -5), (-4, 4), (6, 3))
+DRIVES = ((4, 4), (-5, -5), (5, -5), (-4, 4), (6, 3), (3, 6), (7, 7), (-6, 6))
 MAPPING = [
     "time=millis:ms", "voltage_left=vL", "voltage_right=vR", "wheel_angle_left=encL/960:rotation",
     "wheel_angle_right=encR/960:rotation", "yaw_rate=gz:deg/s",
@@ -24,7 +24,7 @@ SLIPS = {"wheel_slip", "side_slip"}
 
 
 def commands(rng: np.random.Generator) -> np.ndarray:
-    """Returns (n, 3): s, V left, V right: drives of four commands each, with rests between them."""
+    """Returns (n, 3): s, V left, V right: eight drives of four commands each, with rests between them."""
     rows, time = [(0.0, 0.0, 0.0)], 0.5
     for left, right in DRIVES:
         for _ in range(4):

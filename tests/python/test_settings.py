@@ -34,7 +34,7 @@ NAMED = {
     "firmware/params_header.py",  # battery_floor, on which the range of the battery voltage depends; checks of defaults
     "vehicle/settings.py",  # defaults that follow from other values
     "gen/value_headers.py",  # settings that the reference controller in floating point lacks
-    "hil/fly.py",  # what a flight needs
+    "link/brick.py",  # what a flight needs
     "public/flights.py",  # an argument of the same name
     "public/making.py",  # the cruise speed that the image has
     "tune/tuner.py",  # a scenario's cruise

@@ -177,7 +177,7 @@ class Judge:
         reach = np.array([one.reach for one in found.plan.free])
         normal = slopes.T @ slopes + np.diag(1 / np.maximum(reach, 1e-12) ** 2)  # holds parameters without effect
         bounds = np.array([one.bounds() for one in found.plan.free]).reshape(-1, 2)
-        of_run = np.array([one.run is not None for one in found.plan.free], dtype=bool)
+        of_run = np.array([bool(one.run) for one in found.plan.free], dtype=bool)
         ends = np.cumsum(np.bincount(self.stretch, minlength=self.count))
         far: list[_Moved] = []
         for here in np.split(np.argsort(self.stretch, kind="stable"), ends[:-1]):
