@@ -1,7 +1,7 @@
 /* board.h: the wiring of the robot, and the sign, zero and scale of each sensor. Edit it if your robot is wired differently.
  *
  * This file names no register, so that a simulator of the board can include it, too. A pin is a pair: the letter of its port, and
- * its bit. The chip is the compiler's target; on a host, the ATmega328P, or the one of -DBOARD_ATMEGA2560.
+ * its bit. The chip is the compiler's target; a host says -DBOARD_ATMEGA2560, or gets the ATmega328P.
  */
 #ifndef BRICKPILOT_AVR_BOARD_H
 #define BRICKPILOT_AVR_BOARD_H
@@ -17,11 +17,11 @@
  *   IN1 IN2   PWM
  *    1   0   duty   forward: between the pulses the bridge shorts the motor
  *    0   1   duty   backward
- *    1   1    1     brake: the motor is shorted. Duty 0 is a brake, as the controller's model assumes
- *    0   0    0     coast: no current. This is the state after a reset, and every safe state
+ *    1   1    1     brake: the motor is shorted. Duty 0 does this, as the controller's model assumes
+ *    0   0    0     coast: no current. After a reset, and in every safe state
  *
  * Timer 1 makes the PWM: fast, 10 bits, no prescaler, 15.6 kHz. OCR1A or OCR1B = 0..1023 gives a duty of 1..1024 parts
- * of 1024. While a motor coasts or brakes, the timer is off its PWM pin. After a reset all pins are inputs, and
+ * of 1024. While a motor coasts or brakes, its PWM pin is steady, off the timer. After a reset all pins are inputs:
  * pull-down resistors of 10 kilohm hold each of the six low. If a motor turns the wrong way, swap its two wires. */
 #ifdef BOARD_ATMEGA2560
 #define BOARD_LEFT_PWM B, 5  /* OC1A, pin 11 of an Arduino Mega */
@@ -57,7 +57,7 @@
 
 /* The IMU: analogue sensors, or a chip on the I2C bus: an MPU-6050 (MPU-6500, 9250, 9255) or an LSM6DS (DS3, DSL, DS3TR-C, DSO). The chip lies
  * with its x axis forward and its face up, near the robot's middle. Its ranges are 1,000 degrees/s and 2 g. Its module needs pull-up
- * resistors on both lines, as all boards with these chips have. SECOND_ADDRESS: 1 if its pin AD0 or SA0 is high. */
+ * resistors on both lines, as all boards with these chips have. SECOND_ADDRESS: 1 where its address pin (AD0, SA0) is high. */
 #define BOARD_ANALOGUE 0
 #define BOARD_MPU6050 1
 #define BOARD_LSM6DS 2
@@ -83,19 +83,19 @@
 #define BOARD_BATTERY_INPUT 3
 
 #define BOARD_GYRO_ZERO 512
-#define BOARD_GYRO_PER_COUNT_Q8 5235 /* 2.5 V mean 600 degrees/s, 10.47 rad/s */
+#define BOARD_GYRO_PER_COUNT_Q8 5235 /* 2.5 V are 600 degrees/s, 10.47 rad/s */
 #define BOARD_GYRO_REVERSED 0
 #define BOARD_SURGE_ZERO 512
-#define BOARD_SURGE_PER_COUNT_Q8 9810 /* 2.5 V mean 2 g, 19.62 m/s^2 */
+#define BOARD_SURGE_PER_COUNT_Q8 9810 /* 2.5 V are 2 g, 19.62 m/s^2 */
 #define BOARD_SURGE_REVERSED 0
 #define BOARD_SWAY_ZERO 512
 #define BOARD_SWAY_PER_COUNT_Q8 9810
 #define BOARD_SWAY_REVERSED 0
 
-/* A divider with 30 kilohm to the battery and 10 kilohm to ground: 5 V at the input mean a battery voltage of 20 V. */
+/* The battery, through a divider of 30 kilohm to it and 10 kilohm to ground: 5 V at the input are 20 V. */
 #define BOARD_BATTERY_FULL_MV 20000
 
-/* The host's line: UART 0, 8 bits, no parity. At 16 MHz its rate is 117,647 baud, 2.1 % more, as on every Arduino. */
+/* The host's line: UART 0, 8 bits, no parity. At 16 MHz it has 117,647 baud, 2.1 % more, as on every Arduino. */
 #define BOARD_BAUD 115200UL
 
 /* Timer 2 counts milliseconds. A tick begins every BOARD_TICK_MS. */

@@ -16,8 +16,8 @@
  * The whole range must stay within 32767 mm/s^2 or mrad/s. */
 typedef struct {
     uint16_t zero_raw;     /* the reading at rest, on level ground */
-    uint8_t per_count;     /* scale in mm/s^2 or mrad/s per count: the whole part */
-    uint8_t per_count_256; /* ... and the fraction in 256ths */
+    uint8_t per_count;     /* mm/s^2 or mrad/s per count, the whole part */
+    uint8_t per_count_256; /* ... and the 256ths */
     bool reversed;         /* true: larger readings mean backward, to the left or counter-clockwise */
 } board_axis_t;
 
@@ -25,7 +25,7 @@ typedef struct {
 static const board_axis_t BOARD_GYRO = {512, 20, 115, false}; /* range: 600 degrees/s */
 
 #ifdef RCX_ROTATION
-/* 16 counts per turn of the sensor, which turns 3 times as fast as the wheel. Forward motion counts up. */
+/* 16 counts per turn, geared up 1:3 from the wheel. Forward counts up. */
 #define BOARD_LEFT_INPUT SENSOR_1
 #define BOARD_LEFT_COUNT ROTATION_1
 #define BOARD_RIGHT_INPUT SENSOR_3
