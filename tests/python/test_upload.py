@@ -118,3 +118,8 @@ def test_hil_refuses_an_infrared_link(capsys: pytest.CaptureFixture[str]) -> Non
         main.main(["hil", "--link", f"infrared:{os.devnull}"])
     assert left.value.code == 2
     assert "is too slow for a plant; `brickpilot upload` speaks to an RCX" in capsys.readouterr().err
+
+
+def test_an_unknown_link_is_answered_with_the_links_that_upload_takes() -> None:
+    with pytest.raises(InputError, match="is no link; known links: infrared:PORT, serial:PORT, tcp:HOST:PORT, can:"):
+        brick_link.open_link("serial:")
