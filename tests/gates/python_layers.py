@@ -22,8 +22,9 @@ MAY: dict[str, set[str]] = {
     "fit": {"data", "vehicle"},
     "discover": {"data", "vehicle", "fit"},
     "changed": {"data", "vehicle", "fit", "discover"},
+    "ask": {"data", "vehicle", "fit", "discover"},
     "readiness": {"data", "vehicle", "fit", "discover"},
-    "report": {"data", "vehicle", "fit", "discover", "changed", "readiness"},
+    "report": {"data", "vehicle", "fit", "discover", "changed", "ask", "readiness"},
     "link": {"vehicle"},
     "hil": {"data", "vehicle", "link"},
     "flash": {"vehicle", "link"},
@@ -33,12 +34,12 @@ MAY: dict[str, set[str]] = {
     "export": {"data", "vehicle", "link", "hil"},
     "tune": {"data", "vehicle", "fit", "report", "hil", "firmware", "campaign"},
     "public": {
-        "data", "importers", "vehicle", "fit", "discover", "changed", "readiness", "report", "link", "hil", "firmware",
-        "campaign", "export", "tune",
+        "data", "importers", "vehicle", "fit", "discover", "changed", "ask", "readiness", "report", "link", "hil",
+        "firmware", "campaign", "export", "tune",
     },
     "cli": {
-        "data", "importers", "vehicle", "fit", "discover", "changed", "readiness", "report", "link", "hil", "flash",
-        "firmware", "campaign", "bench", "export", "tune", "public",
+        "data", "importers", "vehicle", "fit", "discover", "changed", "ask", "readiness", "report", "link", "hil",
+        "flash", "firmware", "campaign", "bench", "export", "tune", "public",
     },
     "gen": {"vehicle", "firmware"},
 }  # fmt: skip

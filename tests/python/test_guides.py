@@ -11,6 +11,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import brickpilot as bp
 import pytest
 from command import brickpilot
 
@@ -68,7 +69,24 @@ def told(folder: Path) -> None:
     assert wrong_by == pytest.approx([14, 8], abs=1)
 
 
-SAYS: dict[str, Callable[[Path], None]] = {"tools/README.md": told}
+def asked(folder: Path) -> None:
+    """Checks what the robot that asks has found out, and the files that it has written."""
+    told = json.loads((folder / "runs/ask/ask.json").read_text())
+    assert told["stopped"] == "decided"
+    assert len(told["manoeuvres"]) >= 2
+    assert all(0.94 < sum(one["weights"].values()) <= 1.001 for one in told["manoeuvres"])
+    parameters = {one["name"]: one["parameters"] for one in told["effects"]}
+    assert {*parameters} - {"gyro_bias", "accel_bias"} == {"motor_asymmetry"}
+    difference = parameters["motor_asymmetry"]["difference"]["value"]
+    assert difference == pytest.approx(0.1, abs=0.01)
+    written = bp.load_model(folder / "runs/ask/model.toml")
+    assert written.effects["motor_asymmetry"]["difference"] == pytest.approx(difference)
+    page = (folder / "runs/ask/ask.html").read_text()
+    assert all(one["name"] in page for one in (*told["manoeuvres"], *told["effects"]))
+    assert len([*(folder / "runs/ask/flights").glob("*/log.csv")]) == len(told["manoeuvres"])
+
+
+SAYS: dict[str, Callable[[Path], None]] = {"tools/README.md": told, "tools/docs/guides/my_robot.md": asked}
 
 
 @pytest.fixture(scope="module")

@@ -47,11 +47,11 @@ The model simulates runs that were never measured, and the robot flies its missi
 >>> flown.figures["waypoints_reached"], flown.failure
 (8, None)
 
-The other commands are functions too, with the same files: `bp.import_log`, `bp.why`, `bp.changed`, `bp.campaign`,
-`bp.tune`, `bp.export`, `bp.firmware` and `bp.hil`; `help` of each has its arguments.
+The other commands are functions too, with the same files: `bp.import_log`, `bp.why`, `bp.changed`, `bp.ask`,
+`bp.campaign`, `bp.tune`, `bp.export`, `bp.firmware` and `bp.hil`; `help` of each has its arguments.
 
 The names below are the public interface. Each name is loaded at its first use, so `import brickpilot` takes no time.
-`discover`, `changed`, `campaign`, `tune`, `export`, `firmware` and `hil` are also names of packages:
+`discover`, `changed`, `ask`, `campaign`, `tune`, `export`, `firmware` and `hil` are also names of packages:
 `bp.discover(dataset)` works before and after an import of the package's modules.
 """
 
@@ -73,6 +73,7 @@ if TYPE_CHECKING:
     from brickpilot.fit.comparison import Comparison
     from brickpilot.public.analysis import calibrate, check, compare, discover
     from brickpilot.public.analysis import discover as discover_effects
+    from brickpilot.public.asking import ask
     from brickpilot.public.flights import hil
     from brickpilot.public.logs import changed, import_log, why
     from brickpilot.public.making import campaign, export, firmware, tune
@@ -118,6 +119,7 @@ _NAMES = {
 }
 
 _CALLS = {
+    "ask": "brickpilot.public.asking:ask",
     "campaign": "brickpilot.public.making:campaign",
     "changed": "brickpilot.public.logs:changed",
     "discover": "brickpilot.public.analysis:discover",
@@ -142,6 +144,7 @@ __all__ = [
     "SimulationError",
     "Why",
     "__version__",
+    "ask",
     "calibrate",
     "campaign",
     "changed",

@@ -13,6 +13,7 @@ import click
 from click.exceptions import NoArgsIsHelpError
 
 from brickpilot import __version__
+from brickpilot.cli.ask import ask
 from brickpilot.cli.bench import bench
 from brickpilot.cli.calibrate import calibrate
 from brickpilot.cli.campaign import campaign
@@ -50,7 +51,7 @@ def whole_lines(command: click.Command) -> click.Command:
 
 
 COMMANDS = (
-    run, upload, hil, brick, settings, firmware, tune, flash, import_log, check, why, changed, compare, calibrate,
+    run, upload, hil, brick, settings, firmware, tune, flash, import_log, check, why, changed, ask, compare, calibrate,
     discover, campaign, effects, export, bench,
 )  # fmt: skip
 for command in COMMANDS:

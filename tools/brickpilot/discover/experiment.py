@@ -30,7 +30,7 @@ from brickpilot.vehicle.plant import OpenLoopRun
 Array = NDArray[np.float64]
 
 _STEP_S = 0.01  # time between the samples of a simulated manoeuvre
-_SEPARATES_NOISE_SD = 0.5  # rms difference of rivals, in noise sd, that ten seconds of samples show clearly
+SEPARATES_NOISE_SD = 0.5  # rms difference of rivals, in noise sd, that ten seconds of samples show clearly
 _SEPARATES_SIGNAL_SHARE = 0.02  # rms difference of rivals, as a share of a signal's rms, that an ordinary sensor shows
 _NO_FLOOR = 1e-3  # least scale as a share of the floor, small enough that the floor has no effect
 _BLACK_BOX_FINDS = 0.5  # rough share of a law's squared signature that a black box predicts, near the named sizes
@@ -63,14 +63,14 @@ def next_experiment(rivals: Mapping[str, Model], noise_sd: Mapping[str, float], 
         run = as_run(one, vehicle)
         simulated = plant.simulate([(model, run) for model in rivals.values()], threads=2)
         outputs = [each.outputs for each in simulated]
-        measured.append((*_separation(outputs, noise_sd), one))
+        measured.append((*rms_apart(outputs, noise_sd), one))
         others = [name for name in outputs[0] if name in _CAN_MEASURE and name not in noise_sd]
         sizes = {name: max(rms_of([each[name] for each in outputs]), 1e-9) for name in others}
-        unmeasured += [_separation(outputs, sizes)] if sizes else []
+        unmeasured += [rms_apart(outputs, sizes)] if sizes else []
     separation, signal, manoeuvre = max(measured, key=lambda one: one[0])
     share, other = max(unmeasured, key=lambda one: one[0])
     names = tuple(rivals)
-    if separation >= _SEPARATES_NOISE_SD:
+    if separation >= SEPARATES_NOISE_SD:
         advice = (
             f'Drive "{manoeuvre.name}", add the run to the data set and run discover again. '
             f"The explanations differ most in {signal}."
@@ -95,7 +95,7 @@ def as_run(manoeuvre: Manoeuvre, vehicle: str) -> OpenLoopRun:
     return OpenLoopRun(time=time, inputs=commands(manoeuvre, time)[:, : 1 if vehicle == "motor" else 2])
 
 
-def _separation(outputs: Sequence[Mapping[str, Array]], sizes: Mapping[str, float]) -> tuple[float, str]:
+def rms_apart(outputs: Sequence[Mapping[str, Array]], sizes: Mapping[str, float]) -> tuple[float, str]:
     """Returns the largest rms difference of the two nearest rivals, relative to `sizes`, and the signal that has it."""
     return max(
         (

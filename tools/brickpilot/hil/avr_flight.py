@@ -54,6 +54,7 @@ def fly(
     scales: Mapping[str, float] = MappingProxyType({}),
     wrap: Callable[[Link], Link] = lambda link: link,
     each_step: Callable[[AvrRobot, int], None] = lambda _robot, _step: None,
+    watch: over_a_link.Watch = lambda _run: None,
 ) -> over_a_link.HilFlight:
     """Flies the plan on simavr. The same arguments give bit-identical results.
 
@@ -68,6 +69,7 @@ def fly(
         scales: the scales of sensors that differ from those of the packaged image: see `open_robot`.
         wrap: wraps the host's line in another link, such as a recording one.
         each_step: called with the robot and the number of each control step before it is flown.
+        watch: called at the beginning of each step.
 
     Raises:
         InputError: the brick refuses a message, or the plan is for a manoeuvre or has faults of another kind of brick.
@@ -80,20 +82,23 @@ def fly(
         run = LinkedFlight(Ends(wrap(robot), None, REPLY_S), target, plan, REALTIME, REPLY_S, progress)
         prepare(run.session, plan, REALTIME, telemetry_every, settings)
         began = time.perf_counter()
-        _fly(run, robot, each_step)
+        _fly(run, robot, each_step, watch)
         elapsed = time.perf_counter() - began
     flown = over_a_link.flown(run, log, motors, elapsed)
     ticks = dataclasses.replace(flown.ticks, begun_s=flown.ticks.time_s)  # the brick's own time has no jitter here
     return dataclasses.replace(flown, ticks=ticks)
 
 
-def _fly(run: LinkedFlight, robot: AvrRobot, each_step: Callable[[AvrRobot, int], None]) -> None:
+def _fly(
+    run: LinkedFlight, robot: AvrRobot, each_step: Callable[[AvrRobot, int], None], watch: over_a_link.Watch
+) -> None:
     """Flies until a second after the mission's end, or until the robot's behaviour after a reset is clear."""
     ends_at = run.plan.steps
     resets = robot.tell().resets
-    while run.step < ends_at and run.over_for() < over_a_link.REST_STEPS:
+    while run.step < min(ends_at, run.plan.steps) and run.over_for() < over_a_link.REST_STEPS:
         run.recorder.begin(run.step)
         run.faulty.step = run.step
+        watch(run)
         for fault in run.plan.scenario.faults:
             _act(robot, fault, run.step)
         if start := run.start_due():

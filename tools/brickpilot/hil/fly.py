@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import math
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
@@ -16,7 +17,16 @@ from numpy.typing import NDArray
 from brickpilot.constants import SILENT_S, STEP_MS, STEP_S
 from brickpilot.errors import InputError
 from brickpilot.hil.ends import Ends, memory_ends
-from brickpilot.hil.linked_flight import LOST, LinkedFlight, Progress, Ticks, board_told
+from brickpilot.hil.linked_flight import (
+    LOST,
+    MISSION_ENDED,
+    RUNS,
+    START_EVERY,
+    LinkedFlight,
+    Progress,
+    Ticks,
+    board_told,
+)
 from brickpilot.hil.plant_end import PlantEnd, open_plant
 from brickpilot.link.brick import prepare
 from brickpilot.link.links import LinkGoneError
@@ -72,11 +82,45 @@ class HilFlight:
         }
 
 
-def _fly_lockstep(run: LinkedFlight, end: PlantEnd) -> None:
+Watch = Callable[[LinkedFlight], None]
+"""Called at the beginning of each control step; may send messages, and may end the flight by a shorter plan."""
+
+
+class Fence:
+    """Stops the motors if the brick believes that it is too far from its start; ends a flight a second after its end.
+
+    Use it as the `watch` of one flight. The command to stop is repeated while the brick reports that it drives.
+
+    Args:
+        reach_m: the largest allowed distance from the start, m.
+
+    Attributes:
+        crossed: whether the brick reported a larger distance.
+    """
+
+    def __init__(self, reach_m: float) -> None:
+        self.reach_m = reach_m
+        self.crossed = False
+        self._since = 0  # the step of the crossing
+        self._ending = False
+
+    def __call__(self, run: LinkedFlight) -> None:
+        """Looks at the newest report of the brick, at the beginning of a step."""
+        if not self.crossed and math.dist(run.telemetry.position(), run.plan.scenario.start[:2]) > self.reach_m:
+            self.crossed, self._since = True, run.step
+        if self.crossed and (run.step - self._since) % START_EVERY == 0 and run.telemetry.mode == RUNS:
+            run.link.send([run.session.command_message("abort")])
+        if run.telemetry.mode in MISSION_ENDED and not self._ending:
+            self._ending = True
+            run.plan = dataclasses.replace(run.plan, steps=min(run.plan.steps, run.step + REST_STEPS))
+
+
+def _fly_lockstep(run: LinkedFlight, end: PlantEnd, watch: Watch) -> None:
     lost_since: int | None = None
     gone = ""
     while run.step < run.plan.steps:
         run.begin_step()
+        watch(run)
         end.sense()
         try:
             if run.step == run.plan.start_step:
@@ -125,7 +169,7 @@ def _drain(run: LinkedFlight) -> None:
     run.step = last + 1
 
 
-def _fly_realtime(run: LinkedFlight, end: PlantEnd) -> None:
+def _fly_realtime(run: LinkedFlight, end: PlantEnd, watch: Watch) -> None:
     began = time.perf_counter()
     stopped = False
     while run.step < run.plan.steps and run.over_for() < REST_STEPS:
@@ -134,6 +178,7 @@ def _fly_realtime(run: LinkedFlight, end: PlantEnd) -> None:
             run.receive(left)
         run.late += -left > STEP_MS * 1e-3
         run.begin_step()
+        watch(run)
         end.sense()
         if run.break_off_if_reset():
             _coast(run, end, run.step + GIVE_UP_STEPS)
@@ -163,6 +208,7 @@ def fly(
     progress: Progress,
     reply_s: float | None = None,
     settings: Mapping[str, int] = MappingProxyType({}),
+    watch: Watch = lambda _run: None,
 ) -> HilFlight:
     """Flies the plan with the brick at the other end of the link.
 
@@ -174,6 +220,7 @@ def fly(
         telemetry_every: the number of steps from one telemetry to the next, 1..255; in between, the log repeats values.
         progress: called with (steps done, steps in all, text).
         settings: raw values that are written before the flight; they override those of the plan.
+        watch: called at the beginning of each step.
         reply_s: time in s of the clock to wait for a reply before the set is sent again; None: the time in `ends`.
 
     Raises:
@@ -188,7 +235,7 @@ def fly(
     began = time.perf_counter()
     with open_plant(plan, log, motors) as end:
         try:
-            (_fly_realtime if pace == REALTIME else _fly_lockstep)(run, end)
+            (_fly_realtime if pace == REALTIME else _fly_lockstep)(run, end, watch)
         except LinkGoneError as error:
             run.break_off(f"{LOST}: {error}", run.step)
             run.safe_stops += 1

@@ -30,6 +30,9 @@ RESET = "the brick was reset: it restarted, or took an OPEN that this session ha
 START_EVERY = 20
 """Number of steps without a reply after which the command to start is sent again."""
 
+RUNS = 1
+"""Number of the mode "run", in which the motors drive."""
+
 MISSION_ENDED = {2, 3}
 """Numbers of the modes "arrived" and "fault", which only a reset can end."""
 
@@ -251,6 +254,16 @@ class Telemetry:
         elif layout.name == "TELEMETRY_X":
             self.waypoint = values[-1][layout.names.index("waypoint")]
         return True
+
+    def position(self) -> tuple[float, float]:
+        """Returns x and y, m, as the brick reported them last; (0, 0) before the first report."""
+        found = []
+        for column in ("estimate_x_m", "estimate_y_m"):
+            message, signal = COLUMNS[column]
+            _, rows = self._rows[message]
+            index = book().by_name[message].names.index(signal)
+            found.append(rows[-1][index] * book().scale(message, signal) if rows else 0.0)
+        return found[0], found[1]
 
     def columns(self, steps: int) -> dict[str, Array]:
         """Returns each of COLUMNS with shape (steps,): the last report up to each step, 0 before the first report."""

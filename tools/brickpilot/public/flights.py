@@ -15,7 +15,7 @@ from brickpilot.hil import avr_flight, ends
 from brickpilot.hil import fly as hil_fly
 from brickpilot.hil.avr_flight import avr_image
 from brickpilot.hil.ends import check_sensors
-from brickpilot.hil.fly import HilFlight
+from brickpilot.hil.fly import HilFlight, Watch
 from brickpilot.hil.linked_flight import Progress
 from brickpilot.hil.traffic_log import RecordingLink
 from brickpilot.link.brick import INFRARED
@@ -30,7 +30,12 @@ from brickpilot.vehicle.settings import named
 
 @dataclasses.dataclass(frozen=True)
 class Session:
-    """The arguments of `hil` that do not belong to the flight; `settings`: raw values to write before the flight."""
+    """The arguments of `hil` that do not belong to the flight.
+
+    Attributes:
+        settings: raw values to write before the flight.
+        watch: called at the beginning of each control step.
+    """
 
     spec: str
     lockstep: bool
@@ -40,6 +45,7 @@ class Session:
     junit: Path | None
     trace: Path | None
     image: OwnImage | None
+    watch: Watch = lambda _run: None
 
     @property
     def avr(self) -> bool:
@@ -208,7 +214,7 @@ def _fly_over_the_link(plan: Plan, session: Session, progress: Progress) -> HilF
             closing.callback(both.link.close)
         return hil_fly.fly(
             both, session.spec, plan, pace=session.pace, telemetry_every=session.telemetry_every, progress=progress,
-            settings=dict(session.settings),
+            settings=dict(session.settings), watch=session.watch,
         )  # fmt: skip
 
 
@@ -233,4 +239,5 @@ def _fly_on_simavr(plan: Plan, session: Session, progress: Progress) -> HilFligh
             trace=session.trace,
             scales={} if session.image is None else session.image.scales,
             wrap=wrap,
+            watch=session.watch,
         )
