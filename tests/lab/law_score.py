@@ -80,6 +80,12 @@ def mechanism_right(result: Result) -> bool:
     return said_mechanism(result) in true_mechanisms(result)
 
 
+def set_holds(result: Result) -> bool:
+    """Returns whether one of the explanations that together hold 95 % of the weight has a right mechanism."""
+    right = true_mechanisms(result)
+    return any(right & {*mechanisms} for mechanisms in result.get("held") or ())
+
+
 def name_right(result: Result) -> bool:
     """Returns whether the first name, claimed or suspected, is a right name or in the family of a right name."""
     names = [] if result.get("error") else first_names(result)[:1]

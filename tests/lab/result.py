@@ -95,6 +95,7 @@ def truth_fields(name: str, truth: Mapping[str, Any] | None) -> dict[str, Any]:
         "size": float(size[1]) if size else None,
         "visibility": facts["visibility"],
         "mechanism": None,
+        "held": None,
         "law_differs": None,
         "effects": [],
         "suspected": [],
@@ -115,6 +116,7 @@ def verdict_fields(found: Finding) -> dict[str, Any]:
     return {
         "verdict": found.verdict,
         "mechanism": full["mechanism"],
+        "held": [list(one.mechanisms) for one in found.explanations],
         "law_differs": full["law_differs"],
         "evidence": full["evidence"],
         "fit_percent": _without_nan(full.get("fit_percent")),

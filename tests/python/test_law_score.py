@@ -48,6 +48,14 @@ def test_a_mechanism_is_right_whatever_the_law(law, verdict, names, mechanism, e
     assert law_score.mechanism_right(said(law, verdict, *names, mechanism=mechanism)) is expected
 
 
+@pytest.mark.parametrize(
+    ("held", "expected"),
+    [([["bearing"]], True), ([["tyre"], ["bearing", "imu"]], True), ([["tyre"]], False), ([[]], False), (None, False)],
+)
+def test_a_set_holds_the_truth_if_one_explanation_has_its_mechanism(held, expected) -> None:
+    assert law_score.set_holds(said(SAME, "ambiguous", "yaw_scrub", held=held)) is expected
+
+
 def test_a_suspected_name_gives_its_mechanism_where_the_verdict_gives_none() -> None:
     unsure = said(OTHER, "unknown", suspected=["battery_discharge"])
     assert law_score.said_mechanism(unsure) == "supply"
