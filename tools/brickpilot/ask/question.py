@@ -147,7 +147,7 @@ def _next(
     new = [one for one in offered if one.title not in driven]
     rivals = rivals_of(found)
     if len(rivals) < 2:
-        why = "no explanation is left beside the best one, so another kind of motion has to confirm or refute it"
+        why = "the answer has no rival, so a mission of another kind has to confirm or refute it"
         return (new[0], why) if new else None
     decided = deciding(rivals, found.noise_sd, offered, sensors, limits)
     if decided is None:

@@ -10,7 +10,7 @@ from brickpilot.cli.terminal import model_option, progress_shown, search_options
 
 
 @click.command()
-@click.argument("robot", metavar="ROBOT", type=str)
+@click.argument("robot")
 @click.option(
     "--link", metavar="LINK", help="The link to the brick, as in hil: serial:pty, tcp, can:virtual, serial:PORT, ..."
 )

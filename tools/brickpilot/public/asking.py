@@ -65,8 +65,7 @@ def ask(
     """
     limits = Limits(space_m, speed_m_s, battery_v, whole("most", most, 1, 32))
     seed, jobs = seed_of(seed), jobs_of(jobs)
-    believed = rcx() if model is None else model_of(model)
-    assert believed is not None
+    believed = model_of(model) or rcx()
     if sensors not in ("imu", "imu+encoders"):
         raise InputError(f"{sensors!r} is not one of imu, imu+encoders", field="sensors")
     stated = {name: value for name, value in believed.parameters.items() if rcx().parameters.get(name) != value}
