@@ -155,7 +155,7 @@ class Bench:
         optimised = self._compiled(concerned, "-O2")
         plain = self._compiled(concerned, "-O0")
         path.write_bytes((FIRMWARE / mutant.file).read_bytes())
-        if len(plain) < len(concerned):
+        if min(len(plain), len(optimised)) < len(concerned):
             return "no build"
         if all(self._optimised[one] == optimised[one] for one in concerned):
             return "same code"
