@@ -169,7 +169,7 @@ def test_a_window_keeps_the_commands_that_are_on_their_way(tmp_path):
 def test_a_window_starts_from_what_was_measured(tmp_path):
     noiseless = dict.fromkeys(NOISE, 0.0) | {"yaw_angle": 0.0}
     plain = ready_of(tmp_path / "set", FRICTION, noiseless).proof.opened.plain
-    compared = track(plain.measured, plain.started, NOMINAL, HORIZONS)
+    compared = track(plain, NOMINAL, HORIZONS)
     (simulated,) = simulated_at(compared, [NOMINAL], threads=1)
     for course in compared.courses[1:]:
         for signal in ("wheel_speed_left", "yaw_angle"):
@@ -249,6 +249,9 @@ def test_a_state_that_a_run_goes_on_from_is_refused_if_it_is_infinite():
 
     nan = float("nan")
     given = State(nan, nan, nan, np.inf, nan, nan, (nan, nan), (nan, nan), (nan, nan), nan, nan, (nan, nan), nan)
-    run = OpenLoopRun(time=np.arange(5) * 0.01, inputs=np.zeros((5, 2)), restarts=[(2, given)])
+    run, names = OpenLoopRun(time=np.arange(5) * 0.01, inputs=np.zeros((5, 2))), plant.wanted_names(None)
+    restarts = np.array([(2, dataclasses.astuple(given))], dtype=plant.layout("bp_restart"))
+    requests = np.frombuffer(bytearray(run.as_c(2)), plant.layout("bp_run"))
+    requests["restart"], requests["restart_count"] = restarts.ctypes.data, 1
     with pytest.raises(SimulationError):
-        plant.simulate([(NOMINAL, run)])
+        plant.simulate_into(np.empty(5 * len(names)), [0], [NOMINAL], requests, names)

@@ -180,9 +180,7 @@ def effects_of(names: Container[str]) -> list[EffectInfo]:
 @cache
 def effect(name: str) -> EffectInfo:
     """Returns the effect `name`; raises KeyError if there is none."""
-    for info in effects_of((name,)):
-        return info
-    raise KeyError(name)
+    return {info.name: info for info in effects()}[name]
 
 
 def family(name: str) -> str:
@@ -238,25 +236,15 @@ def loads() -> frozenset[str]:
 
 
 @cache
-def output_table() -> tuple[tuple[str, str], ...]:
-    """Returns (name, unit) of every output signal of all vehicles, in the order of C."""
+def outputs() -> dict[str, str]:
+    """Returns name -> unit of every output signal of all vehicles, in the order of C."""
     library = interface()[1]
     names = enumerate(_rows(library.bp_output_name))
-    return tuple((_text(name), _text(library.bp_output_unit(number))) for number, name in names)
-
-
-def outputs() -> dict[str, str]:
-    """Returns name -> unit of every output signal of all vehicles."""
-    return dict(output_table())
+    return {_text(name): _text(library.bp_output_unit(number)) for number, name in names}
 
 
 def presets(vehicle: str) -> dict[str, float]:
     """Returns the preset of every nominal parameter that a vehicle has; a motor has no mass or wheel."""
-    return dict(_presets(vehicle))
-
-
-@cache
-def _presets(vehicle: str) -> dict[str, float]:
     ffi, library = interface()
     model, value = ffi.gc(library.bp_model_new(VEHICLE_CODES[vehicle], 0), library.bp_model_free), ffi.new("double *")
     names = [info.name for info in parameters()]

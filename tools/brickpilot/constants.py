@@ -13,36 +13,41 @@ Vehicle = Literal["diff_drive", "motor", "skid_steer"]
 VEHICLES: tuple[Vehicle, ...] = get_args(Vehicle)
 """The kinds of vehicle, in the order of their numbers in C."""
 
+SIDES = ("left", "right")
+"""The sides of a vehicle, in the order of all pairs."""
+
 RCX = Path(__file__).parent / "models" / "rcx.toml"
 """The packaged robot's file."""
 
-_FILE: dict[str, Any] = tomllib.loads(RCX.read_text(encoding="utf-8"))
+ROBOT: dict[str, Any] = tomllib.loads(RCX.read_text(encoding="utf-8"))
+"""The tables of the packaged robot's file."""
 
 
-def _value(*keys: str) -> float:
-    entry: Any = _FILE
+def robot_value(*keys: str) -> float:
+    """Returns a value of the packaged robot's file in SI, by the names of its tables and its own name."""
+    entry: Any = ROBOT
     for key in keys:
         entry = entry[key]
     return float(entry["value"])
 
 
-STEP_S = _value("rates", "body_step")
+STEP_S = robot_value("rates", "body_step")
 """s: a control step of the firmware on this machine, and the plant's longest body step."""
 
 STEP_MS = round(1e3 * STEP_S)
 
-MOTOR_STEP_S = _value("rates", "motor_step")
+MOTOR_STEP_S = robot_value("rates", "motor_step")
 """s: the plant's longest motor step."""
 
-ACCEPTANCE_M = _value("robot", "length") / 2
+ACCEPTANCE_M = robot_value("robot", "length") / 2
 """m: a waypoint is reached within this distance."""
 
-SILENT_S = _value("controller", "coupled", "silent_time")
+SILENT_S = robot_value("controller", "coupled", "silent_time")
 """s without a command after which the motors stop."""
 
-ACCEL_RANGE = _value("sensors", "imu", "accel_range")
-GYRO_RANGE = _value("sensors", "imu", "gyro_range")
+ACCEL_RANGE = robot_value("sensors", "imu", "accel_range")
+GYRO_RANGE = robot_value("sensors", "imu", "gyro_range")
 """m/s^2 and rad/s: the largest values that the IMU measures, in both directions."""
 
-COUNTS_PER_TURN = round(_value("sensors", "encoder", "counts_per_turn"))
+COUNTS_PER_TURN = round(robot_value("sensors", "encoder", "counts_per_turn"))
 """Counts of a rotation sensor per turn of its wheel."""

@@ -137,7 +137,7 @@ def _inputs(model: Model) -> list[Variable]:
 def _outputs(model: Model) -> list[Variable]:
     have = output_names(model)
     found = []
-    for index, (name, unit) in enumerate(catalogue.output_table()):
+    for index, (name, unit) in enumerate(catalogue.outputs().items()):
         base = name.removesuffix("_left").removesuffix("_right")
         side = {"_left": ", left", "_right": ", right"}.get(name.removeprefix(base), "")
         if name in have:

@@ -162,7 +162,7 @@ class Residual:
         values = np.empty((len(models), len(self.measured)))
         try:
             for own, runs in by_recording(models, self.replay.dataset, self.runs):
-                rows = self.replay.stacked(own, only=runs, threads=self.threads, signals=self.signals)
+                rows = self.replay.stacked(own, runs, self.signals, self.threads)
                 made = np.array([self.picked @ row for row in rows])
                 for block in self.blocks:
                     if block.run in runs:

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from brickpilot import catalogue
-from brickpilot.catalogue import output_table
 from brickpilot.compiled import interface
 from brickpilot.errors import InputError, SimulationError
 
@@ -70,9 +69,6 @@ class OpenLoopRun:
         initial: state at time[0]; a mapping gives some fields of `State`; the others are 0.
         motor_step, body_step: upper limits of the simulation steps, s; 0: `constants.MOTOR_STEP_S` and
             `constants.STEP_S`.
-        restarts: (sample, state), with increasing samples of 1 or more: at each sample given here, the run continues
-            from the state beside it. Values that are NaN in the state stay as simulated, and so do the effects'
-            memories. The outputs of the sample itself are still those before the restart.
     """
 
     time: Array
@@ -80,7 +76,6 @@ class OpenLoopRun:
     initial: State | Mapping[str, Any] = field(default_factory=State)
     motor_step: float = 0.0
     body_step: float = 0.0
-    restarts: Sequence[tuple[int, State]] = ()
 
     def as_c(self, columns: int) -> bytes:
         """Returns the run as C reads it, without model and outputs. It points to arrays that belong to `self`.
@@ -88,7 +83,7 @@ class OpenLoopRun:
         Raises:
             ValueError: the shapes do not fit a vehicle with `columns` inputs.
         """
-        time, inputs, _, row = self._as_c
+        time, inputs, row = self._as_c
         if inputs.shape != (len(time), columns):
             raise ValueError(f"time {time.shape} and inputs {inputs.shape} are not (n,) and (n, {columns})")
         return row
@@ -98,20 +93,18 @@ class OpenLoopRun:
         return {name: value for name, value in vars(self).items() if name != "_as_c"}
 
     @cached_property
-    def _as_c(self) -> tuple[Array, Array, NDArray[Any], bytes]:
-        """Time, inputs and restarts as C reads them, and the row of `bp_run` that points to them."""
+    def _as_c(self) -> tuple[Array, Array, bytes]:
+        """Time and inputs as C reads them, and the row of `bp_run` that points to them."""
         time = np.ascontiguousarray(self.time, dtype=np.float64)
         inputs = np.ascontiguousarray(self.inputs, dtype=np.float64)
         if time.ndim != 1:
             raise ValueError(f"time {time.shape} is not (n,)")
-        restarts = np.array([(sample, _initial(state)) for sample, state in self.restarts], dtype=layout("bp_restart"))
-        there = restarts.ctypes.data if len(restarts) else 0
         row = np.array(
             (0, len(time), _address(time), _address(inputs), _initial(self.initial), self.motor_step, self.body_step,
-             0, 0, 0, _NOTHING, 0, len(restarts), there),
+             0, 0, 0, _NOTHING, 0, 0, 0),
             dtype=layout("bp_run"),
         )  # fmt: skip
-        return time, inputs, restarts, row.tobytes()
+        return time, inputs, row.tobytes()
 
 
 @dataclass(frozen=True)
@@ -223,10 +216,9 @@ def _effect_presets() -> dict[str, dict[str, float]]:
     return {effect.name: {info.name: info.preset for info in effect.parameters} for effect in catalogue.effects()}
 
 
-@cache
-def wanted_names(signals: frozenset[str] | None) -> tuple[str, ...]:
+def wanted_names(signals: Collection[str] | None) -> tuple[str, ...]:
     """Returns the outputs of the table that are in `signals`, in the table's order; None: all."""
-    return tuple(name for name, _ in output_table() if signals is None or name in signals)
+    return tuple(name for name in catalogue.outputs() if signals is None or name in signals)
 
 
 @cache
@@ -289,7 +281,7 @@ def simulate(
     """
     if not jobs:
         return []
-    names = wanted_names(None if signals is None else frozenset(signals))
+    names = wanted_names(signals)
     ends = np.cumsum([len(run.time) * len(names) for _, run in jobs]).tolist()
     values, models = np.empty(ends[-1]), [model for model, _ in jobs]
     rows = [run.as_c(1 if model.vehicle == "motor" else 2) for model, run in jobs]

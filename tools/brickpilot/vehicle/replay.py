@@ -21,7 +21,7 @@ from brickpilot.data.motion import run_of
 from brickpilot.vehicle import plant, start_state
 from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.plant import OpenLoopRun
-from brickpilot.vehicle.start_state import GEOMETRY, Readings
+from brickpilot.vehicle.start_state import GEOMETRY
 
 Array = NDArray[np.float64]
 Outputs = Mapping[str, Array]
@@ -94,8 +94,8 @@ class Replay:
             marks: run name -> the samples at which the run continues from measured values, so that the run becomes a
                 row of windows. Unmeasured values stay as simulated, and so do delayed commands, heat and charge.
         """
-        names = plant.wanted_names(None if signals is None else frozenset(signals))
-        rows, (places, _) = self._simulated(models, only, names, threads, marks or {}), self._places(names)
+        names = plant.wanted_names(signals)
+        rows, (places, _) = self.stacked(models, only, signals, threads, marks), self._places(names)
         wanted = [run for run in self.dataset.runs if only is None or run.name in only]
 
         def outputs(row: Array, run: Run) -> Outputs:
@@ -104,18 +104,12 @@ class Replay:
 
         return [{run.name: outputs(row, run) for run in wanted} for row in rows]
 
-    def stacked(
-        self, models: Sequence[Model], *, only: Collection[str], signals: Collection[str], threads: int = 2
-    ) -> Array:
-        """Simulates as `simulate` does, and returns the outputs, (models, length), in the order of `layout`."""
-        return self._simulated(models, only, plant.wanted_names(frozenset(signals)), threads, {})
-
     def layout(self, signals: Collection[str]) -> tuple[dict[tuple[str, str], int], int]:
         """Returns (run, signal) -> index of the signal's first sample in a row of `stacked`; and the length of a row.
 
         A row has room for all runs; the values of runs that are not simulated are undefined.
         """
-        names = plant.wanted_names(frozenset(signals))
+        names = plant.wanted_names(signals)
         places, length = self._places(names)
         runs = self.dataset.runs
         return {(r.name, name): places[r.name] + k * len(r.time) for r in runs for k, name in enumerate(names)}, length
@@ -125,22 +119,22 @@ class Replay:
         ends = np.cumsum([0, *(len(names) * len(run.time) for run in self.dataset.runs)]).tolist()
         return {run.name: end for run, end in zip(self.dataset.runs, ends, strict=False)}, ends[-1]
 
-    def _simulated(
+    def stacked(
         self,
         models: Sequence[Model],
         only: Collection[str] | None,
-        names: tuple[str, ...],
+        signals: Collection[str] | None,
         threads: int,
-        marks: Mapping[str, Sequence[Mark]],
+        marks: Mapping[str, Sequence[Mark]] | None = None,
     ) -> Array:
-        """Returns (models, length): for each model, a row with the outputs `names` of all runs.
+        """Simulates as `simulate` does, and returns the outputs, (models, length), in the order of `layout`.
 
         If charge or heat carries over, a model's runs are simulated one after the other, else all at once.
         """
-        models = [_with_sums(one, self.dataset.runs) for one in models]
+        models, names = [_with_sums(one, self.dataset.runs) for one in models], plant.wanted_names(signals)
         places, length = self._places(names)
         rows = np.empty((len(models), length))
-        restarts_of = self._restarts(models, marks)
+        restarts_of = self._restarts(models, marks or {})
         carrying = [index for index, model in enumerate(models) if _needs(tuple(model.effects), model.vehicle)[0]]
         others = [index for index in range(len(models)) if index not in carrying]
         wanted = [one for one in self.aged if only is None or one[0].name in only]
@@ -178,8 +172,7 @@ class Replay:
             samples = np.array([mark.sample for mark in of_run])
             known = _columns([mark.measured for mark in of_run])
             ages = age + run.time[samples] - run.time[0]
-            states = start_state.states(_readings(known, {}, models, ages), restart=True)
-            for index, own in enumerate(states.reshape(len(models), -1)):
+            for index, own in enumerate(start_state.states(models, known, {}, ages, restart=True)):
                 rows = restarts[index, run.name] = np.zeros(len(own), dtype=plant.layout("bp_restart"))
                 rows["sample"], rows["state"] = samples, own
         return restarts
@@ -242,8 +235,7 @@ class Replay:
         known = _columns([self._first_samples[run.name] for run, _ in batch])
         stated = _columns([run.initial or {} for run, _ in batch])
         ages = np.array([age for _, age in batch])
-        states = start_state.states(_readings(known, stated, models, ages))
-        for model, own in zip(models, states.reshape(len(models), -1), strict=True):
+        for model, own in zip(models, start_state.states(models, known, stated, ages), strict=True):
             runs = [self._plain[run.name] for run, _ in batch] if not model.by_run else self._driven(batch, model)
             columns = 1 if model.vehicle == "motor" else 2
             requests = np.frombuffer(bytearray().join(one.as_c(columns) for one in runs), plant.layout("bp_run"))
@@ -276,14 +268,6 @@ def _columns(rows: Sequence[Mapping[str, float]]) -> dict[str, Array]:
     """Returns signal -> (rows,), NaN where a row does not have the signal."""
     names = dict.fromkeys(name for row in rows for name in row)
     return {name: np.array([row.get(name, np.nan) for row in rows], dtype=np.float64) for name in names}
-
-
-def _readings(
-    measured: Mapping[str, Array], stated: Mapping[str, Array], models: Sequence[Model], age: Array
-) -> Readings:
-    """Returns the readings of all samples under the first model, then under the second, and so on."""
-    known, given = ({name: np.tile(one, len(models)) for name, one in of.items()} for of in (measured, stated))
-    return Readings(known, given, models, np.repeat(np.arange(len(models)), len(age)), np.tile(age, len(models)))
 
 
 @cache

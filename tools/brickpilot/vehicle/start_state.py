@@ -7,15 +7,15 @@ changes the reading of a state. So the result is the state in which the model's 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import cache, cached_property
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot import catalogue
+from brickpilot.constants import SIDES
 from brickpilot.data.dataset import Run
 from brickpilot.data.signals import RATE_OF, SUMMED
 from brickpilot.vehicle import plant
@@ -32,97 +32,11 @@ _SECANT_STEPS = 4
 _SENSOR_SIGNALS = SUMMED | {"yaw_rate", *RATE_OF.values()}
 
 GEOMETRY = ("wheel_radius", "half_track", "force_per_volt")
-"""The nominal parameters on which a state made of measured values depends: see `Readings.states`. The state also
-depends on `sensor_effects`, and on the age if a sensor effect depends on the age."""
+"""The nominal parameters on which a state made of measured values depends: see `states`. The state also depends on
+`sensor_effects`, and on the age if a sensor effect depends on the age."""
 
-
-@dataclass(frozen=True)
-class Readings:
-    """The known values at some samples; each sample gives a state. All models are of one kind of vehicle.
-
-    Attributes:
-        measured: signal -> (samples,) reading, SI; NaN where blank.
-        stated: signal -> (samples,) true value; NaN where no value is stated.
-        models: the models for which states are made.
-        of: (samples,) the index in `models` of each sample's model.
-        age: (samples,) time since power-on, s.
-    """
-
-    measured: Mapping[str, Array]
-    stated: Mapping[str, Array]
-    models: Sequence[Model]
-    of: NDArray[np.intp]
-    age: Array
-
-    @cached_property
-    def known(self) -> dict[str, Array]:
-        """Signal -> (samples,) stated value, else the reading; NaN where there is neither."""
-        known = {name: np.where(np.isfinite(values), values, np.nan) for name, values in self.measured.items()}
-        for name, values in self.stated.items():
-            known[name] = np.where(np.isnan(values), known.get(name, np.nan), values)
-        return known
-
-    @cached_property
-    def read(self) -> dict[str, NDArray[np.bool_]]:
-        """Signal -> (samples,): whether its known value is a reading that a sensor effect may have changed."""
-        changed = np.array([bool(sensor_effects(model)) for model in self.models])[self.of]
-        readings = {}
-        for name in sorted(self.known.keys() & _SENSOR_SIGNALS):
-            here = changed & ~np.isnan(self.known[name])
-            if name in self.stated:
-                here &= np.isnan(self.stated[name])
-            if here.any():
-                readings[name] = here
-        return readings
-
-    def geometry(self, name: str) -> Array:
-        """Returns (samples,) values of a parameter in `GEOMETRY`; NaN where the model lacks the parameter."""
-        return np.array([model.parameters.get(name, np.nan) for model in self.models], dtype=np.float64)[self.of]
-
-    def states(self, values: Mapping[str, Array], *, restart: bool = False) -> NDArray[np.void]:
-        """Returns (samples,) states as C holds them; the signals in `read` have the true values `values`.
-
-        `restart`: unmeasured values are NaN, so that they stay as simulated; else they are 0.
-        """
-        truth = self.known | {name: np.where(here, values[name], self.known[name]) for name, here in self.read.items()}
-        unknown = np.nan if restart else 0.0
-        layout = plant.layout("bp_state")
-        made = np.full((len(self.age), layout.itemsize // 8), unknown, dtype=np.float64).view(layout)[:, 0]
-        fields = _motor_state if self.models[0].vehicle == "motor" else _vehicle_state
-        for name, own in fields(_Known(truth, unknown), self).items():
-            if isinstance(own, tuple):
-                made[name][:, 0], made[name][:, 1] = own
-            else:
-                made[name] = own
-        if not restart:
-            made["age"] = self.age
-        return made
-
-
-_Value = Array | float  # (samples,), or one value for all samples
-_Fields = Mapping[str, _Value | tuple[_Value, _Value]]
-
-
-@dataclass(frozen=True)
-class _Known:
-    """`values`: signal -> (samples,) true value, NaN where unknown. `unknown`: stands for these in a state."""
-
-    values: Mapping[str, Array]
-    unknown: float
-
-    def get(self, name: str) -> _Value:
-        """Returns a signal; NaN where it is not known."""
-        return self.values.get(name, np.nan)
-
-    def known(self, name: str) -> Array:
-        """Returns a signal where it is known, else `unknown`."""
-        value = self.get(name)
-        return np.where(np.isnan(value), self.unknown, value)
-
-    def first(self, name: str, other: str, scale: Array, unknown: float) -> Array:
-        """Returns a signal where it is known, else `scale` times the signal `other`, else `unknown`."""
-        value, instead = self.get(name), self.get(other) * scale
-        return np.where(np.isnan(value), np.where(np.isnan(instead), unknown, instead), value)
+_Value = Array | float  # (samples,) or (models, samples), or one value for all
+_Fields = Mapping[str, _Value | tuple[_Value, ...]]  # field of `plant.State` -> values
 
 
 def first_sample(run: Run) -> dict[str, float]:
@@ -139,29 +53,55 @@ def sensor_effects(model: Model) -> tuple[str, ...]:
     return tuple(name for name in model.effects if _changes_readings(name, model.vehicle))
 
 
-def states(readings: Readings, *, restart: bool = False) -> NDArray[np.void]:
-    """Returns (samples,) the states in which the models' sensors give the readings; see `Readings.states`.
+def states(
+    models: Sequence[Model],
+    measured: Mapping[str, Array],
+    stated: Mapping[str, Array],
+    age: Array,
+    *,
+    restart: bool = False,
+) -> NDArray[np.void]:
+    """Returns (models, samples) the states in which each model's sensors give the measured values, as C holds them.
 
     Each signal is solved on its own by the secant method, which is exact after three steps if a sensor only adds or
     scales. A signal that does not follow the state keeps its error. Examples are a clipped signal, or a yaw rate beside
     two wheel speeds.
+
+    Args:
+        models: models of one kind of vehicle.
+        measured: signal -> (samples,) reading, SI; NaN where blank.
+        stated: signal -> (samples,) true value; NaN where no value is stated.
+        age: (samples,) time since power-on, s.
+        restart: unknown values are NaN, so that they stay as simulated; else they are 0.
     """
-    read = readings.read
+    known = {name: np.where(np.isfinite(values), values, np.nan) for name, values in measured.items()}
+    known |= {name: _first_known(values, known.get(name, np.nan)) for name, values in stated.items()}
+    changed = np.array([[bool(sensor_effects(model))] for model in models])
+    read = {  # signal -> (models, samples): whether a sensor effect may have changed the known value
+        name: here
+        for name in sorted(known.keys() & _SENSOR_SIGNALS)
+        if (here := changed & ~np.isnan(known[name]) & np.isnan(stated.get(name, np.nan))).any()
+    }
     if not read:
-        return readings.states({}, restart=restart)
-    here = np.column_stack([*read.values()])
-    wanted = np.where(here, np.column_stack([readings.known[name] for name in read]), 0.0)
+        return _states_of(models, known, age, restart)
+    needed = np.stack([*read.values()], axis=-1).reshape(-1, len(read))
+    readings = np.tile(np.column_stack([known[name] for name in read]), (len(models), 1))
+    wanted = np.where(needed, readings, 0.0)
     values, slopes, given = wanted.copy(), np.ones_like(wanted), wanted.copy()
-    built = plant.build_all(readings.models)
+    built = plant.build_all(models)
 
-    def outputs(which: NDArray[np.intp]) -> Array:
-        """Returns (which, read): the sensors' readings of these values, at zero input; 0 where no reading is needed."""
-        start = readings.states(dict(zip(read, values.T, strict=True)))[which]
-        models = [readings.models[k] for k in readings.of[which].tolist()]
-        made = _sensor_outputs(models, start, tuple(read), built)
-        return np.where(here[which] & ~np.isnan(made), made, wanted[which])
+    def solved(restart: bool) -> NDArray[np.void]:
+        by_signal = zip(read.items(), values.T.reshape(len(read), len(models), -1), strict=True)
+        truth = known | {name: np.where(here, own, known[name]) for (name, here), own in by_signal}
+        return _states_of(models, truth, age, restart)
 
-    unsolved = np.flatnonzero(here.any(axis=1))
+    def outputs(rows: NDArray[np.intp]) -> Array:
+        """Returns (rows, read): the sensors' readings of these values, at zero input; 0 where no reading is needed."""
+        own = [models[k] for k in (rows // len(age)).tolist()]
+        made = _sensor_outputs(own, solved(False).reshape(-1)[rows], tuple(read), built)
+        return np.where(needed[rows] & ~np.isnan(made), made, wanted[rows])
+
+    unsolved = np.flatnonzero(needed.any(axis=1))
     given[unsolved] = outputs(unsolved)
     for _ in range(_SECANT_STEPS):
         unsolved = unsolved[np.any(np.abs(wanted[unsolved] - given[unsolved]) > 1e-12, axis=1)]
@@ -175,7 +115,7 @@ def states(readings: Readings, *, restart: bool = False) -> NDArray[np.void]:
         follows = (np.abs(moved) > 1e-9) & (np.abs(changes) > 0.1 * np.abs(moved))
         slopes[unsolved] = np.where(follows, changes / np.where(follows, moved, 1.0), slopes[unsolved])
         unsolved = unsolved[np.any(changes != 0.0, axis=1)]
-    return readings.states(dict(zip(read, values.T, strict=True)), restart=restart)
+    return solved(restart)
 
 
 def _sensor_outputs(
@@ -183,7 +123,7 @@ def _sensor_outputs(
 ) -> Array:
     """Returns (models, names): what the sensors read in the states `start`, (models,), at zero input."""
     columns = 1 if models[0].vehicle == "motor" else 2
-    standing, ordered = OpenLoopRun(np.zeros(1), np.zeros((1, columns))), plant.wanted_names(frozenset(names))
+    standing, ordered = OpenLoopRun(np.zeros(1), np.zeros((1, columns))), plant.wanted_names(names)
     requests = np.frombuffer(bytearray(standing.as_c(columns) * len(models)), dtype=plant.layout("bp_run"))
     requests["initial"] = start
     values = np.empty((len(models), len(ordered)))
@@ -214,38 +154,63 @@ def _starting_rate(time: Array, values: Array) -> float:
     return float(np.polyfit(time[:_START_SAMPLES] - time[0], first, 1)[0])
 
 
-def _motor_state(known: _Known, readings: Readings) -> _Fields:
-    radius, direct = readings.geometry("wheel_radius"), readings.geometry("force_per_volt") > 0
+def _first_known(value: _Value, *others: _Value) -> Array:
+    """Returns the values; where one is NaN, that of the first of `others` which is not."""
+    for other in others:
+        value = np.where(np.isnan(value), other, value)
+    return np.asarray(value)
+
+
+def _states_of(models: Sequence[Model], truth: Mapping[str, Array], age: Array, restart: bool) -> NDArray[np.void]:
+    """Returns (models, samples) states. `truth`: signal -> (samples,) or (models, samples), NaN where unknown."""
+    unknown, layout = np.nan if restart else 0.0, plant.layout("bp_state")
+    made = np.full((len(models), len(age), layout.itemsize // 8), unknown).view(layout)[..., 0]
+    geometry = {name: np.array([[model.parameters.get(name, np.nan)] for model in models]) for name in GEOMETRY}
+    fields = _motor_state if models[0].vehicle == "motor" else _vehicle_state
+    for name, own in fields(lambda signal: truth.get(signal, np.nan), geometry, unknown).items():
+        if isinstance(own, tuple):
+            made[name][..., 0], made[name][..., 1] = own
+        else:
+            made[name] = own
+    if not restart:
+        made["age"] = age
+    return made
+
+
+def _motor_state(get: Callable[[str], _Value], geometry: Mapping[str, Array], unknown: float) -> _Fields:
+    radius, direct = geometry["wheel_radius"], geometry["force_per_volt"] > 0
     per = 1 / np.where(np.isnan(radius) | (radius == 0), np.inf, radius)
     speed, angle = (
         # The plant gives the speed and angle of a linear motor in m/s and m.
-        np.where(direct, known.known(linear), known.first(turning, linear, per, known.unknown))
+        _first_known(np.where(direct, get(linear), _first_known(get(turning), get(linear) * per)), unknown)
         for turning, linear in (("speed", "velocity"), ("angle", "position"))
     )
-    return {"wheel_speed": (speed, 0.0), "wheel_angle": (angle, 0.0), "current": (known.known("current"), 0.0)}
-
-
-def _vehicle_state(known: _Known, readings: Readings) -> _Fields:
-    radius, half_track = readings.geometry("wheel_radius"), readings.geometry("half_track")
-    left = known.first("wheel_speed_left", "wheel_velocity_left", 1 / radius, np.nan)
-    right = known.first("wheel_speed_right", "wheel_velocity_right", 1 / radius, np.nan)
-    left_angle = known.first("wheel_angle_left", "wheel_travel_left", 1 / radius, known.unknown)
-    right_angle = known.first("wheel_angle_right", "wheel_travel_right", 1 / radius, known.unknown)
-    both = ~np.isnan(left + right)
-    surge = np.where(both & np.isnan(known.get("surge")), radius * (left + right) / 2, known.known("surge"))
-    yaw_of_wheels = radius * (left - right) / (2 * half_track)
-    yaw_rate = np.where(both & np.isnan(known.get("yaw_rate")), yaw_of_wheels, known.known("yaw_rate"))
-    # At a start, unmeasured wheels roll as the vehicle moves; at a restart (NaN), they stay as simulated.
-    rolling = 0.0 if known.unknown == 0.0 else np.nan
     return {
-        "heading": known.known("yaw_angle"),
+        "wheel_speed": (speed, 0.0),
+        "wheel_angle": (angle, 0.0),
+        "current": (_first_known(get("current"), unknown), 0.0),
+    }
+
+
+def _vehicle_state(get: Callable[[str], _Value], geometry: Mapping[str, Array], unknown: float) -> _Fields:
+    radius, half_track = geometry["wheel_radius"], geometry["half_track"]
+    left, right = (
+        _first_known(get(f"wheel_speed_{side}"), get(f"wheel_velocity_{side}") * (1 / radius)) for side in SIDES
+    )
+    surge = _first_known(get("surge"), radius * (left + right) / 2, unknown)
+    yaw_rate = _first_known(get("yaw_rate"), radius * (left - right) / (2 * half_track), unknown)
+    # At a start, unmeasured wheels roll as the vehicle moves. At a restart they stay as simulated: `unknown` is NaN.
+    measured = ~np.isnan(left + right)
+    rolling = [(surge + sign * half_track * yaw_rate) / radius + unknown for sign in (1, -1)]
+    return {
+        "heading": _first_known(get("yaw_angle"), unknown),
         "surge": surge,
-        "sway": known.known("sway"),
+        "sway": _first_known(get("sway"), unknown),
         "yaw_rate": yaw_rate,
-        "wheel_speed": (
-            np.where(both, left, (surge + half_track * yaw_rate) / radius + rolling),
-            np.where(both, right, (surge - half_track * yaw_rate) / radius + rolling),
+        "wheel_speed": (np.where(measured, left, rolling[0]), np.where(measured, right, rolling[1])),
+        "wheel_angle": tuple(
+            _first_known(get(f"wheel_angle_{side}"), get(f"wheel_travel_{side}") * (1 / radius), unknown)
+            for side in SIDES
         ),
-        "wheel_angle": (left_angle, right_angle),
-        "current": (known.known("current_left"), known.known("current_right")),
+        "current": tuple(_first_known(get(f"current_{side}"), unknown) for side in SIDES),
     }
