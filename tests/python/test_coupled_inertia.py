@@ -135,7 +135,7 @@ def test_coupled_drives_are_predicted_by_named_effects(record: int, target: floa
     found = calibrate(data, effects=named)
     assert found.model.effects["coupled_inertia"]["sensed"] == 1.0
     ready = compared_runs.comparable(data)
-    compared = track(ready.measured, ready.started, found.model)
+    compared = track(ready, found.model)
     simulated = simulated_at(compared, [found.model])[0][FREE_RUN]["test"]["speed"]
     error = (simulated - compared.measured["test"]["speed"])[10:]
     assert float(np.sqrt(np.mean(error**2))) < target

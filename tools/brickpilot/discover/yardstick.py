@@ -141,9 +141,9 @@ class Yardstick:
 def measure(prepared: Prepared, proof: Proof, nominal: Model, augmented: Model) -> Yardstick:
     """Returns the yardstick of the calibrated nominal model and the written model."""
     plain = proof.opened.plain
-    compared = track(plain.measured, plain.started, nominal, HORIZONS)
+    compared = track(plain, nominal, HORIZONS)
     simulated = simulated_at(compared, [nominal, augmented], threads=prepared.jobs, may_diverge=True)
-    before, after = (headline_of(compared, one, prepared.roles) for one in simulated)
+    before, after = (headline_of(compared, one) for one in simulated)
     shares = _unseen_shares(prepared, proof, nominal)
     repeated = repeatability(compared, simulated[0][FREE_RUN]) if FREE_RUN in simulated[0] else {}
 

@@ -268,13 +268,13 @@ def _result(
     starts: tuple[Start, ...] = (),
 ) -> Calibration:
     """Returns the result; `known` is the uncertainty of the fit."""
-    compared = track(ready.measured, ready.started, after)
+    compared = track(ready, after)
     (fitted,) = simulated_at(compared, [after])
     try:
         unfitted = fitted if chosen.model is after else simulated_at(compared, [chosen.model])[0]
     except SimulationError:
         unfitted = {}
-    first, last = (headline_of(compared, one, ready.roles) for one in (unfitted, fitted))
+    first, last = (headline_of(compared, one) for one in (unfitted, fitted))
     roles = ready.roles.by_run
     gaps = []
     for run in ready.measured.runs:

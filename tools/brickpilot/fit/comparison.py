@@ -196,7 +196,7 @@ def horizon_name(length_s: float) -> str:
 def _compared(ready: Comparable, model: Model, window_s: float, threads: int) -> Comparison:
     """Simulates the runs at each horizon, and returns the comparison with its notes on horizons."""
     lengths = {**AHEAD, **({horizon_name(window_s): window_s} if window_s else {})}
-    compared = track(ready.measured, ready.started, model, lengths)
+    compared = track(ready, model, lengths)
     simulated = simulated_at(compared, [model], threads=threads)[0]
     windows = next((one for one in compared.courses if window_s and one.horizon == horizon_name(window_s)), None)
     runs = []
@@ -217,7 +217,7 @@ def _compared(ready: Comparable, model: Model, window_s: float, threads: int) ->
         dataset=ready.measured.name,
         model=model,
         runs=tuple(runs),
-        headline=headline_of(compared, simulated, ready.roles),
+        headline=headline_of(compared, simulated),
         units=own_units(ready.measured, shown),
         frame=frame_text(ready.measured),
         window_s=window_s,

@@ -8,12 +8,13 @@ open-loop windows that each start from measured values.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from brickpilot.constants import SIDES
 from brickpilot.data.agreement import Agreement, agreement, mean_fit, together
 from brickpilot.data.dataset import Dataset, Run
 from brickpilot.data.holdout import Roles, repeats
@@ -37,7 +38,6 @@ AHEAD: Mapping[str, float] = {"1_s": 1.0}
 
 _LEAST_SAMPLES = 4  # least number of samples in a window; with fewer, a horizon says nothing
 _SMOOTHED_S = 0.04  # s around a window's start; its samples give the rate at the start
-_SIDES = ("left", "right")
 
 
 @dataclass(frozen=True)
@@ -79,21 +79,21 @@ class Track:
     """
 
     dataset: Dataset
+    roles: Roles
     signals: tuple[str, ...]
     measured: Mapping[str, Mapping[str, Array]]
     courses: tuple[Course, ...]
     notes: tuple[str, ...]
 
 
-def track(measured_runs: Dataset, dataset: Dataset, model: Model, horizons: Mapping[str, float] = AHEAD) -> Track:
+def track(ready: Comparable, model: Model, horizons: Mapping[str, float] = AHEAD) -> Track:
     """Returns the measured signals that `model` gives, with the windows of each horizon.
 
     Args:
-        measured_runs, dataset: the data set as measured, and as simulated; see `Comparable`.
         horizons: name -> how far a prediction reaches, s; the free run is always added.
     """
-    given = output_names(model)
-    as_read = {run.name: run for run in measured_runs.runs}
+    given, dataset = output_names(model), ready.started
+    as_read = {run.name: run for run in ready.measured.runs}
     measured: dict[str, dict[str, Array]] = {}
     for run in dataset.runs:
         both = {**run.outputs, **as_read[run.name].outputs}
@@ -111,7 +111,7 @@ def track(measured_runs: Dataset, dataset: Dataset, model: Model, horizons: Mapp
             notes.append(f"There is no horizon of {length:g} s: the samples are too far apart for it.")
             continue
         courses.append(_windowed(name, length, dataset, starts))
-    return Track(dataset, signals, measured, tuple(courses), tuple(notes))
+    return Track(dataset, ready.roles, signals, measured, tuple(courses), tuple(notes))
 
 
 def deviation(track: Track, stretch: Stretch, signal: str, simulated: Array) -> tuple[Array, Array]:
@@ -167,7 +167,7 @@ def _known_at_starts(dataset: Dataset, starts: Mapping[str, Mapping[str, Array]]
     if dataset.vehicle == "motor":
         if names & {"speed", "velocity"}:
             return True, []
-    elif all(names & {f"wheel_speed_{side}", f"wheel_velocity_{side}"} for side in _SIDES):
+    elif all(names & {f"wheel_speed_{side}", f"wheel_velocity_{side}"} for side in SIDES):
         return True, []
     elif "yaw_rate" in names:
         return True, [
@@ -201,18 +201,18 @@ class Headline:
     """How well one model agrees with one data set: its headline numbers.
 
     Attributes:
-        by_run: run -> horizon -> signal -> role -> agreement. A run has one role, or two if a stretch is held out.
+        parts: (run, horizon, signal, role) -> agreement. A run has one role, or two if a stretch is held out.
     """
 
-    by_run: Mapping[str, Mapping[str, Mapping[str, Mapping[str, Agreement]]]] = field(default_factory=dict)
+    parts: Mapping[tuple[str, str, str, str], Agreement]
 
     @property
     def horizons(self) -> list[str]:
-        return list(dict.fromkeys(name for run in self.by_run.values() for name in run))
+        return list(dict.fromkeys(horizon for _, horizon, _, _ in self.parts))
 
     @property
     def signals(self) -> list[str]:
-        return list(dict.fromkeys(name for run in self.by_run.values() for one in run.values() for name in one))
+        return list(dict.fromkeys(signal for _, _, signal, _ in self.parts))
 
     @property
     def role(self) -> str:
@@ -221,12 +221,13 @@ class Headline:
 
     def of(self, signal: str, role: str, horizon: str = FREE_RUN) -> Agreement:
         """Returns the agreement of a signal over all runs and stretches of runs that have this role."""
-        parts = [run.get(horizon, {}).get(signal, {}).get(role) for run in self.by_run.values()]
-        return together(one for one in parts if one is not None)
+        wanted = horizon, signal, role
+        return together(part for (_, *key), part in self.parts.items() if tuple(key) == wanted)
 
     def of_run(self, run: str, signal: str, horizon: str = FREE_RUN) -> Agreement:
         """Returns the agreement of a signal over a whole run."""
-        return together(self.by_run.get(run, {}).get(horizon, {}).get(signal, {}).values())
+        wanted = run, horizon, signal
+        return together(part for (*key, _), part in self.parts.items() if tuple(key) == wanted)
 
     def mean(self, role: str, horizon: str = FREE_RUN) -> float | None:
         """Returns the mean fit in percent over the signals; None: no run has this role or horizon."""
@@ -256,8 +257,8 @@ def headline(ready: Comparable, model: Model, *, threads: int = 2) -> Headline:
     Raises:
         SimulationError: the plant diverges with this model.
     """
-    compared = track(ready.measured, ready.started, model)
-    return headline_of(compared, simulated_at(compared, [model], threads=threads)[0], ready.roles)
+    compared = track(ready, model)
+    return headline_of(compared, simulated_at(compared, [model], threads=threads)[0])
 
 
 def simulated_at(
@@ -284,25 +285,24 @@ def simulated_at(
     return simulated
 
 
-def headline_of(compared: Track, simulated: Mapping[str, Mapping[str, Outputs]], roles: Roles) -> Headline:
+def headline_of(compared: Track, simulated: Mapping[str, Mapping[str, Outputs]]) -> Headline:
     """Returns the headline of simulated outputs. `simulated`: horizon -> run -> outputs."""
     noise = {
         signal: noise_sd(compared.dataset, signal, [one[signal] for one in compared.measured.values() if signal in one])
         for signal in compared.signals
     }
-    by_run: dict[str, dict[str, dict[str, dict[str, Agreement]]]] = {}
+    parts = {}
     for course in compared.courses:
-        for one in course.stretches:
-            run, outputs = one.run, simulated.get(course.horizon, {}).get(one.run.name, {})
-            held_out = _held_out(run, roles)
+        for stretch in course.stretches:
+            run, outputs = stretch.run, simulated.get(course.horizon, {}).get(stretch.run.name, {})
+            held_out = _held_out(run, compared.roles)
             for signal in compared.measured[run.name] if outputs else ():
-                error, value = deviation(compared, one, signal, outputs[signal])
-                by_run.setdefault(run.name, {}).setdefault(course.horizon, {})[signal] = {
-                    role: agreement(error[here], value[here], noise_sd=noise[signal])
-                    for role, here in (("held_out", held_out), ("fit", ~held_out))
-                    if here.any()
-                }
-    return Headline(by_run)
+                error, value = deviation(compared, stretch, signal, outputs[signal])
+                for role, here in (("held_out", held_out), ("fit", ~held_out)):
+                    if here.any():
+                        key = run.name, course.horizon, signal, role
+                        parts[key] = agreement(error[here], value[here], noise_sd=noise[signal])
+    return Headline(parts)
 
 
 def noise_sd(dataset: Dataset, signal: str, parts: Sequence[Array]) -> float:
