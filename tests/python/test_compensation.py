@@ -257,7 +257,7 @@ BAD: dict[str, tuple[Change, str]] = {
     ),
     "a raw number outside its format": (
         lambda text: text.replace("raw = 564", "raw = 32001", 1),
-        "parameters.left_friction_mv.raw: 32001 is outside 0..32000",
+        "parameters.left_friction_mv: 32.001 V is outside 0 to 32 V: raw 0..32000",
     ),
     "a raw number that is none": (lambda text: text.replace("raw = 564", "raw = 1.5", 1), "is not a whole number"),
     "no raw number": (lambda text: text.replace("raw = 564, ", "", 1), "left_friction_mv.raw: is missing"),

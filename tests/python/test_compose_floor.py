@@ -7,7 +7,7 @@ import pytest
 from brickpilot.data.axes import Segment
 from brickpilot.discover.compose import atom, find_atoms
 from brickpilot.report.composed_law import mathml
-from brickpilot.vehicle.composed_terms import equation
+from brickpilot.vehicle.composed_terms import equation, legend
 from test_compose import BASIS, by_plant, coefficient, terms
 
 
@@ -33,12 +33,11 @@ def test_a_ramp_is_found_on_its_strip() -> None:
 
 
 def test_a_slope_reads_as_on_paper() -> None:
-    written = equation(terms(floor_add_sin_x=0.04), {"wavelength": 0.5})
-    assert written.text == "ΔS_x = 0.04 sin(2 π x/0.5)"
-    assert (
-        "ΔS_x is added to the sine of the angle by which the floor falls along x; x, y the position" in written.legend
-    )
-    assert "<msub><mi>S</mi><mi>x</mi></msub>" in mathml(terms(floor_add_sin_x=0.04), {"wavelength": 0.5})
+    chosen, settings = terms(floor_add_sin_x=0.04), {"wavelength": 0.5}
+    assert equation(chosen, settings) == "ΔS_x = 0.04 sin(2 π x/0.5)"
+    written = legend(chosen, settings)
+    assert "ΔS_x is added to the sine of the angle by which the floor falls along x; x, y the position" in written
+    assert "<msub><mi>S</mi><mi>x</mi></msub>" in mathml(chosen, settings)
 
 
 @pytest.mark.parametrize(("vehicle", "expected"), [("diff_drive", True), ("motor", False)])

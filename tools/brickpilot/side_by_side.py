@@ -18,7 +18,6 @@ import sys
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from typing import Any, BinaryIO, TypeVar
 
 _Item = TypeVar("_Item")
@@ -28,18 +27,12 @@ _TURN = struct.Struct("=I")
 _MOST_AT_ONCE = 4096  # number of items whose numbers a pipe can hold on every Linux
 
 
-@dataclass(frozen=True)
-class _Raised:
-    """The error that a copy sends instead of a result."""
-
-    error: Exception
-
-
 def side_by_side(work: Callable[[_Item], _Result], items: Sequence[_Item], jobs: int) -> list[_Result]:
     """Returns the results of `work` in the order of `items`; works on up to `jobs` items at a time.
 
     Args:
-        work: returns picklable results. Objects that it changes may be lost with the copy in which it runs.
+        work: returns picklable results that are no exceptions. Objects that it changes may be lost with the copy in
+            which it runs.
         jobs: limited to the number of processors that this process may use.
 
     Raises:
@@ -85,8 +78,8 @@ def _in_copies(work: Callable[[_Item], _Result], items: Sequence[_Item], jobs: i
     made = []
     for index, item in enumerate(items):
         value = found[index] if index in found else work(item)
-        if isinstance(value, _Raised):
-            raise value.error
+        if isinstance(value, Exception):
+            raise value
         made.append(value)
     return made
 
@@ -125,17 +118,12 @@ def _copy(work: Callable[[_Item], Any], items: Sequence[_Item], turns: int) -> t
 
 
 def _taken(work: Callable[[_Item], Any], items: Sequence[_Item], turns: int) -> dict[int, Any]:
-    """Reads item numbers from `turns`, works on these items until no number is left, and returns index -> result."""
+    """Works on the items whose numbers it reads from `turns`, and returns index -> result, or the error raised."""
     found = {}
     while turn := os.read(turns, _TURN.size):
         (index,) = _TURN.unpack(turn)
-        found[index] = _done(work, items[index])
+        try:
+            found[index] = work(items[index])
+        except Exception as error:
+            found[index] = error
     return found
-
-
-def _done(work: Callable[[_Item], Any], item: _Item) -> Any:
-    """Returns the result of `work`, or the error that `work` raised."""
-    try:
-        return work(item)
-    except Exception as error:
-        return _Raised(error)

@@ -229,7 +229,7 @@ def _usual(allowed: Allowed, model: Model) -> dict[str, float]:
 
 def values(model: Model) -> dict[str, float]:
     """Returns all values of a model; the keys are "mass" or "effect.parameter"."""
-    presets = catalogue.presets(model.vehicle) | dict(model.parameters)
+    presets = model.nominal
     return presets | {f"{effect}.{name}": v for effect, table in model.effects.items() for name, v in table.items()}
 
 

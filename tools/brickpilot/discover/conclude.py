@@ -31,7 +31,7 @@ from brickpilot.discover.yardstick import Yardstick
 from brickpilot.fit.parameters import Plan, value_of
 from brickpilot.fit.residual import Residual
 from brickpilot.fit.uncertainty import Estimate
-from brickpilot.vehicle.composed_terms import PLACES, equation
+from brickpilot.vehicle.composed_terms import PLACES, equation, legend
 from brickpilot.vehicle.model import Model, unit_on
 from brickpilot.vehicle.replay import RUN_KINDS, Replay
 
@@ -287,10 +287,9 @@ def _term(dataset: Dataset, found: Conclusion) -> finding.Term | None:
     composed, proved = found.composed, found.proof.evidence
     if composed is None:
         return None
-    text = equation(composed.terms, composed.settings)
     return finding.Term(
         acts_on=", ".join(dict.fromkeys(PLACES[term.basis.place] for term in composed.terms)),
-        equation=f"{text.text}. {text.legend}",
+        equation=". ".join(write(composed.terms, composed.settings) for write in (equation, legend)),
         source=composed_file(dataset),
         law=composed.terms,
         settings=composed.settings,

@@ -269,7 +269,7 @@ def scale_of(unit: str, model: Model) -> float:
 
 def _sizes(model: Model) -> dict[str, float]:
     """Returns unit -> a large value in this unit for a vehicle: its value at stall or at no-load speed."""
-    known, robot = {**catalogue.presets(model.vehicle), **model.parameters}, rcx().parameters
+    known, robot = model.nominal, rcx().parameters
     volts = known["battery_voltage"] or robot["battery_voltage"]
     direct = known["force_per_volt"] or known["torque_per_volt"]
     torque = direct * volts if direct else known["torque_constant"] * volts / known["resistance"]

@@ -150,7 +150,7 @@ def tell(model: Model, holds: Container[str] = _EVERYTHING) -> tuple[Machine, li
     if model.vehicle == "skid_steer":
         message = "is a skid_steer, whose four contacts MJCF and URDF files cannot say here; an FMU can (export fmu)"
         raise InputError(message, file=model.name, field="vehicle")
-    values = catalogue.presets(model.vehicle) | dict(model.parameters)
+    values = model.nominal
     air = 0.5 * values["air_density"] * values["drag_area"]
     machine, untold = Machine(values, values["mass"], values["yaw_inertia"], air=air), []
     for effect in catalogue.effects_of(model.effects):

@@ -35,7 +35,6 @@ from typing import Any
 
 from scipy.optimize import brentq
 
-from brickpilot import catalogue
 from brickpilot.constants import RCX
 from brickpilot.data.toml_file import TomlFile
 from brickpilot.errors import InputError
@@ -184,7 +183,7 @@ def complete(model: Model, toml: TomlFile, stated: Mapping[Place, float]) -> Rob
     vehicle["controller"] = {"coupled": vehicle["controller"]["coupled"]}
     del vehicle["estimator"]["paper"]
     believed = two_wheeled(dataclasses.replace(model, effects={}))
-    nominal = {**catalogue.presets(believed.vehicle), **believed.parameters}
+    nominal = believed.nominal
     for name in vehicle["parameters"]:
         basis = believed.basis.get(name) or (_STATED if ("parameters", name) in stated else _PACKAGED)
         vehicle["parameters"][name] |= {"value": nominal[name], "basis": basis}

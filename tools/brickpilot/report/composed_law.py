@@ -15,7 +15,7 @@ from brickpilot.vehicle.composed_terms import (
     OF_A_MOTOR,
     Term,
     Writer,
-    equation,
+    legend,
     parameters,
     sums,
     symbol,
@@ -235,7 +235,7 @@ def _laws(terms: Sequence[Term]) -> list[str]:
 
 def as_html(term: finding.Term) -> str:
     """Returns the equation of a composed term and the meaning of its symbols, escaped."""
-    return f"{mathml(term.law, term.settings)}<p>{equation(term.law, term.settings).legend}</p>"
+    return f"{mathml(term.law, term.settings)}<p>{legend(term.law, term.settings)}</p>"
 
 
 def mathml(terms: Sequence[Term], settings: Mapping[str, float]) -> str:

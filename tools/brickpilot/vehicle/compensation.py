@@ -30,7 +30,7 @@ from pathlib import Path
 import tomlkit
 
 from brickpilot import catalogue
-from brickpilot.constants import RCX
+from brickpilot.constants import ROBOT, SIDES
 from brickpilot.data.toml_file import Key, TomlFile
 from brickpilot.data.whole_files import write_whole
 from brickpilot.vehicle import plant, scenario
@@ -38,12 +38,12 @@ from brickpilot.vehicle.combinations import Values, difference_inertia, holding_
 from brickpilot.vehicle.drive_constants import two_wheeled
 from brickpilot.vehicle.model import Model, rcx
 from brickpilot.vehicle.plant import Undoable
-from brickpilot.vehicle.settings import Setting, compensations
+from brickpilot.vehicle.settings import Setting, plain, read_raw, settings
 
 NOMINAL = "nominal values"
 """A source of compensation beside the effects: nominal values that differ from the packaged robot's."""
 
-FORMATS: Mapping[str, Setting] = compensations()
+FORMATS: Mapping[str, Setting] = {row.compensation: row for row in settings().values() if row.compensation}
 """The setting of each parameter, by the parameter's name in the file."""
 
 
@@ -87,7 +87,7 @@ def _quantised(model: Model, believed: Model) -> tuple[dict[str, float], dict[st
     wanted = si_values(model, believed)
     exact = {name: wanted[name] * how.format.per_unit for name, how in FORMATS.items()}
     most = {name: how.high for name, how in FORMATS.items()}
-    half = all_nominal(model)["battery_voltage"] / 2  # a larger reserve leaves the controllers too little voltage
+    half = model.nominal["battery_voltage"] / 2  # a larger reserve leaves the controllers too little voltage
     most["reserve_mv"] = min(most["reserve_mv"], FORMATS["reserve_mv"].raw(half))
     raw = {name: min(max(round(exact[name]), how.low), most[name]) for name, how in FORMATS.items()}
     return wanted, raw, tuple(name for name in FORMATS if abs(exact[name] - raw[name]) > 1)
@@ -122,7 +122,7 @@ def from_model(model: Model, believed: Model | None = None, controller: Values |
     remarks += [f"{name}: no setting of the firmware undoes it" for name in left_out]
     remarks += [
         *limits_of_loads(plant.undoable(model)),
-        *limits_of_robot(all_nominal(model), all_nominal(believed), controller),
+        *limits_of_robot(model.nominal, believed.nominal, controller),
     ]
     return Compensation(model.name, raw, _sources(model, believed, raw), left_out, limited, tuple(remarks))
 
@@ -174,18 +174,10 @@ def _texts(toml: TomlFile, key: Key, value: object) -> tuple[str, ...]:
 def _raw(toml: TomlFile, name: str, entry: object) -> tuple[int, tuple[str, ...]]:
     key, how = ("parameters", name), FORMATS[name]
     table = toml.table(key, entry)
-    toml.known_keys(key, table, ("raw", "format", "value", "unit", "from"))
-    raw = table.get("raw")
-    if isinstance(raw, bool) or not isinstance(raw, int):
-        toml.refuse((*key, "raw"), "is missing" if raw is None else f"{raw!r} is not a whole number")
-    toml.number((*key, "raw"), raw, how.low, how.high)
-    for field, right in (("format", how.format.text), ("unit", how.format.unit)):
-        if table.get(field, right) != right:
-            toml.refuse((*key, field), f"{table[field]!r} should be {right!r}")
-    value = toml.number((*key, "value"), table.get("value", how.value(raw)), -1e9, 1e9, how.format.unit)
-    if abs(value * how.format.per_unit - raw) > 0.5:
-        toml.refuse((*key, "value"), f"{value:g} {how.format.unit} does not agree with raw = {raw}")
-    return raw, _texts(toml, (*key, "from"), table.get("from", []))
+    toml.known_keys(key, table, ("raw", "format", "value", "unit", "from"), ("raw",))
+    if table.get("format", how.format.text) != how.format.text:
+        toml.refuse((*key, "format"), f"{table['format']!r} should be {how.format.text!r}")
+    return read_raw(toml, key, table, how), _texts(toml, (*key, "from"), table.get("from", []))
 
 
 def load(path: Path | str) -> Compensation:
@@ -219,11 +211,6 @@ LEFT, RIGHT = 0, 1
 def _top_speed() -> float:
     """Returns the highest speed for which voltage is reserved, in m/s: the cruise speed of the packaged mission."""
     return scenario.load(scenario.packaged()["mission"]).cruise["coupled"]
-
-
-def all_nominal(model: Model) -> dict[str, float]:
-    """Returns all nominal parameters of a model, presets included."""
-    return {**catalogue.presets(model.vehicle), **model.parameters}
 
 
 def push(values: Values) -> float:
@@ -281,15 +268,14 @@ def si_values(model: Model, believes: Model) -> dict[str, float]:
         model: the real robot, a coupled diff_drive.
         believes: the robot that the firmware believes in; its effects are ignored.
     """
-    robot, believed = all_nominal(model), all_nominal(believes)
+    robot, believed = model.nominal, believes.nominal
     of_effects, battery = plant.undoable(model), robot["battery_voltage"]
-    left, right = (_side(robot, of_effects, believed, side) for side in (LEFT, RIGHT))
-    reserve = max(_reserve(side, of_effects.lost_voltage, battery) for side in (left, right))
-    turning = any(side["emf_mv_q15"] or side["friction_mv"] for side in (left, right))
+    sides = [_side(robot, of_effects, believed, side) for side in (LEFT, RIGHT)]
+    reserve = max(_reserve(side, of_effects.lost_voltage, battery) for side in sides)
+    turning = any(side["emf_mv_q15"] or side["friction_mv"] for side in sides)
     radius = robot["wheel_radius"] / believed["wheel_radius"]
     return {
-        **{f"left_{name}": value for name, value in left.items()},
-        **{f"right_{name}": value for name, value in right.items()},
+        **{f"{side}_{name}": value for side, own in zip(SIDES, sides, strict=True) for name, value in own.items()},
         "deadband_mv": of_effects.lost_voltage,
         "reserve_mv": max(reserve, 0.0),
         "half_track_m_q14": robot["half_track"] if turning else 0.0,
@@ -334,14 +320,7 @@ HIGHEST_BATTERY, HIGHEST_OWN = 20.0, 32.0
 """V: the highest battery voltages that packaged images can measure, and that any mixer allows (VOLTAGE_MAX_MV)."""
 
 
-@cache
-def _controller() -> Values:
-    """Returns the constants of the firmware's controllers, profile `coupled`, in SI."""
-    table = TomlFile(RCX).data["controller"]["coupled"]
-    return {name: float(entry["value"]) for name, entry in table.items()}
-
-
-def heading_damping(robot: Values, believed: Values, controller: Values | None = None) -> float:
+def _heading_damping(robot: Values, believed: Values, controller: Values) -> float:
     """Returns the damping ratio of the heading controller on a robot whose straight drive is compensated.
 
     Such a robot reacts to a voltage difference as if its motors had the believed robot's push and hold, and each side
@@ -349,13 +328,12 @@ def heading_damping(robot: Values, believed: Values, controller: Values | None =
 
     Args:
         robot, believed: nominal parameters.
-        controller: the constants of the firmware's controllers, SI; None: the packaged robot's.
+        controller: the constants of the firmware's controllers, SI.
     """
     held = holding_voltage(believed)
     inertia = straight_inertia(believed) * difference_inertia(robot) / mean_inertia(robot)
     time_constant, arm = inertia / (push(believed) * held), held * robot["half_track"]
-    known = controller or _controller()
-    return (1 + known["heading_kd"] / arm) / (2 * math.sqrt(time_constant * known["heading_kp"] / arm))
+    return (1 + controller["heading_kd"] / arm) / (2 * math.sqrt(time_constant * controller["heading_kp"] / arm))
 
 
 def limits_of_loads(of_effects: Undoable) -> list[str]:
@@ -363,21 +341,22 @@ def limits_of_loads(of_effects: Undoable) -> list[str]:
     return [
         f"{side}_offset_mv: a load of {abs(load):.3g} N m exceeds the dry friction of {friction:.3g} N m, so the robot "
         "moves at rest, while the firmware learns the gyro's bias"
-        for side, load, friction in zip(("left", "right"), of_effects.load, of_effects.dry_torque, strict=True)
+        for side, load, friction in zip(SIDES, of_effects.load, of_effects.dry_torque, strict=True)
         if abs(load) > friction
     ]
 
 
 def limits_of_robot(robot: Values, believed: Values, controller: Values | None = None) -> Iterator[str]:
     """Yields a line for each nominal value that no setting undoes and that differs too much for the controllers."""
-    damping = heading_damping(robot, believed, controller)
+    known = controller or plain(ROBOT["controller"]["coupled"])
+    damping = _heading_damping(robot, believed, known)
     if damping < LEAST_DAMPING:
-        own = heading_damping(believed, believed, controller)
+        own = _heading_damping(believed, believed, known)
         yield (
             f"yaw_inertia: {robot['yaw_inertia']:.3g} kg m^2 at a half-track of {robot['half_track']:.3g} m give turns "
             f"a damping ratio of {damping:.2f} (the believed robot: {own:.2f}); below {LEAST_DAMPING:g} they overshoot"
         )
-    battery, floor = robot["battery_voltage"], (controller or _controller())["battery_floor"]
+    battery, floor = robot["battery_voltage"], known["battery_floor"]
     highest = HIGHEST_BATTERY if controller is None else HIGHEST_OWN
     if not floor <= battery <= highest:
         outside = f"is outside the {floor:g} to {highest:g} V that the firmware reckons with"

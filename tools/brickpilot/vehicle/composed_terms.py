@@ -186,18 +186,9 @@ _LEGEND = {
 }
 
 
-@dataclass(frozen=True)
-class Equation:
-    """An equation. `legend`: one sentence that explains the symbols."""
-
-    text: str
-    legend: str
-
-
-def equation(terms: Sequence[Term], settings: Mapping[str, float]) -> Equation:
+def equation(terms: Sequence[Term], settings: Mapping[str, float]) -> str:
     """Returns the sums that the terms add at their places, each number with four digits."""
-    texts = [f"Δ{symbol(target)} = {added}" for target, added in sums(terms, settings, Writer())]
-    return Equation("; ".join(texts), _legend(terms, settings))
+    return "; ".join(f"Δ{symbol(target)} = {added}" for target, added in sums(terms, settings, Writer()))
 
 
 def sums(terms: Sequence[Term], settings: Mapping[str, float], out: Writer) -> list[tuple[str, str]]:
@@ -215,7 +206,8 @@ def sums(terms: Sequence[Term], settings: Mapping[str, float], out: Writer) -> l
     return list(written.items())
 
 
-def _legend(terms: Sequence[Term], settings: Mapping[str, float]) -> str:
+def legend(terms: Sequence[Term], settings: Mapping[str, float]) -> str:
+    """Returns one sentence that explains the symbols of the terms' equation."""
     symbols = frozenset().union(*(term.basis.symbols for term in terms))
     parts = [f"Δ{symbol(t)} is added to the {_TARGETS[t]}" for t in dict.fromkeys(term.basis.target for term in terms)]
     parts += [text for name, text in _LEGEND.items() if name in symbols]

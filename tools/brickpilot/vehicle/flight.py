@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from brickpilot import compiled
 from brickpilot.catalogue import PROFILE_CODES
-from brickpilot.constants import ACCEPTANCE_M, RCX, STEP_S
-from brickpilot.data.toml_file import TomlFile
+from brickpilot.constants import ACCEPTANCE_M, STEP_S, robot_value
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.compensation import FORMATS, Compensation
@@ -51,7 +50,6 @@ class Plan:
     steps: int
     start_step: int
     cruise: float
-    motor_step: float = 0.0
     compensation: Compensation | None = None
     gains: Gains | None = None
     firmware: Path | None = None
@@ -113,7 +111,7 @@ def plan(
     if gains is not None and "cruise" in gains.raw:
         cruise = gains.value("cruise")
     else:
-        cruise = scenario.cruise[profile] if profile in scenario.cruise else preset_cruise(profile)
+        cruise = scenario.cruise.get(profile, robot_value("controller", profile, "cruise"))
     start_at = scenario.start_at if scenario.start_at is not None else (0.0 if sensors == "ideal" else 1.0)
     return Plan(
         scenario=scenario,
@@ -142,11 +140,6 @@ def written(plan: Plan) -> dict[str, int]:
     return {FORMATS[name].name: raw for name, raw in known.items()} | dict(tuned)
 
 
-def preset_cruise(profile: str) -> float:
-    """Returns the firmware's own cruise speed in m/s, from [controller.PROFILE] of the packaged rcx.toml."""
-    return float(TomlFile(RCX).data["controller"][profile]["cruise"]["value"])
-
-
 def _drive(plan: Plan) -> Array:
     """Returns the manoeuvre's voltages, (steps, 2); NaN where a motor floats."""
     drive = np.zeros((plan.steps, 2))
@@ -157,9 +150,7 @@ def _drive(plan: Plan) -> Array:
 
 
 @contextmanager
-def request(
-    plan: Plan, log: Array | None, motors: NDArray[np.int16] | None, columns: Sequence[str] | None = None
-) -> Iterator[Any]:
+def request(plan: Plan, log: Array, motors: NDArray[np.int16], columns: Sequence[str] | None = None) -> Iterator[Any]:
     """Yields the plan as a ``bp_flight *`` for the C interface. Its pointers are valid within the context only.
 
     `log` has a row for each step; with `columns`, a row for each of these columns instead.
@@ -172,8 +163,9 @@ def request(
     fields: dict[str, Any] = {
         "model": plant.build(plan.model), "controller": PROFILE_CODES[plan.controller],
         "sensors": SENSORS.index(plan.sensors), "seed": plan.seed, "initial": {"x": x, "y": y, "heading": heading},
-        "motor_step": plan.motor_step, "steps": plan.steps, "start_step": plan.start_step, "cruise": plan.cruise,
+        "steps": plan.steps, "start_step": plan.start_step, "cruise": plan.cruise,
         "settings": ffi.new("bp_setting[]", settings_written), "setting_count": len(settings_written),
+        "log": ffi.from_buffer("double[]", log), "motors": ffi.from_buffer("short[]", motors),
     }  # fmt: skip
     if plan.devices is not None:
         fields["devices"] = ffi.new("bp_devices *", {**plan.devices, "bits": round(plan.devices["bits"])})
@@ -182,13 +174,9 @@ def request(
     else:
         waypoints = np.ascontiguousarray(plan.scenario.waypoints, dtype=np.float64)
         fields |= {"waypoints": ffi.from_buffer("double[]", waypoints), "waypoint_count": len(waypoints)}
-    if log is not None:
-        fields["log"] = ffi.from_buffer("double[]", log)
     if columns is not None:
         fields["columns"] = ffi.new("int[]", [log_names().index(name) for name in columns])
         fields["column_count"] = len(columns)
-    if motors is not None:
-        fields["motors"] = ffi.from_buffer("short[]", motors)
     yield ffi.new("bp_flight *", fields)
     fields.clear()
 
@@ -253,20 +241,9 @@ def fly_many(plans: Sequence[Plan], columns: Sequence[str] | None = None) -> lis
     for plan, flown, log, duty in zip(plans, requests, logs, motors, strict=True):
         rows = log if columns is not None else log.T
         signals = {name: np.ascontiguousarray(row) for name, row in zip(names, rows, strict=True)}
-        flights.append(_stopped(plan, flown.status) or Flight(plan, signals, duty, pace))
+        if flown.status == 0:
+            flights.append(Flight(plan, signals, duty, pace))
+        else:
+            message = f"{plan.scenario.name}: the flight stopped with status {flown.status}"
+            flights.append(SimulationError(message, status=flown.status))
     return flights
-
-
-def _stopped(plan: Plan, status: int) -> SimulationError | None:
-    if status == 0:
-        return None
-    return SimulationError(f"{plan.scenario.name}: the flight stopped with status {status}", status=status)
-
-
-def fly_unlogged(plan: Plan) -> float:
-    """Flies the plan without a log, for benchmarks, and returns the simulated time in s."""
-    with request(plan, None, None) as flight:
-        status = compiled.interface()[1].bp_fly(flight)
-    if stopped := _stopped(plan, status):
-        raise stopped
-    return plan.steps * STEP_S

@@ -20,12 +20,10 @@ import tomlkit
 from brickpilot.data.toml_file import TomlFile
 from brickpilot.data.whole_files import write_whole
 from brickpilot.errors import InputError
-from brickpilot.vehicle.settings import Setting, settings
+from brickpilot.vehicle.settings import Setting, read_raw, settings
 
 AT_MOST = (("creep", "cruise"), ("align", "pivot"))
 """Pairs of settings: the first of a pair may not be above the second."""
-
-_KEYS = ("value", "unit", "raw")
 
 
 def tunable() -> dict[str, Setting]:
@@ -117,17 +115,5 @@ def _raw(toml: TomlFile, name: str, entry: object) -> int:
         toml.refuse(key, "describes the robot, so it belongs in a compensation.toml")
     how = tunable()[toml.choice(key, name, tunable())]
     table = toml.table(key, entry)
-    toml.known_keys(key, table, _KEYS)
-    if table.get("unit", how.format.unit) != how.format.unit:
-        toml.refuse((*key, "unit"), f"{table['unit']!r} should be {how.format.unit!r}")
-    if "raw" not in table and "value" not in table:
-        toml.refuse(key, "needs a value or a raw integer")
-    value = toml.number((*key, "value"), table["value"], -1e9, 1e9) if "value" in table else None
-    raw = table.get("raw", None if value is None else how.raw(value))
-    if isinstance(raw, bool) or not isinstance(raw, int):
-        toml.refuse((*key, "raw"), f"{raw!r} is not a whole number")
-    if not how.low <= raw <= how.high:
-        toml.refuse(key, f"{how.value(raw):.6g} {how.format.unit} is outside {how.range_in_unit}: raw {how.range}")
-    if value is not None and abs(value * how.format.per_unit - raw) > 0.5:
-        toml.refuse((*key, "value"), f"{value:g} {how.format.unit} does not agree with raw = {raw}")
-    return raw
+    toml.known_keys(key, table, ("value", "unit", "raw"))
+    return read_raw(toml, key, table, how)

@@ -69,6 +69,11 @@ class Model:
     basis: Mapping[str, str] = field(default_factory=dict)
     by_run: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
+    @property
+    def nominal(self) -> dict[str, float]:
+        """All nominal parameters, presets included."""
+        return catalogue.presets(self.vehicle) | dict(self.parameters)
+
 
 @cache
 def rcx() -> Model:
@@ -144,7 +149,7 @@ def entry_table(toml: TomlFile, key: Key, entry: object, unit: str) -> dict[str,
     return table
 
 
-def _values(
+def read_values(
     toml: TomlFile, key: tuple[str, ...], given: object, infos: Iterable[ParameterInfo], basis: dict[str, str],
     may_be_0: Collection[str] = (),
 ) -> dict[str, float]:  # fmt: skip
@@ -172,16 +177,17 @@ def _parameters(toml: TomlFile, vehicle: str, basis: dict[str, str]) -> dict[str
     presets = catalogue.presets(vehicle)
     infos = [info for info in catalogue.parameters() if info.name in presets]
     absent = [name for name, value in presets.items() if value == 0 or (vehicle, name) == ("motor", "wheel_inertia")]
-    return presets | _values(toml, ("parameters",), toml.data.get("parameters", {}), infos, basis, absent)
+    return presets | read_values(toml, ("parameters",), toml.data.get("parameters", {}), infos, basis, absent)
 
 
-def _effects(toml: TomlFile, basis: dict[str, str]) -> dict[str, dict[str, float]]:
+def read_effects(toml: TomlFile, basis: dict[str, str]) -> dict[str, dict[str, float]]:
+    """Returns effect -> parameter -> value of `[effects.NAME]`, presets included, and adds the sources to `basis`."""
     known = {effect.name: effect.parameters for effect in catalogue.effects()}
     table = toml.table(("effects",), toml.data.get("effects", {}))
     toml.known_keys(("effects",), table, known)
     return {
         name: {info.name: info.preset for info in known[name]}
-        | _values(toml, ("effects", name), entries, known[name], basis)
+        | read_values(toml, ("effects", name), entries, known[name], basis)
         for name, entries in table.items()
     }
 
@@ -204,7 +210,7 @@ def load(path: Path | str) -> Model:
         vehicle=vehicle,
         profile=toml.choice(("profile",), toml.data["profile"], catalogue.PROFILE_CODES),
         parameters=_parameters(toml, vehicle, basis),
-        effects=_effects(toml, basis),
+        effects=read_effects(toml, basis),
         basis=basis,
     )
     try:
@@ -231,10 +237,9 @@ def render(model: Model) -> str:
     frame = "" if model.vehicle == "motor" else "; frame FRD: x forward, y to the right, yaw clockwise positive"
     document.add(tomlkit.comment(f"SI units{frame}"))
     document.update({"name": model.name, "vehicle": model.vehicle, "profile": model.profile})
-    values = catalogue.presets(model.vehicle) | dict(model.parameters)
     units = {info.name: info.unit for info in catalogue.parameters()}
     table = tomlkit.table()
-    for name, value in values.items():
+    for name, value in model.nominal.items():
         table[name] = _entry(value, units[name], model.basis.get(name))
     document["parameters"] = table
     if model.effects:

@@ -39,6 +39,7 @@ from brickpilot.compiled import interface
 from brickpilot.constants import STEP_S
 from brickpilot.data.toml_file import TomlFile
 from brickpilot.errors import InputError
+from brickpilot.vehicle.model import read_effects, read_values
 
 PROFILES = ("coupled", "paper")
 SENSORS = ("ideal", "imu", "imu+encoders")
@@ -147,8 +148,8 @@ def load(path: Path) -> Scenario:
         profile=toml.choice(("profile",), data["profile"], PROFILES) if "profile" in data else None,
         sensors=toml.choice(("sensors",), data["sensors"], SENSORS) if "sensors" in data else None,
         seed=seed,
-        parameters=_parameters(toml, data.get("parameters", {})),
-        effects=_effects(toml, data.get("effects", {})),
+        parameters=read_values(toml, ("parameters",), data.get("parameters", {}), catalogue.parameters(), {}),
+        effects=read_effects(toml, {}),
         faults=parse_faults(toml, data["faults"], duration) if "faults" in data else (),
         packaged=path in packaged().values(),
     )
@@ -214,33 +215,6 @@ def _segments(toml: TomlFile, data: Mapping[str, Any], duration: float) -> tuple
         )
         segments.append(Segment(start, left, right))
     return tuple(segments)
-
-
-def _parameters(toml: TomlFile, value: object) -> dict[str, float]:
-    table = toml.table(("parameters",), value)
-    known = {info.name: info for info in catalogue.parameters()}
-    toml.known_keys(("parameters",), table, known)
-    return {
-        name: toml.number(("parameters", name), number, known[name].minimum, known[name].maximum, known[name].unit)
-        for name, number in table.items()
-    }
-
-
-def _effects(toml: TomlFile, value: object) -> dict[str, dict[str, float]]:
-    table = toml.table(("effects",), value)
-    known = {effect.name: effect for effect in catalogue.effects()}
-    toml.known_keys(("effects",), table, known)
-    chosen = {}
-    for name, entry in table.items():
-        key, given, infos = ("effects", name), toml.table(("effects", name), entry), known[name].parameters
-        toml.known_keys(key, given, [info.name for info in infos])
-        chosen[name] = {
-            info.name: toml.number(
-                (*key, info.name), given.get(info.name, info.preset), info.minimum, info.maximum, info.unit
-            )
-            for info in infos
-        }
-    return chosen
 
 
 def render_mission(mission: Scenario) -> str:

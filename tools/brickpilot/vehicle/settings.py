@@ -5,14 +5,13 @@ The initial value of a setting is the default in its row, or else the value in t
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-from brickpilot.constants import RCX
+from brickpilot.constants import ROBOT
 from brickpilot.data.toml_file import Key, TomlFile
 from brickpilot.errors import InputError, did_you_mean
 from brickpilot.vehicle.combinations import holding_voltage
@@ -106,11 +105,6 @@ def named(name: str) -> Setting:
     return settings()[name]
 
 
-def compensations() -> dict[str, Setting]:
-    """Returns the settings that describe one robot, by their keys in a compensation file."""
-    return {setting.compensation: setting for setting in settings().values() if setting.compensation}
-
-
 def load(path: Path) -> dict[str, Setting]:
     """Reads a table of settings.
 
@@ -169,6 +163,28 @@ def _setting(toml: TomlFile, key: Key, row: object, formats: Mapping[str, Format
     )
 
 
+def read_raw(toml: TomlFile, key: Key, table: Mapping[str, Any], setting: Setting) -> int:
+    """Returns the raw integer of a setting in a user's file: the `raw` of its table, or else its converted `value`.
+
+    Raises:
+        InputError: the table has another unit, neither number, a number outside the range, or two that contradict.
+    """
+    if table.get("unit", setting.format.unit) != setting.format.unit:
+        toml.refuse((*key, "unit"), f"{table['unit']!r} should be {setting.format.unit!r}")
+    if "raw" not in table and "value" not in table:
+        toml.refuse(key, "needs a value or a raw integer")
+    value = toml.number((*key, "value"), table["value"], -1e9, 1e9) if "value" in table else None
+    raw = table.get("raw", None if value is None else setting.raw(value))
+    if isinstance(raw, bool) or not isinstance(raw, int):
+        toml.refuse((*key, "raw"), f"{raw!r} is not a whole number")
+    if not setting.low <= raw <= setting.high:
+        outside = f"{setting.value(raw):.6g} {setting.format.unit} is outside {setting.range_in_unit}"
+        toml.refuse(key, f"{outside}: raw {setting.range}")
+    if value is not None and abs(value * setting.format.per_unit - raw) > 0.5:
+        toml.refuse((*key, "value"), f"{value:g} {setting.format.unit} does not agree with raw = {raw}")
+    return raw
+
+
 def plain(table: Mapping[str, Any]) -> dict[str, float]:
     """Returns the values of a table of the vehicle file, without units and basis."""
     return {name: float(entry["value"]) for name, entry in table.items() if "value" in entry}
@@ -205,5 +221,5 @@ def default(setting: Setting, own: Mapping[str, float], profile: str) -> int:
 @cache
 def defaults(profile: str) -> Mapping[str, int]:
     """Returns name -> raw integer of every setting at the beginning of a session with the packaged firmware."""
-    own = constants(tomllib.loads(RCX.read_text(encoding="utf-8")), profile)
+    own = constants(ROBOT, profile)
     return {name: default(setting, own, profile) for name, setting in settings().items()}
