@@ -124,14 +124,16 @@ def _text(value: Any) -> str:
 
 
 def _constant(kind: str, value: int, names: Sequence[Any]) -> Any:
-    """Returns the name of the C constant with this value: "size" for BP_ROLE_SIZE, if the kind is "ROLE"."""
+    """Returns which of `names` is the C constant BP_KIND_NAME of this value, such as "size" for BP_ROLE_SIZE."""
     return next(name for name in names if getattr(interface()[1], f"BP_{kind}_{name.upper()}") == value)
 
 
 def _same_named(row: Any, record: type) -> dict[str, Any]:
-    """Returns those texts, numbers and flags of a row in C whose names are fields of `record`."""
+    """Returns the texts, numbers and flags of a row in C that are fields of `record`, by name."""
     convert: dict[Any, Callable[[Any], Any]] = {"str": _text, "float": float, "bool": bool}
-    return {one.name: convert[one.type](getattr(row, one.name)) for one in fields(record) if one.type in convert}
+    return {
+        field.name: convert[field.type](getattr(row, field.name)) for field in fields(record) if field.type in convert
+    }
 
 
 def _parameter(row: Any) -> ParameterInfo:
@@ -188,7 +190,7 @@ def family(name: str) -> str:
 
     A name that is no effect, such as a kind of value that differs from run to run, is its own family.
     """
-    return next((one.variant_of for one in effects_of((name,))), "") or name
+    return next((info.variant_of for info in effects_of((name,))), "") or name
 
 
 def law(name: str, values: Mapping[str, float]) -> str:
@@ -231,7 +233,7 @@ def mechanism(name: str, values: Mapping[str, float]) -> str:
 
 @cache
 def loads() -> frozenset[str]:
-    """Returns the parameters, as "effect.parameter", whose lever arm is another parameter."""
+    """Returns the parameters, as "effect.parameter", that have another parameter as lever arm."""
     return frozenset(f"{info.name}.{row.arm_of}" for info in effects() for row in info.parameters if row.arm_of)
 
 

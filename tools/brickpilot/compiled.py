@@ -43,11 +43,11 @@ def closed_loop(file: Path) -> Any:
 
 
 def _declarations(header: Path) -> str:
-    """Returns what a header declares, with the headers of this package that it includes."""
-    found = []
+    """Returns the declarations of a header and of the headers of this package that it includes."""
+    lines = []
     for line in header.read_text(encoding="utf-8").splitlines():
         if line.startswith('#include "'):
-            found.append(_declarations(header.parent / line.split('"')[1]))
+            lines.append(_declarations(header.parent / line.split('"')[1]))
         elif not line.startswith("#"):
-            found.append(line)
-    return "\n".join(found)
+            lines.append(line)
+    return "\n".join(lines)

@@ -65,7 +65,7 @@ class InputError(Exception):
 
 @contextmanager
 def disk_named(path: Path | str) -> Iterator[None]:
-    """Turns the error of a full disk, which names no file, into an error of one line that names `path`.
+    """Raises an error of one line that names `path`, if the disk is full; the system's own error names no file.
 
     Args:
         path: what is being written, as the user named it.
@@ -75,7 +75,7 @@ def disk_named(path: Path | str) -> Iterator[None]:
     """
     try:
         yield
-    except DiskFullError as error:  # the error names a part of `path` that the user did not name
+    except DiskFullError as error:  # it names a file below `path`, which the user did not name
         raise DiskFullError(path, error.reason) from error
     except OSError as error:
         if error.errno not in _FULL:

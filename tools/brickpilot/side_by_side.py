@@ -1,9 +1,9 @@
 """Calls a function on several items at the same time.
 
-Threads of Python take turns, so two threads make a search only a fifth faster. So this process is copied (fork): a copy
-has everything that the function needs, and sends back the results. This process works, too, because a copy costs 6 ms
-and the simulations that it stores are lost. Only Linux copies processes safely; other systems use threads instead. The
-results depend neither on this choice nor on the number of jobs.
+Only one thread of Python runs at a time, so two threads make a search only a fifth faster. On Linux this process copies
+itself (fork) instead. A copy has all data that the function needs, and sends back the results. A copy takes 6 ms to
+make, and what it stores is lost when it ends, so this process works on items, too. Other systems do not copy processes
+safely, so they use threads. The results depend neither on this choice nor on the number of jobs.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ def side_by_side(work: Callable[[_Item], _Result], items: Sequence[_Item], jobs:
     """Returns the results of `work` in the order of `items`; works on up to `jobs` items at a time.
 
     Args:
-        work: returns picklable results that are no exceptions. Objects that it changes may be lost with the copy in
-            which it runs.
+        work: returns picklable results that are no exceptions. It may run in a copy, and the changes that it makes to
+            objects there are lost.
         jobs: limited to the number of processors that this process may use.
 
     Raises:
@@ -54,17 +54,17 @@ def _processors() -> int:
 
 
 def _in_copies(work: Callable[[_Item], _Result], items: Sequence[_Item], jobs: int) -> list[_Result]:
-    """Works in this process and in copies of it. If a copy dies, this process does the copy's items again."""
+    """Works on the items in this process and in copies of it. If a copy dies, this process repeats the copy's items."""
     with _turns(len(items)) as turns:
         copies: dict[int, BinaryIO] = {}
         try:
             for _ in range(jobs - 1):
                 child, results = _copy(work, items, turns)
                 copies[child] = results
-            found = _taken(work, items, turns)
+            by_index = _work_through(work, items, turns)
             for results in copies.values():
                 with contextlib.suppress(EOFError, pickle.UnpicklingError):
-                    found |= pickle.load(results)
+                    by_index |= pickle.load(results)
         except BaseException:
             for child in copies:
                 with contextlib.suppress(ProcessLookupError):
@@ -73,11 +73,11 @@ def _in_copies(work: Callable[[_Item], _Result], items: Sequence[_Item], jobs: i
         finally:
             for child, results in copies.items():
                 results.close()
-                with contextlib.suppress(ChildProcessError):  # with SIGCHLD ignored, no child is left to wait for
+                with contextlib.suppress(ChildProcessError):  # a program that ignores SIGCHLD has no child to wait for
                     os.waitpid(child, 0)
     made = []
     for index, item in enumerate(items):
-        value = found[index] if index in found else work(item)
+        value = by_index[index] if index in by_index else work(item)
         if isinstance(value, Exception):
             raise value
         made.append(value)
@@ -86,7 +86,7 @@ def _in_copies(work: Callable[[_Item], _Result], items: Sequence[_Item], jobs: i
 
 @contextlib.contextmanager
 def _turns(count: int) -> Iterator[int]:
-    """Yields a pipe from which each reader takes the number of the next item, until no number is left."""
+    """Yields a pipe that holds the numbers of all items. Each reader takes the next number, until the pipe is empty."""
     reading, writing = os.pipe()
     os.write(writing, b"".join(map(_TURN.pack, range(count))))
     os.close(writing)
@@ -109,21 +109,21 @@ def _copy(work: Callable[[_Item], Any], items: Sequence[_Item], turns: int) -> t
     try:
         gc.disable()  # the copy must not destroy objects of this process
         os.close(reading)
-        found = _taken(work, items, turns)
+        by_index = _work_through(work, items, turns)
         with os.fdopen(writing, "wb") as results:
-            pickle.dump(found, results, pickle.HIGHEST_PROTOCOL)
+            pickle.dump(by_index, results, pickle.HIGHEST_PROTOCOL)
         status = 0
     finally:
         os._exit(status)
 
 
-def _taken(work: Callable[[_Item], Any], items: Sequence[_Item], turns: int) -> dict[int, Any]:
+def _work_through(work: Callable[[_Item], Any], items: Sequence[_Item], turns: int) -> dict[int, Any]:
     """Works on the items whose numbers it reads from `turns`, and returns index -> result, or the error raised."""
-    found = {}
+    by_index = {}
     while turn := os.read(turns, _TURN.size):
         (index,) = _TURN.unpack(turn)
         try:
-            found[index] = work(items[index])
+            by_index[index] = work(items[index])
         except Exception as error:
-            found[index] = error
-    return found
+            by_index[index] = error
+    return by_index

@@ -1,4 +1,5 @@
-"""Combinations of parameters that the step response of the speed identifies, even if it identifies no single parameter.
+"""Combinations of parameters that the step response of the speed identifies, even if no parameter is
+identifiable on its own.
 
 A fit in a direction that the data do not determine can end at any value, and later fits depend on that value. So if the
 data determine only a sum of parameters, one of these is fitted and the others are held (structural identifiability:
@@ -198,13 +199,13 @@ A held parameter keeps its ratio to the partner.
 _FITTED_FIRST = ("emf_constant", "mass", "yaw_inertia", "half_track", "wheel_radius", "wheel_inertia")
 """The parameters of sums that are fitted first, because each can give its sum any value on its own."""
 
-_CURVES_V = (3.0, 1.0), (6.0, 5.0)  # (left, right) per curve; one voltage alone cannot separate friction from a gain
+_CURVES_V = (3.0, 1.0), (6.0, 5.0)  # (left, right) of each curve: one voltage cannot separate friction from a gain
 _CURVE_S, _SAMPLES = 20.0, 60
-_TOLD_APART = 1e-2  # least share of a signature outside the other signatures' span; less is a finite-difference error
+_TOLD_APART = 1e-2  # least share of a signature that the others do not span; less is an error of the differences
 
 
 def signatures_of(model: Model, measured: Collection[str], stated: Collection[str]) -> dict[str, Array]:
-    """Returns nominal parameter -> (values,): how it changes the measured signals of two curves, relative to their rms.
+    """Returns nominal parameter -> (values,): the change of the measured signals of two curves, relative to their rms.
 
     The samples of a curve begin one control step after its start and end after a vehicle of any size has reached its
     speed. A parameter without influence has a signature of zeros.
@@ -224,7 +225,7 @@ def signatures_of(model: Model, measured: Collection[str], stated: Collection[st
     }
     models = [model, *(with_values(model, {name: value}) for name, value in values.items())]
     run = OpenLoopRun(time=time, inputs=inputs)
-    reference, *others = (simulated.outputs for simulated in plant.simulate([(one, run) for one in models]))
+    reference, *others = (simulated.outputs for simulated in plant.simulate([(changed, run) for changed in models]))
     signals = [name for name in reference if name in measured and name != "battery_voltage"]
     rms = {name: float(np.sqrt(np.nanmean(reference[name] ** 2))) or 1.0 for name in signals}
     return {

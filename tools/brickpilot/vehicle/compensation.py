@@ -8,7 +8,7 @@ voltages that another robot's motors need, and the readings of that robot into r
     name      = "bench-7"
     left_out  = []      # effects, or EFFECT.PARAMETER, that the firmware cannot compensate
     limited   = []      # parameters that their format limits
-    remarks   = []      # a line for each difference that no setting can undo: which value, and how far off it is
+    remarks   = []      # a line for each difference that no setting can undo: the value, and by how much it differs
 
     [parameters]        # names, formats and ranges: hal/wire/settings.toml; an absent parameter is 0
     left_friction_mv = { raw = 564, format = "mV", value = 0.564, unit = "V", from = ["nominal values"] }
@@ -57,7 +57,7 @@ class Compensation:
         sources: parameter -> the effects that each need the parameter, or `NOMINAL`; a parameter of 0 may be missing.
         left_out: effects of the model, or `effect.parameter`, that the firmware cannot undo.
         limited: parameters that exceed the range of the firmware's format, or half of the battery's voltage.
-        remarks: a line for each difference that the firmware cannot undo: which value, and how far off it is.
+        remarks: a line for each difference that the firmware cannot undo: the value, and by how much it differs.
     """
 
     name: str
@@ -85,11 +85,11 @@ class Compensation:
 def _quantised(model: Model, believed: Model) -> tuple[dict[str, float], dict[str, int], tuple[str, ...]]:
     """Returns the parameters in SI as the robot needs them, the firmware's integers, and the limited parameters."""
     wanted = si_values(model, believed)
-    exact = {name: wanted[name] * how.format.per_unit for name, how in FORMATS.items()}
-    most = {name: how.high for name, how in FORMATS.items()}
+    exact = {name: wanted[name] * setting.format.per_unit for name, setting in FORMATS.items()}
+    most = {name: setting.high for name, setting in FORMATS.items()}
     half = model.nominal["battery_voltage"] / 2  # a larger reserve leaves the controllers too little voltage
     most["reserve_mv"] = min(most["reserve_mv"], FORMATS["reserve_mv"].raw(half))
-    raw = {name: min(max(round(exact[name]), how.low), most[name]) for name, how in FORMATS.items()}
+    raw = {name: min(max(round(exact[name]), setting.low), most[name]) for name, setting in FORMATS.items()}
     return wanted, raw, tuple(name for name in FORMATS if abs(exact[name] - raw[name]) > 1)
 
 
@@ -97,8 +97,8 @@ def from_model(model: Model, believed: Model | None = None, controller: Values |
     """Returns the compensation with which the firmware flies the robot of `model` like the robot of `believed`.
 
     Args:
-        model: the robot as the data show it, with the effects found. Effects that the brick cannot undo are listed in
-            `left_out`.
+        model: the model that was fitted to the robot's data, with its effects. The result lists in `left_out` the
+            effects that the firmware cannot undo.
         believed: the robot from which the firmware's constants were made; default the packaged robot.
         controller: the constants of the firmware's controllers, SI; default the packaged robot's.
 
@@ -150,18 +150,18 @@ def render(compensation: Compensation) -> str:
         remarks.add_line(remark)
     document["remarks"] = remarks.multiline(bool(compensation.remarks))
     table = tomlkit.table()
-    for name, how in FORMATS.items():
+    for name, setting in FORMATS.items():
         entry = tomlkit.inline_table()
-        entry.update({"raw": compensation.raw[name], "format": how.format.text, "value": compensation.value(name)})
-        entry.update({"unit": how.format.unit, "from": list(compensation.sources.get(name, ()))})
+        entry.update({"raw": compensation.raw[name], "format": setting.format.text, "value": compensation.value(name)})
+        entry.update({"unit": setting.format.unit, "from": list(compensation.sources.get(name, ()))})
         table[name] = entry
-        table[name].comment(how.meaning)
+        table[name].comment(setting.meaning)
     document["parameters"] = table
     document.add(tomlkit.nl())
     document.add(tomlkit.comment("The same in C, after parameters_start() of firmware/app:"))
-    for name, how in FORMATS.items():
-        write = f"parameters_write(&parameters, {how.number}, {compensation.raw[name]}, false)"
-        document.add(tomlkit.comment(f"{write}; /* {how.name} */"))
+    for name, setting in FORMATS.items():
+        write = f"parameters_write(&parameters, {setting.number}, {compensation.raw[name]}, false)"
+        document.add(tomlkit.comment(f"{write}; /* {setting.name} */"))
     return tomlkit.dumps(document)
 
 
@@ -172,12 +172,12 @@ def _texts(toml: TomlFile, key: Key, value: object) -> tuple[str, ...]:
 
 
 def _raw(toml: TomlFile, name: str, entry: object) -> tuple[int, tuple[str, ...]]:
-    key, how = ("parameters", name), FORMATS[name]
+    key, setting = ("parameters", name), FORMATS[name]
     table = toml.table(key, entry)
     toml.known_keys(key, table, ("raw", "format", "value", "unit", "from"), ("raw",))
-    if table.get("format", how.format.text) != how.format.text:
-        toml.refuse((*key, "format"), f"{table['format']!r} should be {how.format.text!r}")
-    return read_raw(toml, key, table, how), _texts(toml, (*key, "from"), table.get("from", []))
+    if table.get("format", setting.format.text) != setting.format.text:
+        toml.refuse((*key, "format"), f"{table['format']!r} should be {setting.format.text!r}")
+    return read_raw(toml, key, table, setting), _texts(toml, (*key, "from"), table.get("from", []))
 
 
 def load(path: Path | str) -> Compensation:
@@ -214,7 +214,7 @@ def _top_speed() -> float:
 
 
 def push(values: Values) -> float:
-    """Returns the force at the ground per volt of a motor at rest, N/V."""
+    """Returns the force that a motor at rest applies to the ground per volt, N/V."""
     return values["torque_constant"] / (values["resistance"] * values["wheel_radius"])
 
 
@@ -241,7 +241,7 @@ def _side(robot: Values, of_effects: Undoable, believed: Values, side: int) -> d
 
 
 def _reserve(side: Values, deadband: float, battery: float) -> float:
-    """Returns the part of the battery's voltage that is reserved for the compensation of this side."""
+    """Returns the part of the battery's voltage, V, that is reserved for the compensation of this side."""
     most = (battery - deadband) / (1 + side["gain_q15"])
     return battery - most + side["friction_mv"] + abs(side["offset_mv"]) + max(side["emf_mv_q15"] * _top_speed(), 0.0)
 
@@ -294,7 +294,7 @@ def undone(effect: str) -> tuple[str, ...]:
     presets = {info.name: info.preset for info in infos}
 
     def undoable(table: Values) -> Undoable:
-        return plant.undoable(Model("one effect", "diff_drive", "coupled", {}, {effect: table}))
+        return plant.undoable(Model(effect, "diff_drive", "coupled", {}, {effect: table}))
 
     elsewhere = {info.name: info.minimum if info.preset != info.minimum else info.maximum for info in infos}
     at_presets = undoable(presets)

@@ -1,8 +1,8 @@
-"""The terms of a model's composed effect, read from the plant's table, and how they are written as equations.
+"""The terms of a model's composed effect, read from the plant's table, and their equations as text.
 
-In the table, the composed effect has one coefficient c for each term. The meaning of a coefficient reads, for example,
-``X += -c * [fabs(u)] * u``. The expression in brackets is valid C and Python, so it is parsed here and not listed a
-second time.
+In the table, the composed effect has a coefficient c for each term. The meaning of a coefficient reads, for example,
+``X += -c * [fabs(u)] * u``. The expression in brackets is valid C and Python. This module parses it, so that no
+second list of terms is needed.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ PLACES = {
 """The place where a term may act -> its description."""
 
 OF_A_MOTOR = frozenset({"drive", "wheel", "surge"})
-"""The places where a term may also act on a single motor, if the term's sign is the same at left and right."""
+"""The places where a term may also act on a model of one motor, if its sign does not differ between the sides."""
 
 _MECHANISMS = {"drive": "drive", "wheel": "bearing", "surge": "body", "yaw": "body", "floor": "floor"}
 
@@ -74,7 +74,7 @@ class Basis:
     def tuned(self) -> tuple[str, ...]:
         """The names of the other parameters of the effect that shape this term."""
         symbols = _symbols_in(self.expression)
-        named = [one.name for one in parameters() if one.name in symbols]
+        named = [info.name for info in parameters() if info.name in symbols]
         shaping = [name for symbol, names in _SHAPED_BY.items() if symbol in symbols for name in names]
         return tuple(dict.fromkeys([*named, *shaping]))
 
@@ -90,7 +90,7 @@ class Basis:
 
     @property
     def mechanism(self) -> str:
-        """The mechanism of the term's place; but a wheel torque that depends on the current belongs to the motor."""
+        """The mechanism of the term's place. A wheel torque that depends on the current has the mechanism "motor"."""
         if self.place == "wheel" and "i" in self.symbols:
             return "motor"
         return _MECHANISMS.get(self.place, "sensor")
@@ -123,12 +123,12 @@ def parameters() -> tuple[ParameterInfo, ...]:
 
 def terms_of(values: Mapping[str, float]) -> tuple[Term, ...]:
     """Returns the terms whose coefficients are not 0 in `values`, in the order of the table."""
-    return tuple(Term(one, values[one.name]) for one in basis() if values.get(one.name, 0.0) != 0.0)
+    return tuple(Term(term, values[term.name]) for term in basis() if values.get(term.name, 0.0) != 0.0)
 
 
 def settings_of(chosen: Iterable[Basis], values: Mapping[str, float]) -> dict[str, float]:
     """Returns the parameters that shape the chosen terms, from `values` or else from the presets."""
-    needed = {name for one in chosen for name in one.tuned}
+    needed = {name for term in chosen for name in term.tuned}
     return {p.name: values.get(p.name, p.preset) for p in parameters() if p.name in needed}
 
 
@@ -197,7 +197,7 @@ def sums(terms: Sequence[Term], settings: Mapping[str, float], out: Writer) -> l
     for term in terms:
         negative, factors = _factors(term.basis.product)
         negative ^= term.coefficient < 0
-        factors = [one for one in factors if not (isinstance(one, ast.Name) and one.id == "c")]
+        factors = [node for node in factors if not (isinstance(node, ast.Name) and node.id == "c")]
         added = out.product([out.number(abs(term.coefficient)), *_powers(factors, settings, out)])
         if (before := written.get(term.basis.target)) is None:
             written[term.basis.target] = (out.minus() if negative else "") + added
@@ -242,7 +242,7 @@ class Writer:
     def product(self, factors: list[str]) -> str:
         """Joins factors. A number after a symbol gets a dot before it, so that it does not look like an index."""
         return "".join(
-            one if k == 0 else f" · {one}" if one[0].isdigit() else f" {one}" for k, one in enumerate(factors)
+            text if k == 0 else f" · {text}" if text[0].isdigit() else f" {text}" for k, text in enumerate(factors)
         )
 
     def bracket(self, inner: str) -> str:
@@ -274,15 +274,15 @@ def _factors(node: ast.expr) -> tuple[bool, list[ast.expr]]:
 
 def _powers(factors: Sequence[ast.expr], settings: Mapping[str, float], out: Writer) -> list[str]:
     """Returns the factors as text. Equal factors become a power; factors of 1 are left out."""
-    written = [_write(one, settings, out) for one in factors]
+    written = [_write(node, settings, out) for node in factors]
     written = [
-        out.bracket(text) if isinstance(one, ast.BinOp) and isinstance(one.op, (ast.Add, ast.Sub)) else text
-        for one, text in zip(factors, written, strict=True)
+        out.bracket(text) if isinstance(node, ast.BinOp) and isinstance(node.op, (ast.Add, ast.Sub)) else text
+        for node, text in zip(factors, written, strict=True)
     ]
     return [
-        one if written.count(one) == 1 else out.power(one, written.count(one))
-        for one in dict.fromkeys(written)
-        if one != out.number(1.0)
+        text if written.count(text) == 1 else out.power(text, written.count(text))
+        for text in dict.fromkeys(written)
+        if text != out.number(1.0)
     ]
 
 

@@ -210,8 +210,8 @@ def fly(plan: Plan, columns: Sequence[str] | None = None) -> Flight:
 def fly_many(plans: Sequence[Plan], columns: Sequence[str] | None = None) -> list[Flight | SimulationError]:
     """Flies plans side by side, and returns for each plan its flight or the error that stopped it.
 
-    A flight has the same bytes as if flown alone. Neighbouring plans of equal length share the vector registers of one
-    core; groups of eight save the most time. All logs are in memory at once.
+    Each flight gives the same bytes as a flight of its plan alone. Neighbouring plans of equal
+    length share the vector registers of one core; groups of eight save the most time. All logs are in memory at once.
 
     Args:
         plans: the plans, all of one firmware.

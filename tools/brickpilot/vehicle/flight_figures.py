@@ -46,8 +46,8 @@ class Reached:
 
     Attributes:
         at: the time at which each waypoint was reached, s; None: not reached.
-        closest: the least distance to each waypoint, m, after the previous waypoint was reached and before this one is
-            left.
+        closest: the least distance to each waypoint, m, in the time from reaching the previous waypoint to leaving this
+            waypoint.
     """
 
     at: list[float | None]
@@ -198,7 +198,7 @@ class Check:
 
     Attributes:
         failure: the cause in one line, or None if the check holds.
-        detail: the counts, which are given whether or not the check holds.
+        detail: counts or distances, also if the check holds.
         seconds: how long the checked part of the flight took.
     """
 
@@ -237,7 +237,7 @@ def checks(figures: Mapping[str, Any]) -> list[Check]:
 
 
 def failure(figures: Mapping[str, Any]) -> str | None:
-    """Returns why the mission was not flown, in one line, or None if it was flown; None for a manoeuvre, too."""
+    """Returns in one line why the mission was not flown; None: it was flown, or the scenario is a manoeuvre."""
     failed = [check.failure for check in checks(figures) if check.failure is not None]
     if not failed:
         return None
@@ -265,7 +265,7 @@ def _waypoints(figures: Mapping[str, Any]) -> list[Check]:
 
 
 def _believes(figures: Mapping[str, Any]) -> str:
-    """What the controller reports about a waypoint that the true position missed."""
+    """Returns what the controller reports about a waypoint that the true position missed, to end a sentence."""
     return {
         "arrived": ", although the controller takes it for reached",
         "run": f", and the flight was over after {figures['simulated_s']:g} s",
@@ -274,7 +274,7 @@ def _believes(figures: Mapping[str, Any]) -> str:
 
 
 def _lost_heading(figures: Mapping[str, Any]) -> str:
-    """Possible reasons why the controller did not know its heading."""
+    """Returns possible reasons why the controller did not know its heading, to end a sentence; empty: none."""
     steps = figures["gyro_full_steps"]
     beyond = f"; the gyro was at the end of its range in {steps} steps, so lower heading_limit" if steps else ""
     drifts = "; it started before the gyro's bias was learnt" if figures["started_without_gyro_bias"] else ""

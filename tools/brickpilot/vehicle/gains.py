@@ -59,11 +59,11 @@ def render(gains: Gains) -> str:
     document["name"] = gains.name
     table = tomlkit.table()
     for name, raw in gains.raw.items():
-        how = settings()[name]
+        setting = settings()[name]
         entry = tomlkit.inline_table()
-        entry.update({"value": how.value(raw), "unit": how.format.unit, "raw": raw})
+        entry.update({"value": setting.value(raw), "unit": setting.format.unit, "raw": raw})
         table[name] = entry
-        table[name].comment(how.meaning)
+        table[name].comment(setting.meaning)
     document["gains"] = table
     return tomlkit.dumps(document)
 
@@ -88,9 +88,9 @@ def load(path: Path | str) -> Gains:
 
 
 def check_pairs(chosen: Mapping[str, int], held: Callable[[str], int]) -> None:
-    """Checks settings before they are written: against each other, and against the settings that do not change.
+    """Checks the pairs of `AT_MOST` before settings are written; a setting that is not chosen keeps its value.
 
-    The second setting of a pair may be lowered alone: then the firmware uses this low value for the first, too.
+    A host may lower the second setting of a pair alone. The firmware then uses this value for the first setting, too.
 
     Args:
         chosen: setting -> raw integer.
@@ -109,11 +109,11 @@ def check_pairs(chosen: Mapping[str, int], held: Callable[[str], int]) -> None:
 
 
 def _raw(toml: TomlFile, name: str, entry: object) -> int:
-    """Returns the raw integer of an entry: its `raw`, or else its converted `value`."""
+    """Returns the raw integer of an entry; refuses a setting that does not tune the controller."""
     key = ("gains", name)
     if name in settings() and settings()[name].compensation:
         toml.refuse(key, "describes the robot, so it belongs in a compensation.toml")
-    how = tunable()[toml.choice(key, name, tunable())]
+    setting = tunable()[toml.choice(key, name, tunable())]
     table = toml.table(key, entry)
     toml.known_keys(key, table, ("value", "unit", "raw"))
-    return read_raw(toml, key, table, how)
+    return read_raw(toml, key, table, setting)

@@ -1,8 +1,8 @@
-"""How much of each measured signal a model explains: over whole runs and a short time ahead, on each kind of run.
+"""How much of each measured signal a model explains, over whole runs and a short time ahead, by the role of the runs.
 
-`compare`, `calibrate` and `discover` get their numbers here, so that these numbers agree for the same model and the
-same runs. `data.agreement` defines the number fit %; `Comparable` defines where runs start. A short horizon is a row of
-open-loop windows that each start from measured values.
+`compare`, `calibrate` and `discover` get their numbers here, so all three give the same numbers for the same model and
+runs. `data.agreement` defines the number fit %, and `Comparable` defines where runs start. At a short horizon a run is
+a row of windows: each window starts from measured values, and is simulated from the inputs alone.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ FREE_RUN = "free_run"
 AHEAD: Mapping[str, float] = {"1_s": 1.0}
 """The horizons of every headline number besides the free run: name -> s."""
 
-_LEAST_SAMPLES = 4  # least number of samples in a window; with fewer, a horizon says nothing
+_LEAST_SAMPLES = 4  # least number of samples in a window; with fewer, there is no horizon
 _SMOOTHED_S = 0.04  # s around a window's start; its samples give the rate at the start
 
 
@@ -117,7 +117,7 @@ def track(ready: Comparable, model: Model, horizons: Mapping[str, float] = AHEAD
 def deviation(track: Track, stretch: Stretch, signal: str, simulated: Array) -> tuple[Array, Array]:
     """Returns (n,) measured minus simulated and (n,) the measured signal; NaN: there is nothing to compare.
 
-    Of a signal that sums up motion, the value at the window's start is subtracted: only the change has a meaning.
+    Signals that sum up motion, such as an angle, are compared by their change since the start of the window.
     """
     values = track.measured[stretch.run.name][signal]
     if signal not in SUMMED:
@@ -240,9 +240,9 @@ class Headline:
                 horizon: {
                     "fit_percent": self.mean(role, horizon),
                     "signals": {
-                        signal: {**one.to_json(), "unit": SIGNALS[signal].unit}
+                        signal: {**agreed.to_json(), "unit": SIGNALS[signal].unit}
                         for signal in self.signals
-                        if (one := self.of(signal, role, horizon)).samples
+                        if (agreed := self.of(signal, role, horizon)).samples
                     },
                 }
                 for horizon in self.horizons
@@ -288,7 +288,7 @@ def simulated_at(
 def headline_of(compared: Track, simulated: Mapping[str, Mapping[str, Outputs]]) -> Headline:
     """Returns the headline of simulated outputs. `simulated`: horizon -> run -> outputs."""
     noise = {
-        signal: noise_sd(compared.dataset, signal, [one[signal] for one in compared.measured.values() if signal in one])
+        signal: noise_sd(compared.dataset, signal, [run[signal] for run in compared.measured.values() if signal in run])
         for signal in compared.signals
     }
     parts = {}
@@ -331,19 +331,19 @@ def repeatability(compared: Track, simulated: Mapping[str, Mapping[str, Array]])
     clocks = {run.name: run.time - run.time[0] for run in compared.dataset.runs}
     best = {}
     for signal in compared.signals if pairs else ():
-        apart, size = [np.empty(0)], [np.empty(0)]
+        differences, sizes = [np.empty(0)], [np.empty(0)]
         for first, second, seconds in pairs:
-            one, other = (compared.measured[name].get(signal) for name in (first, second))
-            if one is None or other is None:
+            measured, repeated = (compared.measured[name].get(signal) for name in (first, second))
+            if measured is None or repeated is None:
                 continue
-            error, again = one - simulated[first][signal], other - simulated[second][signal]
-            known = np.isfinite(again)
-            there = np.interp(clocks[first], clocks[second][known], again[known])
-            apart.append((error - there)[clocks[first] <= seconds])
-            size.append(one)
-        left, whole = (np.concatenate(parts) for parts in (apart, size))
-        left, whole = left[np.isfinite(left)], whole[np.isfinite(whole)]
-        rms = float(np.sqrt(np.mean(whole**2))) if len(whole) else 0.0
-        if len(left) and rms > 0:
-            best[signal] = round(100 * (1 - float(np.sqrt(np.mean(left**2) / 2)) / rms), 3)
+            error, other_error = measured - simulated[first][signal], repeated - simulated[second][signal]
+            known = np.isfinite(other_error)
+            at_same_time = np.interp(clocks[first], clocks[second][known], other_error[known])
+            differences.append((error - at_same_time)[clocks[first] <= seconds])
+            sizes.append(measured)
+        difference, size = (np.concatenate(parts) for parts in (differences, sizes))
+        difference, size = difference[np.isfinite(difference)], size[np.isfinite(size)]
+        rms = float(np.sqrt(np.mean(size**2))) if len(size) else 0.0
+        if len(difference) and rms > 0:
+            best[signal] = round(100 * (1 - float(np.sqrt(np.mean(difference**2) / 2)) / rms), 3)
     return best

@@ -82,8 +82,8 @@ def rcx() -> Model:
 
 
 def of_dataset(dataset: Dataset, effects: Sequence[str] = ()) -> Model:
-    """Returns the model that a data set states, with `effects` switched on, too. Unstated values are presets."""
-    stated = {name: {key: one.value for key, one in table.items()} for name, table in dataset.nominal_effects.items()}
+    """Returns the model that a data set states, with `effects` added. A value that is not stated is a preset."""
+    stated = {name: {key: own.value for key, own in table.items()} for name, table in dataset.nominal_effects.items()}
     tables = {
         name: {info.name: info.preset for info in catalogue.effect(name).parameters} | stated.get(name, {})
         for name in dict.fromkeys([*stated, *effects])
@@ -139,7 +139,7 @@ def unit_on(model: Model, info: ParameterInfo) -> str:
 
 
 def entry_table(toml: TomlFile, key: Key, entry: object, unit: str) -> dict[str, Any]:
-    """Returns an entry of a model file, a number or a table, as `{value, unit, basis}`; refuses any other unit."""
+    """Returns an entry of a model file as a table of value, unit and basis; refuses a unit other than `unit`."""
     table = entry if isinstance(entry, dict) else {"value": entry}
     toml.known_keys(key, table, _ENTRY_KEYS)
     if "value" not in table:
@@ -266,7 +266,7 @@ def save(model: Model, path: Path | str) -> None:
 
 
 def read_back(model: Model) -> Model:
-    """Returns the model after it is saved and loaded, so that shown results are simulated from the written values.
+    """Saves the model, and returns the loaded model, so that results are simulated from the values in the file.
 
     Raises:
         InputError: as `save`.

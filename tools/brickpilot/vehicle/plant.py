@@ -78,7 +78,7 @@ class OpenLoopRun:
     body_step: float = 0.0
 
     def as_c(self, columns: int) -> bytes:
-        """Returns the run as C reads it, without model and outputs. It points to arrays that belong to `self`.
+        """Returns the run as C reads it, without model and outputs. The bytes hold addresses of arrays of `self`.
 
         Raises:
             ValueError: the shapes do not fit a vehicle with `columns` inputs.
@@ -197,7 +197,7 @@ class Undoable:
 
 
 def undoable(model: Model) -> Undoable:
-    """Returns the sum of the parts of the model's effects that the firmware can undo.
+    """Returns what the firmware can undo of the model's effects, summed over the effects.
 
     Raises:
         InputError: as `build`.
@@ -206,7 +206,7 @@ def undoable(model: Model) -> Undoable:
     sums = ffi.new("bp_undoable *")
     library.bp_model_undoable(build(model), sums)
     fields = ((name, getattr(sums, name)) for name in Undoable.__dataclass_fields__)
-    values: dict[str, Any] = {name: one if isinstance(one, float) else (one[0], one[1]) for name, one in fields}
+    values: dict[str, Any] = {name: own if isinstance(own, float) else (own[0], own[1]) for name, own in fields}
     return Undoable(**values)
 
 
@@ -287,8 +287,8 @@ def simulate(
     rows = [run.as_c(1 if model.vehicle == "motor" else 2) for model, run in jobs]
     requests = np.frombuffer(bytearray().join(rows), dtype=layout("bp_run"))
     last = simulate_into(values, [0, *ends[:-1]], models, requests, names, threads, lanes)
-    kept = (one.reshape(len(names), -1) for one in np.split(values, ends[:-1]))
-    return [Simulated(names, one, end) for one, end in zip(kept, last, strict=True)]
+    columns = (own.reshape(len(names), -1) for own in np.split(values, ends[:-1]))
+    return [Simulated(names, own, end) for own, end in zip(columns, last, strict=True)]
 
 
 def simulate_into(
@@ -307,8 +307,8 @@ def simulate_into(
         starts: (runs, models) index in `values` at which the outputs of each run begin: all samples of the first name,
             then of the next. The shape is (models,) if that of `requests` is.
         requests: the runs as `OpenLoopRun.as_c` gives them, (runs, models): each run under every model; or (models,):
-            each run under its own model. The call writes to `requests`. The arrays to which they point have to outlive
-            the call.
+            each run under its own model. The call writes to `requests`. The caller keeps the arrays to which they
+            point until the call returns.
         names: the outputs to keep, as `wanted_names` gives them.
         built: the result of `build_all` for the models; None: they are built here.
 
@@ -317,7 +317,7 @@ def simulate_into(
     ffi, library = interface()
     if built is None:
         built = build_all(models)
-    at = {key: int(ffi.cast("uintptr_t", one)) for key, one in built.items()}
+    at = {key: int(ffi.cast("uintptr_t", model)) for key, model in built.items()}
     columns = _columns_of(names)
     requests["model"] = [at[id(model)] for model in models]
     requests["output"] = _address(values) + 8 * np.asarray(starts)

@@ -91,8 +91,8 @@ class Replay:
         Args:
             only: the runs that are wanted; None: all. If charge or heat carries over, earlier runs are simulated too.
             signals: the outputs to keep; None: all that the vehicle has.
-            marks: run name -> the samples at which the run continues from measured values, so that the run becomes a
-                row of windows. Unmeasured values stay as simulated, and so do delayed commands, heat and charge.
+            marks: run name -> the samples at which the simulation continues from measured values: a row of windows.
+                Unmeasured values stay as simulated, and so do delayed commands, heat and charge.
         """
         names = plant.wanted_names(signals)
         rows, (places, _) = self.stacked(models, only, signals, threads, marks), self._places(names)
@@ -131,16 +131,16 @@ class Replay:
 
         If charge or heat carries over, a model's runs are simulated one after the other, else all at once.
         """
-        models, names = [_with_sums(one, self.dataset.runs) for one in models], plant.wanted_names(signals)
+        models, names = [_with_sums(model, self.dataset.runs) for model in models], plant.wanted_names(signals)
         places, length = self._places(names)
         rows = np.empty((len(models), length))
         restarts_of = self._restarts(models, marks or {})
         carrying = [index for index, model in enumerate(models) if _needs(tuple(model.effects), model.vehicle)[0]]
         others = [index for index in range(len(models)) if index not in carrying]
-        wanted = [one for one in self.aged if only is None or one[0].name in only]
+        wanted = [(run, age) for run, age in self.aged if only is None or run.name in only]
         until = self.aged.index(wanted[-1]) + 1 if wanted else 0
         carried = np.zeros(len(carrying), dtype=plant.layout("bp_state"))
-        for chosen, batch in [*((carrying, [one]) for one in self.aged[:until]), (others, wanted)]:
+        for chosen, batch in [*((carrying, [aged]) for aged in self.aged[:until]), (others, wanted)]:
             if not chosen or not batch:
                 continue
             own = [models[index] for index in chosen]
@@ -156,7 +156,7 @@ class Replay:
                     requests["restart_count"][at] = len(restarts)
             starts = np.add.outer([places[run] for run in runs], np.array(chosen) * length)
             last = plant.simulate_into(rows.reshape(-1), starts, own, requests, names, threads)
-            del begun  # until here, the requests pointed to the arrays in `begun`
+            del begun  # until here, the requests needed the arrays that `begun` keeps
             if chosen is carrying:
                 carried = last[0]
         return rows
@@ -226,8 +226,8 @@ class Replay:
         begun |= made
         chosen = [begun[key] for key in keys]
         requests = np.empty((len(batch), len(models)), dtype=plant.layout("bp_run"))
-        for column, one in enumerate(chosen):
-            requests[:, column] = one.requests
+        for column, under_model in enumerate(chosen):
+            requests[:, column] = under_model.requests
         return requests, chosen
 
     def _begin(self, batch: Sequence[tuple[Run, float]], models: Sequence[Model]) -> Iterator[_Begun]:
@@ -238,7 +238,7 @@ class Replay:
         for model, own in zip(models, start_state.states(models, known, stated, ages), strict=True):
             runs = [self._plain[run.name] for run, _ in batch] if not model.by_run else self._driven(batch, model)
             columns = 1 if model.vehicle == "motor" else 2
-            requests = np.frombuffer(bytearray().join(one.as_c(columns) for one in runs), plant.layout("bp_run"))
+            requests = np.frombuffer(bytearray().join(run.as_c(columns) for run in runs), plant.layout("bp_run"))
             requests["initial"] = own
             requests["initial"]["age"], requests["initial"]["rest"] = ages, [run.gap_s for run, _ in batch]
             requests["motor_step"] = min([self.motor_step, *_needs(tuple(model.effects), model.vehicle)[1]])
@@ -246,7 +246,7 @@ class Replay:
             yield _Begun(requests, tuple(runs))
 
     def _driven(self, batch: Sequence[tuple[Run, float]], model: Model) -> list[OpenLoopRun]:
-        """Returns the runs with their inputs as the model's values for these runs change them."""
+        """Returns the runs with the inputs that result from the model's values for these runs."""
         together: dict[tuple[str, _Own], list[Run]] = {}  # windows cut from one run share that run's values
         for run, _ in batch:
             if own := _own_values(run, model):
@@ -259,7 +259,7 @@ class Replay:
                 for kind, value in own:
                     driven = RUN_KINDS[kind].change(time, driven, value)
                 made = means_over_grids(time, driven, [run.time for run in runs])
-                acting[key] = [OpenLoopRun(run.time, one) for run, one in zip(runs, made, strict=True)]
+                acting[key] = [OpenLoopRun(run.time, inputs) for run, inputs in zip(runs, made, strict=True)]
             driven_runs |= dict(zip(key[1], acting[key], strict=True))
         return [driven_runs[run.name] for run, _ in batch]
 
@@ -274,18 +274,18 @@ def _columns(rows: Sequence[Mapping[str, float]]) -> dict[str, Array]:
 def _needs(effects: tuple[str, ...], vehicle: str) -> tuple[bool, tuple[float, ...]]:
     """Returns whether these effects carry charge or heat over from run to run, and the longest motor step of each."""
     infos = catalogue.effects_of(effects)
-    steps = tuple(one.motor_step for one in infos if one.motor_step > 0)
-    return any(one.carries_over for one in infos), (*steps, _SLIDING_S) if vehicle == "skid_steer" else steps
+    steps = tuple(effect.motor_step for effect in infos if effect.motor_step > 0)
+    return any(effect.carries_over for effect in infos), (*steps, _SLIDING_S) if vehicle == "skid_steer" else steps
 
 
 def _own_values(run: Run, model: Model) -> _Own:
     """Returns (kind, value) of each nonzero value that the model has for this run."""
     name = run_of(run.name)
-    return tuple((kind, one[name]) for kind, one in model.by_run.items() if one.get(name))
+    return tuple((kind, values[name]) for kind, values in model.by_run.items() if values.get(name))
 
 
 def _with_sums(model: Model, runs: Sequence[Run]) -> Model:
-    """Returns the model in which values of runs hold the sum with the effect to which they add, without this effect."""
+    """Returns the model without each effect to which values of runs add; these values then hold the sum of both."""
     for effect, parameter, kind in _sums(tuple(model.effects)):
         if own := model.by_run.get(kind):
             common = model.effects[effect][parameter]
@@ -297,17 +297,17 @@ def _with_sums(model: Model, runs: Sequence[Run]) -> Model:
 
 @cache
 def _sums(effects: tuple[str, ...]) -> tuple[tuple[str, str, str], ...]:
-    """Returns (effect, parameter, value of runs) for each parameter of these effects to which such a value adds."""
+    """Returns (effect, parameter, kind) for each parameter of these effects to which values of runs of a kind add."""
     return tuple(
-        (one.name, info.name, info.run_value)
-        for one in catalogue.effects_of(effects)
-        for info in one.parameters
+        (effect.name, info.name, info.run_value)
+        for effect in catalogue.effects_of(effects)
+        for info in effect.parameters
         if info.run_value
     )
 
 
 def _start_key(model: Model) -> tuple[object, ...]:
-    """Returns all of a model that determines a run's start state, except its values for single runs."""
+    """Returns the values of a model that determine the start state of runs, without its values for single runs."""
     sensors = tuple((name, *model.effects[name].items()) for name in start_state.sensor_effects(model))
     steps = _needs(tuple(model.effects), model.vehicle)[1]
     return model.vehicle, steps, sensors, *(model.parameters.get(name) for name in GEOMETRY)
@@ -359,7 +359,7 @@ ADDED = frozenset({"viscous_friction"})
 def by_recording(
     models: Sequence[Model], dataset: Dataset, runs: Collection[str]
 ) -> Iterator[tuple[list[Model], frozenset[str]]]:
-    """Yields, for each recording of a data set, the models as they are in it, and those of `runs` that belong to it.
+    """Yields, for each recording of a data set, the models with their values in this recording, and its part of `runs`.
 
     A model's `by_run` holds the differences of a recording under the recording's name. For a kind in `RUN_KINDS` this
     is the value itself; for a nominal parameter, the relative change; for a parameter in `ADDED` or an
@@ -367,14 +367,14 @@ def by_recording(
     """
     differing = {name for model in models for table in model.by_run.values() for name in table}
     recording_of = {run.name: run.recording for run in dataset.runs if run.name in runs}
-    recording_of = {name: one if one in differing else "" for name, one in recording_of.items()}
+    recording_of = {run: name if name in differing else "" for run, name in recording_of.items()}
     for recording in dict.fromkeys(recording_of.values()):
-        own = frozenset(name for name, one in recording_of.items() if one == recording)
+        own = frozenset(run for run, name in recording_of.items() if name == recording)
         yield [in_recording(model, recording, own) for model in models] if differing else list(models), own
 
 
 def in_recording(model: Model, recording: str, runs: Collection[str]) -> Model:
-    """Returns the model as it is in `recording`, which has `runs`. Effects whose sizes are all 0 there are off."""
+    """Returns the model with its values in `recording`, which has `runs`, without effects whose sizes are all 0."""
     own = {kind: table[recording] for kind, table in model.by_run.items() if recording in table}
     kept = {kind: table for kind, table in model.by_run.items() if kind in RUN_KINDS and recording not in table}
     parameters, effects = dict(model.parameters), {name: dict(table) for name, table in model.effects.items()}
@@ -391,7 +391,7 @@ def in_recording(model: Model, recording: str, runs: Collection[str]) -> Model:
     for kind in model.by_run:
         effect = kind.partition(".")[0]
         if effect in effects and not any(
-            effects[effect][one.name] for one in catalogue.effect(effect).parameters if one.role in ("size", "limit")
+            effects[effect][info.name] for info in catalogue.effect(effect).parameters if info.role in ("size", "limit")
         ):
             del effects[effect]
     return dataclasses.replace(model, parameters=parameters, effects=effects, by_run=kept)

@@ -199,7 +199,7 @@ def constants(vehicle: Mapping[str, Any], profile: str) -> dict[str, float]:
 
 
 def default(setting: Setting, own: Mapping[str, float], profile: str) -> int:
-    """Returns the initial raw integer of a setting; it is 0 for a compensation.
+    """Returns the initial raw integer of a setting; 0 if the setting belongs to a compensation.
 
     Args:
         own: `constants` of the profile.

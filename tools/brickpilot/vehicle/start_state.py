@@ -1,7 +1,7 @@
 """The state at the start of a run, or at the start of a window that is cut out of a run.
 
-The state is estimated from several samples instead of one. A sensor effect of the model, such as a scale or a bias,
-changes the reading of a state. So the result is the state in which the model's sensors give the measured values.
+The measured values may come from several samples (`first_sample`). A sensor effect of the model, such as a scale or a
+bias, changes what the sensors read. So the result is the state in which the model's sensors give the measured values.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from brickpilot.vehicle.plant import OpenLoopRun, State
 
 Array = NDArray[np.float64]
 
-# A run whose first samples all move in one direction starts in motion.
+# number of first samples: if all of them move in one direction, the run starts in motion
 _START_SAMPLES = 9
 _SECANT_STEPS = 4
 
@@ -140,7 +140,8 @@ def _changes_readings(effect: str, vehicle: str) -> bool:
     base = Model("moving", vehicle, "coupled", catalogue.presets(vehicle))
     run = OpenLoopRun(time=np.zeros(1), inputs=rest, initial=moving)
     plain, changed = (
-        one.outputs for one in plant.simulate([(base, run), (dataclasses.replace(base, effects={effect: {}}), run)])
+        simulated.outputs
+        for simulated in plant.simulate([(base, run), (dataclasses.replace(base, effects={effect: {}}), run)])
     )
     return any(plain[name][0] != changed[name][0] for name in plain.keys() & _SENSOR_SIGNALS)
 
@@ -155,7 +156,7 @@ def _starting_rate(time: Array, values: Array) -> float:
 
 
 def _first_known(value: _Value, *others: _Value) -> Array:
-    """Returns the values; where one is NaN, that of the first of `others` which is not."""
+    """Returns `value`; a NaN is replaced by the first of `others` that is not NaN there."""
     for other in others:
         value = np.where(np.isnan(value), other, value)
     return np.asarray(value)
