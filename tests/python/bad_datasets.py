@@ -165,6 +165,7 @@ def _motor_edit(old: str, new: str) -> Callable[[Path], None]:
     return spoil
 
 
+_LINE = GOOD_TOML[: GOOD_TOML.index("[signals]")].count("\n") + 1  # of [signals] in the good data set
 _SIGNALS = GOOD_TOML[GOOD_TOML.index("[signals]") : GOOD_TOML.index("[nominal]")]
 
 BAD: list[Bad] = [
@@ -190,6 +191,7 @@ BAD: list[Bad] = [
     _toml("header no flag", "header = true", "header = 1", "header = 1", "csv.header", "neither"),
     _toml("gap negative", "[signals]", "gap_s = -1\n[signals]", "gap_s", "gap_s", "outside"),
     _toml("gap no number", "[signals]", 'gap_s = "1"\n[signals]', "gap_s", "gap_s", "not a number"),
+    _toml("line separator in a comment", "[signals]", "# two\u2028lines\ngap_s = -1\n[signals]", _LINE + 1, "gap_s", "outside"),
     # signals
     _toml("unknown signal", "yaw_rate  ", "yaw_rat", "yaw_rat  ", "signals.yaw_rat", "unknown signal"),
     _toml("signal of a motor", "yaw_rate  ", "speed", "speed  ", "signals.speed", "vehicle diff_drive"),

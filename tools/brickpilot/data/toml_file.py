@@ -67,7 +67,7 @@ class TomlFile:
     def _index(text: str) -> Iterable[tuple[Key, int]]:
         table: Key = ()
         counts: dict[Key, int] = {}
-        for number, line in enumerate(text.splitlines(), start=1):
+        for number, line in enumerate(text.split("\n"), start=1):
             if header := _HEADER.match(line):
                 table = _names(header[2])
                 if header[1] == "[[":
