@@ -14,6 +14,12 @@ def test_the_unspoilt_data_set_is_read(tmp_path: Path) -> None:
     assert [run.name for run in read(write_good(tmp_path)).runs] == ["straight", "spin"]
 
 
+def test_a_byte_order_mark_is_skipped(tmp_path: Path) -> None:
+    path = write_good(tmp_path) / "dataset.toml"
+    path.write_text(path.read_text(encoding="utf-8"), encoding="utf-8-sig")
+    assert read(tmp_path).name == "bench-7"
+
+
 def test_the_unspoilt_motor_data_set_is_read(tmp_path: Path) -> None:
     make_motor(write_good(tmp_path))
     assert read(tmp_path).nominal["force_per_volt"].value == 35.15

@@ -195,7 +195,7 @@ def test_the_command_writes_gains_that_run_flies(tmp_path: Path) -> None:
     [
         ((), "tune: needs a robot: --model FILE or --dataset DIR, one of them"),
         (("--model", "a", "--dataset", "b"), "tune: needs a robot: --model FILE or --dataset DIR, one of them"),
-        (("--model", "none.toml"), "none.toml: No such file or directory"),
+        (("--model", "none.toml"), "none.toml: no such file"),
         (("--model", "bench.toml", "--budget", "many"), "--budget many: needs a number of gain sets, as 200, or of"),
         (("--model", "bench.toml", "--budget", "1.5"), "--budget 1.5: needs a number of gain sets"),
         (("--model", "bench.toml", "--board", "packaged", "--scenario", "spin_one_motor"), "is a manoeuvre"),

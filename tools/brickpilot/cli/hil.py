@@ -116,11 +116,10 @@ def hil(
     elif list_settings:
         _list_settings(spec, request.profile or "coupled", image, as_json)
     else:
-        every = telemetry_every or (1 if lockstep and not target.startswith("avr:") else 10)
         record, junit, trace = (None if one is None else Path(one) for one in (record_file, junit_file, trace_file))
-        session = flights.Session(spec, lockstep, every, settings_of(written), record, junit, trace, own)
+        session = flights.Session(spec, lockstep, telemetry_every, settings_of(written), record, junit, trace, own)
         with _progress(as_json) as progress:
-            made = flights.fly_over(request, session, None if out is None else Path(out), progress)
+            made = flights.fly_over(request, session, out, progress)
         show(made.figures, _lines(made.figures, made.folder, lockstep=lockstep), as_json=as_json)
         if made.figures["failure"] is not None:
             raise WorkFailedError(f"{spec}: {made.figures['failure']}")

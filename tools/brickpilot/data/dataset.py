@@ -74,6 +74,11 @@ class Run:
     initial: Mapping[str, float]
     recording: str = ""
 
+    def __post_init__(self) -> None:
+        """Makes the arrays read-only, because runs share them."""
+        for values in (self.time, *self.inputs.values(), *self.outputs.values(), *self.raw_outputs.values()):
+            values.setflags(write=False)
+
     def rows(self, rows: slice, **changes: Any) -> Run:
         """Returns a part of the run, with `replicate_of` None. `changes` replace further fields of the new run."""
         tables = {
@@ -250,7 +255,11 @@ def joined(datasets: Sequence[Dataset]) -> Dataset:
             first.nominal_effects,
         ):
             raise InputError(f"states another vehicle or nominal values than {first.path}", file=other.path)
-    return first if len(datasets) == 1 else with_all_runs({f"{number}_": one for number, one in enumerate(datasets, 1)})
+    return (
+        first
+        if len(datasets) == 1
+        else with_all_runs({f"{number}_": dataset for number, dataset in enumerate(datasets, 1)})
+    )
 
 
 def with_all_runs(datasets: Mapping[str, Dataset]) -> Dataset:

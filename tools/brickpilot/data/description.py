@@ -148,7 +148,7 @@ def describe(toml: TomlFile) -> Description:
     nominal_table = toml.table(("nominal",), data.get("nominal", {}))
     nominal = read_nominal(toml, nominal_table, vehicle)
     effects_table = toml.table(("nominal", "effects"), nominal_table.get("effects", {}))
-    effects = _of_channels(toml, data["signals"]) | read_nominal_effects(toml, effects_table, frame)
+    effects = _of_channels(signals) | read_nominal_effects(toml, effects_table, frame)
     notes = _notes(data, signals)
     if any(name.startswith(_SET_POINTS) for name in signals):
         effects |= _controllers(effects)
@@ -204,7 +204,7 @@ def _scale_of_volts(toml: TomlFile, nominal: Mapping[str, Nominal], signals: Col
 
 def _guessed(toml: TomlFile, given: object) -> tuple[str, ...]:
     """Returns an importer's guesses of unstated numbers, such as "960 counts a turn"."""
-    if not isinstance(given, list) or not all(isinstance(one, str) for one in given):
+    if not isinstance(given, list) or not all(isinstance(guess, str) for guess in given):
         toml.refuse(("guessed",), "is no list of texts")
     return tuple(given)
 
@@ -247,14 +247,14 @@ def _of_sensors() -> list[EffectInfo]:
     return [effect for effect in catalogue.effects() if effect.stated_by and effect.acts_on == "sensor"]
 
 
-def _of_channels(toml: TomlFile, table: Mapping[str, Any]) -> dict[str, dict[str, Nominal]]:
+def _of_channels(signals: Mapping[str, Signal]) -> dict[str, dict[str, Nominal]]:
     """Returns the effects that channels state, such as `unsigned`, with their preset parameters."""
-    stated = {}
-    for effect in _of_sensors():
-        key = effect.stated_by
-        if any(toml.switch(("signals", name, key), entry[key]) for name, entry in table.items() if key in entry):
-            stated[effect.name] = {row.name: Nominal(row.preset) for row in effect.parameters}
-    return stated
+    stated = {key for signal in signals.values() for key in signal.stated}
+    return {
+        effect.name: {row.name: Nominal(row.preset) for row in effect.parameters}
+        for effect in _of_sensors()
+        if effect.stated_by in stated
+    }
 
 
 def _check_inputs(toml: TomlFile, table: Mapping[str, Any], vehicle: Vehicle) -> None:
@@ -275,13 +275,11 @@ def _check_inputs(toml: TomlFile, table: Mapping[str, Any], vehicle: Vehicle) ->
 def _signal(toml: TomlFile, name: str, value: object, frame: Frame) -> Signal:
     key = ("signals", name)
     entry = toml.table(key, value)
-    own = {"sampling"} if name.startswith("accel_") else set()
-    if name in RATE_OF or name in RATE_OF.values():
-        own |= {effect.stated_by for effect in _of_sensors()}
-    toml.known_keys(key, entry, _TIME if name == "time" else _SIGNAL | own)
-    for needed in ("column", "unit"):
-        if needed not in entry:
-            toml.refuse(key, f"{needed} is missing")
+    switches = [effect.stated_by for effect in _of_sensors()] if name in RATE_OF or name in RATE_OF.values() else []
+    known = (
+        _TIME if name == "time" else _SIGNAL | {"sampling"} if name.startswith("accel_") else _SIGNAL.union(switches)
+    )
+    toml.known_keys(key, entry, known, ("column", "unit"))
     unit = toml.text((*key, "unit"), entry["unit"])
     try:
         factor = si_factor(unit, SIGNALS[name].unit)
@@ -302,7 +300,7 @@ def _signal(toml: TomlFile, name: str, value: object, frame: Frame) -> Signal:
         resolution=sizes.get("resolution"),
         range=_range(toml, name, entry["range"], factor, frame) if "range" in entry else None,
         sampling=cast(Sampling | None, sampling),
-        stated=tuple(effect.stated_by for effect in _of_sensors() if entry.get(effect.stated_by)),
+        stated=tuple(switch for switch in switches if toml.switch((*key, switch), entry.get(switch, False))),
     )
 
 
@@ -323,8 +321,7 @@ def _range(toml: TomlFile, name: str, value: object, factor: float, frame: Frame
     low, high = (toml.number(key, end) * factor for end in value)
     if not low < high:
         toml.refuse(key, "the lowest is not below the highest")
-    ends = np.sort(to_frd(name, np.array([low, high]), frame))
-    return float(ends[0]), float(ends[1])
+    return (low, high) if to_frd(name, 1.0, frame) > 0 else (-high, -low)
 
 
 def _check_columns(toml: TomlFile, signals: Mapping[str, Signal], layout: CsvFormat) -> None:
@@ -358,10 +355,7 @@ def _runs(toml: TomlFile, vehicle: Vehicle, frame: Frame, gap_s: float) -> tuple
 
 
 def _run(toml: TomlFile, key: Key, entry: dict[str, Any], vehicle: Vehicle, frame: Frame, gap_s: float) -> Run:
-    toml.known_keys(key, entry, _RUN)
-    for needed in ("name", "file"):
-        if needed not in entry:
-            toml.refuse(key, f"{needed} is missing")
+    toml.known_keys(key, entry, _RUN, ("name", "file"))
     name = toml.file_name((*key, "name"), entry["name"])
     role = toml.choice((*key, "role"), entry["role"], ("fit", "held_out")) if "role" in entry else None
     replicate_of = toml.text((*key, "replicate_of"), entry["replicate_of"]) if "replicate_of" in entry else None
@@ -382,5 +376,4 @@ def _run(toml: TomlFile, key: Key, entry: dict[str, Any], vehicle: Vehicle, fram
 def _initial(toml: TomlFile, key: Key, value: object, vehicle: Vehicle, frame: Frame) -> dict[str, float]:
     table = toml.table(key, value)
     toml.known_keys(key, table, INITIAL_UNITS[vehicle])
-    stated = {name: np.array([toml.number((*key, name), number)]) for name, number in table.items()}
-    return {name: float(to_frd(name, number, frame)[0]) for name, number in stated.items()}
+    return {name: to_frd(name, toml.number((*key, name), number), frame) for name, number in table.items()}

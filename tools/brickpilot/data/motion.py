@@ -67,7 +67,6 @@ def with_averaged_starts(dataset: Dataset, inputs: Mapping[str, Array]) -> Datas
                 continue
             first = np.array(values)
             first[0] = _first_value(run.time, values, rest, moving)
-            first.flags.writeable = False
             outputs[name] = first
         runs.append(dataclasses.replace(run, outputs=outputs))
     return dataclasses.replace(dataset, runs=tuple(runs))

@@ -232,7 +232,7 @@ def _checked(
     wiring = () if description.as_wired else wiring
     nominal = lengths(stated.nominal, stated.vehicle)
     audited = audit(_channels(wired, stated), stated.signals, stated.frame, nominal)
-    runs = [replace(run, outputs={**run.raw_outputs, **_fixed(audited.outputs[run.name])}) for run in wired]
+    runs = [replace(run, outputs={**run.raw_outputs, **audited.outputs[run.name]}) for run in wired]
     order = [run.name for run in runs]
     whole = [
         Fault(run.name, name, fault.kind, float(run.time[0]), float(run.time[-1]), fault.factor)
@@ -240,7 +240,7 @@ def _checked(
     ]  # fmt: skip
     faults = sorted([*whole, *audited.faults], key=lambda fault: (order.index(fault.run), fault.from_s, fault.signal))
     fewer = [decimated(run) for run in runs]
-    rows, kept = (sum(run.time.size for run in some) for some in (runs, fewer))
+    rows, kept = (sum(run.time.size for run in chosen) for chosen in (runs, fewer))
     merged = (
         f"{rows:,} rows become {kept:,}: the plant moves its motors in steps of {1e3 * MOTOR_STEP_S:g} ms, and faster "
         "rows tell it nothing; inputs are averaged"
@@ -318,17 +318,8 @@ def _wired(runs: list[Run], description: Description) -> tuple[tuple[Miswired, .
     right = []
     for run in runs:
         now = mended(channels_of(run), faults)
-        now.time.setflags(write=False)
-        inputs, outputs = _fixed(now.inputs), _fixed(now.outputs)
-        right.append(replace(run, time=now.time, inputs=inputs, outputs=outputs, raw_outputs=outputs))
+        right.append(replace(run, time=now.time, inputs=now.inputs, outputs=now.outputs, raw_outputs=now.outputs))
     return faults, guessed, right
-
-
-def _fixed(table: Mapping[str, Array]) -> Mapping[str, Array]:
-    """Returns the table, whose arrays are now read-only."""
-    for values in table.values():
-        values.setflags(write=False)
-    return table
 
 
 def decimated(run: Run) -> Run:
@@ -354,14 +345,12 @@ def decimated(run: Run) -> Run:
         nearest = known[np.minimum(np.searchsorted(known, first), known.size - 1)]
         return np.where(group[nearest] == group[first], values[nearest], np.nan)
 
-    time = run.time[first]
-    time.setflags(write=False)
     return replace(
         run,
-        time=time,
-        inputs=_fixed({name: np.add.reduceat(values, first) / rows for name, values in run.inputs.items()}),
-        outputs=_fixed({name: reading(values) for name, values in run.outputs.items()}),
-        raw_outputs=_fixed({name: reading(values) for name, values in run.raw_outputs.items()}),
+        time=run.time[first],
+        inputs={name: np.add.reduceat(values, first) / rows for name, values in run.inputs.items()},
+        outputs={name: reading(values) for name, values in run.outputs.items()},
+        raw_outputs={name: reading(values) for name, values in run.raw_outputs.items()},
     )
 
 
@@ -378,9 +367,7 @@ def _to_si(columns: Columns, frame: Frame, signal: Signal) -> Array:
         row = int(np.argmax(beyond))
         message = f"{values[row]:.4g} {kind.unit} is beyond what is physical, {kind.largest:g}"
         raise columns.fault(message, row, place)
-    values = np.asarray(to_frd(signal.name, values, frame), dtype=np.float64)
-    values.setflags(write=False)
-    return values
+    return to_frd(signal.name, values, frame)
 
 
 def _check_time(columns: Columns, time: Array) -> None:

@@ -5,7 +5,6 @@ In a run's file a cell that is not a plain number is refused, and the error name
 
 from __future__ import annotations
 
-import codecs
 import csv
 import io
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -16,13 +15,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from brickpilot.data.whole_files import read_text
 from brickpilot.errors import InputError
 
 if TYPE_CHECKING:
     import pyarrow
-
-SIZE_LIMIT = 256 * 2**20
-"""Bytes; a larger run file is refused before it is read."""
 
 DELIMITERS = (",", ";", "\t", " ", "|")
 """The delimiter " " stands for any number of blanks and tabs; with it, no cell can be empty."""
@@ -31,7 +28,7 @@ NUMBER = "[+-]?(?:[0-9]+[.]?[0-9]*|[.][0-9]+)(?:[eE][+-]?[0-9]+)?"
 """The pattern of a plain number, for Python and pyarrow."""
 
 CUT = "\x1f"
-"""The separator between the cells of rows that are already cut (`joined`)."""
+"""The separator that `joined` puts between the cells of a row."""
 
 _EMPTY = " "  # replaces an empty line: pyarrow reads this text as a row of blank cells
 _NO_CUT = str.maketrans(f"{CUT}\n", "  ")
@@ -117,7 +114,9 @@ def joined(rows: Iterable[Sequence[str]]) -> str:
 
 
 def parse_rows(rows: str, delimiter: str, width: int) -> tuple[pyarrow.Table, list[tuple[int, int]]]:
-    """Returns the cells as text, and (index from 0, number of cells) of each row left out because its width differs.
+    """Returns the table of cells as text, and (index from 0, number of cells) of each row that has another width.
+
+    The table does not hold these rows.
 
     Args:
         rows: text with a line for each row, without quotes. An empty line has no cells.
@@ -168,32 +167,6 @@ def numbers(
     words = compute.utf8_lower(compute.utf8_trim_whitespace(text.filter(compute.invert(is_number))))
     wrong[wrong] = ~compute.is_in(words, value_set=pyarrow.array(sorted(blanks))).to_numpy()
     return values, wrong
-
-
-def read_text(path: Path, *, damaged: bool = False) -> str:
-    """Returns the text of a file, in which each line end is one character.
-
-    Args:
-        path: UTF-8 text.
-        damaged: True: the file may contain bytes that are no text, and may be UTF-16.
-
-    Raises:
-        InputError: the file cannot be read, is larger than `SIZE_LIMIT`, or is no text.
-    """
-    try:
-        if not path.is_file():
-            raise InputError("no such file" if not path.exists() else "is not a file", file=path)
-        if path.stat().st_size > SIZE_LIMIT:
-            raise InputError(f"is larger than {SIZE_LIMIT // 2**20} MiB", file=path)
-        content = path.read_bytes()
-    except OSError as error:
-        raise InputError(error.strerror or "cannot be read", file=path) from error
-    wide = damaged and content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
-    try:
-        text = content.decode("utf-16" if wide else "utf-8-sig", errors="replace" if damaged else "strict")
-    except UnicodeDecodeError as error:
-        raise InputError("is not UTF-8 text", file=path, line=error.object[: error.start].count(b"\n") + 1) from error
-    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def _cut(path: Path, text: str, delimiter: str) -> tuple[list[list[str]], list[int]]:

@@ -35,9 +35,9 @@ def valid(value: Any) -> Any:
     elif dataclasses.is_dataclass(value):
         value = vars(value)
     if isinstance(value, Mapping):
-        return {key: valid(one) for key, one in value.items()}
+        return {key: valid(entry) for key, entry in value.items()}
     if isinstance(value, (list, tuple)):
-        return [valid(one) for one in value]
+        return [valid(entry) for entry in value]
     if isinstance(value, float):  # numpy's float64 is a float, too
         return float(value) if math.isfinite(value) else None
     return value

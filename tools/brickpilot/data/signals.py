@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from brickpilot.constants import VEHICLES as VEHICLES
 from brickpilot.constants import Vehicle as Vehicle
 
 Array = NDArray[np.float64]
+Number = TypeVar("Number", float, Array)
 Frame = Literal["FLU", "FRD"]
 Kind = Literal["time", "input", "output"]
 
@@ -130,8 +131,8 @@ def of_motors(inputs: Mapping[str, NDArray[np.float64]], half_track: float) -> N
     return np.column_stack([columns[:, 0] + arm * columns[:, 1], columns[:, 0] - arm * columns[:, 1]])
 
 
-def to_frd(signal: str, values: NDArray[np.float64], frame: Frame) -> NDArray[np.float64]:
-    """Returns the values of `signal` in the paper's frame (x forward, y right, clockwise positive).
+def to_frd(signal: str, values: Number, frame: Frame) -> Number:
+    """Returns the value or values of `signal` in the paper's frame (x forward, y right, clockwise positive).
 
     FLU differs by half a turn about x: lateral and yaw values change sign; left and right remain.
     """

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NoReturn
 
+from brickpilot.data.whole_files import read_text
 from brickpilot.errors import InputError
 
 Key = tuple[str | int, ...]
@@ -39,18 +40,7 @@ class TomlFile:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        try:
-            if path.exists() and not path.is_file():
-                raise InputError("is not a file", file=path)
-            if path.stat().st_size > SIZE_LIMIT:
-                raise InputError(f"is larger than {SIZE_LIMIT // 2**20} MiB", file=path)
-            text = path.read_bytes().decode("utf-8")
-        except OSError as error:
-            raise InputError(error.strerror or "cannot be read", file=path) from error
-        except UnicodeDecodeError as error:
-            raise InputError(
-                "is not UTF-8 text", file=path, line=error.object[: error.start].count(b"\n") + 1
-            ) from error
+        text = read_text(path, SIZE_LIMIT)
         self._lines = dict(self._index(text))
         try:
             self.data: dict[str, Any] = tomllib.loads(text)
@@ -58,8 +48,8 @@ class TomlFile:
         except RecursionError as error:
             raise InputError("is not TOML: nested too deep", file=path) from error
         except ValueError as error:  # a TOMLDecodeError, or a number of thousands of digits
-            found = re.search(r"\(at line (\d+), column \d+\)", str(error))
-            line = int(found[1]) if found else text.count("\n") + 1
+            place = re.search(r"\(at line (\d+), column \d+\)", str(error))
+            line = int(place[1]) if place else text.count("\n") + 1
             message = re.sub(r"\s*\(at .*\)", "", str(error))
             raise InputError(f"is not TOML: {message}", file=path, line=line) from error
 

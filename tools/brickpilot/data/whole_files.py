@@ -1,7 +1,11 @@
-"""Writes files atomically: each is written beside its place and then renamed. Leftovers of killed runs are removed."""
+"""Reads text files, and writes files atomically: each is written beside its place and then renamed.
+
+What killed processes have left is removed.
+"""
 
 from __future__ import annotations
 
+import codecs
 import glob
 import os
 import re
@@ -19,12 +23,43 @@ except ImportError:  # no POSIX: leftovers stay
     fcntl = None  # type: ignore[assignment]
 
 
+SIZE_LIMIT = 256 * 2**20
+"""Bytes; `read_text` refuses a larger file before it reads it."""
+
+
+def read_text(path: Path, size_limit: int = SIZE_LIMIT, *, damaged: bool = False) -> str:
+    """Returns the text of a file, in which each line end is one character.
+
+    Args:
+        path: UTF-8 text.
+        size_limit: the size in bytes above which a file is refused; a multiple of 2**20.
+        damaged: True: bytes that are no text are replaced, and the file may be UTF-16.
+
+    Raises:
+        InputError: the file cannot be read, is larger than `size_limit`, or is no text.
+    """
+    try:
+        if not path.is_file():
+            raise InputError("no such file" if not path.exists() else "is not a file", file=path)
+        if path.stat().st_size > size_limit:
+            raise InputError(f"is larger than {size_limit // 2**20} MiB", file=path)
+        content = path.read_bytes()
+    except OSError as error:
+        raise InputError(error.strerror or "cannot be read", file=path) from error
+    wide = damaged and content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    try:
+        text = content.decode("utf-16" if wide else "utf-8-sig", errors="replace" if damaged else "strict")
+    except UnicodeDecodeError as error:
+        raise InputError("is not UTF-8 text", file=path, line=error.object[: error.start].count(b"\n") + 1) from error
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
 @contextmanager
 def beside(place: Path, *, is_folder: bool = False) -> Iterator[Path]:
-    """Yields a new empty file or folder beside `place`, which the caller fills and renames; else it is removed.
+    """Yields a new empty file or folder beside `place`. The caller fills and renames it; if not renamed, it is removed.
 
-    Leftovers of a killed run of the same `place` are removed first. A leftover is not locked, because a lock ends with
-    its process.
+    First, the files that killed processes have left for the same `place` are removed. Such a file is not locked,
+    because a lock ends with its process.
 
     Raises:
         OSError: no file or folder can be made there.

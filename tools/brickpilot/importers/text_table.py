@@ -17,8 +17,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.data.rows import CUT, DELIMITERS, NUMBER, joined, numbers, parse_rows, read_text
+from brickpilot.data.rows import CUT, DELIMITERS, NUMBER, joined, numbers, parse_rows
 from brickpilot.data.units import si_factor
+from brickpilot.data.whole_files import read_text
 from brickpilot.errors import InputError
 from brickpilot.importers.mapping import Place, unknown_name
 

@@ -112,7 +112,7 @@ def discover(
     >>> known = {"resistance": 20.0, "torque_constant": 0.3, "emf_constant": 0.3, "inductance": 0.0}
     >>> runs = {"low": bench(3.0), "back": bench(-5.0), "high": bench(6.0)}
     >>> finding = bp.discover(bp.Dataset.from_frames(runs, vehicle="motor", nominal=known))
-    >>> [one.mechanism for one in finding.effects]
+    >>> [effect.mechanism for effect in finding.effects]
     ['bearing']
     """
     if budget_s is not None and not budget_s > 0:

@@ -21,7 +21,7 @@ from brickpilot.hil.fly import Fence
 from brickpilot.importers.flight_log import import_flight
 from brickpilot.public import flights
 from brickpilot.public.analysis import discover
-from brickpilot.public.doors import FlightRequest, jobs_of, model_of, seed_of, whole
+from brickpilot.public.doors import FlightRequest, jobs_of, model_of, seed_of, silent, whole
 from brickpilot.report import ask_page
 from brickpilot.report.run_folder import fresh_folder
 from brickpilot.vehicle import model as model_file
@@ -65,7 +65,7 @@ def ask(
     """
     limits = Limits(space_m, speed_m_s, battery_v, whole("most", most, 1, 32))
     seed, jobs = seed_of(seed), jobs_of(jobs)
-    believed = model_of(model) or rcx()
+    believed, show = model_of(model) or rcx(), progress or silent
     if sensors not in ("imu", "imu+encoders"):
         raise InputError(f"{sensors!r} is not one of imu, imu+encoders", field="sensors")
     stated = {name: value for name, value in believed.parameters.items() if rcx().parameters.get(name) != value}
@@ -77,18 +77,17 @@ def ask(
         made: list[Path] = []
 
         def drive(course: Scenario) -> Driven:
-            if progress is not None:
-                progress(len(made), limits.most, f"driving {course.title}")
+            show(len(made), limits.most, f"driving {course.title}")
             own = beside / "flights" / f"{len(made) + 1}_{course.name}"
             own.parent.mkdir(exist_ok=True)
             mission = own.with_suffix(".toml")
             mission.write_text(render_mission(course), encoding="utf-8")
             # Each flight has noise of its own.
-            request = FlightRequest(None, str(mission), "coupled", sensors, str(file), None, None, seed + len(made))
+            request = FlightRequest(
+                scenario_file=str(mission), profile="coupled", sensors=sensors, model_file=file, seed=seed + len(made)
+            )
             fence = Fence(limits.reach_m)
-            every = 10 if spec.startswith("avr:") or not lockstep else 1
-            session = flights.Session(spec, lockstep, every, {}, None, None, None, None, fence)
-            flown = flights.fly_over(request, session, own, lambda *_: None)
+            flown = flights.fly_over(request, flights.Session(spec, lockstep, watch=fence), own, silent)
             made.append(own)
             ended: Literal["fence", "link"] | None = "fence" if fence.crossed else None
             if flown.figures["broke_off"] is not None:
@@ -97,8 +96,7 @@ def ask(
             return Driven(flown.figures["steps"] * STEP_S, float(battery[-1]), ended)
 
         def conclude() -> Finding:
-            if progress is not None:
-                progress(len(made), limits.most, "concluding")
+            show(len(made), limits.most, "concluding")
             shutil.rmtree(beside / "data", ignore_errors=True)
             data = reading.read(import_flight(made, beside / "data", nominal=stated).folder)
             return discover(data, believed if believed.effects else None, seed=seed, jobs=jobs)

@@ -15,7 +15,7 @@ from typing import Any
 from brickpilot.data.dataset import Dataset
 from brickpilot.data.reading import read
 from brickpilot.errors import InputError
-from brickpilot.vehicle import compensation, flight, gains
+from brickpilot.vehicle import compensation, gains
 from brickpilot.vehicle import model as model_file
 from brickpilot.vehicle.flight import Plan
 from brickpilot.vehicle.model import Model
@@ -83,6 +83,10 @@ def whole(field: str, given: int, low: int, high: int = 2**63 - 1) -> int:
     return given
 
 
+def silent(done: int, total: int, text: str) -> None:
+    """Ignores the progress of work; a caller who wants to see it gives another function."""
+
+
 def jobs_of(given: int) -> int:
     """Returns how many processes or threads work at the same time, 1..256; InputError if `given` is no such number."""
     return whole("jobs", given, 1, 256)
@@ -100,7 +104,7 @@ def names_of(field: str, given: str | Iterable[str]) -> tuple[str, ...]:
         InputError: one of the names is no text.
     """
     names = (given,) if isinstance(given, str) else tuple(given)
-    if not all(isinstance(one, str) for one in names):
+    if not all(isinstance(name, str) for name in names):
         raise InputError(f"needs names, not {names!r}", field=field)
     return names
 
@@ -109,14 +113,14 @@ def names_of(field: str, given: str | Iterable[str]) -> tuple[str, ...]:
 class FlightRequest:
     """The shared options as the user gave them; None: the option is absent."""
 
-    scenario_name: str | None
-    scenario_file: str | None
-    profile: str | None
-    sensors: str | None
-    model_file: str | None
-    compensation_file: str | None
-    gains_file: str | None
-    seed: int | None
+    scenario_name: str | None = None
+    scenario_file: str | None = None
+    profile: str | None = None
+    sensors: str | None = None
+    model_file: str | Path | None = None
+    compensation_file: str | Path | None = None
+    gains_file: str | Path | None = None
+    seed: int | None = None
 
     @property
     def scenario(self) -> str:
@@ -124,14 +128,6 @@ class FlightRequest:
         if self.scenario_name is not None:
             return self.scenario_name
         return "mission" if self.scenario_file is None else self.scenario_file
-
-    def plan(self) -> Plan:
-        """Reads the scenario, the model and the compensation.
-
-        Raises:
-            InputError: a file is bad, or the scenario is given twice.
-        """
-        return flight.plan(self.scenario, **self.choices())
 
     def choices(self) -> dict[str, Any]:
         """Returns the arguments of `flight.plan` other than the scenario.
@@ -175,7 +171,7 @@ def command_line(command: str, *arguments: str, **options: Any) -> str:
         if value is True:
             words.append(flag)
         elif isinstance(value, list | tuple):
-            words += [word for one in value for word in (flag, str(one))]
+            words += [word for entry in value for word in (flag, str(entry))]
         elif value is not None and value is not False:
             words += [flag, f"{value:g}" if isinstance(value, float) else str(value)]
     return shlex.join(words)

@@ -21,9 +21,9 @@ from brickpilot.hil.traffic_log import RecordingLink
 from brickpilot.link.brick import INFRARED
 from brickpilot.link.links import Link
 from brickpilot.link.session import LOCKSTEP, REALTIME
-from brickpilot.public.doors import FlightRequest, Made, command_line, whole
+from brickpilot.public.doors import FlightRequest, Made, command_line, seed_of, silent, whole
 from brickpilot.report import flight_text, run_folder, run_page
-from brickpilot.vehicle import flight_figures
+from brickpilot.vehicle import flight, flight_figures
 from brickpilot.vehicle.flight import Plan
 from brickpilot.vehicle.settings import named
 
@@ -33,18 +33,20 @@ class Session:
     """The arguments of `hil` that do not belong to the flight.
 
     Attributes:
+        spec: the link or the simulated processor, as `link_of` returns it.
+        telemetry_every: number of steps from one telemetry to the next; None: as `every` says.
         settings: raw values to write before the flight.
         watch: called at the beginning of each control step.
     """
 
     spec: str
-    lockstep: bool
-    telemetry_every: int
-    settings: Mapping[str, int]
-    record: Path | None
-    junit: Path | None
-    trace: Path | None
-    image: OwnImage | None
+    lockstep: bool = True
+    telemetry_every: int | None = None
+    settings: Mapping[str, int] = dataclasses.field(default_factory=dict)
+    record: Path | None = None
+    junit: Path | None = None
+    trace: Path | None = None
+    image: OwnImage | None = None
     watch: Watch = lambda _run: None
 
     @property
@@ -58,8 +60,13 @@ class Session:
         return self.avr or self.spec.startswith("h8sim")
 
     @property
-    def pace(self) -> str:
+    def every(self) -> int:
+        """The number of steps from one telemetry to the next."""
+        return self.telemetry_every or (1 if self.lockstep and not self.avr else 10)
 
+    @property
+    def pace(self) -> str:
+        """What the flight waits for: the brick's replies, the clock, or the simulator of an AVR."""
         if self.avr:
             return "simulated time"
         return LOCKSTEP if self.lockstep else REALTIME
@@ -103,7 +110,7 @@ def image_of(image: Path, request: FlightRequest, target: str) -> OwnImage:
 def _plan(request: FlightRequest, session: Session) -> Plan:
     """Returns the plan of the flight, after a check that the brick can have the plan's sensors."""
     if session.image is None:
-        plan = request.plan()
+        plan = flight.plan(request.scenario, **request.choices())
         check_sensors(session.spec, plan.sensors)
         return plan
     request.choices()  # checks that the scenario is given once
@@ -144,32 +151,27 @@ def hil(
         SimulationError: the link is lost, or the plant diverges.
     """
 
-    def text(one: str | Path | None) -> str | None:
-        return None if one is None else str(one)
+    def path(file: str | Path | None) -> Path | None:
+        return None if file is None else Path(file)
 
-    def path(one: str | Path | None) -> Path | None:
-        return None if one is None else Path(one)
-
-    request = FlightRequest(
-        str(scenario), None, profile, sensors, text(model), text(compensation), text(gains), whole("seed", seed, 0)
-    )
+    request = FlightRequest(str(scenario), None, profile, sensors, model, compensation, gains, seed_of(seed))
     if telemetry_every is not None:
         whole("telemetry_every", telemetry_every, 1, 255)
     own = None if image is None else image_of(Path(image), request, target)
     spec = link_of(link, target if own is None else own.target, lockstep)
-    every = telemetry_every or (1 if lockstep and not spec.startswith("avr:") else 10)
     for name, value in (settings or {}).items():
         named(name).check(value)
-    session = Session(spec, lockstep, every, settings or {}, path(record), path(junit), path(trace), own)
-    return fly_over(request, session, path(out), progress or (lambda done, steps, text: None))
+    written = settings or {}
+    session = Session(spec, lockstep, telemetry_every, written, path(record), path(junit), path(trace), own)
+    return fly_over(request, session, out, progress or silent)
 
 
-def fly_over(request: FlightRequest, session: Session, out: Path | None, progress: Progress) -> Made:
+def fly_over(request: FlightRequest, session: Session, out: str | Path | None, progress: Progress) -> Made:
     """Flies the requested flight and writes its run folder; see `hil`."""
     if session.trace is not None and not session.avr:
         raise InputError("needs --target avr: only there are pins", field="--trace")
     plan = _plan(request, session)
-    folder = out or Path("runs") / f"hil-{plan.scenario.name}-{plan.controller}-{plan.sensors}"
+    folder = Path(out) if out else Path("runs") / f"hil-{plan.scenario.name}-{plan.controller}-{plan.sensors}"
     command = _command(request, session, plan)
     priority = not session.lockstep and ends.claim_priority()
     try:
@@ -213,7 +215,7 @@ def _fly_over_the_link(plan: Plan, session: Session, progress: Progress) -> HilF
             both = dataclasses.replace(both, link=RecordingLink(both.link, session.record))
             closing.callback(both.link.close)
         return hil_fly.fly(
-            both, session.spec, plan, pace=session.pace, telemetry_every=session.telemetry_every, progress=progress,
+            both, session.spec, plan, pace=session.pace, telemetry_every=session.every, progress=progress,
             settings=dict(session.settings), watch=session.watch,
         )  # fmt: skip
 
@@ -233,7 +235,7 @@ def _fly_on_simavr(plan: Plan, session: Session, progress: Progress) -> HilFligh
             plan,
             session.spec,
             avr_image(session.spec) if session.image is None else session.image.path,
-            telemetry_every=session.telemetry_every,
+            telemetry_every=session.every,
             progress=progress,
             settings=dict(session.settings),
             trace=session.trace,

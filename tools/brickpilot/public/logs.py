@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import shlex
-import shutil
 import tempfile
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -22,7 +21,7 @@ from brickpilot.fit.descent import Progress
 from brickpilot.importers import IMPORTERS, Importer, importer_and_files, options_taken
 from brickpilot.importers.writer import Imported
 from brickpilot.public.analysis import discover
-from brickpilot.public.doors import jobs_of, seed_of
+from brickpilot.public.doors import jobs_of, seed_of, silent
 from brickpilot.readiness.data_check import check
 from brickpilot.report import changed_page, composed_law, discover_page, experiment_files, why_page, why_text
 from brickpilot.report.run_folder import fresh_folder
@@ -31,7 +30,7 @@ from brickpilot.vehicle import compensation, model
 from brickpilot.vehicle.manoeuvres import Manoeuvre
 from brickpilot.vehicle.model import Model
 
-_DATA = "data"  # name of the folder with the imported log, beside the page
+_DATA = "data"  # name of the folder, beside the page, with the data set that is made of the log
 
 Logs = Dataset | str | Path | Sequence[str | Path]
 """A data set, its folder, or a log; or several logs or folders of one robot."""
@@ -70,10 +69,10 @@ def import_log(
     ('log',)
     """
     given = [files] if isinstance(files, str | Path) else list(files)
-    importer, paths = importer_and_files([str(one) for one in given], kind, importers)
+    importer, paths = importer_and_files([str(path) for path in given], kind, importers)
     taken = options_taken(importer, importers, options)
     if importer.reports_progress:
-        taken["progress"] = progress or (lambda done, total, text: None)
+        taken["progress"] = progress or silent
     return importer.load()(paths, Path(out), nominal=dict(nominal or {}), name=name, **taken)
 
 
@@ -116,19 +115,19 @@ def why(
     >>> found.answer.ending
     'nothing'
     """
+    options = {"vehicle": vehicle, "frame": frame, "mapping": mapping, "nominal": nominal, "as_wired": as_wired}
     files = {"why.html", *why_page.FILES} | (set() if out is None else _terms(Path(out)))
     with _folder(out, files) as folder:
-        data, notes, mend = _read(logs, folder / _DATA, vehicle, frame, mapping, nominal, as_wired)
-        found = discover(data, seed=seed, jobs=jobs, budget_s=budget_s, progress=progress)
+        data, notes, mend = _read(logs, folder / _DATA, options)
+        finding = discover(data, seed=seed, jobs=jobs, budget_s=budget_s, progress=progress)
 
         def advised() -> list[Manoeuvre]:
-            if progress is not None:
-                progress(0, 1, "looking for what to drive next")
-            return [one.manoeuvre for one in check(data, seed=seed, jobs=jobs).advice]
+            (progress or silent)(0, 1, "looking for what to drive next")
+            return [advice.manoeuvre for advice in check(data, seed=seed, jobs=jobs).advice]
 
-        undone = compensation.from_model(found.augmented)
-        answer = why_text.answer(found, undone, mend, advised)
-        made = Why(found, answer, why_page.constants_of(found), tuple(notes))
+        undone = compensation.from_model(finding.augmented)
+        answer = why_text.answer(finding, undone, mend, advised)
+        made = Why(finding, answer, why_page.constants_of(finding), tuple(notes))
         if out is not None:
             runs = len(data.runs)
             source = f"{_words(logs)}: {runs} run{'s' if runs != 1 else ''}"
@@ -172,19 +171,19 @@ def changed(
     ...         runs[f"run_{number}"] = pd.DataFrame({"time": time, "voltage": voltage, "speed": speed})
     ...     return bp.Dataset.from_frames(runs, vehicle="motor", nominal=known, name=f"week {seed}")
     >>> found = bp.changed(recording(1e-3, 1), recording(2e-3, 2))
-    >>> found.verdict, [one.what for one in found.changes]
+    >>> found.verdict, [change.what for change in found.changes]
     ('changed', ['kV'])
     """
     if not after:
         raise InputError("no later recording is given", field="AFTER")
     seed, jobs = seed_of(seed), jobs_of(jobs)
+    options = {"vehicle": vehicle, "frame": frame, "mapping": mapping, "nominal": nominal, "as_wired": as_wired}
     names = _names([before, *after])
     places = {"changed.html", "changed.json", *(f"{_DATA}_{number}" for number in range(len(names)))}
     with _folder(out, places) as folder:
 
         def read(number: int, given: Recording) -> tuple[Dataset, tuple[str, ...]]:
-            into = folder / f"{_DATA}_{number}"
-            return _read(given, into, vehicle, frame, mapping, nominal, as_wired)[:2]
+            return _read(given, folder / f"{_DATA}_{number}", options)[:2]
 
         notes: list[str] = []
         first: Dataset | Model
@@ -194,16 +193,16 @@ def changed(
             first, own = read(0, before)
             notes += own
         later = {}
-        for number, (name, one) in enumerate(zip(names[1:], after, strict=True), 1):
-            later[name], own = read(number, one)
+        for number, (name, recording) in enumerate(zip(names[1:], after, strict=True), 1):
+            later[name], own = read(number, recording)
             notes += own
-        found = what_changed(first, later, seed=seed, jobs=jobs, progress=progress)
-        found = dataclasses.replace(found, before=names[0], notes=tuple(dict.fromkeys([*notes, *found.notes])))
+        compared = what_changed(first, later, seed=seed, jobs=jobs, progress=progress)
+        result = dataclasses.replace(compared, before=names[0], notes=tuple(dict.fromkeys([*notes, *compared.notes])))
         if out is not None:
-            text = json.dumps(found.to_dict(), indent=2, allow_nan=False) + "\n"
+            text = json.dumps(result.to_dict(), indent=2, allow_nan=False) + "\n"
             (folder / "changed.json").write_text(text, encoding="utf-8")
-            (folder / "changed.html").write_text(changed_page.page(found, command), encoding="utf-8")
-    return found
+            (folder / "changed.html").write_text(changed_page.page(result, command), encoding="utf-8")
+    return result
 
 
 def _is_model(given: Recording) -> bool:
@@ -213,37 +212,35 @@ def _is_model(given: Recording) -> bool:
 
 def _names(given: Sequence[Recording | Model]) -> list[str]:
     """Returns a unique name for each recording: the name of a file or of a data set."""
-    found: list[str] = []
-    for one in given:
-        if isinstance(one, str | Path):
-            path = Path(one)
+    names: list[str] = []
+    for recording in given:
+        if isinstance(recording, str | Path):
+            path = Path(recording)
             name = path.parent.name if path.name == "dataset.toml" else path.name if path.is_dir() else path.stem
         else:
-            name = one.name
+            name = recording.name
         wanted = name = name.replace("@", "_").replace(": ", "_") or "recording"
         number = 1
-        while name in {BEFORE, *found}:
+        while name in {BEFORE, *names}:
             number += 1
             name = f"{wanted} {number}"
-        found.append(name)
-    return found
+        names.append(name)
+    return names
 
 
 @contextmanager
 def _folder(out: str | Path | None, files: Collection[str]) -> Iterator[Path]:
     """Yields the working folder: it becomes `out`, or is deleted if `out` is None."""
     if out is not None:
-        with fresh_folder(Path(out), files) as beside:
-            yield beside
+        with fresh_folder(Path(out), files) as folder:
+            yield folder
         return
-    beside = Path(tempfile.mkdtemp(prefix="brickpilot-logs-"))
-    try:
-        yield beside
-    finally:
-        shutil.rmtree(beside, ignore_errors=True)
+    with tempfile.TemporaryDirectory(prefix="brickpilot-logs-", ignore_cleanup_errors=True) as beside:
+        yield Path(beside)
 
 
 def _words(logs: Logs) -> str:
+    """Returns the logs as the page names them."""
     if isinstance(logs, Dataset):
         return logs.name
     return str(logs) if isinstance(logs, str | Path) else shlex.join(map(str, logs))
@@ -254,33 +251,32 @@ def _terms(folder: Path) -> set[str]:
     return {path.name for path in folder.glob("composed_for_*.c")} if folder.is_dir() else set()
 
 
-def _read(
-    logs: Logs, into: Path, vehicle: str | None, frame: str | None, mapping: Sequence[str],
-    nominal: Mapping[str, float] | None, as_wired: bool,
-) -> tuple[Dataset, tuple[str, ...], str]:  # fmt: skip
-    """Returns a data set, its notes and the options that correct it. Logs are imported into the folder `into`."""
+def _read(logs: Logs, into: Path, options: Mapping[str, Any]) -> tuple[Dataset, tuple[str, ...], str]:
+    """Returns a data set, the notes on its import, and the options with which the import would be right.
+
+    Logs are imported into the folder `into`. `options`: the options for logs, by the keywords of `why`.
+    """
     if isinstance(logs, Dataset):
         return logs, (), ""
-    paths = [Path(one) for one in ([logs] if isinstance(logs, str | Path) else logs)]
+    paths = [Path(log) for log in ([logs] if isinstance(logs, str | Path) else logs)]
     if not paths:
         raise InputError("no log is given", field="LOG")
-    are_sets = [(one / "dataset.toml").is_file() or one.name == "dataset.toml" for one in paths]
+    are_sets = [(path / "dataset.toml").is_file() or path.name == "dataset.toml" for path in paths]
     if not any(are_sets):
-        made = _import(paths, into, vehicle, frame, mapping, nominal, as_wired)
+        made = _import(paths, into, {keyword: value for keyword, value in options.items() if value})
         return reading.read(into), made.notes, made.mend
     if not all(are_sets):
-        raise InputError("is a log, beside a data set: import it first", file=paths[are_sets.index(False)])
-    if mapping or nominal or vehicle or frame or as_wired:
+        raise InputError(
+            "is a log, but another path is a data set: import the log first", file=paths[are_sets.index(False)]
+        )
+    if any(options.values()):
         message = "a data set describes itself: --map, --nominal, --vehicle, --frame and --as-wired are for logs"
         raise InputError(message, file=paths[0])
-    return joined([reading.read(one) for one in paths]), (), ""
+    return joined([reading.read(path) for path in paths]), (), ""
 
 
-def _import(
-    paths: Sequence[Path], into: Path, vehicle: str | None, frame: str | None, mapping: Sequence[str],
-    nominal: Mapping[str, float] | None, as_wired: bool,
-) -> Imported:  # fmt: skip
-    """Makes a data set from logs, with guesses if their kind allows guesses.
+def _import(paths: Sequence[Path], into: Path, options: Mapping[str, Any]) -> Imported:
+    """Makes a data set from logs with the given options, and with guesses if the kind of log allows guesses.
 
     Raises:
         InputError: a file does not exist, the kind of log is not known, or an option that this kind needs is missing.
@@ -288,31 +284,30 @@ def _import(
     for path in paths:
         if not path.exists():
             raise InputError("no such file", file=path)
-    importer, _ = importer_and_files([str(one) for one in paths], None, IMPORTERS)
-    asked: dict[str, Any] = {"vehicle": vehicle, "mapping": tuple(mapping)} | ({"frame": frame} if frame else {})
-    asked |= {"as_wired": True} if as_wired else {}
-    has = {option.keyword for option in importer.options}
-    asked |= ({"guessed": True} if "guessed" in has else {}) | ({"split": ("rests",)} if "split" in has else {})
-    return import_log(paths, into, nominal=nominal, name=paths[0].stem, **asked)
+    importer, _ = importer_and_files([str(path) for path in paths], None, IMPORTERS)
+    keywords = {option.keyword for option in importer.options}
+    guesses: dict[str, Any] = {"guessed": True, "split": ("rests",)}
+    guesses = {keyword: value for keyword, value in guesses.items() if keyword in keywords}
+    return import_log(paths, into, name=paths[0].stem, **options, **guesses)
 
 
 def _write(made: Why, beside: Path, source: str, command: str) -> None:
     """Writes the pages and files into `beside`."""
-    found: Finding = made.finding
+    finding: Finding = made.finding
     asked = made.answer.next
     texts = {
-        "verdict.json": json.dumps(verdict_json(found), indent=2, allow_nan=False) + "\n",
-        "report.html": discover_page.page(found, command),
-        **({} if asked is None else experiment_files.files_of(asked, found.dataset.vehicle)),
-        **why_page.files_of(found.dataset.name, made.constants),
-        **composed_law.of_finding(found),
+        "verdict.json": json.dumps(verdict_json(finding), indent=2, allow_nan=False) + "\n",
+        "report.html": discover_page.page(finding, command),
+        **({} if asked is None else experiment_files.files_of(asked, finding.dataset.vehicle)),
+        **why_page.files_of(finding.dataset.name, made.constants),
+        **composed_law.of_finding(finding),
     }
     for name, text in texts.items():
         (beside / name).write_text(text, encoding="utf-8")
-    model.save(found.augmented, beside / "model.toml")
-    undone = compensation.from_model(found.augmented)
+    model.save(finding.augmented, beside / "model.toml")
+    undone = compensation.from_model(finding.augmented)
     if undone is not None:
         undone.save(beside / "compensation.toml")
-    files = sorted(one.name for one in beside.iterdir())
+    files = sorted(path.name for path in beside.iterdir())
     page = why_page.page(made, source=source, files=files, command=command)
     (beside / "why.html").write_text(page, encoding="utf-8")

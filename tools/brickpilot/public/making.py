@@ -22,7 +22,7 @@ from brickpilot.firmware.package import Made as Built
 from brickpilot.firmware.package import Order
 from brickpilot.fit import calibration
 from brickpilot.fit.descent import Progress
-from brickpilot.public.doors import Made, command_line, jobs_of, model_of, seed_of, whole
+from brickpilot.public.doors import Made, command_line, jobs_of, model_of, seed_of, silent, whole
 from brickpilot.report import campaign_page, run_folder, run_page
 from brickpilot.report.flight_text import waypoint_lines
 from brickpilot.report.template import render_plain
@@ -36,10 +36,6 @@ from brickpilot.vehicle.gains import Gains
 from brickpilot.vehicle.model import Model, rcx
 
 _TUNE_FILES = ("gains.toml", "mission.toml", "report.html", "summary.json", "model.toml", "calibrate.json")
-
-
-def _silent(done: int, total: int, text: str) -> None:
-    """Ignores the progress."""
 
 
 def campaign(
@@ -67,8 +63,8 @@ def campaign(
     given = campaign_file.load(Path(file), count=count, seed=None if seed is None else seed_of(seed), shares=SD_SHARE)
     folder = Path(out) if out else Path("runs") / f"campaign-{given.name}"
     command = command_line("campaign", str(file), runs=count, seed=seed)
-    found = conduct.conduct(given, folder, workers.chosen(jobs_of(jobs), scheduler), progress or _silent, command)
-    return Made(folder, campaign_page.verdict(found), found)
+    figures = conduct.conduct(given, folder, workers.chosen(jobs_of(jobs), scheduler), progress or silent, command)
+    return Made(folder, campaign_page.verdict(figures), figures)
 
 
 def tune(
@@ -108,7 +104,7 @@ def tune(
         judges=judges, budget=str(budget), seed=seed,
     )  # fmt: skip
     folder = Path(out) if out else Path("runs") / f"tune-{Path(model or dataset or '').stem}"
-    show = progress or _silent
+    show = progress or silent
     with run_folder.fresh_folder(folder, _TUNE_FILES) as beside:
         file = Path(model) if model is not None else _calibrated(Path(str(dataset)), beside, seed, show)
         problem = tuner.problem(file, board, sensors, None if scenario is None else str(scenario), SD_SHARE, seed)
@@ -135,9 +131,9 @@ def _budget(text: str) -> Budget:
 
 def _calibrated(folder: Path, beside: Path, seed: int, progress: Progress) -> Path:
     """Calibrates a data set, writes the result into the folder `beside`, and returns the model file."""
-    found = calibration.calibrate(read(folder), seed=seed, progress=progress)
-    (beside / "calibrate.json").write_text(json.dumps(found.to_json(), indent=2) + "\n", encoding="utf-8")
-    model_file.save(found.model, beside / "model.toml")
+    calibrated = calibration.calibrate(read(folder), seed=seed, progress=progress)
+    (beside / "calibrate.json").write_text(json.dumps(calibrated.to_json(), indent=2) + "\n", encoding="utf-8")
+    model_file.save(calibrated.model, beside / "model.toml")
     return beside / "model.toml"
 
 
@@ -275,8 +271,7 @@ def export(
     if kind not in ("fmu", "mjcf", "urdf"):
         known = "of a run folder mcap or parquet" if kind in ("mcap", "parquet") else "fmu, mjcf, urdf, mcap or parquet"
         raise InputError(f"{kind!r} does not fit: {known}", field="kind")
-    chosen = model_of(what)
-    chosen = rcx() if chosen is None else model_file.load(Path(what)) if isinstance(what, str | Path) else chosen
+    chosen = model_file.load(Path(what)) if isinstance(what, str | Path) else model_of(what) or rcx()
     if kind == "fmu":
         return _fmu(chosen, out, fmi, binary)
     ending, written = ("xml", mjcfs.write(chosen)) if kind == "mjcf" else ("urdf", urdfs.write(chosen))
