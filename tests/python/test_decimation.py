@@ -30,7 +30,7 @@ def test_three_rows_of_a_tenth_of_a_ms_become_one():
     assert run.outputs["speed"] == pytest.approx(1e4 * time[::3])
     note = [note for note in dataset.notes if "rows" in note]
     assert note == [
-        "3,000 rows become 1,000: the plant moves its motors in steps of 0.3 ms, and faster rows tell it nothing; "
+        "3,000 rows become 1,000: the plant simulates its motors in steps of 0.3 ms, and so cannot use faster rows; "
         "inputs are averaged"
     ]
 

@@ -380,7 +380,7 @@ def test_friction_is_named_with_its_size(friction):
 
 def test_the_gap_closes_on_runs_that_were_not_fitted(friction):
     assert set(friction.roles.values()) == {"fit"}  # each manoeuvre occurs once: the end of its drive is held out
-    assert any("held out the last of the drive in ahead" in note for note in friction.notes)
+    assert any("held out the last part of the drive in ahead" in note for note in friction.notes)
     assert friction.gap["held_out"].before > 1.5
     assert friction.gap["held_out"].after == pytest.approx(1.0, abs=0.1)
     assert all(white.white for white in friction.whiteness.values())

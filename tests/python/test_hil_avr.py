@@ -140,7 +140,7 @@ def test_what_an_avr_cannot_do_is_said_in_one_line(tmp_path: Path) -> None:
     assert "the image has the profile coupled alone" in line("--sensors", "imu", "--profile", "paper")
     assert "cannot be written" in line("--sensors", "imu", "--trace", str(tmp_path / "no" / "folder.vcd"))
     done = brickpilot("hil", "--link", "tcp", "--trace", "a.vcd", cwd=ROOT)
-    assert (done.returncode, done.stderr) == (2, "brickpilot: --trace: needs --target avr: only there are pins\n")
+    assert (done.returncode, done.stderr) == (2, "brickpilot: --trace: needs --target avr, the only target with pins\n")
 
 
 def test_an_image_that_is_none_is_refused(tmp_path: Path) -> None:

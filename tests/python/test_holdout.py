@@ -108,7 +108,7 @@ def test_the_last_drive_of_a_run_is_held_out_and_how_it_stops_is_fitted(tmp_path
         used = np.sum(driven(run, data) ** 2, axis=1)
         assert used[inside].sum() == pytest.approx(0.25 * used.sum(), rel=0.05)
         assert outside[-1]  # the motors are shorted there
-    assert "the last of the drive in ahead, back" in roles.note
+    assert "the last part of the drive in ahead, back" in roles.note
 
 
 def test_a_stretch_leaves_half_of_each_direction_in_the_fit(tmp_path: Path) -> None:

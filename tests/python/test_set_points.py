@@ -131,7 +131,9 @@ def test_discovery_does_not_look_for_a_controller_where_volts_are_logged() -> No
 @pytest.mark.parametrize("missing", ["wheel_radius", "half_track"])
 def test_a_demand_to_a_body_needs_the_geometry_of_its_controller(soft: dict[str, pd.DataFrame], missing: str) -> None:
     stated = {name: value for name, value in NOMINAL.items() if name != missing}
-    with pytest.raises(InputError, match=f"{missing} is missing: the controller's own turns reference_velocity"):
+    with pytest.raises(
+        InputError, match=f"{missing} is missing: state the one with which the controller converts reference_velocity"
+    ):
         Dataset.from_frames(soft, vehicle="diff_drive", frame="FLU", nominal=stated)
 
 

@@ -52,7 +52,7 @@ class Axis:
 
     Attributes:
         setting: the setting that states a period: "frequency" in Hz, "order", or "wavelength" in m.
-        clock: for time: ("clock", 0): it counts from the start of each run; ("clock", 1): from power-on; else empty.
+        clock: ("clock", 0): time that counts from the start of each run; ("clock", 1): from power-on; empty: no time.
         tracks: for each name of the coordinate, the segments with their coordinate (n,).
         step: the coordinate's sampling step for a spectrum, in its unit.
         turn: the length in which periods are counted, in the coordinate's unit.
@@ -125,7 +125,7 @@ def axes(segments: Sequence[Segment]) -> list[Axis]:
 def _spectrum(
     track: Sequence[tuple[Segment, Array]], residual: Array, step: float, *, coherent: bool
 ) -> tuple[Array, Array]:
-    """Returns frequencies along the coordinate, and the power summed over segments; if coherent, phases are kept."""
+    """Returns frequencies along the coordinate, and the power there; if not coherent, each run has its own phase."""
     low = min(float(np.min(coordinate)) for _, coordinate in track)
     high = max(float(np.max(coordinate)) for _, coordinate in track)
     length = 2 ** math.ceil(math.log2(max(PADDING * (high - low) / step, 8)))

@@ -101,13 +101,13 @@ class Dataset(Result):
     Attributes:
         path: the dataset.toml, as the caller named it.
         frame: the frame of the files; all values in this object are in FRD.
-        signals: how each signal is written in the files; noise_sd, resolution and range are in SI and FRD.
+        signals: signal -> its column and unit in the files; noise_sd, resolution and range are in SI and FRD.
         nominal: known parameters of the plant; the other parameters are fitted.
         nominal_effects: effect -> parameter -> value, for effects that the experimenter's model contains.
         runs: the runs in the file's order.
         gap_s: pause in s before a run that does not state its own pause.
         faults: the damaged samples, ordered by run and time; they are NaN in the runs' outputs (see `audit`).
-        notes: sentences for the user on used presets, repaired readings and damage.
+        notes: sentences for the user about presets, repaired readings and damaged samples.
         input_timing: what an input does between two rows. With "linear", rows without outputs are added where an input
             changes, so that rows are at most 5 ms apart; "unknown" is treated as "held".
         guessed: guesses of unstated numbers, such as "960 counts a turn"; see `guesses`.
@@ -134,7 +134,7 @@ class Dataset(Result):
 
     @property
     def guesses(self) -> tuple[str, ...]:
-        """Guesses and presets for unstated numbers that scale all speeds or voltages. No run can confirm a guess."""
+        """Numbers that nobody stated and that scale all speeds or voltages. The runs cannot confirm them."""
         is_preset = any(name.startswith("duty") for name in self.signals) and not (
             "battery_voltage" in self.signals or "battery_voltage" in self.nominal
         )
@@ -242,7 +242,7 @@ class Dataset(Result):
 
 
 def joined(datasets: Sequence[Dataset]) -> Dataset:
-    """Returns one data set with the runs of several data sets of one robot; all else is the first data set's.
+    """Returns one data set with the runs of several data sets of one robot; see `with_all_runs`.
 
     Raises:
         InputError: the vehicles or the stated nominal values differ.
@@ -263,7 +263,7 @@ def joined(datasets: Sequence[Dataset]) -> Dataset:
 
 
 def with_all_runs(datasets: Mapping[str, Dataset]) -> Dataset:
-    """Returns the first data set with the runs of all data sets. A run's name begins with its data set's key."""
+    """Returns the first data set with the runs, faults and notes of all. A run's name begins with its set's key."""
     first = next(iter(datasets.values()))
     signals: dict[str, Signal] = {}
     for dataset in reversed(list(datasets.values())):
@@ -327,11 +327,11 @@ FRAME_WORDS = {
 
 @dataclass(frozen=True)
 class OwnUnit:
-    """How a data set states one signal.
+    """The unit and the sign with which a data set states one signal.
 
     Attributes:
         unit: the unit's name in the data set.
-        per_si: how many of these units make one SI unit; above 0.
+        per_si: the number of these units in one SI unit; above 0.
         sign: -1 if the signal has the opposite sign in the data set's frame, else 1.
     """
 
@@ -349,12 +349,12 @@ class OwnUnit:
 
 
 def own_units(dataset: Dataset, signals: Iterable[str]) -> dict[str, OwnUnit]:
-    """Returns signal -> how the data set states it; an unstated signal, such as a rate, is in SI."""
+    """Returns signal -> its unit and sign in the data set; a signal that is not stated, such as a rate, is in SI."""
     return {name: own_unit(dataset, name) for name in signals}
 
 
 def own_unit(dataset: Dataset, signal: str) -> OwnUnit:
-    """Returns how the data set states a signal. A signal in SI gets the program's name of the unit."""
+    """Returns a signal's unit and sign in the data set. A unit of SI gets the name that the program uses for it."""
     stated = dataset.signals.get(signal)
     sign = -1.0 if dataset.frame == "FLU" and signal in TURNS_WITH_FRAME else 1.0
     if stated is None or stated.to_si == 1.0:

@@ -40,15 +40,15 @@
   of the two the data show. The wrong choice changes the fitted inductance and resistance.
 - `unsigned = true` under a rotation sensor's channel says that the sensor counts up in both directions. All rotation
   sensors of the simulated machine then do the same.
-- Rows closer than the plant's motor step of 0.3 ms are merged, with a note: an input as the mean, an output as the
-  first reading. A channel that is logged faster than it is sampled holds each sample for some rows; each sample is used
-  once, in the first row that has it. Inputs and files are not changed.
+- Rows closer than the plant's motor step of 0.3 ms are merged, with a note: an input becomes its mean, an output its
+  first reading. A channel that is logged faster than it is sampled repeats each sample in several rows; only the first
+  of these rows is used. Inputs and files are not changed.
 - If a controller follows set points, and neither voltage nor duty is logged, the inputs are
   `reference_wheel_speed_left` and `_right`, `reference_velocity` and `reference_yaw_rate` (a `cmd_vel`), or
   `reference_speed` of a motor. Then the model contains a speed controller. State known gains under
   `[nominal.effects]`; otherwise `feedforward` and `integral` are fitted. The value of `emf_constant` then sets the
-  scale of all voltages, and a proportional gain acts like a smaller resistance.
-- A motor whose drive closes a current loop has `force_per_volt` or `torque_per_volt` under `[nominal]`.
+  scale of all voltages, and a higher proportional gain acts like a lower resistance.
+- A motor whose drive controls the current needs `force_per_volt` or `torque_per_volt` under `[nominal]`.
 """
 
 from __future__ import annotations
@@ -89,8 +89,8 @@ _RUN = {"name", "file", "role", "gap_s", "replicate_of", "initial"}
 
 _SET_POINTS = "reference"  # the names of a controller's set points begin with this word
 _NO_VOLTAGE = (
-    "the inputs are set points, and no voltage is logged: all voltages are on the scale of a back EMF constant of {:g} "
-    "V s/rad, and the controller's proportional gain cannot be told from the motor's resistance"
+    "the inputs are set points, and no voltage is logged: all voltages are scaled to a back EMF constant of {:g} "
+    "V s/rad, and a change of the controller's proportional gain looks like a change of the motor's resistance"
 )
 
 _LONGEST_GAP_S = 1e8
@@ -176,7 +176,7 @@ def describe(toml: TomlFile) -> Description:
 
 
 def _controllers(stated: Mapping[str, Mapping[str, Nominal]]) -> dict[str, dict[str, Nominal]]:
-    """Returns the effects of drives whose inputs are set points. A parameter with preset 0 stays 0 unless stated."""
+    """Returns the effects of a controller whose inputs are set points. A parameter with preset 0 is 0 unless stated."""
     return {
         effect.name: {row.name: Nominal(0.0) for row in effect.parameters if row.preset == 0}
         | dict(stated.get(effect.name, {}))
@@ -186,14 +186,14 @@ def _controllers(stated: Mapping[str, Mapping[str, Nominal]]) -> dict[str, dict[
 
 
 def _scale_of_volts(toml: TomlFile, nominal: Mapping[str, Nominal], signals: Collection[str]) -> Nominal:
-    """Returns the back EMF constant, without an sd: without logged voltages, it only scales all voltages.
+    """Returns the back EMF constant without an sd: it is not fitted, because it only scales the unknown voltages.
 
     Raises:
         InputError: `reference_velocity` needs a length that is not stated; or the drive closes a current loop.
     """
     for name in ("wheel_radius", "half_track"):
         if "reference_velocity" in signals and name not in nominal:
-            message = f"{name} is missing: the controller's own turns reference_velocity into wheel speeds"
+            message = f"{name} is missing: state the one with which the controller converts reference_velocity"
             toml.refuse(("nominal",), message)
     for name in ("force_per_volt", "torque_per_volt"):
         if name in nominal:
@@ -205,14 +205,14 @@ def _scale_of_volts(toml: TomlFile, nominal: Mapping[str, Nominal], signals: Col
 def _guessed(toml: TomlFile, given: object) -> tuple[str, ...]:
     """Returns an importer's guesses of unstated numbers, such as "960 counts a turn"."""
     if not isinstance(given, list) or not all(isinstance(guess, str) for guess in given):
-        toml.refuse(("guessed",), "is no list of texts")
+        toml.refuse(("guessed",), "is not a list of texts")
     return tuple(given)
 
 
 def _notes(data: Mapping[str, Any], signals: Collection[str]) -> list[str]:
     notes = []
     if "frame" not in data and TURNS_WITH_FRAME & set(signals):
-        notes.append("no frame is stated: FRD is assumed, the paper's, clockwise positive")
+        notes.append("no frame is stated: FRD is assumed, as in the paper: yaw is positive clockwise")
     if data.get("input_timing") == "unknown":
         notes.append(UNKNOWN_TIMING)
     return notes

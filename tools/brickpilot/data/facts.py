@@ -109,12 +109,12 @@ def weaker_side(dataset: Dataset) -> WeakerSide | None:
     if len(windows) < _LEAST_WINDOWS:
         return None
     turns = windows[:, :2]
-    far, less = (np.abs(turns).sum(axis=0).argsort()[::-1]).tolist()
-    share = float(1 - np.abs(turns[:, less]).sum() / np.abs(turns[:, far]).sum())
-    reach = _reach(1 - turns[:, less] / turns[:, far])
-    if share <= reach:
+    stronger, weaker = (np.abs(turns).sum(axis=0).argsort()[::-1]).tolist()
+    share = float(1 - np.abs(turns[:, weaker]).sum() / np.abs(turns[:, stronger]).sum())
+    half_width = _half_width(1 - turns[:, weaker] / turns[:, stronger])
+    if share <= half_width:
         return None
-    return WeakerSide(("left", "right")[less], share, share - reach, share + reach)
+    return WeakerSide(("left", "right")[weaker], share, share - half_width, share + half_width)
 
 
 def bend(dataset: Dataset, wheel_radius: float) -> Measure | None:
@@ -129,12 +129,12 @@ def bend(dataset: Dataset, wheel_radius: float) -> Measure | None:
         return None
     is_angle = any(wheel_angles(run) for run in dataset.runs)
     ways = windows[:, :2].mean(axis=1) * (wheel_radius if is_angle else 1.0)
-    size, reach = float(windows[:, 2].sum() / ways.sum()), _reach(windows[:, 2] / ways)
-    return None if abs(size) <= reach else Measure(size, size - reach, size + reach)
+    size, half_width = float(windows[:, 2].sum() / ways.sum()), _half_width(windows[:, 2] / ways)
+    return None if abs(size) <= half_width else Measure(size, size - half_width, size + half_width)
 
 
 def yaw_over_wheels(dataset: Dataset) -> Measure | None:
-    """Returns the ratio of the measured yaw to the yaw computed from wheels and stated lengths; None: not known.
+    """Returns the measured yaw divided by the yaw that wheels and stated lengths give; None: not known.
 
     A constant bias of the gyro is removed. The ratio is not known if slip or the gyro's range disturbs it.
     """
@@ -158,7 +158,7 @@ def yaw_over_wheels(dataset: Dataset) -> Measure | None:
     return Measure(size, size - 2 * sd, size + 2 * sd)
 
 
-def _reach(each: Array) -> float:
+def _half_width(each: Array) -> float:
     """Returns half the width of the 95 % interval of the mean of `each`."""
     return 2.0 * float(np.std(each, ddof=1)) / math.sqrt(len(each))
 

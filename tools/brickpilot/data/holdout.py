@@ -24,7 +24,7 @@ _PURE = 0.25
 _AS_LARGE = 1.5
 # Share of a run's input: if less of the input is in one direction, the run belongs to the other direction.
 _ONE_WAY = 0.1
-# A shorter stretch (s) is not held out, because it says little about a free run.
+# A shorter stretch (s) is not held out, because it tests a free run poorly.
 _SHORTEST_S = 0.3
 # Shares of the input's energy: the fit's share in total, the fit's share in each direction, and the least held-out
 # share.
@@ -114,9 +114,9 @@ def _note(out: Sequence[str], stretches: Sequence[str]) -> str:
         return "No run is held out: the data set names none, and each manoeuvre occurs once in a direction."
     parts = []
     if out:
-        parts.append(f"{', '.join(out)} (of each manoeuvre and direction up to one of three, never the largest input)")
+        parts.append(f"{', '.join(out)} (of runs alike at most one of three, and never the one with the largest input)")
     if stretches:
-        parts.append(f"the last of the drive in {', '.join(stretches)} (whose manoeuvre occurs once)")
+        parts.append(f"the last part of the drive in {', '.join(stretches)} (a manoeuvre that occurs once)")
     return f"The program held out {' and '.join(parts)}."
 
 
@@ -239,13 +239,17 @@ def enough_to_fit(dataset: Dataset) -> tuple[Dataset, str | None]:
                 chosen.add(run.name)
                 samples += len(run.time)
     note = (
-        f"The nominal values are fitted to {len(chosen)} of {len(runs)} fit runs, {samples} samples: more tell no more."
+        f"The nominal values are fitted to {len(chosen)} of {len(runs)} fit runs, {samples} samples: "
+        "more samples would hardly improve them."
     )
     return replace(dataset, runs=_kept(dataset, chosen)), note
 
 
 def _in_turn(group: Group) -> list[Run]:
-    """Returns a group's runs in the order of choice: the largest input, then the others at halves, quarters ..."""
+    """Returns a group's runs in the order of choice: the run with the largest input, then the others.
+
+    The others are in bit-reversed order, so that the first few are always spread evenly over the file's order.
+    """
     largest = max(range(len(group)), key=lambda index: group[index][0])
     others = [run for index, (_, run) in enumerate(group) if index != largest]
     bits = max(len(others) - 1, 1).bit_length()
@@ -266,7 +270,7 @@ def _kept(dataset: Dataset, chosen: set[str]) -> tuple[Run, ...]:
 
 
 def repeats(dataset: Dataset) -> tuple[tuple[str, str, float], ...]:
-    """Returns pairs of runs whose inputs are equal from the start, and for how long, in s; also unstated replicates."""
+    """Returns pairs of runs whose inputs are equal from the start, stated as replicates or not, and how long, in s."""
     inputs = {run.name: motor_inputs(run, dataset) for run in dataset.runs}
     pairs = []
     for first, second in combinations(dataset.runs, 2):
@@ -278,7 +282,7 @@ def repeats(dataset: Dataset) -> tuple[tuple[str, str, float], ...]:
 
 
 def _same_for(first: Run, second: Run, inputs: Mapping[str, Array], grid: Array) -> float:
-    """Returns for how long, in s from the start, the inputs of two runs are the same; compared at times `grid`."""
+    """Returns how long the inputs of two runs are the same, in s from their starts, at the compared times `grid`."""
     rows = (np.searchsorted(run.time - run.time[0], grid + 1e-9, side="right") - 1 for run in (first, second))
     of_first, of_second = (inputs[run.name][held] for run, held in zip((first, second), rows, strict=True))
     if not np.array_equal(np.isnan(of_first), np.isnan(of_second)):

@@ -52,14 +52,14 @@ def orders(dataset: Dataset) -> tuple[float, ...]:
             continue
         for wheel, (name, angle) in enumerate((wheel_angles(run) or {}).items()):
             speed = np.gradient(angle, run.time)
-            jerked = np.gradient(speed, run.time) * np.gradient(run.time)
-            jerked -= jerked.mean()
+            gained = np.gradient(speed, run.time) * np.gradient(run.time)
+            gained -= gained.mean()
             volts = driven[:, min(wheel, driven.shape[1] - 1)]
             current = volts - speed * float(volts @ speed) / max(float(speed @ speed), 1e-300)
-            sums = _sums(angle, jerked)
+            sums = _sums(angle, gained)
             alone += np.abs(sums) ** 2
             plain[name] = plain.get(name, 0.0) + sums
-            by_current[name] = by_current.get(name, 0.0) + _sums(angle, jerked * current)
+            by_current[name] = by_current.get(name, 0.0) + _sums(angle, gained * current)
     distinct: list[float] = []
     none = np.zeros_like(alone)
     coherent = [sum((np.abs(sums) ** 2 for sums in wheels.values()), none) for wheels in (plain, by_current)]
@@ -150,8 +150,8 @@ class Period:
     def sentence(self) -> str:
         """Returns a sentence for the user."""
         return (
-            f"a disturbance of {self.frequency:.3g} Hz that no command makes holds {100 * self.share:.2g} % of what is "
-            f"left, with an amplitude of {self.amplitude:.3g}"
+            f"a disturbance of {self.frequency:.3g} Hz that no command causes has {100 * self.share:.2g} % of the "
+            f"residual's power, with an amplitude of {self.amplitude:.3g}"
         )
 
 
@@ -163,7 +163,7 @@ def own_period(residuals: Sequence[tuple[Array, Array]], level: float) -> Period
     The sum is compared with the mean at eight frequencies on each side. The nearest frequency on each side is left out,
     because a peak between two frequencies appears in both. On a smooth background the ratio is Fisher's F, with two
     degrees of freedom for each piece and frequency. So a piece must hold at least ten periods. A lightly damped
-    resonance gives such a peak, too, and cannot be told from a disturbance.
+    resonance gives such a peak, too, and cannot be distinguished from a disturbance.
 
     Args:
         residuals: for each run: time (n,) in s, possibly uneven, and residual (n,), NaN where unknown.

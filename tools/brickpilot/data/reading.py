@@ -1,7 +1,7 @@
 """Reads measured data sets: a folder with `dataset.toml` and one text file of columns per run, or DataFrames.
 
-The values are converted to SI and to the paper's frame, channels whose wiring is certainly wrong are mended, and
-damaged samples are blanked. DataFrames get the same checks as files.
+The values are converted to SI and to the paper's frame. Channels that are certainly wired wrongly are mended, and
+damaged samples become NaN. DataFrames get the same checks as files.
 """
 
 from __future__ import annotations
@@ -212,7 +212,7 @@ def _numbers(columns: _FrameColumns, field: str, cells: pandas.Series) -> Array:
 
 
 def _plain(value: Any) -> Any:
-    """Returns the value as a TOML reader would return it: without numpy scalars, tuples or other mappings than dict."""
+    """Returns the value in the types of a TOML reader: dicts, lists, and numbers instead of numpy scalars."""
     if isinstance(value, Mapping):
         return {str(name): _plain(entry) for name, entry in value.items()}
     if isinstance(value, Sequence) and not isinstance(value, str):
@@ -242,8 +242,8 @@ def _checked(
     fewer = [decimated(run) for run in runs]
     rows, kept = (sum(run.time.size for run in chosen) for chosen in (runs, fewer))
     merged = (
-        f"{rows:,} rows become {kept:,}: the plant moves its motors in steps of {1e3 * MOTOR_STEP_S:g} ms, and faster "
-        "rows tell it nothing; inputs are averaged"
+        f"{rows:,} rows become {kept:,}: the plant simulates its motors in steps of {1e3 * MOTOR_STEP_S:g} ms, and so "
+        "cannot use faster rows; inputs are averaged"
     )
     if stated.input_timing == "linear":
         fewer = [with_linear_inputs(run) for run in fewer]
@@ -295,8 +295,8 @@ def channels_of(run: Run) -> Channels:
 def _channels(runs: list[Run], stated: Dataset) -> list[Channels]:
     """Returns the channels of runs, without the sensors for which the data set states an effect.
 
-    For example, an unsigned sensor contradicts the other channels whenever its wheel turns backward, but this is no
-    fault.
+    Such an effect is no fault: an unsigned sensor, for example, contradicts the other channels whenever its wheel turns
+    backward.
     """
     sound = {name for name, signal in stated.signals.items() if not signal.stated}
 
@@ -307,7 +307,7 @@ def _channels(runs: list[Run], stated: Dataset) -> list[Channels]:
 
 
 def _wired(runs: list[Run], description: Description) -> tuple[tuple[Miswired, ...], tuple[str, ...], list[Run]]:
-    """Returns the faults of wiring in all runs, the corrected guesses, and the runs with sure faults mended."""
+    """Returns the wiring faults, the guesses corrected by them, and the runs in which the sure faults are mended."""
     stated = description.dataset
     faults = miswired(_channels(runs, stated), lengths(stated.nominal, stated.vehicle))
     if description.as_wired:
@@ -325,8 +325,8 @@ def _wired(runs: list[Run], description: Description) -> tuple[tuple[Miswired, .
 def decimated(run: Run) -> Run:
     """Returns the run with rows merged to about one per motor step; the run itself if its rows are not closer.
 
-    An input becomes the mean over the merged rows, and floats if it floats in one of these rows. An output is the first
-    reading in these rows, so that a channel with fewer readings than rows loses no reading.
+    An input becomes the mean over the merged rows; if the motor floats in one of these rows, it floats in the new row.
+    An output becomes the first reading in these rows, so that a channel with fewer readings than rows loses no reading.
     """
     step = float(np.median(np.diff(run.time)))
     together = int(MOTOR_STEP_S / step * (1 + 1e-6))

@@ -71,7 +71,7 @@ def ask(
     stated = {name: value for name, value in believed.parameters.items() if rcx().parameters.get(name) != value}
     spec = flights.link_of(link, target, lockstep)
     file = Path(robot).resolve()
-    model_file.load(file)  # a bad file is told before the first flight
+    model_file.load(file)  # refuses a bad file before the first flight
     folder = Path(out) if out else Path("runs") / f"ask-{file.stem}"
     with fresh_folder(folder, FILES) as beside:
         made: list[Path] = []

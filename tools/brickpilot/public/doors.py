@@ -111,7 +111,7 @@ def names_of(field: str, given: str | Iterable[str]) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class FlightRequest:
-    """The shared options as the user gave them; None: the option is absent."""
+    """The options that the commands for flights share, as the user gave them; None: the option is absent."""
 
     scenario_name: str | None = None
     scenario_file: str | None = None
@@ -147,7 +147,7 @@ class FlightRequest:
         }
 
     def options(self, plan: Plan) -> dict[str, Any]:
-        """The options that repeat the flight of `plan`, for `command_line`."""
+        """Returns the options with which `command_line` repeats the flight of `plan`."""
         chosen = {"profile": plan.controller, "sensors": plan.sensors, "seed": plan.seed}
         files = {"model": self.model_file, "compensation": self.compensation_file, "gains": self.gains_file}
         return chosen | files

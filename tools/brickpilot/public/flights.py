@@ -96,19 +96,19 @@ def image_of(image: Path, request: FlightRequest, target: str) -> OwnImage:
         InputError: the image cannot be flown, or an option contradicts the image.
     """
     if target != "host":
-        raise InputError("has an image of its own: leave it or --image out", field=f"--target {target}")
+        raise InputError("cannot be used with --image, which chooses the target", field=f"--target {target}")
     if request.model_file is None:
         raise InputError("needs --model: the robot that the image was made for", field="--image")
     for name, given in (("compensation", request.compensation_file), ("gains", request.gains_file)):
         if given is not None:
-            raise InputError("has no place here: the image has its own", field=f"--{name}")
+            raise InputError("cannot be used with --image, which has its own", field=f"--{name}")
     if request.profile not in (None, "coupled"):
         raise InputError("the image has the profile coupled alone", field=f"--profile {request.profile}")
     return simulate.find_image(image)
 
 
 def _plan(request: FlightRequest, session: Session) -> Plan:
-    """Returns the plan of the flight, after a check that the brick can have the plan's sensors."""
+    """Returns the plan of the flight; raises InputError if the brick cannot have the plan's sensors."""
     if session.image is None:
         plan = flight.plan(request.scenario, **request.choices())
         check_sensors(session.spec, plan.sensors)
@@ -169,7 +169,7 @@ def hil(
 def fly_over(request: FlightRequest, session: Session, out: str | Path | None, progress: Progress) -> Made:
     """Flies the requested flight and writes its run folder; see `hil`."""
     if session.trace is not None and not session.avr:
-        raise InputError("needs --target avr: only there are pins", field="--trace")
+        raise InputError("needs --target avr, the only target with pins", field="--trace")
     plan = _plan(request, session)
     folder = Path(out) if out else Path("runs") / f"hil-{plan.scenario.name}-{plan.controller}-{plan.sensors}"
     command = _command(request, session, plan)

@@ -109,17 +109,17 @@ def tune(
         file = Path(model) if model is not None else _calibrated(Path(str(dataset)), beside, seed, show)
         problem = tuner.problem(file, board, sensors, None if scenario is None else str(scenario), SD_SHARE, seed)
         total = tuner.SCALE_ROBOTS + 2 * judges + (spent.sets or 0) * robots
-        said = {"scale": "flying the start", "search": "searching", "judge": "judging"}
+        texts = {"scale": "flying the start", "search": "searching", "judge": "judging"}
         tuned = tuner.tune(
             problem, where, robots=robots, judges=judges, budget=spent,
-            show=lambda stage, count: show(min(count, total), total, said[stage]),
+            show=lambda stage, count: show(min(count, total), total, texts[stage]),
         )  # fmt: skip
         figures = _write_tuned(tuned, command, beside)
     return Made(folder, tune_page.sentence(tuned), figures), tuned
 
 
 def _budget(text: str) -> Budget:
-    """Reads `--budget`."""
+    """Returns the budget of `--budget`: a number of gain sets, or of seconds."""
     try:
         amount = float(text.removesuffix("s"))
     except ValueError:
@@ -188,8 +188,7 @@ def firmware(
         )  # fmt: skip
         _write_firmware(order, made, figures, command, beside)
     failure = figures["flight"]["failure"]
-    said = f"{order.robot.model.name}: {failure or 'the mission is flown'}"
-    return Made(folder, said, figures)
+    return Made(folder, f"{order.robot.model.name}: {failure or 'the mission is flown'}", figures)
 
 
 def _fly_image(model_file: str, order: Order, folder: Path) -> str | None:
