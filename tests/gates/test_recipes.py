@@ -143,7 +143,7 @@ static void test_the_clock_is_that_of_the_loop(void)
 ASK = """\
     def clock(self) -> int:
         \"\"\"Returns the low 16 bits of the brick's clock, ms.\"\"\"
-        return self._request("CLOCK_REQUEST", "CLOCK", ())["now"]
+        return self._request("CLOCK_REQUEST", ())["now"]
 
 """
 

@@ -69,13 +69,12 @@ def run(kind: str, seed: int, transport: str) -> Outcome:
     wanted = plan(kind, seed, transport)
     with ends.both_ends(transport) as both:
         flown = fly.fly(
-            both,
+            dataclasses.replace(both, reply_s=REPLY_S),
             transport,
             wanted,
             pace="lockstep",
             telemetry_every=10,
             progress=lambda *_: None,
-            reply_s=REPLY_S,
         )
     return Outcome(trouble_of(wanted, flown), flown.safe_stops > 0, flown.lost_frames)
 

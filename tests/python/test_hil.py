@@ -26,6 +26,7 @@ from brickpilot.link.session import LOCKSTEP, REALTIME, Session
 from brickpilot.vehicle import flight, flight_figures, scenario
 from brickpilot.vehicle.compensation import FORMATS, Compensation
 from brickpilot.vehicle.model import rcx
+from brickpilot.vehicle.settings import settings as known_settings
 from command import brickpilot
 
 LATE = 7  # number of the fault of a run that the watchdog ended, see firmware/autopilot/mode.h
@@ -41,9 +42,8 @@ def plan(sensors: str = "ideal", profile: str = "coupled", **changes: object) ->
 
 def over(spec: str, wanted: flight.Plan, pace: str = LOCKSTEP, every: int = 10) -> fly.HilFlight:
     with ends.both_ends(spec) as both:
-        return fly.fly(
-            both, spec, wanted, pace=pace, telemetry_every=every, progress=lambda *_: None, reply_s=PATIENT_S
-        )
+        patient = dataclasses.replace(both, reply_s=PATIENT_S)
+        return fly.fly(patient, spec, wanted, pace=pace, telemetry_every=every, progress=lambda *_: None)
 
 
 def undisturbed(flight_in_real_time: Callable[[], fly.HilFlight]) -> fly.HilFlight:
@@ -273,7 +273,7 @@ def test_settings_are_written_read_back_and_range_checked(session: Session) -> N
     with pytest.raises(InputError, match="out of range"):
         session.write("speed_kp", 2**40)
     assert session.read("speed_kp") == 2000
-    for name in session.parameters():
+    for name in known_settings():
         session.write(name, session.read(name))
 
 

@@ -151,11 +151,12 @@ def _list_settings(spec: str, profile: str, image: Path | None, as_json: bool) -
     """Prints every setting of the brick."""
     from brickpilot.hil import ends
     from brickpilot.link.session import LOCKSTEP, Session
+    from brickpilot.vehicle.settings import settings
 
     with ends.both_ends(spec, image=image) as both:
         session = Session(both.link, spec)
         session.open(profile, LOCKSTEP)
-        values = {name: session.read(name) for name in session.parameters()}
+        values = {name: session.read(name) for name in settings()}
     show(values, setting_lines(values, "now"), as_json=as_json)
 
 

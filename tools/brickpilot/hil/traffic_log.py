@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import can
 
 from brickpilot.errors import InputError, SimulationError
-from brickpilot.hil.linked_flight import SEQUENCE_AT
 from brickpilot.link.links import Link, Message, WrappedLink
-from brickpilot.link.messages import Layout, book
+from brickpilot.link.messages import SIZE, book
 from brickpilot.link.session import LOCKSTEP, Session
 
 SUFFIXES = (".asc", ".blf", ".log")
@@ -67,6 +68,16 @@ class RecordingLink(WrappedLink):
         self._link.close()
 
 
+@contextmanager
+def recorded(link: Link, file: Path | None) -> Iterator[Link]:
+    """Yields the link, with its messages written to `file`; None: without a recording."""
+    if file is None:
+        yield link
+    else:
+        with closing(RecordingLink(link, file)) as recording:
+            yield recording
+
+
 def read(file: Path) -> list[can.Message]:
     """Returns the messages of a log in order; each message has its time, and whether the host received it.
 
@@ -98,17 +109,6 @@ class Replayed:
     first: int | None
 
 
-REPLIES = {
-    "OPEN": "HELLO",
-    "MODE_COMMAND": "MODE_REPLY",
-    "PARAMETER_REQUEST": "PARAMETER",
-    "WAYPOINT_REQUEST": "WAYPOINT",
-    "ROUTE_REQUEST": "ROUTE",
-    "SYNC": "MOTORS",
-}
-"""Message of the host -> message with which the brick replies."""
-
-
 def replay(link: Link, spec: str, file: Path) -> Replayed:
     """Sends a recorded flight to a brick again and compares the motor commands.
 
@@ -132,13 +132,14 @@ def replay(link: Link, spec: str, file: Path) -> Replayed:
         if identifier == motors.id and motors.sealed(data):
             recorded[number] = motors.unpack(data)[:2]
         layout = book().by_id.get(identifier)
-        if layout is None or book().database.get_message_by_name(layout.name).senders != ["HOST"]:
+        if layout is None or layout.of_brick:
             continue
         link.send([(identifier, data)])
-        if layout.name not in REPLIES or len(data) != 8:
+        expected = book().reply_to(layout)
+        if expected is None or len(data) != SIZE:
             continue
         number += layout.name == "SYNC"
-        reply = _reply_to(session, layout, data)
+        reply = session.wait(expected.id, partial(expected.answers, layout.sequence(data)), 1.0)
         if reply is None and layout.name == "OPEN":
             raise InputError("no brick has replied", field=f"--link {spec}")
         if reply is None and number in recorded:
@@ -161,10 +162,3 @@ def _check_opening(messages: Sequence[Message], file: Path) -> None:
         raise InputError("holds a flight in real time; only flights in lockstep can be replayed", file=file)
     if (request["protocol"], request["dbc"]) != (book().protocol, book().crc):
         raise InputError("was recorded with another brickpilot.dbc", file=file)
-
-
-def _reply_to(session: Session, layout: Layout, data: bytes) -> bytes | None:
-    """Waits for the reply to a message of the host that was just sent."""
-    reply = book().by_name[REPLIES[layout.name]]
-    at = SEQUENCE_AT if layout.name == "SYNC" else 0  # in all other messages, the sequence number is the first byte
-    return session.wait(reply.id, lambda answer: reply.sealed(answer) and answer[at] == data[at], 1.0)

@@ -1,21 +1,21 @@
 """Packs and unpacks a link's messages as the DBC defines: raw integers to and from 8 bytes, with CRCs.
 
 cantools needs about 20 us for a message, and a step in lockstep has a dozen messages. So the layouts are read from the
-DBC once, and messages are packed by `struct` or by shifts.
+DBC once, and bitstruct, the library below cantools, packs raw integers without scales and checks.
 """
 
 from __future__ import annotations
 
 import binascii
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
+import bitstruct.c
 import cantools
 from cantools.database.can import Database, Message
 
-CODES = {(8, False): "B", (8, True): "b", (16, False): "H", (16, True): "h", (32, False): "I", (32, True): "i"}
 SIZE = 8
 CRC_AT = 6
 
@@ -24,30 +24,32 @@ class Layout:
     """The layout of one message. `pack` takes raw values in the order of `names`; `unpack` returns them.
 
     Args:
-        message: a message of the DBC with 8 bytes and little-endian signals that do not overlap.
+        message: a message of the DBC with 8 bytes and little-endian signals that do not overlap; one begins at bit 0.
     """
 
     def __init__(self, message: Message) -> None:
         self.id = message.frame_id
         self.name = message.name
+        self.of_brick = message.senders == ["BRICK"]
         signals = sorted(message.signals, key=lambda signal: signal.start)
         self.names = tuple(signal.name for signal in signals)
-        self._fields = tuple((s.start, (1 << s.length) - 1, 1 << (s.length - 1) if s.is_signed else 0) for s in signals)
-        self._struct = _struct([(s.start, s.length, s.is_signed) for s in signals])
-        self.pack: Callable[..., bytes] = self._shift_in if self._struct is None else self._struct.pack
-        self.unpack: Callable[[bytes], tuple[int, ...]] = (
-            self._shift_out if self._struct is None else self._struct.unpack
-        )
+        form, top = "", 8 * SIZE  # bitstruct begins with the highest bit, so bytes and signals are in reversed order
+        for signal in reversed(signals):
+            gap = top - signal.start - signal.length
+            form += (f"p{gap}" if gap else "") + ("s" if signal.is_signed else "u") + str(signal.length)
+            top = signal.start
+        assert top == 0
+        self._form = bitstruct.c.compile(form)
 
-    def _shift_in(self, *values: int) -> bytes:
-        whole = 0
-        for value, (start, mask, _) in zip(values, self._fields, strict=True):
-            whole |= (value & mask) << start
-        return whole.to_bytes(SIZE, "little")
+    def pack(self, *values: int) -> bytes:
+        """Returns the message's data."""
+        packed: bytes = self._form.pack(*values[::-1])[::-1]
+        return packed
 
-    def _shift_out(self, data: bytes) -> tuple[int, ...]:
-        whole = int.from_bytes(data, "little")
-        return tuple((((whole >> start) & mask) ^ sign) - sign for start, mask, sign in self._fields)
+    def unpack(self, data: bytes) -> tuple[int, ...]:
+        """Returns the raw value of each signal in `data`, which are 8 bytes."""
+        values: tuple[int, ...] = self._form.unpack(data[::-1])[::-1]
+        return values
 
     def seal(self, *values: int) -> bytes:
         """Packs `values`, without the CRC, and puts the CRC of this message into the last two bytes."""
@@ -60,16 +62,13 @@ class Layout:
             return False
         return crc16(struct.pack("<H", self.id) + data[:CRC_AT]) == data[6] | data[7] << 8
 
+    def sequence(self, data: bytes) -> int:
+        """Returns the sequence number in the data."""
+        return self.unpack(data)[self.names.index("sequence")]
 
-def _struct(fields: Sequence[tuple[int, int, bool]]) -> struct.Struct | None:
-    """Returns the `struct` of fields (start bit, bits, signed), or None if a field does not consist of whole bytes."""
-    form, at = "<", 0
-    for start, bits, signed in fields:
-        if start % 8 or (bits, signed) not in CODES:
-            return None
-        form += "x" * (start // 8 - at) + CODES[bits, signed]
-        at = (start + bits) // 8
-    return struct.Struct(form + "x" * (SIZE - at))
+    def answers(self, sequence: int, data: bytes) -> bool:
+        """Returns whether the data have 8 bytes, the right CRC and this sequence number."""
+        return self.sealed(data) and self.sequence(data) == sequence
 
 
 def crc16(data: bytes) -> int:
@@ -89,6 +88,11 @@ class Book:
         layouts = [Layout(message) for message in database.messages]
         self.by_name = {layout.name: layout for layout in layouts}
         self.by_id = {layout.id: layout for layout in layouts}
+
+    def reply_to(self, request: Layout) -> Layout | None:
+        """Returns the brick's reply to a message of the host: the next id, or MOTORS to SYNC; None: it has no reply."""
+        reply = self.by_name["MOTORS"] if request.name == "SYNC" else self.by_id.get(request.id + 1)
+        return reply if reply is not None and reply.of_brick else None
 
     def choices(self, message: str, signal: str) -> dict[str, int]:
         """Returns name -> number, for a signal with named values."""

@@ -9,18 +9,14 @@ from functools import partial
 
 from brickpilot.errors import InputError, SimulationError
 from brickpilot.link.links import Link, Message
-from brickpilot.link.messages import Layout, book, crc16
-from brickpilot.vehicle.settings import named, settings
+from brickpilot.link.messages import book, crc16
+from brickpilot.vehicle.settings import named
 
 REPLY_S = 0.25
 TRIES = 4
 OPEN_TRIES = 8
 
 LOCKSTEP, REALTIME = "lockstep", "realtime"
-
-
-def _is_reply(layout: Layout, sequence: int, data: bytes) -> bool:
-    return data[:1] == bytes([sequence]) and layout.sealed(data)
 
 
 class NoReplyError(SimulationError):
@@ -76,13 +72,15 @@ class Session:
                     self.other(frame_id, data)
         return reply
 
-    def _request(self, request: str, reply: str, values: Sequence[int], tries: int = TRIES) -> dict[str, int]:
+    def _request(self, request: str, values: Sequence[int], tries: int = TRIES) -> dict[str, int]:
         """Sends a request up to `tries` times and returns the signals of its reply."""
-        out, back = self._book.by_name[request], self._book.by_name[reply]
+        out = self._book.by_name[request]
+        back = self._book.reply_to(out)
+        assert back is not None
         for attempt in range(tries):
             sequence = self.next_sequence()
             self.link.send([(out.id, out.seal(sequence, *values))])
-            data = self.wait(back.id, partial(_is_reply, back, sequence), self.reply_s)
+            data = self.wait(back.id, partial(back.answers, sequence), self.reply_s)
             self.repeated += attempt > 0
             if data is not None:
                 return dict(zip(back.names, back.unpack(data), strict=True))
@@ -99,7 +97,7 @@ class Session:
         began = self.now()
         before = self.repeated
         try:
-            hello = self._request("OPEN", "HELLO", values, OPEN_TRIES)
+            hello = self._request("OPEN", values, OPEN_TRIES)
         except NoReplyError:
             seconds = round(self.now() - began)
             raise InputError(f"no brick has replied for {seconds} s", field=f"--link {self.spec}") from None
@@ -115,10 +113,6 @@ class Session:
         if status != "ok":
             raise InputError(reasons.get(status, f"the brick refuses: {status}"), field=f"--link {self.spec}")
         self.resets.opened(self.repeated - before)
-
-    def parameters(self) -> tuple[str, ...]:
-        """Returns the names of the settings that can be read and written."""
-        return tuple(settings())
 
     def read(self, name: str) -> int:
         """Returns the raw value of a setting.
@@ -138,7 +132,7 @@ class Session:
         self._parameter(name, 1, value)
 
     def _parameter(self, name: str, write: int, value: int) -> int:
-        reply = self._request("PARAMETER_REQUEST", "PARAMETER", (named(name).number, write, value))
+        reply = self._request("PARAMETER_REQUEST", (named(name).number, write, value))
         self._check(reply["status"], name, value)
         return reply["value"]
 
@@ -156,16 +150,16 @@ class Session:
         for index, (x, y) in enumerate(waypoints):
             if not (-32768 <= x <= 32767 and -32768 <= y <= 32767):
                 raise InputError(f"({x}, {y}) mm is out of range", field=f"waypoint {index}")
-            reply = self._request("WAYPOINT_REQUEST", "WAYPOINT", (index, 1, x, y))
+            reply = self._request("WAYPOINT_REQUEST", (index, 1, x, y))
             self._check(reply["status"], f"waypoint {index}", f"({x}, {y}) mm")
         crc = crc16(b"".join(struct.pack("<hh", x, y) for x, y in waypoints))
-        if status := self._request("ROUTE_REQUEST", "ROUTE", (len(waypoints), 1, crc))["status"]:
+        if status := self._request("ROUTE_REQUEST", (len(waypoints), 1, crc))["status"]:
             raise InputError(f"the brick refuses it: {self._book.name('ROUTE', 'status', status)}", field="route")
 
     def route(self) -> list[tuple[int, int]]:
         """Returns the route that the brick holds, in mm."""
-        count = self._request("ROUTE_REQUEST", "ROUTE", (0, 0, 0))["count"]
-        replies = [self._request("WAYPOINT_REQUEST", "WAYPOINT", (index, 0, 0, 0)) for index in range(count)]
+        count = self._request("ROUTE_REQUEST", (0, 0, 0))["count"]
+        replies = [self._request("WAYPOINT_REQUEST", (index, 0, 0, 0)) for index in range(count)]
         return [(reply["x"], reply["y"]) for reply in replies]
 
     def command(self, name: str) -> None:
@@ -174,7 +168,7 @@ class Session:
         Raises:
             InputError: the command is not valid in the brick's mode.
         """
-        reply = self._request("MODE_COMMAND", "MODE_REPLY", (self._book.choices("MODE_COMMAND", "command")[name],))
+        reply = self._request("MODE_COMMAND", (self._book.choices("MODE_COMMAND", "command")[name],))
         if reply["status"]:
             mode = self._book.name("MODE_REPLY", "mode", reply["mode"])
             raise InputError(f"has no meaning in mode {mode}", field=name)
