@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import socket
-import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,7 +9,6 @@ import numpy as np
 from brickpilot.firmware import boards
 from brickpilot.hil import ends, fly
 from brickpilot.hil.ends import H8SIM_REPLY_S
-from brickpilot.link.links import StreamLink
 from brickpilot.link.session import LOCKSTEP
 from brickpilot.vehicle.flight import Plan
 from numpy.typing import NDArray
@@ -23,13 +20,7 @@ def motors(headers: Path, flags: Sequence[str], plan: Plan, scratch: Path) -> ND
     """Builds the image with these headers and flags in `scratch`, and returns its duties, (steps, 2)."""
     built = boards.run([str(ROOT / "firmware/targets/h8sim/build"), str(scratch / "h8"), f"-I{headers}", *flags], ROOT)
     simulator = boards.run([str(ROOT / "hal/h8sim/simulator")], ROOT).strip()
-    ours, theirs = socket.socketpair()
-    command = ["stdbuf", "-o0", simulator, built.strip()]
-    with theirs:
-        brick = subprocess.Popen(
-            command, bufsize=0, stdin=theirs.fileno(), stdout=theirs.fileno(), stderr=subprocess.DEVNULL
-        )
-    link = StreamLink(ours)
+    brick, link = ends.start_program(["stdbuf", "-o0", simulator, built.strip()])
     end = ends.Ends(link, None, H8SIM_REPLY_S)
     flown = fly.fly(end, "h8", plan, pace=LOCKSTEP, telemetry_every=255, progress=lambda *_: None)
     link.close()

@@ -117,8 +117,8 @@ def test_a_flight_repeats_itself_to_the_bit_and_its_signals_are_traced(
     assert traced.flight.motors.tobytes() == begun.flight.motors[:steps].tobytes()
     for name, column in traced.flight.log.items():
         assert column.tobytes() == begun.flight.log[name][:steps].tobytes(), name
-    for name, column in traced.ticks.columns().items():
-        assert column.tobytes() == begun.ticks.columns()[name][:steps].tobytes(), name
+    for name, column in traced.ticks.items():
+        assert column.tobytes() == begun.ticks[name][:steps].tobytes(), name
     text = trace.read_text()
     names = {line.split()[4]: line.split()[3] for line in text.splitlines() if line.startswith("$var")}
     assert {"left_pwm", "right_in2", "left_a", "gyro", "battery"} <= names.keys()

@@ -29,13 +29,13 @@ def test_each_tick_has_its_own_round_trip_and_troubles() -> None:
             recorder.replied(7 + step)
         recorder.count(step, 0, int(step >= 2), 3, 0)
     recorder.replied(99)  # a reply to a set that was never sent
-    ticks = recorder.ticks(5)
-    assert ticks.begun_s[0] == 0.0
-    assert np.all(np.diff(ticks.begun_s[:4]) > 0)
-    assert np.isnan(ticks.begun_s[4])
-    assert np.isnan(ticks.round_trip_ms).tolist() == [False, False, True, False, True]
-    assert ticks.troubles["lost_frames"].tolist() == [0, 0, 1, 0, 0]
-    assert ticks.troubles["refused_frames"].tolist() == [3, 0, 0, 0, 0]
+    ticks = recorder.columns(5)
+    assert ticks["begun_s"][0] == 0.0
+    assert np.all(np.diff(ticks["begun_s"][:4]) > 0)
+    assert np.isnan(ticks["begun_s"][4])
+    assert np.isnan(ticks["round_trip_ms"]).tolist() == [False, False, True, False, True]
+    assert ticks["lost_frames"].tolist() == [0, 0, 1, 0, 0]
+    assert ticks["refused_frames"].tolist() == [3, 0, 0, 0, 0]
 
 
 def test_a_reply_to_a_set_of_an_earlier_tick_counts_for_that_tick() -> None:
@@ -43,7 +43,7 @@ def test_a_reply_to_a_set_of_an_earlier_tick_counts_for_that_tick() -> None:
     recorder.sent(0, 1)
     recorder.sent(1, 2)
     recorder.replied(1)
-    assert np.isfinite(recorder.ticks(2).round_trip_ms).tolist() == [True, False]
+    assert np.isfinite(recorder.columns(2)["round_trip_ms"]).tolist() == [True, False]
 
 
 @pytest.mark.realtime  # frames get lost, and the link stops the motors if a reply takes too long

@@ -94,7 +94,7 @@ def replay(campaign: Campaign, index: int) -> Replayed:
         from brickpilot.hil import fly  # needs more libraries than a flight without a link
 
         linked = fly.fly_alone(run.plan)
-        flown, figures, ticks = linked.flight, linked.figures(fly.MEMORY, "lockstep"), linked.ticks.columns()
+        flown, figures, ticks = linked.flight, linked.figures(fly.MEMORY, "lockstep"), linked.ticks
     else:
         flown = flight.fly(run.plan)
         figures = flight_figures.summary(flown)

@@ -10,8 +10,6 @@ import itertools
 import json
 import math
 import re
-import socket
-import subprocess
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +19,6 @@ from brickpilot.errors import InputError, SimulationError
 from brickpilot.firmware import boards, robot
 from brickpilot.firmware.robot import Robot, packaged
 from brickpilot.hil import ends, fly
-from brickpilot.link.links import StreamLink
 from brickpilot.link.session import LOCKSTEP
 from brickpilot.vehicle import flight, scenario
 from brickpilot.vehicle.compensation import FORMATS
@@ -95,20 +92,13 @@ def fly_own(root: Path, headers: Path, flags: Sequence[str], planned: flight.Pla
     """
     program = folder / "brick"
     boards.run([str(root / "firmware/targets/host/build"), str(program), f"-I{headers}", *flags], root)
-    ours, theirs = socket.socketpair()
-    with theirs:
-        brick = subprocess.Popen([program], stdin=theirs.fileno(), stdout=theirs.fileno())
-    link = StreamLink(ours)
+    brick, link = ends.start_program([program])
     try:
         end = ends.Ends(link, None, REPLY_S)
         flown = fly.fly(end, "firmware", planned, pace=LOCKSTEP, telemetry_every=1, progress=lambda *_: None)
     finally:
         link.close()
-        try:
-            status = brick.wait(REPLY_S)
-        except subprocess.TimeoutExpired:
-            brick.kill()
-            status = brick.wait()
+        status = ends.wait_for_end(brick)
     if status != 0 or flown.broke_off is not None:
         raise SimulationError(f"the firmware on this machine ended: {flown.broke_off or f'status {status}'}")
     return flown

@@ -24,10 +24,11 @@ from brickpilot.errors import InputError, SimulationError
 from brickpilot.hil import fly as over_a_link
 from brickpilot.hil.checkout import AVR_TARGETS, checkout, script_output
 from brickpilot.hil.ends import Ends
-from brickpilot.hil.linked_flight import LinkedFlight, Progress
+from brickpilot.hil.linked_flight import LinkedFlight, Progress, Watch
 from brickpilot.hil.plant_end import BROWN_OUT_MV
+from brickpilot.hil.traffic_log import recorded
 from brickpilot.link.brick import prepare
-from brickpilot.link.links import Link, Message, decode_frame, encode_frame
+from brickpilot.link.links import Message, decode_frame, encode_frame
 from brickpilot.link.session import REALTIME
 from brickpilot.vehicle import flight
 from brickpilot.vehicle.scenario import AVR_KINDS, MESSAGE_KINDS, Fault
@@ -52,9 +53,9 @@ def fly(
     settings: Mapping[str, int] = MappingProxyType({}),
     trace: Path | None = None,
     scales: Mapping[str, float] = MappingProxyType({}),
-    wrap: Callable[[Link], Link] = lambda link: link,
+    record: Path | None = None,
     each_step: Callable[[AvrRobot, int], None] = lambda _robot, _step: None,
-    watch: over_a_link.Watch = lambda _run: None,
+    watch: Watch = lambda _run: None,
 ) -> over_a_link.HilFlight:
     """Flies the plan on simavr. The same arguments give bit-identical results.
 
@@ -67,7 +68,7 @@ def fly(
         settings: raw values that are written before the flight; they override those of the plan.
         trace: a VCD file of the signals at the pins.
         scales: the scales of sensors that differ from those of the packaged image: see `open_robot`.
-        wrap: wraps the host's line in another link, such as a recording one.
+        record: the file for the messages on the line, with one of `traffic_log.SUFFIXES`.
         each_step: called with the robot and the number of each control step before it is flown.
         watch: called at the beginning of each step.
 
@@ -78,27 +79,25 @@ def fly(
     _check_plan(plan, target)
     log = np.zeros((plan.steps, len(flight.log_names())))
     motors: NDArray[np.int16] = np.zeros((plan.steps, 2), dtype=np.int16)
-    with open_robot(plan, image, AVR_TARGETS[target].chip, log, motors, trace, scales) as robot:
-        run = LinkedFlight(Ends(wrap(robot), None, REPLY_S), target, plan, REALTIME, REPLY_S, progress)
+    with (
+        open_robot(plan, image, AVR_TARGETS[target].chip, log, motors, trace, scales) as robot,
+        recorded(robot, record) as link,
+    ):
+        run = LinkedFlight(Ends(link, None, REPLY_S), target, plan, REALTIME, progress, watch)
         prepare(run.session, plan, REALTIME, telemetry_every, settings)
         began = time.perf_counter()
-        _fly(run, robot, each_step, watch)
+        _fly(run, robot, each_step)
         elapsed = time.perf_counter() - began
     flown = over_a_link.flown(run, log, motors, elapsed)
-    ticks = dataclasses.replace(flown.ticks, begun_s=flown.ticks.time_s)  # the brick's own time has no jitter here
+    ticks = flown.ticks | {"begun_s": flown.ticks["time_s"]}  # the brick's own time has no jitter here
     return dataclasses.replace(flown, ticks=ticks)
 
 
-def _fly(
-    run: LinkedFlight, robot: AvrRobot, each_step: Callable[[AvrRobot, int], None], watch: over_a_link.Watch
-) -> None:
+def _fly(run: LinkedFlight, robot: AvrRobot, each_step: Callable[[AvrRobot, int], None]) -> None:
     """Flies until a second after the mission's end, or until the robot's behaviour after a reset is clear."""
-    ends_at = run.plan.steps
     resets = robot.tell().resets
-    while run.step < min(ends_at, run.plan.steps) and run.over_for() < over_a_link.REST_STEPS:
-        run.recorder.begin(run.step)
-        run.faulty.step = run.step
-        watch(run)
+    while run.step < run.plan.steps and run.over_for() < over_a_link.REST_STEPS:
+        run.begin_step()
         for fault in run.plan.scenario.faults:
             _act(robot, fault, run.step)
         if start := run.start_due():
@@ -109,9 +108,9 @@ def _fly(
         if robot.tell().resets > resets and run.broke_off is None:
             run.break_off("the brick was reset by its watchdog or its brown-out detector", run.step)
             run.safe_stops += 1
-            ends_at = min(ends_at, run.step + RESET_STEPS)
+            run.end_in(RESET_STEPS)
         if run.broke_off is None and run.break_off_if_reset():
-            ends_at = min(ends_at, run.step + RESET_STEPS)
+            run.end_in(RESET_STEPS)
         run.end_step()
 
 

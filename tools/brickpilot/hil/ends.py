@@ -13,14 +13,13 @@ import socket
 import subprocess
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
-
-import can
 
 from brickpilot.compiled import interface
 from brickpilot.errors import InputError, SimulationError
@@ -75,7 +74,9 @@ def both_ends(spec: str, trace: Path | None = None, image: Path | None = None) -
 
     Args:
         spec: the link, or one of `H8SIM_TARGETS`.
-        trace, image: see `start_h8`.
+        trace: for one of `H8SIM_TARGETS`, the file for the address and the stack pointer of each instruction, as
+            native 16-bit words.
+        image: see `h8_simulator`.
 
     Raises:
         InputError: the link is unknown or cannot be opened.
@@ -88,12 +89,14 @@ def both_ends(spec: str, trace: Path | None = None, image: Path | None = None) -
                 stack.callback(end_brick, process)
                 link, restart = brick.open_link(address, FORMS), partial(restart_brick, process)
             elif spec in H8SIM_TARGETS:
-                process, link = start_h8(spec, trace, image)
+                simulator, program = h8_simulator(spec, image)
+                traced = {} if trace is None else {"H8SIM_TRACE": str(trace)}
+                process, link = start_program(["stdbuf", "-o0", simulator, program], traced)
                 stack.callback(wait_for_end, process)
             elif spec in IN_PROCESS:
                 kind = spec.partition(":")[2]
                 channel = f"brickpilot-{os.getpid()}-{time.monotonic_ns()}" if kind == "virtual" else None
-                thread = BrickThread(links.open_bus(spec, kind, channel))
+                thread = BrickThread(links.CanLink(links.open_bus(spec, kind, channel)))
                 stack.callback(thread.stop)
                 link, restart = links.CanLink(links.open_bus(spec, kind, channel)), thread.restart
             else:
@@ -135,13 +138,13 @@ def end_brick(process: subprocess.Popen[bytes]) -> None:
     process.stdout.close()
 
 
-def wait_for_end(process: subprocess.Popen[bytes]) -> None:
-    """Waits up to 2 s for the end of a process, then kills it."""
+def wait_for_end(process: subprocess.Popen[bytes]) -> int:
+    """Waits up to 5 s for the end of a process, then kills it. Returns the exit status."""
     try:
-        process.wait(2.0)
+        return process.wait(5.0)
     except subprocess.TimeoutExpired:
         process.kill()
-        process.wait()
+        return process.wait()
 
 
 def restart_brick(process: subprocess.Popen[bytes]) -> None:
@@ -187,11 +190,11 @@ class BrickThread:
     """A brick in a thread of this process, at one end of a CAN bus.
 
     Args:
-        bus: an open bus, which `stop` shuts down.
+        link: the brick's end of the bus, which `stop` closes.
     """
 
-    def __init__(self, bus: can.BusABC) -> None:
-        self._bus = bus
+    def __init__(self, link: Link) -> None:
+        self._link = link
         self._ended = threading.Event()
         self._restart = threading.Event()
         self._thread = threading.Thread(target=self._run, name="brick", daemon=True)
@@ -204,19 +207,13 @@ class BrickThread:
                 brick.restart()
                 self._restart.clear()
             wait_us = brick.advance(time.monotonic_ns() // 1000)
-            self._send(brick.given())
             try:
-                message = self._bus.recv(min(wait_us * 1e-6, 0.1))
-            except (can.CanError, OSError):
+                self._link.send(brick.given())
+                for message in self._link.receive(min(wait_us * 1e-6, 0.1)):
+                    brick.take(*message)
+                self._link.send(brick.given())
+            except LinkGoneError:
                 return
-            if message is None or message.is_extended_id or message.is_remote_frame or message.is_fd:
-                continue
-            brick.take(message.arbitration_id, bytes(message.data))
-            self._send(brick.given())
-
-    def _send(self, messages: Sequence[Message]) -> None:
-        for identifier, data in messages:
-            self._bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False, check=False))
 
     def restart(self) -> None:
         """Switches the brick off and on, and returns when it runs again."""
@@ -225,10 +222,10 @@ class BrickThread:
             time.sleep(0.001)
 
     def stop(self) -> None:
-        """Ends the thread, and shuts down the bus."""
+        """Ends the thread, and closes its link."""
         self._ended.set()
         self._thread.join(5.0)
-        self._bus.shutdown()
+        self._link.close()
 
 
 class MemoryLink:
@@ -330,23 +327,20 @@ def check_sensors(target: str, sensors: str) -> None:
         )
 
 
-def start_h8(target: str, trace: Path | None = None, image: Path | None = None) -> tuple[subprocess.Popen[bytes], Link]:
-    """Starts the firmware on the simulator; returns the process and its link. The process ends if its stdin closes.
+def start_program(
+    command: Sequence[str | Path], environment: Mapping[str, str] = MappingProxyType({})
+) -> tuple[subprocess.Popen[bytes], Link]:
+    """Starts a brick that speaks over its standard input and output; returns the process and its link.
 
-    Args:
-        target: one of `H8SIM_TARGETS`.
-        trace: file for the address and the stack pointer of each instruction, as native 16-bit words.
-        image: see `h8_simulator`.
+    The process ends when the link is closed.
     """
-    simulator, program = h8_simulator(target, image)
     ours, theirs = socket.socketpair()
     with theirs:
         process = subprocess.Popen(
-            ["stdbuf", "-o0", simulator, program],
-            bufsize=0,
+            command,
             stdin=theirs.fileno(),
             stdout=theirs.fileno(),
             stderr=subprocess.DEVNULL,
-            env=os.environ | ({} if trace is None else {"H8SIM_TRACE": str(trace)}),
+            env=os.environ | environment,
         )
     return process, links.StreamLink(ours)

@@ -6,7 +6,7 @@ import contextlib
 import dataclasses
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
@@ -24,7 +24,7 @@ from brickpilot.hil.linked_flight import (
     START_EVERY,
     LinkedFlight,
     Progress,
-    Ticks,
+    Watch,
     board_told,
 )
 from brickpilot.hil.plant_end import PlantEnd, open_plant
@@ -57,7 +57,7 @@ class HilFlight:
         lost_frames: number of missing replies and of damaged or incomplete frames, at both ends.
         safe_stops: number of times that one end stopped the motors because the other end was silent.
         broke_off: the reason why the flight ended early, or None.
-        ticks: the record of each tick.
+        ticks: column of ticks.csv -> (steps,); see `TickRecorder.columns`.
         board: signal of the newest message BOARD -> its raw value; empty: the brick has sent no such message.
     """
 
@@ -66,7 +66,7 @@ class HilFlight:
     lost_frames: int
     safe_stops: int
     broke_off: str | None
-    ticks: Ticks
+    ticks: dict[str, NDArray[np.float64]]
     board: Mapping[str, int]
 
     def figures(self, link: str, pace: str) -> dict[str, Any]:
@@ -80,10 +80,6 @@ class HilFlight:
             "broke_off": self.broke_off,
             "board": board_told(self.board),
         }
-
-
-Watch = Callable[[LinkedFlight], None]
-"""Called at the beginning of each control step; may send messages, and may end the flight by a shorter plan."""
 
 
 class Fence:
@@ -106,26 +102,26 @@ class Fence:
 
     def __call__(self, run: LinkedFlight) -> None:
         """Looks at the newest report of the brick, at the beginning of a step."""
-        if not self.crossed and math.dist(run.telemetry.position(), run.plan.scenario.start[:2]) > self.reach_m:
+        position = [run.telemetry.newest(column) for column in ("estimate_x_m", "estimate_y_m")]
+        if not self.crossed and math.dist(position, run.plan.scenario.start[:2]) > self.reach_m:
             self.crossed, self._since = True, run.step
         if self.crossed and (run.step - self._since) % START_EVERY == 0 and run.telemetry.mode == RUNS:
             run.link.send([run.session.command_message("abort")])
         if run.telemetry.mode in MISSION_ENDED and not self._ending:
             self._ending = True
-            run.plan = dataclasses.replace(run.plan, steps=min(run.plan.steps, run.step + REST_STEPS))
+            run.end_in(REST_STEPS)
 
 
-def _fly_lockstep(run: LinkedFlight, end: PlantEnd, watch: Watch) -> None:
+def _fly_lockstep(run: LinkedFlight, end: PlantEnd) -> None:
     lost_since: int | None = None
     gone = ""
     while run.step < run.plan.steps:
         run.begin_step()
-        watch(run)
         end.sense()
         try:
             if run.step == run.plan.start_step:
                 run.session.command("start")
-            replied = run.exchange(end, *((TRIES, run.reply_s) if lost_since is None else (1, STEP_MS * 1e-3)))
+            replied = run.exchange(end, *((TRIES, run.session.reply_s) if lost_since is None else (1, STEP_MS * 1e-3)))
         except (LinkGoneError, NoReplyError) as error:
             gone, replied = str(error), False
         if run.break_off_if_reset():
@@ -169,7 +165,7 @@ def _drain(run: LinkedFlight) -> None:
     run.step = last + 1
 
 
-def _fly_realtime(run: LinkedFlight, end: PlantEnd, watch: Watch) -> None:
+def _fly_realtime(run: LinkedFlight, end: PlantEnd) -> None:
     began = time.perf_counter()
     stopped = False
     while run.step < run.plan.steps and run.over_for() < REST_STEPS:
@@ -178,7 +174,6 @@ def _fly_realtime(run: LinkedFlight, end: PlantEnd, watch: Watch) -> None:
             run.receive(left)
         run.late += -left > STEP_MS * 1e-3
         run.begin_step()
-        watch(run)
         end.sense()
         if run.break_off_if_reset():
             _coast(run, end, run.step + GIVE_UP_STEPS)
@@ -206,7 +201,6 @@ def fly(
     pace: str,
     telemetry_every: int,
     progress: Progress,
-    reply_s: float | None = None,
     settings: Mapping[str, int] = MappingProxyType({}),
     watch: Watch = lambda _run: None,
 ) -> HilFlight:
@@ -221,21 +215,20 @@ def fly(
         progress: called with (steps done, steps in all, text).
         settings: raw values that are written before the flight; they override those of the plan.
         watch: called at the beginning of each step.
-        reply_s: time in s of the clock to wait for a reply before the set is sent again; None: the time in `ends`.
 
     Raises:
         InputError: no brick replies, the brick refuses a message, or the plan is for a manoeuvre.
         SimulationError: the plant's state diverges.
     """
     _check_plan(ends, spec, plan)
-    run = LinkedFlight(ends, spec, plan, pace, ends.reply_s if reply_s is None else reply_s, progress)
+    run = LinkedFlight(ends, spec, plan, pace, progress, watch)
     prepare(run.session, plan, pace, telemetry_every, settings)
     log = np.zeros((plan.steps, len(flight.log_names())))
     motors: NDArray[np.int16] = np.zeros((plan.steps, 2), dtype=np.int16)
     began = time.perf_counter()
     with open_plant(plan, log, motors) as end:
         try:
-            (_fly_realtime if pace == REALTIME else _fly_lockstep)(run, end, watch)
+            (_fly_realtime if pace == REALTIME else _fly_lockstep)(run, end)
         except LinkGoneError as error:
             run.break_off(f"{LOST}: {error}", run.step)
             run.safe_stops += 1
@@ -265,14 +258,15 @@ def flown(run: LinkedFlight, log: NDArray[np.float64], motors: NDArray[np.int16]
     columns |= run.telemetry.columns(done)
     columns["left_duty"], columns["right_duty"] = (motors[:done, side] / 32767.0 for side in (0, 1))
     plan = dataclasses.replace(run.plan, steps=done)
+    late_ticks, safe_stops = run.late_and_stops()
     return HilFlight(
         flight.Flight(plan, columns, motors[:done], done * STEP_S / elapsed_s),
-        late_ticks=run.late + run.heartbeat.get("late_ticks", 0),
+        late_ticks=late_ticks,
         lost_frames=run.lost_frames() + run.session.repeated,
-        safe_stops=run.safe_stops + run.heartbeat.get("aborted", 0),
+        safe_stops=safe_stops,
         broke_off=run.broke_off,
-        ticks=run.recorder.ticks(done),
-        board=run.board,
+        ticks=run.recorder.columns(done),
+        board=run.reports["BOARD"],
     )
 
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from brickpilot.constants import STEP_MS, STEP_S
 from brickpilot.hil.ends import Ends
 from brickpilot.hil.plant_end import FaultyLink, PlantEnd, controller_restarts
 from brickpilot.link.links import Link, Message
-from brickpilot.link.messages import book
+from brickpilot.link.messages import SIZE, book
 from brickpilot.link.session import LOCKSTEP, Session
 from brickpilot.vehicle import flight
 
@@ -39,27 +40,29 @@ MISSION_ENDED = {2, 3}
 Progress = Callable[[int, int, str], None]
 """Called with (steps done, all steps, text)."""
 
+Watch = Callable[["LinkedFlight"], None]
+"""Called at the beginning of each control step; may send messages, and may end the flight by a shorter plan."""
+
 
 class LinkedFlight:
     """The state of one flight over a link."""
 
-    def __init__(self, ends: Ends, spec: str, plan: flight.Plan, pace: str, reply_s: float, progress: Progress) -> None:
+    def __init__(self, ends: Ends, spec: str, plan: flight.Plan, pace: str, progress: Progress, watch: Watch) -> None:
         self.restart = ends.restart
-        self.reply_s = reply_s
         self.faulty = FaultyLink(ends.link, plan.scenario.faults, plan.seed)
         self.link: Link = self.faulty if plan.scenario.faults else ends.link
         self.plan = plan
         self.lockstep = pace == LOCKSTEP
         self.progress = progress
-        self.session = Session(self.link, spec, self.take, reply_s, ends.clock)
+        self.watch = watch
+        self.session = Session(self.link, spec, self.take, ends.reply_s, ends.clock)
         self.telemetry = Telemetry()
         self.step = 0
         self.late = 0
         self.without_reply = 0
         self.safe_stops = 0
-        self.heartbeat: dict[str, int] = {}
-        self.faults: dict[str, int] = {}
-        self.board: dict[str, int] = {}
+        # The newest of each of these messages: signal -> raw value; a signal that has not arrived counts as 0.
+        self.reports: dict[str, Counter[str]] = {name: Counter() for name in ("HEARTBEAT", "FAULTS", "BOARD")}
         self.motors = (0, 0)
         self.commanded_at = 0  # the step of the last motor command
         self.sent_sequence = 0
@@ -70,7 +73,6 @@ class LinkedFlight:
         self.recorder = TickRecorder(plan.steps)
         by = book().by_name
         self._motors, self._reply = by["MOTORS"], by["MODE_REPLY"]
-        self._reports = {by["HEARTBEAT"].id: "heartbeat", by["FAULTS"].id: "faults", by["BOARD"].id: "board"}
 
     def take(self, identifier: int, data: bytes) -> None:
         """Handles a message that is not the expected reply to a request."""
@@ -84,9 +86,8 @@ class LinkedFlight:
                 self.motors, self.commanded_at = (left, right), self.step
         elif identifier == self._reply.id and self._reply.sealed(data):
             self.started = self.started or data[1] == book().choices("MODE_COMMAND", "command")["start"]
-        elif identifier in self._reports and len(data) == 8:
-            layout = book().by_id[identifier]
-            setattr(self, self._reports[identifier], dict(zip(layout.names, layout.unpack(data), strict=True)))
+        elif (layout := book().by_id.get(identifier)) and layout.name in self.reports and len(data) == SIZE:
+            self.reports[layout.name] = Counter(dict(zip(layout.names, layout.unpack(data), strict=True)))
 
     def receive(self, timeout: float) -> None:
         """Handles the messages that have arrived; waits up to `timeout` s for the first message."""
@@ -111,18 +112,22 @@ class LinkedFlight:
             self.safe_stops += 1
         return self.session.resets.reset
 
+    def end_in(self, steps: int) -> None:
+        """Ends the flight after this number of steps, if the plan does not end it before."""
+        self.plan = dataclasses.replace(self.plan, steps=min(self.plan.steps, self.step + steps))
+
     def begin_step(self) -> None:
-        """Applies the faults that restart the brick, at the beginning of a step."""
+        """Restarts the brick if a fault demands this at the present step, and calls `watch`."""
         self.recorder.begin(self.step)
         self.faulty.step = self.step
-        if self.plan.scenario.faults and controller_restarts(self.plan.scenario.faults, self.step):
-            assert self.restart is not None
+        if self.restart is not None and controller_restarts(self.plan.scenario.faults, self.step):
             self.restart()
             self.safe_stops += 1
+        self.watch(self)
 
     def over_for(self) -> int:
         """Returns the number of steps since the brick first reported the mission's end; call it once per step."""
-        over = self.started and MISSION_ENDED & {self.telemetry.mode, self.heartbeat.get("mode", 0)}
+        over = self.started and MISSION_ENDED & {self.telemetry.mode, self.reports["HEARTBEAT"]["mode"]}
         self._over_since = self._over_since if over else self.step
         return self.step - self._over_since
 
@@ -150,21 +155,25 @@ class LinkedFlight:
         self.count()
         if self.step % 100 == 0:
             mode = ("idle", "run", "arrived", "fault")[self.telemetry.mode]
-            self.progress(self.step, self.plan.steps, f"{mode}, waypoint {self.telemetry.waypoint + 1}")
+            self.progress(self.step, self.plan.steps, f"{mode}, waypoint {self.telemetry.newest('waypoint') + 1:.0f}")
         self.step += 1
 
     def count(self) -> None:
         """Records the counts of faults up to the present step."""
-        faults = self.faults
-        refused = self.link.damaged + faults.get("bad", 0) + faults.get("stale", 0)
-        lost = self.without_reply + faults.get("incomplete", 0) + faults.get("lost", 0)
-        stops = self.safe_stops + self.heartbeat.get("aborted", 0)
-        self.recorder.count(self.step, self.late + self.heartbeat.get("late_ticks", 0), lost, refused, stops)
+        faults, (late, stops) = self.reports["FAULTS"], self.late_and_stops()
+        refused = self.link.damaged + faults["bad"] + faults["stale"]
+        lost = self.without_reply + faults["incomplete"] + faults["lost"]
+        self.recorder.count(self.step, late, lost, refused, stops)
+
+    def late_and_stops(self) -> tuple[int, int]:
+        """Returns the numbers of late ticks and of safe stops at both ends."""
+        at_brick = self.reports["HEARTBEAT"]
+        return self.late + at_brick["late_ticks"], self.safe_stops + at_brick["aborted"]
 
     def lost_frames(self) -> int:
         """Returns the number of missing replies plus damaged and incomplete frames at both ends."""
-        at_brick = self.faults.get("bad", 0) + self.faults.get("incomplete", 0) + self.faults.get("lost", 0)
-        return self.without_reply + self.link.damaged + at_brick
+        faults = self.reports["FAULTS"]
+        return self.without_reply + self.link.damaged + faults["bad"] + faults["incomplete"] + faults["lost"]
 
 
 COLUMNS = {
@@ -203,7 +212,7 @@ TICK_AT = 6
 
 
 class Telemetry:
-    """Collects a brick's telemetry. `waypoint` and `mode` are the newest values, for a live view."""
+    """Collects a brick's telemetry."""
 
     def __init__(self) -> None:
         self._layouts = {layout.id: layout for name, layout in book().by_name.items() if name.startswith("TELEMETRY_")}
@@ -219,9 +228,11 @@ class Telemetry:
             for message in book().database.messages
             if message.frame_id in self._layouts
         }
-        self.newest_step = -1
-        self.mode = 0
-        self.waypoint = 0
+        # For each column: the steps and the rows of its message, the index in a row, and the SI value of one raw unit.
+        self._columns = {
+            column: (*self._rows[message], book().by_name[message].names.index(signal), book().scale(message, signal))
+            for column, (message, signal) in COLUMNS.items()
+        }
 
     def take(self, identifier: int, data: bytes, step: int, *, lockstep: bool) -> bool:
         """Stores a message. Returns False if the message is no telemetry.
@@ -236,7 +247,7 @@ class Telemetry:
         layout = self._layouts.get(identifier)
         if layout is None:
             return False
-        if len(data) != 8:
+        if len(data) != SIZE:
             return True
         if lockstep:
             age_ms = (STEP_MS * step - data[TICK_AT]) & 255
@@ -244,35 +255,33 @@ class Telemetry:
         row = layout.unpack(data)
         if any(row[at] >= count for at, count in self._choices[layout.name]):
             return True  # the message was damaged on a transport without a checksum
-        steps, values = self._rows[layout.name]
+        steps, rows = self._rows[layout.name]
         steps.append(max(step, 0))
-        values.append(row)
-        if layout.name == LAST:
-            self.newest_step = step
-        elif layout.name == "TELEMETRY_TRACK":
-            self.mode = values[-1][layout.names.index("mode")]
-        elif layout.name == "TELEMETRY_X":
-            self.waypoint = values[-1][layout.names.index("waypoint")]
+        rows.append(row)
         return True
 
-    def position(self) -> tuple[float, float]:
-        """Returns x and y, m, as the brick reported them last; (0, 0) before the first report."""
-        found = []
-        for column in ("estimate_x_m", "estimate_y_m"):
-            message, signal = COLUMNS[column]
-            _, rows = self._rows[message]
-            index = book().by_name[message].names.index(signal)
-            found.append(rows[-1][index] * book().scale(message, signal) if rows else 0.0)
-        return found[0], found[1]
+    @property
+    def newest_step(self) -> int:
+        """The step of the newest report that has arrived with its last message; -1: no report."""
+        steps, _ = self._rows[LAST]
+        return steps[-1] if steps else -1
+
+    def newest(self, column: str) -> float:
+        """Returns the value of one of COLUMNS that the brick reported last; 0 before the first report."""
+        _, rows, index, scale = self._columns[column]
+        return rows[-1][index] * scale if rows else 0.0
+
+    @property
+    def mode(self) -> int:
+        """The number of the mode that the brick reported last."""
+        return int(self.newest("mode"))
 
     def columns(self, steps: int) -> dict[str, Array]:
         """Returns each of COLUMNS with shape (steps,): the last report up to each step, 0 before the first report."""
-        columns = {}
-        for column, (message, signal) in COLUMNS.items():
-            at, rows = self._rows[message]
-            index = book().by_name[message].names.index(signal)
-            columns[column] = _held(at, [row[index] for row in rows], steps) * book().scale(message, signal)
-        return columns
+        return {
+            column: _held(at, [row[index] for row in rows], steps) * scale
+            for column, (at, rows, index, scale) in self._columns.items()
+        }
 
 
 def _held(at: list[int], values: list[int], steps: int) -> Array:
@@ -286,27 +295,6 @@ def _held(at: list[int], values: list[int], steps: int) -> Array:
 
 TROUBLES = ("late_ticks", "lost_frames", "refused_frames", "safe_stops")
 """The faults that both ends count: late ticks, frames that were missing, damaged or old, and safe stops."""
-
-
-@dataclass(frozen=True)
-class Ticks:
-    """The ticks of a flight; each array has the shape (steps,).
-
-    Attributes:
-        time_s: time since the flight began.
-        begun_s: when the tick began by the host's clock, in s since the first tick began.
-        round_trip_ms: time from the sending of the sensors' set to the arrival of its motor command; NaN: no command.
-        troubles: one of TROUBLES -> its count in the tick. The counts of the brick are reported with a delay.
-    """
-
-    time_s: Array
-    begun_s: Array
-    round_trip_ms: Array
-    troubles: dict[str, Array]
-
-    def columns(self) -> dict[str, Array]:
-        """Returns the columns of ticks.csv."""
-        return {"time_s": self.time_s, "begun_s": self.begun_s, "round_trip_ms": self.round_trip_ms, **self.troubles}
 
 
 class TickRecorder:
@@ -336,18 +324,25 @@ class TickRecorder:
         """Records the total counts of TROUBLES since the flight began."""
         self._counted[step] = totals
 
-    def ticks(self, steps: int) -> Ticks:
-        """Returns the first `steps` ticks. A tick without counts, such as after a lost link, has no new troubles."""
+    def columns(self, steps: int) -> dict[str, Array]:
+        """Returns the columns of ticks.csv for the first `steps` ticks, each (steps,).
+
+        - time_s: time since the flight began.
+        - begun_s: when the tick began by the host's clock, in s since the first tick began.
+        - round_trip_ms: from the sending of the sensors' set to the arrival of its motor command; NaN: no command.
+        - each of TROUBLES: its count in the tick. The brick reports its counts with a delay. A tick without counts,
+          such as after a lost link, has no new troubles.
+        """
         counted = np.vstack([np.zeros(len(TROUBLES)), self._counted[:steps]])
         last = np.maximum.accumulate(np.where(np.isnan(counted[:, 0]), 0, np.arange(len(counted))))
-        more = np.diff(counted[last], axis=0)
+        more = np.maximum(np.diff(counted[last], axis=0), 0.0)
         first = self._begun[0] if steps else 0.0
-        return Ticks(
-            STEP_S * np.arange(steps, dtype=np.float64),
-            self._begun[:steps] - first,
-            self._round_trip[:steps],
-            {name: np.maximum(more[:, k], 0.0) for k, name in enumerate(TROUBLES)},
-        )
+        return {
+            "time_s": STEP_S * np.arange(steps, dtype=np.float64),
+            "begun_s": self._begun[:steps] - first,
+            "round_trip_ms": self._round_trip[:steps],
+            **dict(zip(TROUBLES, more.T, strict=True)),
+        }
 
 
 RESET_CAUSES = {1: "power-on", 2: "the reset pin", 4: "a brown-out", 8: "the watchdog"}

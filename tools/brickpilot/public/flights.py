@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +14,10 @@ from brickpilot.hil import avr_flight, ends
 from brickpilot.hil import fly as hil_fly
 from brickpilot.hil.avr_flight import avr_image
 from brickpilot.hil.ends import check_sensors
-from brickpilot.hil.fly import HilFlight, Watch
-from brickpilot.hil.linked_flight import Progress
-from brickpilot.hil.traffic_log import RecordingLink
+from brickpilot.hil.fly import HilFlight
+from brickpilot.hil.linked_flight import Progress, Watch
+from brickpilot.hil.traffic_log import recorded
 from brickpilot.link.brick import INFRARED
-from brickpilot.link.links import Link
 from brickpilot.link.session import LOCKSTEP, REALTIME
 from brickpilot.public.doors import FlightRequest, Made, command_line, seed_of, silent, whole
 from brickpilot.report import flight_text, run_folder, run_page
@@ -183,9 +181,8 @@ def fly_over(request: FlightRequest, session: Session, out: str | Path | None, p
     image = None if session.image is None else str(session.image.path)
     figures = flown.figures(session.spec, session.pace) | {"realtime_priority": priority, "image": image}
     failure = figures["failure"] = flight_figures.failure(figures)
-    ticks = flown.ticks.columns()
-    shown = run_page.link_figures(ticks, realtime=not session.lockstep, replies=not session.avr)
-    run_folder.write(flown.flight, figures, run_page.page(flown.flight, figures, command, shown), folder, ticks)
+    shown = run_page.link_figures(flown.ticks, realtime=not session.lockstep, replies=not session.avr)
+    run_folder.write(flown.flight, figures, run_page.page(flown.flight, figures, command, shown), folder, flown.ticks)
     _write_junit(session, flight_text.junit_text(plan.scenario.name, flight_figures.checks(figures), command))
     return Made(folder, failure or f"{plan.scenario.title or plan.scenario.name} is flown", figures)
 
@@ -210,36 +207,30 @@ def _write_junit(session: Session, text: str) -> None:
 def _fly_over_the_link(plan: Plan, session: Session, progress: Progress) -> HilFlight:
     """Opens the link, flies `plan` over it, and records the traffic if a recording was requested."""
     image = None if session.image is None else session.image.path
-    with ends.both_ends(session.spec, image=image) as both, ExitStack() as closing:
-        if session.record is not None:
-            both = dataclasses.replace(both, link=RecordingLink(both.link, session.record))
-            closing.callback(both.link.close)
+    with ends.both_ends(session.spec, image=image) as both, recorded(both.link, session.record) as link:
         return hil_fly.fly(
-            both, session.spec, plan, pace=session.pace, telemetry_every=session.every, progress=progress,
-            settings=dict(session.settings), watch=session.watch,
-        )  # fmt: skip
+            dataclasses.replace(both, link=link),
+            session.spec,
+            plan,
+            pace=session.pace,
+            telemetry_every=session.every,
+            progress=progress,
+            settings=dict(session.settings),
+            watch=session.watch,
+        )
 
 
 def _fly_on_simavr(plan: Plan, session: Session, progress: Progress) -> HilFlight:
     """Flies `plan` with an AVR as the brick, and records traffic and signals if these recordings were requested."""
-    with ExitStack() as closing:
-
-        def wrap(link: Link) -> Link:
-            if session.record is None:
-                return link
-            recording = RecordingLink(link, session.record)
-            closing.callback(recording.close)
-            return recording
-
-        return avr_flight.fly(
-            plan,
-            session.spec,
-            avr_image(session.spec) if session.image is None else session.image.path,
-            telemetry_every=session.every,
-            progress=progress,
-            settings=dict(session.settings),
-            trace=session.trace,
-            scales={} if session.image is None else session.image.scales,
-            wrap=wrap,
-            watch=session.watch,
-        )
+    return avr_flight.fly(
+        plan,
+        session.spec,
+        avr_image(session.spec) if session.image is None else session.image.path,
+        telemetry_every=session.every,
+        progress=progress,
+        settings=dict(session.settings),
+        trace=session.trace,
+        scales={} if session.image is None else session.image.scales,
+        record=session.record,
+        watch=session.watch,
+    )
