@@ -11,8 +11,8 @@ from layers import Fault, cycles
 PACKAGE = "brickpilot"
 
 # Modules beside the rooms, which any room may import. catalogue reads the C table of effects through compiled;
-# constants reads rcx.toml.
-BASE = {"__init__", "errors", "compiled", "catalogue", "constants", "side_by_side"}
+# constants reads rcx.toml; text_template renders the templates of any room.
+BASE = {"__init__", "errors", "compiled", "catalogue", "constants", "side_by_side", "text_template"}
 
 # Room -> other rooms that it may import. A room may always import itself. Only `cli` prints, and nothing imports it.
 MAY: dict[str, set[str]] = {

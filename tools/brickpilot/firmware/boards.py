@@ -25,6 +25,7 @@ from brickpilot.errors import InputError, WorkFailedError
 from brickpilot.firmware import params_header
 from brickpilot.firmware.robot import Robot
 from brickpilot.hil.checkout import sources
+from brickpilot.text_template import render_text
 from brickpilot.vehicle.compensation import HIGHEST_BATTERY, HIGHEST_OWN
 from brickpilot.vehicle.fixed_point import comment
 from brickpilot.vehicle.scenario import Scenario
@@ -186,10 +187,13 @@ def write_headers(
         InputError: a format cannot hold a value; the board does not have the IMU; or a range exceeds that of the IMU.
     """
     _check_imu(imu, robot, board)
+    points = [(round(x * MILLI), round(y * MILLI)) for x, y in mission.waypoints]
     maker = comment(f"Made by `brickpilot firmware` of robot.toml, for {robot.model.name}.")
     texts = {
         "app/params_gen.h": f"{maker}\n{params_header.own_header(robot, step)}",
-        "app/mission.h": _mission(mission),
+        "app/mission.h": render_text(
+            "firmware", "mission.h", comment=comment(f"{mission.title}, in mm."), points=points
+        ),
         **of_model(robot, root),
     }
     if board.wiring:
@@ -220,22 +224,6 @@ def of_model(robot: Robot, root: Path) -> dict[str, str]:
         return {}
     text = (root / "firmware/model/limits.h").read_text(encoding="utf-8")
     return {"model/limits.h": _BITS.sub(rf"\g<1>{bits}", text)}
-
-
-def _mission(mission: Scenario) -> str:
-    points = ",\n".join(f"    {{{round(x * MILLI)}, {round(y * MILLI)}}}" for x, y in mission.waypoints)
-    return f"""/* mission.h: the route that a brick flies until a host uploads another one. */
-#ifndef BRICKPILOT_APP_MISSION_H
-#define BRICKPILOT_APP_MISSION_H
-
-#include "app/commands.h"
-
-{comment(f"{mission.title}, in mm.")}
-static const route_waypoint_t MISSION[] = {{
-{points}}};
-
-#endif
-"""
 
 
 def _wiring(text: str, robot: Robot) -> str:

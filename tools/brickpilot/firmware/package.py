@@ -8,7 +8,6 @@ Arduino library cannot set compiler flags.
 
 from __future__ import annotations
 
-import json
 import re
 import shutil
 import tempfile
@@ -25,6 +24,7 @@ from brickpilot.firmware.boards import Board
 from brickpilot.firmware.robot import OWN, Robot, entry
 from brickpilot.hil.checkout import sources as project_sources
 from brickpilot.hil.fly import HilFlight
+from brickpilot.text_template import render_text
 from brickpilot.vehicle.flight import Plan
 
 HEADERS = "include"
@@ -32,29 +32,6 @@ FILES = frozenset(
     {"README.md", "firmware.json", "robot.toml", "flight", HEADERS, "arduino", "src", "Makefile", "build.sh"}
 )
 """The files and folders that the command writes beside the images."""
-
-_MAKEFILE = """\
-# The autopilot with the port of src/template. For another chip: make CC=avr-gcc SIZE=avr-size CFLAGS="-Os -mmcu=..."
-CC ?= cc
-SIZE ?= size
-CFLAGS ?= -std=c99 -Os -Wall -Wextra
-SOURCES := $(wildcard src/*.c src/*/*.c)
-
-brickpilot: $(SOURCES) $(wildcard src/*.h src/*/*.h)
-\t$(CC) $(CFLAGS) -ffunction-sections -fdata-sections -Isrc $(SOURCES) -Wl,--gc-sections -o $@
-\t$(SIZE) $@
-"""
-
-_BUILD = """#!/bin/sh
-# build.sh CHECKOUT [FOLDER]: builds the image once more with a checkout of the project; FOLDER is image by default.
-# Change include/ first: {wiring}the constants, the route.
-set -eu
-here=$(cd "$(dirname "$0")" && pwd)
-own=$(mktemp -d) # a path without spaces, for the compiler's flags
-trap 'rm -rf "$own"' EXIT
-cp -r "$here/include/." "$own"
-OWN_HEADERS=$own "$1/{build}" "${{2:-$here/image}}" {arguments}
-"""
 
 
 @dataclass(frozen=True)
@@ -112,12 +89,9 @@ def make(order: Order, folder: Path) -> Made:
             write_library(root, work / HEADERS, constants, folder / "arduino" / NAME)
         if not board.flags:
             write_sources(root, work / HEADERS, constants, "template", folder / "src")
-            (folder / "Makefile").write_text(_MAKEFILE, encoding="utf-8")
+            _render("Makefile", folder)
     (folder / "robot.toml").write_text(vehicle_file(robot), encoding="utf-8")
-    wiring = f"{board.wiring} is the wiring, app/ holds " if board.wiring else "app/ holds "
-    recipe = _BUILD.format(wiring=wiring, build=board.build, arguments=" ".join(board.sensors[order.sensors]))
-    (folder / "build.sh").write_text(recipe, encoding="utf-8")
-    (folder / "build.sh").chmod(0o755)
+    _render("build.sh", folder, board=board, sensors=order.sensors).chmod(0o755)
     return Made(sizes, flown, plan, step)
 
 
@@ -151,91 +125,36 @@ def vehicle_file(robot: Robot) -> str:
     return tomlkit.dumps(document)
 
 
-def write_figures(figures: dict[str, Any], folder: Path) -> None:
-    """Writes firmware.json."""
-    (folder / "firmware.json").write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
-
-
 NAME = "Brickpilot"
 ENTRY = "brickpilot_run"
 _SENTENCE = "An autopilot for a two-wheeled robot, with the constants of one robot"
 _PARAGRAPH = "Gyro with accelerometers or rotation sensors, two motors on an H-bridge, and a serial link to a host"
 
-_HEADER = f"""/* {NAME}.h: the autopilot. src/avr/board.h has the wiring. It takes timers 1 and 2, the converter,
- * serial port 0, the pin-change interrupts and the watchdog; a sketch may use none of them. */
-#ifndef BRICKPILOT_H
-#define BRICKPILOT_H
-
-#ifdef __cplusplus
-extern "C" {{
-#endif
-
-/* Starts the drivers and flies the route of src/app/mission.h after two seconds at rest. It never returns. */
-int {ENTRY}(void);
-
-#ifdef __cplusplus
-}}
-#endif
-
-#endif
-"""
-
-_SKETCH = f"""// Flies the robot's route two seconds after power-on, and obeys a host on the serial port.
-#include <{NAME}.h>
-
-void setup() {{
-  {ENTRY}();
-}}
-
-void loop() {{
-}}
-"""
-
 
 def write_library(root: Path, headers: Path, flags: Sequence[str], folder: Path) -> None:
     """Writes the library into `folder`; the arguments are those of `write_sources`."""
-    version = metadata.version("brickpilot")
-    properties = {  # by Arduino's library specification
-        "name": NAME, "version": version, "author": f"{NAME} maintainers", "maintainer": f"{NAME} maintainers",
-        "sentence": f"{_SENTENCE}.", "paragraph": f"{_PARAGRAPH}.", "category": "Device Control",
-        "url": "", "architectures": "avr", "includes": f"{NAME}.h",
-    }  # fmt: skip
-    manifest = {  # by PlatformIO's library specification
-        "name": NAME, "version": version, "description": f"{_SENTENCE}. {_PARAGRAPH}.",
-        "keywords": "robot, autopilot, differential drive", "license": "MIT", "frameworks": "arduino",
-        "platforms": "atmelavr", "headers": f"{NAME}.h",
-        "examples": [{"name": "Mission", "base": "examples/Mission", "files": ["Mission.ino"]}],
-    }  # fmt: skip
     write_sources(root, headers, [*flags, f"-D{LIBRARY}"], "avr", folder / "src", entry=ENTRY)
-    example = folder / "examples" / "Mission" / "Mission.ino"
-    example.parent.mkdir(parents=True)
-    texts = {
-        folder / "src" / f"{NAME}.h": _HEADER,
-        example: _SKETCH,
-        folder / "library.properties": "".join(f"{name}={value}\n" for name, value in properties.items()),
-        folder / "library.json": json.dumps(manifest, indent=2) + "\n",
-        folder / "LICENSE": (root / "LICENSE").read_text(encoding="utf-8"),
-        folder / "keywords.txt": f"{NAME}\tKEYWORD1\n{ENTRY}\tKEYWORD2\n",
-    }
-    for path, text in texts.items():
-        path.write_text(text, encoding="utf-8")
+    about = {"version": metadata.version("brickpilot"), "sentence": _SENTENCE, "paragraph": _PARAGRAPH}
+    example = folder / "examples" / "Mission"
+    example.mkdir(parents=True)
+    _render("Brickpilot.h", folder / "src")
+    _render("Mission.ino", example)
+    _render("library.properties", folder, **about)
+    _render("library.json", folder, **about)
+    _render("keywords.txt", folder)
+    shutil.copyfile(root / "LICENSE", folder / "LICENSE")
+
+
+def _render(name: str, folder: Path, **content: Any) -> Path:
+    """Writes the file of a template into `folder`, and returns its path."""
+    path = folder / name
+    path.write_text(render_text("firmware", name, **content), encoding="utf-8")
+    return path
 
 
 BUILD = "brickpilot_build.h"
 LIBRARY = "BRICKPILOT_LIBRARY"
 """Constant of a build that does not set the fuses, because the boot loaders of Arduinos cannot write fuses."""
-
-_CONSTANTS = f"""/* {BUILD}: the constants of this build. */
-#ifndef BRICKPILOT_BUILD_H
-#define BRICKPILOT_BUILD_H
-
-{{lines}}
-#ifdef __AVR__ /* core/flash.h says why */
-#pragma GCC optimize("no-ivopts")
-#endif
-
-#endif
-"""
 
 HOSTS_ONLY = ("body_pose.c", "pid_start.c")
 
@@ -268,8 +187,8 @@ def write_sources(
     for path in headers.rglob("*.h"):
         _copy(path, folder / path.relative_to(headers))
     defined = [re.fullmatch(r"-D(\w+)(?:=(.*))?", flag) for flag in flags]
-    lines = [f"#define {constant[1]} {constant[2] or 1}\n" for constant in defined if constant]
-    (folder / BUILD).write_text(_CONSTANTS.format(lines="".join(lines)), encoding="utf-8")
+    constants = {constant[1]: constant[2] or 1 for constant in defined if constant}
+    _render(BUILD, folder, constants=constants)
 
 
 def _copy(path: Path, to: Path) -> None:

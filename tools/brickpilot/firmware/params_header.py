@@ -14,6 +14,7 @@ from typing import Any, NoReturn
 from brickpilot import catalogue
 from brickpilot.errors import InputError
 from brickpilot.firmware.robot import Place, Robot, changed, entry
+from brickpilot.text_template import render_text
 from brickpilot.vehicle.coefficients import PROFILES, VOLTAGE_LIMIT, WHEEL_SPEED_LIMIT, body
 from brickpilot.vehicle.combinations import Values, mean_inertia, wheel_speed_per_volt
 from brickpilot.vehicle.compensation import HIGHEST_OWN
@@ -139,30 +140,21 @@ def _loop(
     return config
 
 
-def _block(
+def _constants(
     profile: str,
     vehicle: Mapping[str, Any],
-    steps: Sequence[float],
+    step: float,
     settings: Mapping[str, Setting],
     known: Mapping[str, int],
     in_model: Values,
-) -> str:
-    """Returns the constants of a profile; `in_model`: the parameters for the model's coefficients."""
+) -> dict[str, str]:
+    """Returns the constants of a profile at a step of `step` s; `in_model`: parameters for the model's coefficients."""
     of_hosts = plain(vehicle["rates"])["body_step"]  # only hosts compute the model's pose
-    sets = "".join(
-        f"#{'elif' if i else 'if'} STEP_MS == {step * 1e3:g}\n"
-        f"static const body_coefficients_t MODEL_{profile.upper()} = "
-        f"{initialiser(body(profile, in_model, step, with_pose=step == of_hosts), 0)};\n"
-        f"static const FLASH loop_config_t PARAMS_{profile.upper()} = "
-        f"{initialiser(_loop(profile, vehicle, step, settings, known), 0)};\n"
-        for i, step in enumerate(steps)
-    )
-    return f"""#ifndef BODY_WITHOUT_{profile.upper()}
-{sets}#else
-#error "no constants of the {profile} profile for this STEP_MS"
-#endif
-#endif
-"""
+    return {
+        "step_ms": f"{step * 1e3:g}",
+        "model": initialiser(body(profile, in_model, step, with_pose=step == of_hosts), 0),
+        "config": initialiser(_loop(profile, vehicle, step, settings, known), 0),
+    }
 
 
 def render(vehicle: Mapping[str, Any], settings: Mapping[str, Setting]) -> str:
@@ -175,10 +167,13 @@ def render(vehicle: Mapping[str, Any], settings: Mapping[str, Setting]) -> str:
     Raises:
         QuantisationError: a value that the firmware's format cannot hold.
     """
-    rates = plain(vehicle["rates"])
+    rates, values = plain(vehicle["rates"]), plain(vehicle["parameters"])
     steps = {"coupled": (rates["body_step"], rates["rcx_step"]), "paper": (rates["body_step"],)}
-    values = plain(vehicle["parameters"])
-    return _header("\n".join(_block(profile, vehicle, steps[profile], settings, {}, values) for profile in PROFILES))
+    profiles = {
+        profile: [_constants(profile, vehicle, step, settings, {}, values) for step in steps[profile]]
+        for profile in PROFILES
+    }
+    return render_text("firmware", "params_gen.h", profiles=profiles)
 
 
 def voltage_bits(values: Values) -> int:
@@ -230,20 +225,6 @@ def _wheels(radius: float) -> list[float]:
     return [factor for factor in factors if SMALLEST_WHEEL < radius * factor < LARGEST_WHEEL]
 
 
-def _header(blocks: str) -> str:
-    return f"""/* The controller's constants. Formats: see the structs' headers.
- * A scale {{mantissa, shift}} is mantissa * 2^-(15 + shift), see model/scale.h. */
-#ifndef BRICKPILOT_APP_PARAMS_GEN_H
-#define BRICKPILOT_APP_PARAMS_GEN_H
-
-#include "app/loop.h"
-#include "core/flash.h"
-
-{blocks}
-#endif
-"""
-
-
 READING_MOST = 32.767  # m/s^2 or rad/s: a reading of hal.h in mm/s^2 or mrad/s has 16 bits
 ROUNDING = 0.005  # largest relative rounding error of the travel per count
 COUNT_UM_Q2 = 4e6  # units per m in the format of the travel per count
@@ -270,7 +251,8 @@ def _made(robot: Robot, step: float) -> str:
     if not robot.value("parameters", "torque_constant") > 0:
         raise QuantisationError("the motors have no torque")
     in_model = with_room(plain(robot.vehicle["parameters"]), step)
-    return _header(_block("coupled", robot.vehicle, (step,), settings(), robot.known, in_model))
+    constants = _constants("coupled", robot.vehicle, step, settings(), robot.known, in_model)
+    return render_text("firmware", "params_gen.h", profiles={"coupled": [constants]})
 
 
 def _check_limits(robot: Robot) -> None:

@@ -16,8 +16,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from brickpilot.text_template import render_text
 from brickpilot.vehicle.coefficients import PROFILES, body
-from brickpilot.vehicle.fixed_point import INDENT, QuantisationError, initialiser
+from brickpilot.vehicle.fixed_point import QuantisationError, initialiser
 from brickpilot.vehicle.settings import INT32, Setting, plain
 
 
@@ -30,17 +31,7 @@ def plant_presets(vehicle: Mapping[str, Any]) -> str:
     """
     tables = [("RCX", vehicle["parameters"]), ("RCX", vehicle["rates"])]
     tables += [(f"RCX_{sensor.upper()}", table) for sensor, table in vehicle["sensors"].items()]
-    blocks = "\n".join(
-        "".join(f"#define {prefix}_{name.upper()} {entry['value']!r}\n" for name, entry in table.items())
-        for prefix, table in tables
-    )
-    return f"""/* The vehicle's values, in SI units. */
-#ifndef BRICKPILOT_MODELS_RCX_GEN_H
-#define BRICKPILOT_MODELS_RCX_GEN_H
-
-{blocks}
-#endif
-"""
+    return render_text("gen", "rcx_gen.h", tables=tables)
 
 
 OF_THE_LOOP = ("lost_time", "watchdog_time", "silent_time", "telemetry_every")
@@ -52,26 +43,15 @@ def controllers(vehicle: Mapping[str, Any]) -> str:
     Args:
         vehicle: a vehicle file's tables.
     """
-    blocks = []
+    profiles = {}
     for profile in PROFILES:
         own = plain(vehicle["controller"][profile])
-        constants = {
+        profiles[profile] = {
             "acceptance": plain(vehicle["robot"])["length"] / 2,
             **{name: value for name, value in own.items() if name not in OF_THE_LOOP},
             "accel_filter_time": plain(vehicle["estimator"])["accel_filter_time"],
         }
-        fields = [f"{INDENT}.{name} = {value!r},\n" for name, value in constants.items()]
-        blocks.append(f"static const double_constants_t CONTROLLER_{profile.upper()} = {{\n{''.join(fields)}}};\n")
-    text = "\n".join(blocks)
-    return f"""/* The controller's constants, in SI units. */
-#ifndef BRICKPILOT_TESTS_CONTROLLERS_GEN_H
-#define BRICKPILOT_TESTS_CONTROLLERS_GEN_H
-
-#include "double_controller.h"
-
-{text}
-#endif
-"""
+    return render_text("gen", "controllers_gen.h", profiles=profiles)
 
 
 SEED = 2006
@@ -99,33 +79,14 @@ def value_sets(nominal: Mapping[str, float]) -> list[dict[str, float]]:
 
 def model_sets(nominal: Mapping[str, float], step: float) -> str:
     """Returns the header's text."""
-    blocks = []
-    for values in value_sets(nominal):
-        numbers = ", ".join(f"{values[name]!r}" for name in nominal)
-        bodies = [f".{profile} = {initialiser(body(profile, values, step), 1)}" for profile in PROFILES]
-        blocks.append("    {.value = {" + numbers + "},\n     " + ",\n     ".join(bodies) + "},")
-    quoted, sets = ", ".join(f'"{name}"' for name in nominal), "\n".join(blocks)
-    return f"""/* Vehicles in SI units, and the firmware's coefficients:
- * the nominal vehicle, then {PERTURBED_SETS} up to {SPREAD:.0%} off. */
-#ifndef BRICKPILOT_TESTS_MODEL_SETS_GEN_H
-#define BRICKPILOT_TESTS_MODEL_SETS_GEN_H
-
-#include "model/body.h"
-
-enum {{ MODEL_SETS = {PERTURBED_SETS + 1}, MODEL_SET_VALUES = {len(nominal)} }};
-
-static const char *const MODEL_SET_NAME[MODEL_SET_VALUES] = {{{quoted}}};
-
-static const struct {{
-    double value[MODEL_SET_VALUES];
-    body_coefficients_t coupled;
-    body_coefficients_t paper;
-}} MODEL_SET[MODEL_SETS] = {{
-{sets}
-}};
-
-#endif
-"""
+    sets = [
+        {
+            "values": list(values.values()),
+            **{profile: initialiser(body(profile, values, step), 1) for profile in PROFILES},
+        }
+        for values in value_sets(nominal)
+    ]
+    return render_text("gen", "model_sets_gen.h", names=list(nominal), sets=sets, spread=f"{SPREAD:.0%}")
 
 
 RANGES_MOST = 16
@@ -148,30 +109,7 @@ def ranges(settings: Mapping[str, Setting]) -> list[tuple[int, int]]:
 
 def settings_table(settings: Mapping[str, Setting]) -> str:
     """Returns the header's text."""
-    known = ranges(settings)
-    unsigned = sum(low >= 0 for low, _ in known)
-    spans = [(low, 0 if high == INT32 else high - low) for low, high in known]
-    bounds = "".join(f" \\\n    X({0 if not span else low}, {span}U)" for low, span in spans)
-    rows = "".join(
-        f" \\\n    X({one.field}, {known.index((one.low, one.high))}, {int(bool(one.compensation))}) /* {one.name} */"
-        for one in settings.values()
-    )
-    return f"""#ifndef BRICKPILOT_APP_SETTINGS_GEN_H
-#define BRICKPILOT_APP_SETTINGS_GEN_H
-
-/* Ranges: the least value, and how far above it the largest is. 0, 0 is that of a field of 32 bits: 1..{INT32}. */
-#define SETTINGS_RANGES(X){bounds}
-
-/* From this range on a value may be negative. */
-enum {{ SETTINGS_SIGNED_RANGE = {unsigned} }};
-
-enum {{ SETTINGS_COUNT = {len(settings)} }};
-
-/* By number: field of parameters_t, number of its range, and 1 where it is not to be written while the robot drives. */
-#define SETTINGS(X){rows}
-
-#endif
-"""
+    return render_text("gen", "settings_gen.h", ranges=ranges(settings), settings=list(settings.values()), int32=INT32)
 
 
 def name_in(dbc: str, settings: Mapping[str, Setting]) -> str:
@@ -214,35 +152,6 @@ def h8_costs(text: str) -> dict[int, Cost]:
     return costs
 
 
-_H8_HEAD = """#ifndef BRICKPILOT_H8SIM_STATES_GEN_H
-#define BRICKPILOT_H8SIM_STATES_GEN_H
-
-#include <stdint.h>
-
-/* Where the data of an instruction lie. */
-enum {
-%s
-};
-
-/* Accesses by the first byte of an instruction: words of code, words and bytes at `where`; and its own states.
- * All 0: the sum is not fixed. */
-typedef struct {
-    uint8_t code, words, bytes, own, where;
-} instruction_t;
-
-static const instruction_t INSTRUCTIONS[256] = {
-%s
-};
-
-#endif
-"""
-
-
 def h8_states(table: str) -> str:
     """Returns the header's text; `table`: the text of states.toml."""
-    kinds = ",\n".join(f"    AT_{place.upper()}" for place in PLACES)
-    rows = [
-        f"    [0x{first:02X}] = {{{cost.code}, {cost.words}, {cost.data_bytes}, {cost.own}, AT_{cost.place.upper()}}}"
-        for first, cost in sorted(h8_costs(table).items())
-    ]
-    return _H8_HEAD % (kinds, ",\n".join(rows))
+    return render_text("gen", "states_gen.h", places=PLACES, costs=h8_costs(table))

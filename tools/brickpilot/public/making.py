@@ -220,7 +220,7 @@ def _write_firmware(order: Order, made: Built, figures: dict[str, Any], command:
     """Writes the flight, the figures and the page that explains the folder."""
     flown = made.flown.flight
     run_folder.write(flown, figures["flight"], run_page.page(flown, figures["flight"], command), folder / "flight")
-    package.write_figures(figures, folder)
+    (folder / simulate.FIGURES).write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
     page = render_plain(
         "firmware.md",
         figures=figures,

@@ -10,6 +10,7 @@ from markupsafe import Markup
 
 from brickpilot import __version__
 from brickpilot.report import quantities
+from brickpilot.text_template import render_text
 
 _FILTERS = ("fit_number", "fit_text", "gap_text", "number", "percent", "plain", "quantity", "say", "signed")
 """The functions of `quantities` that a page uses as filters; `role` beside them names the role of a run."""
@@ -49,12 +50,4 @@ def _inlined() -> dict[str, Markup]:
 
 def render_plain(template: str, **content: object) -> str:
     """Returns the text of a file for another program, such as a C header; nothing in `template` is escaped."""
-    environment = Environment(
-        loader=PackageLoader("brickpilot.report"),
-        autoescape=False,  # the text is no HTML
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    return environment.get_template(f"{template}.j2").render(version=__version__, **content)
+    return render_text("report", template, version=__version__, **content)
