@@ -6,6 +6,7 @@ import dataclasses
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,9 +21,6 @@ from brickpilot.link.session import LOCKSTEP, Session
 from brickpilot.vehicle import flight
 
 Array = NDArray[np.float64]
-
-SEQUENCE_AT = 4
-"""Index of the byte with the sequence number in SYNC and MOTORS; in MOTORS, the next byte is the tick."""
 
 LOST = "the link was lost"
 RESET = "the brick was reset: it restarted, or took an OPEN that this session has not sent"
@@ -66,7 +64,6 @@ class LinkedFlight:
         self.motors = (0, 0)
         self.commanded_at = 0  # the step of the last motor command
         self.sent_sequence = 0
-        self.expected = b""  # bytes of the expected reply: sequence number and tick
         self.started = False
         self._over_since = 0
         self.broke_off: str | None = None
@@ -135,10 +132,10 @@ class LinkedFlight:
         """Sends the step's set until the reply comes, and takes the motor command. Returns False if no reply came."""
         for _ in range(tries):
             self.sent_sequence = self.session.next_sequence()
-            self.expected = bytes((self.sent_sequence, end.tick_ms))
+            expected = partial(self._is_command, self.sent_sequence, end.tick_ms)
             self.recorder.sent(self.step, self.sent_sequence)
             self.link.send(end.messages(self.sent_sequence))
-            data = self.session.wait(self._motors.id, self._is_reply, timeout)
+            data = self.session.wait(self._motors.id, expected, timeout)
             if data is not None:
                 self.recorder.replied(self.sent_sequence)
                 left, right, *_ = self._motors.unpack(data)
@@ -147,8 +144,9 @@ class LinkedFlight:
             self.without_reply += 1
         return False
 
-    def _is_reply(self, data: bytes) -> bool:
-        return self._motors.sealed(data) and data[SEQUENCE_AT : SEQUENCE_AT + 2] == self.expected
+    def _is_command(self, sequence: int, tick_ms: int, data: bytes) -> bool:
+        """Returns whether the data are the motor command for the set with this sequence number and this tick."""
+        return self._motors.sealed(data) and self._motors.unpack(data)[2:4] == (sequence, tick_ms)
 
     def end_step(self) -> None:
         """Ends a step of the flight and begins the next."""
