@@ -18,7 +18,7 @@ from brickpilot.hil import avr_flight
 from brickpilot.hil import fly as over_a_link
 from brickpilot.hil.avr_flight import AvrRobot, avr_image
 from brickpilot.hil.checkout import AVR_TARGETS
-from brickpilot.hil.linked_flight import board_told
+from brickpilot.hil.linked_flight import board_figures
 from brickpilot.link.messages import book
 from brickpilot.link.session import Session
 from brickpilot.vehicle import flight, scenario
@@ -109,7 +109,7 @@ def test_a_held_main_program_is_reset_by_the_watchdog_and_does_not_drive_off_aga
     """
     faulty = fly(Fault("main_held", BEGIN_S, BEGIN_S + 0.034), seconds=BEGIN_S + 3)
     assert faulty.resets[-1] == 1
-    assert board_told(faulty.flown.board)["started_by"] == "the watchdog"
+    assert board_figures(faulty.flown.board)["started_by"] == "the watchdog"
     assert_never_drives_again(faulty, 0.036)
 
 

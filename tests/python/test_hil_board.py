@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from brickpilot.hil.linked_flight import RESET_CAUSES, board_told
+from brickpilot.hil.linked_flight import RESET_CAUSES, board_figures
 from brickpilot.link.messages import book
 
 COUNTS = {"converter": 3, "edges": 2, "overruns": 1}
@@ -14,11 +14,11 @@ COUNTS = {"converter": 3, "edges": 2, "overruns": 1}
     [(1, "power-on"), (8, "the watchdog"), (5, "power-on and a brown-out"), (0, "an unknown cause")],
 )
 def test_the_cause_of_a_start_is_told_in_words(started_by: int, words: str) -> None:
-    assert board_told({"started_by": started_by, **COUNTS}) == {"started_by": words, **COUNTS}
+    assert board_figures({"started_by": started_by, **COUNTS}) == {"started_by": words, **COUNTS}
 
 
 def test_a_brick_without_devices_of_its_own_tells_nothing() -> None:
-    assert board_told({}) is None
+    assert board_figures({}) is None
 
 
 def test_the_causes_are_those_of_the_message() -> None:

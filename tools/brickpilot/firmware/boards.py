@@ -262,7 +262,7 @@ def _with_battery(text: str, robot: Robot) -> str:
 
 @dataclass(frozen=True)
 class ClosedLoop:
-    """The input for compiling the library; it is small, so that it can be sent to another machine.
+    """The input from which a machine compiles the library; small enough to be sent to another machine.
 
     Attributes:
         headers: (file, text) of the headers that replace the project's: the robot's constants.

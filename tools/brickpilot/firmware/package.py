@@ -98,7 +98,7 @@ def make(order: Order, folder: Path) -> Made:
 def files_of(board: Board) -> set[str]:
     """Returns the names that the command may write into its folder, for any board."""
     programs = ("brickpilot", "recorder")
-    ends = {pattern.removeprefix("*") for one in boards.BOARDS.values() for pattern in one.images if "*" in pattern}
+    ends = {pattern.removeprefix("*") for known in boards.BOARDS.values() for pattern in known.images if "*" in pattern}
     return set(FILES) | {"brickpilot"} | {program + end for program in programs for end in ends}
 
 

@@ -79,13 +79,13 @@ def _friction(profile: str, values: Values) -> dict[str, Any]:
 
 def _speed(common: Values, own: Values, radius: float, counts: float, step: float) -> dict[str, Any]:
     """Returns a `speed_config_t`. The observer has a double pole at its bandwidth b: 2 b on travel, b^2 on speed."""
-    band = own["observer_bandwidth"]
+    bandwidth = own["observer_bandwidth"]
     return {
         "accel_gain_q15": _q15(own["accel_share"], "accel_share"),
         "slowest_weight_bits": integer(round(math.log2(common["accel_bias_time"] / step)), 0, 12, "accel_bias_time"),
         "count_travel_um_q2": integer(2 * math.pi * radius / counts * 4e6, 1, UINT16, "counts_per_turn"),
-        "travel_gain_q15": _q15(2 * band * step, "observer_bandwidth"),
-        "speed_gain_q15": _q15(band**2 * step * SPEED_Q17_PER_TRAVEL_Q5, "observer_bandwidth"),
+        "travel_gain_q15": _q15(2 * bandwidth * step, "observer_bandwidth"),
+        "speed_gain_q15": _q15(bandwidth**2 * step * SPEED_Q17_PER_TRAVEL_Q5, "observer_bandwidth"),
         "accel_filter_q15": _q15(1 - math.exp(-step / common["accel_filter_time"]), "accel_filter_time"),
     }
 
@@ -113,13 +113,13 @@ def _loop(
     values, own = plain(vehicle["parameters"]), constants(vehicle, profile)
     common = plain(vehicle["estimator"])
     estimator, counts = plain(vehicle["estimator"][profile]), plain(vehicle["sensors"]["encoder"])["counts_per_turn"]
-    rolls_like = values["wheel_radius"] * (1 + known.get(TRAVEL_SCALE, 0) / 2**15)
+    effective_radius = values["wheel_radius"] * (1 + known.get(TRAVEL_SCALE, 0) / 2**15)
     config: dict[str, Any] = {
         "step": {
             "model": f"&MODEL_{profile.upper()}",
             "heading": _heading(common, plain(vehicle["sensors"]["imu"])["gyro_range"]),
             "speed": {
-                **_speed(common, estimator, rolls_like, counts, step),
+                **_speed(common, estimator, effective_radius, counts, step),
                 "friction": _friction(profile, values),
             },
             "mixer": {
@@ -265,13 +265,13 @@ def _check_limits(robot: Robot) -> None:
 
     battery = ("parameters", "battery_voltage")
     least = FLOOR if FLOOR_AT in robot.stated else FLOOR * robot.value(*battery) / robot.value(*FLOOR_AT)
-    ends = f"charged it has a tenth more, voltages end at {HIGHEST_OWN:g} V, and battery_floor follows it"
-    check(battery, least, BATTERY_MOST, "V", ends)
+    battery_reason = f"charged it has a tenth more, voltages end at {HIGHEST_OWN:g} V, and battery_floor follows it"
+    check(battery, least, BATTERY_MOST, "V", battery_reason)
     for name, unit in (("gyro_range", "rad/s"), ("accel_range", "m/s^2")):
         check(("sensors", "imu", name), 0.1, READING_MOST, unit, "a reading has 16 bits")
     turn = 2 * math.pi * robot.value("parameters", "wheel_radius") * COUNT_UM_Q2
-    rounded = f"a count is up to 16.4 mm, and rounded by {ROUNDING:.1%} of it at most"
-    check(("sensors", "encoder", "counts_per_turn"), turn / UINT16, turn * 2 * ROUNDING, "", rounded)
+    count_reason = f"a count is up to 16.4 mm, and rounded by {ROUNDING:.1%} of it at most"
+    check(("sensors", "encoder", "counts_per_turn"), turn / UINT16, turn * 2 * ROUNDING, "", count_reason)
     own = constants(robot.vehicle, "coupled")
     for setting in settings().values():
         place = ("controller", "coupled", setting.name)
@@ -335,7 +335,7 @@ def _edge(fits: Callable[[float], bool], good: float, bad: float) -> float:
 
 
 def _far_edge(fits: Callable[[float], bool], good: float, away: float) -> float:
-    """Returns the other end of the range, in the direction of the factor `away`."""
+    """Returns the last value that fits, above `good` if `away` is above 1, otherwise below `good`."""
     factor = _STEP if away > 1 else 1 / _STEP
     for _ in range(4 * _FURTHEST):
         if not fits(good * factor):

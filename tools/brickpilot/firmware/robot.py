@@ -163,7 +163,7 @@ def _stated(toml: TomlFile) -> dict[Place, float]:
         table: Any = toml.data
         for depth, name in enumerate(place):
             table = toml.table(place[: depth + 1], table.get(name, {}))
-        below = {one[len(place)] for one in OWN if len(one) > len(place) and one[: len(place)] == place}
+        below = {other[len(place)] for other in OWN if len(other) > len(place) and other[: len(place)] == place}
         toml.known_keys(place, table, names)
         for name in table.keys() - below - {"paper"}:  # only the project's firmware has `paper`
             key, unit = (*place, name), names[name]["unit"]
@@ -246,11 +246,11 @@ def _chosen(vehicle: dict[str, Any], stated: Mapping[Place, float]) -> dict[Plac
         chosen[counts] = Chosen(finer, "a count of 16 mm, the longest that has a format")
     _put(vehicle, chosen)
     constants = plain(reference["controller"]["coupled"])
-    for name, one in tuned_controller(_size(vehicle), _size(reference), constants).items():
-        chosen["controller", "coupled", name] = one
+    for name, by_rule in tuned_controller(_size(vehicle), _size(reference), constants).items():
+        chosen["controller", "coupled", name] = by_rule
     common, coupled = plain(reference["estimator"]), plain(reference["estimator"]["coupled"])
-    for name, one in tuned_estimator(_seen(vehicle), _seen(reference), {**common, **coupled}).items():
-        chosen[("estimator", name) if name in common else ("estimator", "coupled", name)] = one
+    for name, by_rule in tuned_estimator(_seen(vehicle), _seen(reference), {**common, **coupled}).items():
+        chosen[("estimator", name) if name in common else ("estimator", "coupled", name)] = by_rule
     return chosen
 
 
@@ -321,13 +321,13 @@ def turn(values: Values) -> Motion:
 def _lag(values: Values, inertia: float) -> Motion:
     """Returns the motion of a wheel with this inertia; its speed is in rad/s."""
     resistance, torque = values["resistance"], values["torque_constant"]
-    held = 1 / wheel_speed_per_volt(values)
-    return Motion(1 / held, inertia * resistance / (torque * held))
+    volts_per_speed = 1 / wheel_speed_per_volt(values)
+    return Motion(1 / volts_per_speed, inertia * resistance / (torque * volts_per_speed))
 
 
-def _pace(own: Motion, accelerates: float, damping: float) -> float:
+def _pace(own: Motion, acceleration_ratio: float, damping: float) -> float:
     """Returns the factor on the poles. `damping`: minus the sum of the packaged loop's poles, in 1/s."""
-    slowed = min(1.0, math.sqrt(accelerates))
+    slowed = min(1.0, math.sqrt(acceleration_ratio))
     return min(max(slowed, 1 / (own.time * damping)), FASTEST)
 
 
@@ -336,9 +336,9 @@ def _loop_gain(wanted: float) -> float:
     return wanted if wanted > NOTHING else 0.0
 
 
-def _speed_gains(own: Motion, packaged: Motion, gains: Values, accelerates: float) -> dict[str, float]:
+def _speed_gains(own: Motion, packaged: Motion, gains: Values, acceleration_ratio: float) -> dict[str, float]:
     damping = (1 + packaged.gain * gains["speed_kp"]) / packaged.time
-    pace = _pace(own, accelerates, damping)
+    pace = _pace(own, acceleration_ratio, damping)
     stiffness = packaged.gain * gains["speed_ki"] / packaged.time * pace**2
     return {
         "speed_kp": _loop_gain(pace * damping * own.time - 1) / own.gain,
@@ -346,9 +346,9 @@ def _speed_gains(own: Motion, packaged: Motion, gains: Values, accelerates: floa
     }
 
 
-def _heading_gains(own: Motion, packaged: Motion, gains: Values, accelerates: float) -> dict[str, float]:
+def _heading_gains(own: Motion, packaged: Motion, gains: Values, acceleration_ratio: float) -> dict[str, float]:
     damping = (1 + packaged.gain * gains["heading_kd"]) / packaged.time
-    pace = _pace(own, accelerates, damping)
+    pace = _pace(own, acceleration_ratio, damping)
     factor = packaged.gain / packaged.time * own.time / own.gain
     return {
         "heading_kp": gains["heading_kp"] * factor * pace**2,
@@ -357,8 +357,8 @@ def _heading_gains(own: Motion, packaged: Motion, gains: Values, accelerates: fl
     }
 
 
-def _within_gyro(about: Motion, gyro_range: float) -> float:
-    """Returns the voltage at which half a turn from rest ends at the rate `GYRO_SHARE` times the gyro's range.
+def _within_gyro(motion: Motion, gyro_range: float) -> float:
+    """Returns the voltage with which half a turn from rest ends at the rate `GYRO_SHARE` times the gyro's range.
 
     At the voltage V a first-order lag has the rate gain V (1 - e) at the angle gain V time (x - 1 + e), where x is the
     elapsed time over the lag's time constant, and e = exp(-x). A light robot reaches the rate gain V at once; a heavy
@@ -367,10 +367,10 @@ def _within_gyro(about: Motion, gyro_range: float) -> float:
     rate = GYRO_SHARE * gyro_range
 
     def beyond(x: float) -> float:
-        return rate * about.time * (x + math.expm1(-x)) + LONGEST_TURN * math.expm1(-x)
+        return rate * motion.time * (x + math.expm1(-x)) + LONGEST_TURN * math.expm1(-x)
 
-    x = float(brentq(beyond, 1e-9, 2 + LONGEST_TURN / (rate * about.time)))
-    return rate / (about.gain * -math.expm1(-x))
+    x = float(brentq(beyond, 1e-9, 2 + LONGEST_TURN / (rate * motion.time)))
+    return rate / (motion.gain * -math.expm1(-x))
 
 
 @dataclass(frozen=True)
@@ -392,32 +392,35 @@ def tuned_controller(own: Size, packaged: Size, constants: Values) -> dict[str, 
     Args:
         constants: the constants of the packaged robot.
     """
-    ahead, ahead_packaged = straight(own.values), straight(packaged.values)
-    about, about_packaged = turn(own.values), turn(packaged.values)
-    battery, length = own.battery / packaged.battery, own.length / packaged.length
-    faster = ahead.acceleration(own.battery) / ahead_packaged.acceleration(packaged.battery)
-    turns = about.acceleration(own.battery) / about_packaged.acceleration(packaged.battery)
-    top = ahead.gain * battery / ahead_packaged.gain
-    cruise = min(constants["cruise"] * min(top, math.sqrt(faster * length)), FASTEST_CRUISE)
-    slower = cruise / constants["cruise"]
-    turning = min(constants["heading_limit"] * battery, _within_gyro(about, own.gyro_range))
+    own_straight, packaged_straight = straight(own.values), straight(packaged.values)
+    own_turn, packaged_turn = turn(own.values), turn(packaged.values)
+    battery_ratio, length_ratio = own.battery / packaged.battery, own.length / packaged.length
+    acceleration_ratio = own_straight.acceleration(own.battery) / packaged_straight.acceleration(packaged.battery)
+    turn_ratio = own_turn.acceleration(own.battery) / packaged_turn.acceleration(packaged.battery)
+    speed_ratio = own_straight.gain * battery_ratio / packaged_straight.gain
+    cruise = min(constants["cruise"] * min(speed_ratio, math.sqrt(acceleration_ratio * length_ratio)), FASTEST_CRUISE)
+    cruise_ratio = cruise / constants["cruise"]
+    turning = min(constants["heading_limit"] * battery_ratio, _within_gyro(own_turn, own.gyro_range))
     gains = {
-        **_speed_gains(ahead, ahead_packaged, constants, faster),
-        **_heading_gains(about, about_packaged, constants, turns),
+        **_speed_gains(own_straight, packaged_straight, constants, acceleration_ratio),
+        **_heading_gains(own_turn, packaged_turn, constants, turn_ratio),
     }
     others = {
         "cruise": (
             cruise,
             "as the speed that the battery holds, and no faster than the robot brakes within its length",
         ),
-        "creep": (constants["creep"] * slower, "as cruise"),
-        "decel": (constants["decel"] * faster, "as the acceleration at full voltage"),
-        "speed_limit": (constants["speed_limit"] * battery, "as the battery"),
+        "creep": (constants["creep"] * cruise_ratio, "as cruise"),
+        "decel": (constants["decel"] * acceleration_ratio, "as the acceleration at full voltage"),
+        "speed_limit": (constants["speed_limit"] * battery_ratio, "as the battery"),
         "heading_limit": (turning, "as the battery, and no faster than nine tenths of the gyro's range in half a turn"),
-        "bearing_hold": (constants["bearing_hold"] * length, "as the length"),
-        "overshoot": (constants["overshoot"] * length, "as the length"),
-        "leg_timeout": (constants["leg_timeout"] * max(length, 1.0) / min(slower, 1.0), "as length over cruise"),
-        "battery_floor": (constants["battery_floor"] * battery, "as the battery"),
+        "bearing_hold": (constants["bearing_hold"] * length_ratio, "as the length"),
+        "overshoot": (constants["overshoot"] * length_ratio, "as the length"),
+        "leg_timeout": (
+            constants["leg_timeout"] * max(length_ratio, 1.0) / min(cruise_ratio, 1.0),
+            "as length over cruise",
+        ),
+        "battery_floor": (constants["battery_floor"] * battery_ratio, "as the battery"),
     }
     chosen = {name: (value, "the packaged robot's poles, see robot.py") for name, value in gains.items()} | others
     return {name: Chosen(value, rule) for name, (value, rule) in chosen.items()}

@@ -50,20 +50,21 @@ def mission(robot: Robot, file: str | None) -> Scenario:
             raise InputError("is a manoeuvre; firmware flies missions", file=file, field="kind")
         return own
     route, reference = scenario.load(scenario.packaged()["mission"]), packaged()
-    cruise, usual = robot.value("controller", "coupled", "cruise"), plain(reference["controller"]["coupled"])["cruise"]
+    cruise = robot.value("controller", "coupled", "cruise")
+    packaged_cruise = plain(reference["controller"]["coupled"])["cruise"]
     shortest = min(math.dist(*leg) for leg in itertools.pairwise(route.waypoints))
-    least = max(cruise / usual, SHORTEST_LEG * robot.length / 2 / shortest)
+    least = max(cruise / packaged_cruise, SHORTEST_LEG * robot.length / 2 / shortest)
     scale = min(robot.length / plain(reference["robot"])["length"], least)
     if max(abs(coordinate) for point in route.waypoints for coordinate in point) * scale > scenario.farthest():
         raise InputError(
             f"the packaged mission would be {scale:.3g} times as large; name one with --scenario", file=robot.toml.path
         )
     points = tuple((round(scale * x, 3), round(scale * y, 3)) for x, y in route.waypoints)
-    duration = REST_S + SLACK * route.duration * max(scale * (usual / cruise), 1.0)
+    duration = REST_S + SLACK * route.duration * max(scale * (packaged_cruise / cruise), 1.0)
     duration = min(math.ceil(duration / STEP_S) * STEP_S, scenario.LONGEST_S)
-    exact = math.isclose(scale, 1.0, rel_tol=1e-6)
-    title = route.title if exact else f"{route.title}, {scale:.2f} times as large"
-    return dataclasses.replace(route, title=title, waypoints=points, duration=duration, start_at=REST_S, packaged=exact)
+    same = math.isclose(scale, 1.0, rel_tol=1e-6)
+    title = route.title if same else f"{route.title}, {scale:.2f} times as large"
+    return dataclasses.replace(route, title=title, waypoints=points, duration=duration, start_at=REST_S, packaged=same)
 
 
 def plan(robot: Robot, route: Scenario, sensors: str, seed: int) -> flight.Plan:

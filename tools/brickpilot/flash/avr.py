@@ -30,7 +30,7 @@ PARTS = {
 
 BAUD = 115200
 TIMEOUT_S = 120.0
-"""s: longest delivery; an image of 250 KB takes a minute to be written and read back."""
+"""The longest time for a delivery, s. avrdude needs a minute to write an image of 250 KB and to read it back."""
 
 _SILENT = ("not in sync", "is not responding", "timeout", "getsync")
 _NO_PORT = ("can't open device", "cannot open port", "unable to open port")

@@ -8,9 +8,9 @@ these bytes. The opcode of a reply is the complement of the request's opcode. Th
 - The ROM writes the bytes of a block to memory as they arrive. When the same index arrives again, the ROM goes back to
   the start of the block. So a block can be sent again, even with fewer bytes, until it is acknowledged.
 - After a damaged byte, the ROM looks for an opcode in the rest of the same packet. The ROM may take bytes of the image
-  for the head of another block; then it loses the start of the present block. It may also take such bytes for the same
-  short request twice; then it repeats its reply to the last block, which looks like an acknowledgement. So if the line
-  damages packets, a block ends before such bytes.
+  for the head of another block; then the ROM loses the start of the present block. The ROM may also take such bytes
+  for the same short request twice. Then the ROM repeats its reply to the last block, and this reply looks like an
+  acknowledgement. So if the line damages packets, a block ends before such bytes.
 - The ROM also loses the start of a block if a byte of the index and the byte's complement are both lost. After a block
   with a wrong checksum, the ROM waits for the next block. Then only a new download helps.
 

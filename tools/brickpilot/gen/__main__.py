@@ -82,8 +82,8 @@ def checkout(start: Path) -> Path | None:
 
 def wrong_generator() -> str | None:
     """Returns what to install if cantools has not the version of the extra `gen`; other versions write other code."""
-    asked = next(one for one in metadata.requires("brickpilot") or () if one.startswith("cantools=="))
-    wanted, installed = asked.partition(";")[0].strip(), metadata.version("cantools")
+    requirement = next(line for line in metadata.requires("brickpilot") or () if line.startswith("cantools=="))
+    wanted, installed = requirement.partition(";")[0].strip(), metadata.version("cantools")
     if wanted == f"cantools=={installed}":
         return None
     return f"needs {wanted}, and {installed} is installed: .venv/bin/pip install {wanted}"

@@ -23,7 +23,7 @@ from brickpilot.vehicle.settings import INT32, Setting, plain
 
 
 def plant_presets(vehicle: Mapping[str, Any]) -> str:
-    """Returns the header's text.
+    """Returns the text of sim_host/models/rcx_gen.h.
 
     Args:
         vehicle: the tables `parameters`, `rates` and `sensors.*` of a vehicle file; each entry is `{value, unit,
@@ -38,7 +38,7 @@ OF_THE_LOOP = ("lost_time", "watchdog_time", "silent_time", "telemetry_every")
 
 
 def controllers(vehicle: Mapping[str, Any]) -> str:
-    """Returns the header's text.
+    """Returns the text of tests/numeric/controllers_gen.h.
 
     Args:
         vehicle: a vehicle file's tables.
@@ -78,7 +78,7 @@ def value_sets(nominal: Mapping[str, float]) -> list[dict[str, float]]:
 
 
 def model_sets(nominal: Mapping[str, float], step: float) -> str:
-    """Returns the header's text."""
+    """Returns the text of tests/numeric/model_sets_gen.h."""
     sets = [
         {
             "values": list(values.values()),
@@ -101,20 +101,20 @@ def ranges(settings: Mapping[str, Setting]) -> list[tuple[int, int]]:
     Raises:
         QuantisationError: there are more ranges than the firmware's table has bits for.
     """
-    pairs = sorted({(one.low, one.high) for one in settings.values()}, key=lambda pair: (pair[0] < 0, pair))
+    pairs = sorted({(setting.low, setting.high) for setting in settings.values()}, key=lambda pair: (pair[0] < 0, pair))
     if len(pairs) > RANGES_MOST:
         raise QuantisationError(f"{len(pairs)} ranges: parameters.c has bits for {RANGES_MOST}")
     return pairs
 
 
 def settings_table(settings: Mapping[str, Setting]) -> str:
-    """Returns the header's text."""
+    """Returns the text of firmware/app/settings_gen.h."""
     return render_text("gen", "settings_gen.h", ranges=ranges(settings), settings=list(settings.values()), int32=INT32)
 
 
 def name_in(dbc: str, settings: Mapping[str, Setting]) -> str:
     """Returns the DBC's text with the names of the settings in the value table of PARAMETER_REQUEST."""
-    names = " ".join(f'{one.number} "{one.name}"' for one in settings.values())
+    names = " ".join(f'{setting.number} "{setting.name}"' for setting in settings.values())
     text, count = _VALUE_TABLE.subn(f"VAL_ 256 parameter {names} ;", dbc)
     if count != 1:
         raise ValueError("brickpilot.dbc has no line `VAL_ 256 parameter ... ;`")
@@ -153,5 +153,5 @@ def h8_costs(text: str) -> dict[int, Cost]:
 
 
 def h8_states(table: str) -> str:
-    """Returns the header's text; `table`: the text of states.toml."""
+    """Returns the text of hal/h8sim/states_gen.h; `table`: the text of states.toml."""
     return render_text("gen", "states_gen.h", places=PLACES, costs=h8_costs(table))

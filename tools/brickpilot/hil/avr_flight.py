@@ -69,7 +69,7 @@ def fly(
         trace: a VCD file of the signals at the pins.
         scales: the scales of sensors that differ from those of the packaged image: see `open_robot`.
         record: the file for the messages on the line, with one of `traffic_log.SUFFIXES`.
-        each_step: called with the robot and the number of each control step before it is flown.
+        each_step: called with the robot and the number of the step, before each control step is flown.
         watch: called at the beginning of each step.
 
     Raises:
@@ -297,9 +297,11 @@ def open_robot(
     """
     ffi, library = avr_interface()
     status = ffi.new("int *")
-    with flight.request(plan, log, motors) as asked:
-        where = ffi.NULL if trace is None else str(trace).encode()
-        brick = library.bp_avr_open(ffi.cast("bp_flight *", asked), str(image).encode(), chip.encode(), where, status)
+    with flight.request(plan, log, motors) as flight_request:
+        trace_file = ffi.NULL if trace is None else str(trace).encode()
+        brick = library.bp_avr_open(
+            ffi.cast("bp_flight *", flight_request), str(image).encode(), chip.encode(), trace_file, status
+        )
         if brick == ffi.NULL:
             if status[0] == -23:
                 raise InputError("cannot be written", file=trace)

@@ -1,7 +1,7 @@
 """Finds the firmware's sources, in a checkout of the project or in the package, and runs a checkout's scripts.
 
-This module lists the images of `firmware/targets/avr` that can be flown and the program that `brickpilot brick` runs,
-because it needs no library of a link.
+It also lists the images of `firmware/targets/avr` that `hil` flies, and names the program that `brickpilot brick` runs.
+So these commands find both without the libraries of the extra `hil`.
 """
 
 from __future__ import annotations

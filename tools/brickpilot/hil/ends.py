@@ -1,4 +1,4 @@
-"""Opens the plant's end of a link. If the link names a brick on this machine, the brick is started at the other end.
+"""Opens the plant's end of a link, and starts the brick at the other end if the link names a brick of this machine.
 
 A brick is a process, a thread at one end of a CAN bus, the far end of a link in memory, or a program on the simulator
 of the RCX's processor.
@@ -59,7 +59,7 @@ class Ends:
         link: the open link.
         restart: function that switches the brick off and on; None: the brick was not started on this machine.
         reply_s: in lockstep, the time in s of `clock` to wait for a reply before the set is sent again.
-        clock: function that returns the time in s.
+        clock: function that returns the link's time in s.
     """
 
     link: Link
@@ -70,7 +70,7 @@ class Ends:
 
 @contextmanager
 def both_ends(spec: str, trace: Path | None = None, image: Path | None = None) -> Iterator[Ends]:
-    """Opens the plant's end of a link, and starts the brick at the other end if the link names one here.
+    """Opens the plant's end of a link, and starts the brick at the other end if the link names a brick of this machine.
 
     Args:
         spec: the link, or one of `H8SIM_TARGETS`.

@@ -25,7 +25,7 @@ from brickpilot.hil.linked_flight import (
     LinkedFlight,
     Progress,
     Watch,
-    board_told,
+    board_figures,
 )
 from brickpilot.hil.plant_end import PlantEnd, open_plant
 from brickpilot.link.brick import prepare
@@ -78,7 +78,7 @@ class HilFlight:
             "lost_frames": self.lost_frames,
             "safe_stops": self.safe_stops,
             "broke_off": self.broke_off,
-            "board": board_told(self.board),
+            "board": board_figures(self.board),
         }
 
 

@@ -39,7 +39,7 @@ Progress = Callable[[int, int, str], None]
 """Called with (steps done, all steps, text)."""
 
 Watch = Callable[["LinkedFlight"], None]
-"""Called at the beginning of each control step; may send messages, and may end the flight by a shorter plan."""
+"""Called at the beginning of each control step; may send messages, and may end the flight by `LinkedFlight.end_in`."""
 
 
 class LinkedFlight:
@@ -206,7 +206,10 @@ COLUMNS = {
 """Column of the log -> (message, signal) with its value."""
 
 LAST = "TELEMETRY_EFFORT"
+"""The message that the brick sends last in each report of its telemetry."""
+
 TICK_AT = 6
+"""Index of the byte with the low byte of the brick's time, in each message of the telemetry."""
 
 
 class Telemetry:
@@ -282,9 +285,9 @@ class Telemetry:
         }
 
 
-def _held(at: list[int], values: list[int], steps: int) -> Array:
-    """Returns, for each step, the value that was reported last, (steps,). `at`: the step of each value."""
-    reports = np.array(at, dtype=int)
+def _held(value_steps: list[int], values: list[int], steps: int) -> Array:
+    """Returns, for each step, the value that was reported last, (steps,). `value_steps`: the step of each value."""
+    reports = np.array(value_steps, dtype=int)
     newest = np.zeros(steps, dtype=int)  # index of the newest report in `values`, plus 1; 0: no report
     inside = reports < steps
     newest[reports[inside]] = 1 + np.flatnonzero(inside)
@@ -347,7 +350,7 @@ RESET_CAUSES = {1: "power-on", 2: "the reset pin", 4: "a brown-out", 8: "the wat
 """Bit of `started_by` -> cause of the reset, as in hal/wire/brickpilot.dbc."""
 
 
-def board_told(board: Mapping[str, int]) -> dict[str, Any] | None:
+def board_figures(board: Mapping[str, int]) -> dict[str, Any] | None:
     """Returns the cause of the last start, in words, and the counts since power-on.
 
     Args:

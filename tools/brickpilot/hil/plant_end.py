@@ -98,9 +98,9 @@ def open_plant(plan: flight.Plan, log: NDArray[np.float64], motors: NDArray[np.i
         SimulationError: the plant does not start.
     """
     ffi, library = compiled.interface()
-    with flight.request(plan, log, motors) as asked:
+    with flight.request(plan, log, motors) as flight_request:
         status = ffi.new("int *")
-        loop = library.bp_loop_open(asked, status)
+        loop = library.bp_loop_open(flight_request, status)
         if loop == ffi.NULL:
             raise SimulationError(f"{plan.scenario.name}: the simulation does not start, status {status[0]}")
         try:

@@ -42,7 +42,7 @@ class Link(Protocol):
         """Returns the received messages; waits up to `timeout` s for the first message. Raises LinkGoneError."""
 
     def close(self) -> None:
-        """Closes the link. It may be called twice."""
+        """Closes the link; a second call has no effect."""
 
 
 class WrappedLink:
@@ -74,7 +74,7 @@ class WrappedLink:
 
 
 BUSY = b"another host has this link"
-"""Text that a brick sends to a second client before it closes the connection; the brick's process has a copy."""
+"""Text that a brick sends to a second host before it closes the connection; sim_host/brick holds the same text."""
 
 TOKEN = "BRICKPILOT_TOKEN"
 """The environment variable with the token, 16 to 64 bytes, that both ends of a TCP connection must have."""
@@ -245,13 +245,13 @@ def open_tcp(spec: str, address: str) -> Link:
 
 def _prove(spec: str, connection: socket.socket, token: bytes) -> None:
     """Proves to the brick that this end has the token, and checks that the brick has it. Raises InputError."""
-    asked = _words(spec, connection)
-    if not asked.startswith(ASKS):
-        raise _bad(spec, asked.decode(errors="replace"))
+    challenge = _words(spec, connection)
+    if not challenge.startswith(ASKS):
+        raise _bad(spec, challenge.decode(errors="replace"))
     digits = secrets.token_hex(16).encode()
 
     def proof(who: bytes) -> bytes:
-        return hmac.new(token, who + b" " + asked.removeprefix(ASKS) + digits, hashlib.sha256).hexdigest().encode()
+        return hmac.new(token, who + b" " + challenge.removeprefix(ASKS) + digits, hashlib.sha256).hexdigest().encode()
 
     connection.sendall(digits + proof(b"host"))
     answer = _words(spec, connection)
@@ -267,7 +267,7 @@ def _words(spec: str, connection: socket.socket) -> bytes:
             data += chunk
     except OSError:
         raise _bad(spec, f"the brick asks for no token; {TOKEN} is set here") from None
-    return data.split(b"\0")[1] if data.count(b"\0") >= 2 else b"the brick does not ask for the token as this end does"
+    return data.split(b"\0")[1] if data.count(b"\0") >= 2 else b"the brick does not follow the protocol of the token"
 
 
 def open_bus(spec: str, kind: str, channel: str | None) -> can.BusABC:

@@ -89,18 +89,18 @@ class InfraredLink:
         request = packet(head + data, BRICK, HOST)
 
         def reply(received: bytes) -> Message | None:
-            for found in each(received, HOST, BRICK):
-                message = found[1] | found[2] << 8, found[HEAD_BYTES:]
-                if len(found) > HEAD_BYTES and message[0] == identifier + 1 and message[1][0] == data[0]:
+            for content in each(received, HOST, BRICK):
+                message = content[1] | content[2] << 8, content[HEAD_BYTES:]
+                if len(content) > HEAD_BYTES and message[0] == identifier + 1 and message[1][0] == data[0]:
                     return message
             return None
 
         for attempt in range(TRIES if self._connected else FIRST_TRIES):
-            found = self._tower.exchange(request, reply, REPLY_BYTES, PATIENCE)
+            answer = self._tower.exchange(request, reply, REPLY_BYTES, PATIENCE)
             self.damaged += attempt > 0
-            if found is not None:
+            if answer is not None:
                 self._connected = True
-                self._replies.append(found)
+                self._replies.append(answer)
                 return
 
     def receive(self, timeout: float) -> list[Message]:

@@ -73,7 +73,7 @@ class Tower:
         self.close()
 
     def close(self) -> None:
-        """Closes the port. It may be called twice."""
+        """Closes the port; a second call has no effect."""
         self._port.close()
 
     def exchange(
