@@ -68,11 +68,12 @@ def test_plots_show_the_values_of_the_file(sets, monkeypatch):
     _, theirs = sets
     drawn = []
 
-    def seen(time, signal, unit, above, below, *rest, run, **options):
-        drawn.append((run, signal, unit, time, above[0].values, below[-1].values))
+    def seen(time, signal, unit, measured, simulated, *, run, **options):
+        *_, (_, values) = simulated.values()
+        drawn.append((run, signal, unit, time - time[0], measured, measured - values))
         return plot.Markup("")
 
-    for page in (fit_pages.plot, discover_runs):
+    for page in (fit_pages, discover_runs):
         monkeypatch.setattr(page, "superimposed", seen)
     fit_pages.compare_page(compare(theirs, robot()))
     fit_pages.calibrate_page(calibrate(theirs, free=["resistance"]))

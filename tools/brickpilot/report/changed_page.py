@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from brickpilot.changed.change import Change, Changed, Trace, subject
 from brickpilot.changed.what_changed import BEFORE
 from brickpilot.data.signals import SIGNALS
-from brickpilot.report import plot
 from brickpilot.report.discover_text import listed
-from brickpilot.report.plot import Curve, measured, points_for
+from brickpilot.report.plot import Simulated, points_for, superimposed
 from brickpilot.report.quantities import ascii_text, fit_text, percent, quantity, say
 from brickpilot.report.template import render
 from brickpilot.report.user_terms import told
@@ -123,13 +122,8 @@ def page(found: Changed, command: str) -> str:
 
 
 def _figure(one: Trace, points: int) -> dict[str, object]:
-    above = [measured(one.measured), Curve("old model", one.old, "orange"), Curve("with the change", one.explained)]
-    below = [
-        Curve("old model", one.measured - one.old, "orange"),
-        Curve("with the change", one.measured - one.explained),
-    ]
-    signal, time = say(one.signal), one.time - one.time[0]
+    simulated: Simulated = {"old model": ("orange", one.old), "with the change": ("blue", one.explained)}
+    signal, unit = say(one.signal), SIGNALS[one.signal].unit
     title = f"{one.run}: {signal}, measured, by the old model and with what changed"
-    unit = SIGNALS[one.signal].unit
-    chart = plot.superimposed(time, signal, unit, above, below, 0.0, run=one.run, title=title, points=points)
+    chart = superimposed(one.time, signal, unit, one.measured, simulated, run=one.run, title=title, points=points)
     return {"run": one.run, "signal": signal, "chart": chart}

@@ -10,12 +10,11 @@ from typing import Any
 import numpy as np
 
 from brickpilot.data.dataset import Run, own_unit
-from brickpilot.data.gap import residual
 from brickpilot.data.motion import measured_rates
 from brickpilot.data.signals import SUMMED
 from brickpilot.discover.finding import Finding
 from brickpilot.report.discover_text import OVER_NOISE, gap_change
-from brickpilot.report.plot import Array, Curve, measured, points_for, superimposed
+from brickpilot.report.plot import Array, Simulated, points_for, superimposed
 from brickpilot.report.quantities import ROLES, gap_text, say
 
 _SHOWN = 4  # number of figures that are open; all others are folded
@@ -28,7 +27,7 @@ class Compared:
     Attributes:
         unit: the unit of all values; unit and sign are those of the data set.
         measured, nominal, augmented: the values that are drawn; a position counts from its first sample.
-        before, after: the residuals of the calibrated nominal model and of the augmented model.
+        noise_sd: the standard deviation of a sample.
     """
 
     run: Run
@@ -37,14 +36,13 @@ class Compared:
     measured: Array
     nominal: Array
     augmented: Array
-    before: Array
-    after: Array
     noise_sd: float
 
     @property
     def gaps(self) -> tuple[float, float]:
-        """Returns the gap before and after."""
-        before, after = (float(np.sqrt(np.nanmean(one**2))) / self.noise_sd for one in (self.before, self.after))
+        """Returns the gap of the calibrated nominal model and of the augmented model."""
+        residuals = (self.measured - one for one in (self.nominal, self.augmented))
+        before, after = (float(np.sqrt(np.nanmean(one**2))) / self.noise_sd for one in residuals)
         return before, after
 
 
@@ -53,28 +51,20 @@ Key = tuple[str, str]
 
 
 def compared_signals(finding: Finding) -> dict[Key, Compared]:
-    """Returns the residuals of every compared signal; for a measured position, its velocity is compared."""
+    """Returns every compared signal with its simulations; for a measured position, its velocity is compared too."""
     found = {}
     for run in finding.dataset.runs:
         run = dataclasses.replace(run, outputs={**measured_rates(run), **run.outputs})
         nominal, augmented = (finding.simulated[which][run.name] for which in ("nominal", "augmented"))
         for signal, noise_sd in finding.noise_sd.items():
             own = own_unit(finding.dataset, signal)
-            factor = own.value(1.0)
             if signal not in run.outputs or signal not in nominal or not np.isfinite(run.outputs[signal]).any():
                 continue
-            measured, before, after = run.outputs[signal], nominal[signal], augmented[signal]
-            found[run.name, signal] = Compared(
-                run=run,
-                signal=signal,
-                unit=own.unit,
-                measured=factor * _drawn(run, signal, measured),
-                nominal=factor * _drawn(run, signal, before),
-                augmented=factor * _drawn(run, signal, after),
-                before=factor * residual(run, signal, before),
-                after=factor * residual(run, signal, after),
-                noise_sd=own.size(noise_sd),
+            measured, before, after = (
+                own.value(1.0) * _drawn(run, signal, values)
+                for values in (run.outputs[signal], nominal[signal], augmented[signal])
             )
+            found[run.name, signal] = Compared(run, signal, own.unit, measured, before, after, own.size(noise_sd))
     return found
 
 
@@ -134,27 +124,23 @@ def _figure(finding: Finding, one: Compared, points: int) -> dict[str, Any]:
     """Returns the figure of one signal of one run, with its caption."""
     places = (place for place in finding.where if (place.run, place.signal) == (one.run.name, one.signal))
     place = next(places, None)  # the largest part of the gap comes first
-    above, below = [measured(one.measured)], []
-    if finding.verdict != "none":
-        above.append(Curve("before", one.nominal, "orange"))
-        below.append(Curve("before", one.before, "orange"))
-    after = "simulated" if finding.verdict == "none" else "after"
-    above.append(Curve(after, one.augmented))
-    below.append(Curve(after, one.after))
-    role, start = ROLES[finding.roles[one.run.name]], float(one.run.time[0])
+    simulated: Simulated = {"before": ("orange", one.nominal), "after": ("blue", one.augmented)}
+    if finding.verdict == "none":
+        simulated = {"simulated": ("blue", one.augmented)}
+    role = ROLES[finding.roles[one.run.name]]
     gaps = [gap_text(gap) for gap in one.gaps]
     chart = superimposed(
-        one.run.time - start,
+        one.run.time,
         say(one.signal),
         one.unit,
-        above,
-        below,
-        one.noise_sd,
-        None if place is None else (place.from_s - start, place.to_s - start),
+        one.measured,
+        simulated,
         run=one.run.name,
         title=f"{one.run.name}, {role}: {say(one.signal)} measured and simulated, and the residual below: "
         f"the gap is {gaps[0]} times the noise before and {gaps[1]} after",
         points=points,
+        noise_sd=one.noise_sd,
+        stretch=None if place is None else (place.from_s, place.to_s),
     )
     return {
         "run": one.run.name,

@@ -6,8 +6,6 @@ a table of errors, then the measured and simulated signals of every run.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from markupsafe import Markup
 
 from brickpilot import catalogue
@@ -15,8 +13,8 @@ from brickpilot.data.agreement import SignalError
 from brickpilot.data.dataset import OwnUnit
 from brickpilot.fit.calibration import Calibration, Gap
 from brickpilot.fit.comparison import Comparison, RunComparison, Trace
-from brickpilot.report import headline_text, plot
-from brickpilot.report.plot import Array, Colour, Curve, measured, points_for, row_chart
+from brickpilot.report import headline_text
+from brickpilot.report.plot import Simulated, points_for, row_chart, superimposed
 from brickpilot.report.quantities import ROLES, say
 from brickpilot.report.template import render
 
@@ -46,9 +44,8 @@ def _comparisons(calibration: Calibration) -> list[tuple[str, str, list[Markup]]
     drawn = [one for one in calibration.gaps if one.run in chosen]
     figures: dict[str, list[Markup]] = {}
     for gap in drawn:
-        simulated: list[Simulated] = [("after", "after", "blue", gap.simulated)]
-        if gap.unfitted is not None:
-            simulated.insert(0, ("before", "before", "orange", gap.unfitted))
+        simulated: Simulated = {} if gap.unfitted is None else {"before": ("orange", gap.unfitted)}
+        simulated = {**simulated, "after": ("blue", gap.simulated)}
         title = (
             f"{gap.run}: {say(gap.signal)}, measured, and simulated before and after the fit, and the residuals below"
         )
@@ -57,25 +54,20 @@ def _comparisons(calibration: Calibration) -> list[tuple[str, str, list[Markup]]
     return [(run, ROLES[calibration.roles[run]], charts) for run, charts in figures.items()]
 
 
-Simulated = tuple[str, str, Colour, Array]
-"""One simulation: its name, the name of its residual, their colour, and the values (n,)."""
-
-
 def _superimposed(
-    one: Gap | Trace, run: str, signal: str, own: OwnUnit, simulated: Sequence[Simulated], title: str, figures: int
+    one: Gap | Trace, run: str, signal: str, own: OwnUnit, simulated: Simulated, title: str, figures: int
 ) -> Markup:
-    """Draws measured and simulated values in one panel, as in the paper's figs 4 and 5, and the residuals below.
+    """Draws measured and simulated values in the unit and with the sign of the data set.
 
     Args:
-        one: the measured signal of a run.
+        one: the measured signal of a run, in SI, as are the values of `simulated`.
         figures: the number of figures on the page.
     """
-    factor = own.value(1.0)
-    above = [Curve(name, factor * values, colour) for name, _, colour, values in simulated]
-    below = [Curve(name, factor * (one.measured - values), colour) for _, name, colour, values in simulated]
-    above.insert(0, measured(factor * one.measured))
-    time, points = one.time - one.time[0], points_for(figures)
-    return plot.superimposed(time, say(signal), own.unit, above, below, 0.0, run=run, title=title, points=points)
+    factor, points = own.value(1.0), points_for(figures)
+    owned = {name: (colour, factor * values) for name, (colour, values) in simulated.items()}
+    return superimposed(
+        one.time, say(signal), own.unit, factor * one.measured, owned, run=run, title=title, points=points
+    )
 
 
 def _stated(calibration: Calibration) -> Markup | None:
@@ -115,7 +107,7 @@ def compare_page(comparison: Comparison) -> str:
     for run in (run for run in comparison.runs if run.name in drawn):
         for name, trace in run.traces.items():
             title = f"{run.name}: {say(name)}, measured and simulated, and the residual below"
-            simulated: list[Simulated] = [("simulated", "residual", "blue", trace.simulated)]
+            simulated: Simulated = {"simulated": ("blue", trace.simulated)}
             own = comparison.units[name.split(" ")[0]]
             figures[run.name].append(_superimposed(trace, run.name, name, own, simulated, title, count))
     return render(

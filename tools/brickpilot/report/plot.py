@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -130,17 +130,16 @@ def _extremes(columns: Array, stretches: int) -> NDArray[np.intp]:
 def to_html(figure: Figure, points: int = MOST_POINTS) -> Markup:
     """Returns the figure as an element of a page. About `points` samples are drawn; the page says how many."""
     kept = thin(np.array([one.values for panel in figure.panels for one in panel.curves]), points)
-    origin, x_label = _clock(figure)
     spec = {
         "link": figure.link,
         "x": {
             "name": figure.x_label,
-            "label": x_label,
-            "values": _five_digits(figure.x[kept]) if figure.log else compact(figure.x[kept] - origin, ACROSS),
+            "label": f"{figure.x_label} ({figure.x_unit})" if figure.x_unit else figure.x_label,
+            "values": _five_digits(figure.x[kept]) if figure.log else compact(figure.x[kept], ACROSS),
             "log": figure.log,
             "reach": list(figure.reach),
         },
-        "stretch": None if figure.stretch is None else [one - origin for one in figure.stretch],
+        "stretch": figure.stretch,
         "lines": list(figure.lines),
         "panels": [_panel(one, figure, kept) for one in figure.panels],
     }
@@ -243,17 +242,6 @@ def _longest_step(one: Curve, x: Array, kept: NDArray[np.intp]) -> float:
     return float(f"{1.5 * float(np.median(np.diff(known))) + 2.0 * drawn:.3g}")
 
 
-def _clock(figure: Figure) -> tuple[float, str]:
-    """Returns the origin and the label of the figure's axis; a time since 1970 is too long for the label of a tick."""
-    label = f"{figure.x_label} ({figure.x_unit})" if figure.x_unit else figure.x_label
-    if figure.x_label != "time" or len(figure.x) < 2:
-        return 0.0, label
-    origin = float(figure.x[0])
-    if abs(origin) <= 10.0 * float(figure.x[-1] - origin):
-        return 0.0, label
-    return origin, f"{label}, counted from {origin:.10g} {figure.x_unit}"
-
-
 def _five_digits(values: Array) -> list[float]:
     """Returns the values with five digits each, for a logarithmic axis, which cannot show a value rounded to 0."""
     return [float(f"{one:.5g}") for one in values.tolist()]
@@ -275,31 +263,35 @@ _LEAST_GAP, _LEAST_FIT = 0.01, -20.0  # least gap and least fit that are drawn; 
 _WHISKER = 120.0  # width of the drawing of an interval in a table, in pixels
 
 
-def measured(values: Array) -> Curve:
-    """Returns the curve of a measured signal, drawn behind the simulated ones."""
-    return Curve("measured", values, "grey", 2.2)
+Simulated = Mapping[str, tuple[Colour, Array]]
+"""Name of a simulation -> its colour and its values (n,)."""
 
 
 def superimposed(
-    time: Array, signal: str, unit: str, above: Sequence[Curve], below: Sequence[Curve], noise_sd: float,
-    stretch: tuple[float, float] | None = None, *, run: str, title: str, points: int,
+    time: Array, signal: str, unit: str, measured: Array, simulated: Simulated, *, run: str, title: str, points: int,
+    noise_sd: float = 0.0, stretch: tuple[float, float] | None = None,
 ) -> Markup:  # fmt: skip
     """Draws measured and simulated values in one panel, as in the paper's figs 4 and 5, and the residuals below.
 
     Args:
-        time: the times of the run's samples in s, (n,).
+        time: the times of the run's samples in s, (n,); the axis counts from the first one.
         signal, unit: the name and unit of the values.
-        above: the measured and simulated values.
-        below: the residuals; each has the colour of its simulation.
-        noise_sd: standard deviation of a sample, in `unit`; the band of the lower panel is two sd on each side.
-        stretch: (from, to) of the shaded time, in s.
+        measured: the measured values, (n,).
         run: the name of the run; all figures of a run are linked.
         title: accessible name of the chart.
         points: approximate number of points that are drawn.
+        noise_sd: standard deviation of a sample, in `unit`; the band of the lower panel is two sd on each side.
+        stretch: (from, to) of the shaded time, on the clock of `time`.
     """
+    curves = [Curve(name, values, colour) for name, (colour, values) in simulated.items()]
+    residuals = [replace(one, values=measured - one.values) for one in curves]
     band = (-_ERROR_SD * noise_sd, _ERROR_SD * noise_sd) if noise_sd else None
-    panels = [Panel(signal, unit, above), Panel(f"residual of {signal}", unit, below, _ERRORS, band)]
-    return to_html(Figure(title, time, panels, link=run, stretch=stretch), points)
+    panels = [
+        Panel(signal, unit, [Curve("measured", measured, "grey", 2.2), *curves]),
+        Panel(f"residual of {signal}", unit, residuals, _ERRORS, band),
+    ]
+    shaded = None if stretch is None else (stretch[0] - time[0], stretch[1] - time[0])
+    return to_html(Figure(title, time - time[0], panels, link=run, stretch=shaded), points)
 
 
 def voltages(manoeuvre: Manoeuvre, *, single: bool, title: str) -> Markup:
@@ -321,43 +313,40 @@ def autocorrelation(one: Whiteness, *, title: str) -> Markup:
     return to_html(Figure(title, lags, [panel], "lag", "s"))
 
 
-def gaps(rows: Sequence[tuple[str, float | None, float | None]], *, single: bool, title: str) -> Markup:
-    """Draws a row for each (label, gap before, gap after) on a log scale; a line at 1 marks the noise.
+_ROW_MARKS: tuple[tuple[str, Colour], ...] = (("before", "orange"), ("after", "blue"), ("attainable", "green"))
 
-    `single`: there is only one model, so the gap before is not drawn.
-    """
-    before = _at_least([row[1] for row in rows], _LEAST_GAP)
-    after = _at_least([row[2] for row in rows], _LEAST_GAP)
-    marks: Marks = (
-        {"simulated": ("blue", after)} if single else {"before": ("orange", before), "after": ("blue", after)}
-    )
+Rows = Sequence[tuple[str, *tuple[float | None, ...]]]
+"""Rows of (label, value before, value after); with fits, also the attainable fit."""
+
+
+def gaps(rows: Rows, *, single: bool, title: str) -> Markup:
+    """Draws the gap before and after on a log scale; a line at 1 marks the noise. `single`: see `_joined_marks`."""
+    marks, spans = _joined_marks(rows, single, _LEAST_GAP)
     label = "gap: rms residual over noise"
-    labels = [row[0] for row in rows]
-    return row_chart(labels, marks, _joined(marks, len(rows)), label, "", title=title, lines=(1.0,), log=True)
+    return row_chart([row[0] for row in rows], marks, spans, label, "", title=title, lines=(1.0,), log=True)
 
 
-def fits(rows: Sequence[tuple[str, float | None, float | None, float | None]], *, single: bool, title: str) -> Markup:
-    """Draws a row for each (label, fit before, fit after, attainable fit), in percent; at the edge if far below 0.
+def fits(rows: Rows, *, single: bool, title: str) -> Markup:
+    """Draws the fit before, the fit after and the attainable fit, in percent. `single`: see `_joined_marks`."""
+    marks, spans = _joined_marks(rows, single, _LEAST_FIT)
+    return row_chart([row[0] for row in rows], marks, spans, "fit", "%", title=title)
 
-    `single`: there is only one model, so the fit before is not drawn.
+
+def _joined_marks(rows: Rows, single: bool, least: float) -> tuple[Marks, list[tuple[float, float] | None]]:
+    """Returns the marks of a row chart, and for each row the line that joins them; values below `least` are raised.
+
+    `single`: there is only one model, so the values before are not drawn, and those after are "simulated".
     """
-    before = _at_least([row[1] for row in rows], _LEAST_FIT)
-    after = _at_least([row[2] for row in rows], _LEAST_FIT)
-    marks: Marks = (
-        {"simulated": ("blue", after)} if single else {"before": ("orange", before), "after": ("blue", after)}
-    )
-    marks = {**marks, "attainable": ("green", _at_least([row[3] for row in rows], _LEAST_FIT))}
-    return row_chart([row[0] for row in rows], marks, _joined(marks, len(rows)), "fit", "%", title=title)
-
-
-def _at_least(values: Sequence[float | None], least: float) -> list[float | None]:
-    return [None if value is None or not np.isfinite(value) else max(value, least) for value in values]
-
-
-def _joined(marks: Marks, rows: int) -> list[tuple[float, float] | None]:
-    """Returns the lines of a row chart, each from the smallest to the largest mark of its row."""
-    ends = [[one for _, values in marks.values() if (one := values[row]) is not None] for row in range(rows)]
-    return [(min(known), max(known)) if known else None for known in ends]
+    drawn = [
+        [None if value is None or not np.isfinite(value) else max(value, least) for value in values]
+        for _, *values in rows
+    ]
+    columns = zip(*drawn, strict=True)
+    marks: Marks = {name: (colour, values) for (name, colour), values in zip(_ROW_MARKS, columns, strict=False)}
+    if single:
+        marks = {"simulated" if name == "after" else name: mark for name, mark in marks.items() if name != "before"}
+    ends = [[value for value in row if value is not None] for row in zip(*(v for _, v in marks.values()), strict=True)]
+    return marks, [(min(known), max(known)) if known else None for known in ends]
 
 
 def interval(low: float, value: float, high: float, *, inside: tuple[float, float]) -> Markup:
