@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
-import json
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from brickpilot.cli.terminal import budget_option, interval, progress_shown, search_options, show, wiring_lines
+
+if TYPE_CHECKING:
+    from brickpilot.discover.finding import Finding
 
 
 @click.command()
@@ -38,9 +42,8 @@ def discover(
     from brickpilot.discover import conclude, pipeline
     from brickpilot.discover.finding import verdict_json
     from brickpilot.public.doors import command_line
-    from brickpilot.report import composed_law, discover_fit, discover_page, discover_text, experiment_files, run_folder
-    from brickpilot.report.user_terms import frames, shown_finding, told
-    from brickpilot.vehicle import compensation, model
+    from brickpilot.report import discover_page, experiment_files, run_folder
+    from brickpilot.vehicle import model
 
     data = reading.read(Path(dataset))
     given = dataclasses.replace(model.load(Path(model_file)), name=model_file) if model_file else None
@@ -52,38 +55,30 @@ def discover(
             found = pipeline.discover(
                 data, given, seed=seed, jobs=jobs, budget_s=budget, predictor=predictor is not None, progress=progress
             )
-        figures = verdict_json(found)
-        (beside / "verdict.json").write_text(json.dumps(figures, indent=2, allow_nan=False) + "\n")
-        (beside / "report.html").write_text(discover_page.page(found, command), encoding="utf-8")
-        model.save(found.augmented, beside / "model.toml")
-        for name, text in (composed_law.of_finding(found) | experiment_files.of_finding(found)).items():
-            (beside / name).write_text(text, encoding="utf-8")
-        undone = compensation.from_model(found.augmented)
-        if undone is not None:
-            undone.save(beside / "compensation.toml")
+        asked = found.next_experiment
+        undone = discover_page.write(found, beside, command, None if asked is None else asked.manoeuvre)
     if predictor is not None and found.predictor is not None:
         model.save(found.predictor.model, Path(predictor))
-    if as_json:
-        click.echo(json.dumps(figures, allow_nan=False))
-        return
-    for note in told(data, found.notes):
-        click.echo(f"note: {note}")
-    click.echo(discover_text.verdict(found))
+    lines = [*_lines(found), *(f"not compensated: {remark}" for remark in (undone.remarks if undone else ()))]
+    lines += [f"predictor: {predictor}"] if predictor is not None else []
+    lines += [f"model: {folder / 'model.toml'}", f"report: {folder / 'report.html'}"]
+    lines += [f"compensation: {folder / 'compensation.toml'}"] if undone is not None else []
+    show(verdict_json(found), lines, as_json=as_json)
+
+
+def _lines(found: Finding) -> Iterator[str]:
+    from brickpilot.report import discover_fit, discover_text
+    from brickpilot.report.user_terms import frames, shown_finding, told
+
+    yield from (f"note: {note}" for note in told(found.dataset, found.notes))
+    yield discover_text.verdict(found)
     for effect in shown_finding(found).effects:
         for name, value in effect.parameters.items():
             label, known = discover_text.known_size(name, value)
-            click.echo(f"{effect.name + '.' + label:40}{known.value:12.5g} {known.unit:12} {interval(known.ci95)}")
-    for line in (*discover_text.explanation_lines(found), *discover_fit.lines(found)):
-        click.echo(line)
-    if sentence := frames(data):
-        click.echo(sentence)
-    for remark in undone.remarks if undone is not None else ():
-        click.echo(f"not compensated: {remark}")
-    if predictor is not None:
-        click.echo(f"predictor: {predictor}")
-    click.echo(f"model: {folder / 'model.toml'}\nreport: {folder / 'report.html'}")
-    if undone is not None:
-        click.echo(f"compensation: {folder / 'compensation.toml'}")
+            yield f"{effect.name + '.' + label:40}{known.value:12.5g} {known.unit:12} {interval(known.ci95)}"
+    yield from (*discover_text.explanation_lines(found), *discover_fit.lines(found))
+    if sentence := frames(found.dataset):
+        yield sentence
 
 
 @click.command()

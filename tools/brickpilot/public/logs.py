@@ -15,7 +15,6 @@ from brickpilot.changed.change import Changed
 from brickpilot.changed.what_changed import BEFORE, what_changed
 from brickpilot.data import reading
 from brickpilot.data.dataset import Dataset, joined
-from brickpilot.discover.finding import Finding, verdict_json
 from brickpilot.errors import InputError
 from brickpilot.fit.descent import Progress
 from brickpilot.importers import IMPORTERS, Importer, importer_and_files, options_taken
@@ -23,7 +22,7 @@ from brickpilot.importers.writer import Imported
 from brickpilot.public.analysis import discover
 from brickpilot.public.doors import jobs_of, seed_of, silent
 from brickpilot.readiness.data_check import check
-from brickpilot.report import changed_page, composed_law, discover_page, experiment_files, why_page, why_text
+from brickpilot.report import changed_page, discover_page, why_page, why_text
 from brickpilot.report.run_folder import fresh_folder
 from brickpilot.report.why_page import Why
 from brickpilot.vehicle import compensation, model
@@ -293,21 +292,9 @@ def _import(paths: Sequence[Path], into: Path, options: Mapping[str, Any]) -> Im
 
 def _write(made: Why, beside: Path, source: str, command: str) -> None:
     """Writes the pages and files into `beside`."""
-    finding: Finding = made.finding
-    asked = made.answer.next
-    texts = {
-        "verdict.json": json.dumps(verdict_json(finding), indent=2, allow_nan=False) + "\n",
-        "report.html": discover_page.page(finding, command),
-        **({} if asked is None else experiment_files.files_of(asked, finding.dataset.vehicle)),
-        **why_page.files_of(finding.dataset.name, made.constants),
-        **composed_law.of_finding(finding),
-    }
-    for name, text in texts.items():
+    discover_page.write(made.finding, beside, command, made.answer.next)
+    for name, text in why_page.files_of(made.finding.dataset.name, made.constants).items():
         (beside / name).write_text(text, encoding="utf-8")
-    model.save(finding.augmented, beside / "model.toml")
-    undone = compensation.from_model(finding.augmented)
-    if undone is not None:
-        undone.save(beside / "compensation.toml")
     files = sorted(path.name for path in beside.iterdir())
     page = why_page.page(made, source=source, files=files, command=command)
     (beside / "why.html").write_text(page, encoding="utf-8")

@@ -11,8 +11,8 @@ from brickpilot.data.dataset import own_unit
 from brickpilot.discover.finding import Finding
 from brickpilot.discover.yardstick import Fit, Predictable, SignalFit
 from brickpilot.report import plot
-from brickpilot.report.headline_text import DEFINITION, HORIZONS, RUNS
-from brickpilot.report.quantities import ascii_text, fit_number, fit_text, percent, quantity, say
+from brickpilot.report.headline_text import DEFINITION, HORIZONS
+from brickpilot.report.quantities import RUNS, ascii_text, fit_number, fit_text, percent, quantity, say
 
 _HEADLINE = "free_run"
 _SAME = 0.05  # percentage points: fits with a smaller difference are called equal
@@ -29,11 +29,8 @@ class Headline:
 
     @property
     def runs(self) -> str:
+        """The name of all runs with this role."""
         return RUNS[self.role]
-
-    @property
-    def label(self) -> str:
-        return self.runs.removeprefix("the ")
 
 
 def headline(finding: Finding, role: str | None = None) -> Headline | None:
@@ -56,11 +53,11 @@ def headline(finding: Finding, role: str | None = None) -> Headline | None:
 
 def change(one: Headline) -> str:
     """Returns "the fit on the held-out runs rises from 61.2 % to 93.1 %, and at least 95.0 % is attainable"."""
-    least = f"at least {fit_text(one.attainable)} is attainable"
-    if abs(one.after - one.before) < _SAME:
-        return f"the fit on {one.runs} is {fit_text(one.after)}, and {least}"
     verb = "rises" if one.after > one.before else "falls"
-    return f"the fit on {one.runs} {verb} from {fit_text(one.before)} to {fit_text(one.after)}, and {least}"
+    size = f"{verb} from {fit_text(one.before)} to {fit_text(one.after)}"
+    if abs(one.after - one.before) < _SAME:
+        size = f"is {fit_text(one.after)}"
+    return f"the fit on the {one.runs} {size}, and at least {fit_text(one.attainable)} is attainable"
 
 
 def shown(finding: Finding) -> dict[str, Any]:
@@ -96,7 +93,7 @@ def lines(finding: Finding) -> list[str]:
     if one is None:
         return []
     horizons = _horizons(finding)
-    head = f"fit in %, {one.runs}: before, after, attainable"
+    head = f"fit in %, the {one.runs}: before, after, attainable"
     rows = [f"{head:48}" + "".join(f"{text:>24}" for text in horizons.values()) + f"{'rms error':>34}"]
     for signal, by_horizon in finding.yardstick.signals.items():
         fits = [_of(by_horizon[name], one.role) if name in by_horizon else Fit(None, None, None) for name in horizons]
@@ -127,7 +124,8 @@ def _of(fit: SignalFit, role: str) -> Fit:
 
 def _by_role(text: Callable[[float], str], fit: float | None, held_out: float | None) -> list[str]:
     """Returns the known shares as text, each with its runs."""
-    return [f"{text(x)} on {runs}" for x, runs in ((fit, "fit runs"), (held_out, "held-out runs")) if x is not None]
+    shares = {"fit": fit, "held_out": held_out}
+    return [f"{text(share)} on {RUNS[role]}" for role, share in shares.items() if share is not None]
 
 
 def _removed(share: float) -> str:
@@ -156,5 +154,5 @@ def _chart(finding: Finding) -> Any:
         if fit is not None and fit.before is not None:
             rows.append((say(signal), fit.before, fit.after, fit.attainable))
     text = "; ".join(f"{name} {fit_number(a)} to {fit_number(b)}, attainable {fit_number(c)}" for name, a, b, c in rows)
-    title = f"Fit in percent in free runs of {one.runs}: {text}"
+    title = f"Fit in percent in free runs of the {one.runs}: {text}"
     return plot.fits(rows, single=finding.verdict == "none", title=title)

@@ -13,7 +13,7 @@ from brickpilot.discover import numbers
 from brickpilot.discover.finding import NOMINAL_VALUES, Effect, Finding, Parameter
 from brickpilot.fit.uncertainty import Combination
 from brickpilot.report import discover_fit
-from brickpilot.report.quantities import Shown, ascii_text, gap_text, in_words, percent, quantity, say
+from brickpilot.report.quantities import RUNS, Shown, ascii_text, gap_text, in_words, percent, quantity, say
 from brickpilot.report.user_terms import shown_finding, told
 from brickpilot.vehicle.replay import RUN_KINDS
 
@@ -22,8 +22,6 @@ OVER_NOISE = 1.1
 
 _PLAUSIBLE = 1.3
 """Largest gap, in multiples of the noise, at which the page says that a calibrated model lacks nothing."""
-
-_HELD_OUT = "the held-out runs"
 
 
 def words(effect: str) -> str:
@@ -220,7 +218,7 @@ def _none(finding: Finding) -> str:
     if fit is not None:
         size = discover_fit.change(fit)
     else:
-        size = f"the gap of the calibrated model on {role} is {gap_text(gap.after)} times the noise"
+        size = f"the gap of the calibrated model on the {RUNS[role]} is {gap_text(gap.after)} times the noise"
     if leaves_more_than_noise(finding):
         return f"No effect is named: {size}, but no effect that was tried explains enough of the error to be credible."
     return f"These data show no missing effect: {size}{', and noise alone would give 1' if fit is None else ''}."
@@ -248,16 +246,11 @@ def _unknown(finding: Finding) -> str:
         change = _proved_change(finding)
         return f"{sentence} With the named effects, {change}." if found else f"{sentence} {change.capitalize()}."
     equation = finding.term.equation.partition(". ")[0]  # the page explains the symbols of the equation further down
-    role, gap = _proof(finding)
-    if role != _HELD_OUT or finding.term.removed_held_out is None:
-        return f"{sentence} A composed term, {equation}, is added. With it, {_proved_change(finding)}."
-    removed = percent(finding.term.removed_held_out)
-    fit = discover_fit.headline(finding)
-    changed = f"the gap {gap_change(gap.before, gap.after)}" if fit is None else discover_fit.change(fit)
-    return (
-        f"{sentence} A composed term, {equation}, explains {removed} of the gap above the noise on {role}. "
-        f"With it, {changed}."
-    )
+    role, _ = _proof(finding)
+    does = "is added"
+    if role == "held_out" and finding.term.removed_held_out is not None:
+        does = f"explains {percent(finding.term.removed_held_out)} of the gap above the noise on the {RUNS[role]}"
+    return f"{sentence} A composed term, {equation}, {does}. With it, {_proved_change(finding)}."
 
 
 def _suspected(finding: Finding, unclaimed: Sequence[Effect]) -> str:
@@ -292,23 +285,24 @@ def _with_sizes(effects: Sequence[Effect]) -> str:
 
 
 def _proof(finding: Finding) -> tuple[str, Gap]:
-    """Returns the runs that the verdict quotes (the held-out runs; if there are none, the fit runs) and their gap."""
+    """Returns the role of the runs that the verdict quotes, "held_out" or else "fit", and the gap of these runs."""
     held_out = finding.gap.get("held_out")
     if held_out is not None and held_out.after is not None:
-        return _HELD_OUT, held_out
-    return "the fit runs", finding.gap.get("fit", Gap(None, None))
+        return "held_out", held_out
+    return "fit", finding.gap.get("fit", Gap(None, None))
 
 
 def _proved_change(finding: Finding) -> str:
     """Returns how the fit changes on the runs that prove the verdict; if no fit was measured, how the gap changes."""
     fit = discover_fit.headline(finding)
-    if fit is not None:
-        return discover_fit.change(fit) + ("" if fit.role == "held_out" else ", and no held-out run confirms it")
     role, gap = _proof(finding)
-    if gap.after is None:
+    if fit is not None:
+        role, changed = fit.role, discover_fit.change(fit)
+    elif gap.after is None:
         return "the gap could not be measured"
-    proof = "" if role == _HELD_OUT else ", and no held-out run confirms it"
-    return f"the gap on {role} {gap_change(gap.before, gap.after)}{proof}"
+    else:
+        changed = f"the gap on the {RUNS[role]} {gap_change(gap.before, gap.after)}"
+    return changed if role == "held_out" else f"{changed}, and no held-out run confirms it"
 
 
 def _number_word(count: int) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import tomlkit
 
-from brickpilot.discover.finding import Finding
 from brickpilot.report.template import render_plain
 from brickpilot.vehicle.manoeuvres import Manoeuvre, commands
 
@@ -22,14 +21,6 @@ _RAMP_STEP_S = 0.05  # s: length of the steps that replace a ramp
 _HIGHEST_V = 20.0  # V: highest voltage that a scenario allows
 
 Step = tuple[float, float, float]
-
-
-def of_finding(finding: Finding) -> dict[str, str]:
-    """Returns file -> text of the experiment that a finding asks for; empty: the finding asks for no manoeuvre."""
-    asked = finding.next_experiment
-    if asked is None or asked.manoeuvre is None:
-        return {}
-    return files_of(asked.manoeuvre, finding.dataset.vehicle)
 
 
 def files_of(manoeuvre: Manoeuvre, vehicle: str) -> dict[str, str]:

@@ -7,11 +7,8 @@ from typing import Any
 
 from brickpilot.data.agreement import Agreement
 from brickpilot.data.dataset import OwnUnit
-from brickpilot.report.quantities import DASH, ascii_text, fit_number, fit_text, quantity, say
-from brickpilot.vehicle.headline import FREE_RUN, ROLES, Headline
-
-RUNS = {"held_out": "the held-out runs", "fit": "the fit runs"}
-"""Role -> its name in sentences."""
+from brickpilot.report.quantities import DASH, RUNS, ascii_text, fit_number, fit_text, quantity, say
+from brickpilot.vehicle.headline import FREE_RUN, Headline
 
 HORIZONS = {FREE_RUN: "free run", "1_s": "1 s", "0.2_s": "0.2 s"}
 """Horizon -> its name in tables."""
@@ -36,7 +33,7 @@ def sentence(numbers: Headline) -> str:
     whole, ahead = numbers.mean(role), numbers.mean(role, "1_s")
     if whole is None:
         return ""
-    text = f"The model explains {fit_text(whole)} of the measured signals on {RUNS[role]}, over whole runs"
+    text = f"The model explains {fit_text(whole)} of the measured signals on the {RUNS[role]}, over whole runs"
     text += "" if ahead is None else f", and {fit_text(ahead)} 1 s ahead"
     return f"{text}." if role == "held_out" else f"{text}; no run is held out to confirm it."
 
@@ -61,7 +58,7 @@ def cells(one: Agreement, unit: OwnUnit) -> tuple[str, str, str]:
 def shown(numbers: Headline, units: Mapping[str, OwnUnit]) -> dict[str, Any]:
     """Returns the headline for a page: `summary` has a table for each role that has runs."""
     summary = []
-    for role in ROLES:
+    for role in RUNS:
         signals = [name for name in numbers.signals if numbers.of(name, role).samples]
         if not signals:
             continue
@@ -70,7 +67,7 @@ def shown(numbers: Headline, units: Mapping[str, OwnUnit]) -> dict[str, Any]:
             for name in signals
         ]
         means = [fit_number(numbers.mean(role, horizon)) for horizon in numbers.horizons]
-        summary.append({"label": RUNS[role].removeprefix("the "), "means": means, "rows": rows})
+        summary.append({"label": RUNS[role], "means": means, "rows": rows})
     horizons = [horizon_text(name) for name in numbers.horizons]
     return {"sentence": sentence(numbers), "definition": DEFINITION, "horizons": horizons, "summary": summary}
 
@@ -82,7 +79,7 @@ def lines(numbers: Headline, units: Mapping[str, OwnUnit]) -> Iterator[str]:
         return
     yield said
     horizons = "".join(f"{f'{horizon_text(one)}: fit %, R2, rms error':>42}" for one in numbers.horizons)
-    yield f"{RUNS[role].removeprefix('the '):26}{horizons}"
+    yield f"{RUNS[role]:26}{horizons}"
     for name in numbers.signals:
         columns = [map(ascii_text, cells(numbers.of(name, role, horizon), units[name])) for horizon in numbers.horizons]
         yield f"{name:26}" + "".join(f"{fit:>14}{r2:>10}{error:>18}" for fit, r2, error in columns)

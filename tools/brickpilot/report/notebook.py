@@ -14,7 +14,7 @@ from brickpilot.fit.calibration import Calibration
 from brickpilot.fit.comparison import Comparison
 from brickpilot.readiness.data_check import Check
 from brickpilot.report import changed_page, check_text, discover_text, headline_text
-from brickpilot.report.quantities import DASH, ascii_text, fit_text, number
+from brickpilot.report.quantities import DASH, RUNS, ascii_text, fit_text, number
 from brickpilot.report.template import render
 from brickpilot.report.why_page import Why
 from brickpilot.vehicle.flight_figures import Flown
@@ -93,7 +93,7 @@ def _error(comparison: Comparison, signal: str) -> str:
     role = comparison.headline.role
     one = comparison.headline.of(signal, role)
     error = headline_text.error_text(one, comparison.units[signal])
-    return f"{signal}: {fit_text(one.fit_percent)} on {headline_text.RUNS[role]}, and an error of {error} rms."
+    return f"{signal}: {fit_text(one.fit_percent)} on the {RUNS[role]}, and an error of {error} rms."
 
 
 def _figures(flown: Flown) -> pandas.DataFrame:

@@ -11,6 +11,9 @@ DASH = "\N{EN DASH}"
 ROLES = {"fit": "fit run", "held_out": "held-out run"}
 """Role of a run -> its name on pages."""
 
+RUNS = {"held_out": "held-out runs", "fit": "fit runs"}
+"""Role -> the name of all runs that have it, in the order of pages."""
+
 _SPACE = "\N{NO-BREAK SPACE}"
 _MINUS = "\N{MINUS SIGN}"
 

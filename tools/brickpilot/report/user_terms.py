@@ -72,7 +72,10 @@ def frames(dataset: Dataset) -> str:
 
 
 def shown_finding(finding: Finding) -> Finding:
-    """Returns a finding whose effects have the data set's sign and unit; it is only for texts and tables."""
+    """Returns a finding whose effects, ranking and smallest visible sizes have the data set's sign and unit.
+
+    It is only for texts and tables. Values of the ranking stay in SI: they get the data set's sign alone.
+    """
     data = finding.dataset
 
     def of(name: str, values: Mapping[str, Parameter]) -> dict[str, Parameter]:
@@ -84,7 +87,22 @@ def shown_finding(finding: Finding) -> Finding:
         )
         return dataclasses.replace(one, parameters=of(one.name, one.parameters), equivalents=rivals)
 
-    return dataclasses.replace(finding, effects=tuple(effect(one) for one in finding.effects))
+    def rank(one: Rank) -> Rank:
+        values = {
+            key: own_parameter(data, *_parts("", key), unit="").value(value) for key, value in one.parameters.items()
+        }
+        return dataclasses.replace(one, parameters=values)
+
+    def visible(name: str, one: Visible) -> Visible:
+        own = own_parameter(data, name, one.parameter, one.unit)
+        return dataclasses.replace(one, size=own.size(one.size), unit=own.unit)
+
+    return dataclasses.replace(
+        finding,
+        effects=tuple(effect(one) for one in finding.effects),
+        ranking=tuple(rank(one) for one in finding.ranking),
+        power={name: visible(name, one) for name, one in finding.power.items()},
+    )
 
 
 def own_parameter(dataset: Dataset, effect: str, parameter: str, unit: str) -> OwnUnit:
@@ -118,20 +136,6 @@ def clauses(dataset: Dataset, effect: str, parameters: Mapping[str, Parameter]) 
         text, interval = in_words(size(one.value), own.unit, ends or None)
         found.append(clause.format(text) + interval)
     return found
-
-
-def shown_rank(dataset: Dataset, one: Rank) -> Rank:
-    """Returns an explanation with the signs of the data set."""
-    values = {
-        key: own_parameter(dataset, *_parts("", key), unit="").value(value) for key, value in one.parameters.items()
-    }
-    return dataclasses.replace(one, parameters=values)
-
-
-def shown_size(dataset: Dataset, effect: str, one: Visible) -> Visible:
-    """Returns the smallest visible size of an effect in the unit of the data set."""
-    own = own_parameter(dataset, effect, one.parameter, one.unit)
-    return dataclasses.replace(one, size=own.size(one.size), unit=own.unit)
 
 
 def _parts(name: str, key: str) -> tuple[str, str]:

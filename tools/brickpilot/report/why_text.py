@@ -29,7 +29,7 @@ from brickpilot.report.discover_text import (
     words,
 )
 from brickpilot.report.quantities import fit_text, in_words, percent, quantity
-from brickpilot.report.user_terms import clauses, shown_finding, shown_size, told
+from brickpilot.report.user_terms import clauses, shown_finding, told
 from brickpilot.vehicle.compensation import Compensation
 from brickpilot.vehicle.drive_constants import drives
 from brickpilot.vehicle.manoeuvres import Manoeuvre, commands
@@ -198,11 +198,11 @@ def _what(finding: Finding) -> tuple[Ending, str]:
         return "cause", f"What is stated is wrong: {listed(moved)}."
     if finding.verdict == "none":
         if leaves_more_than_noise(finding) and (fit is None or min(fit.before, fit.after) < _ALL):
-            size = "a part" if fit is None else f"{fit_text(fit.after)} of the measured signals on {fit.runs}"
+            size = "a part" if fit is None else f"{fit_text(fit.after)} of the measured signals on the {fit.runs}"
             return "missing", f"Something is missing: the simulation explains {size}, and no known cause the rest."
         does = "the simulation does what the robot does"
         if fit is not None and leaves_more_than_noise(finding):
-            does = f"the simulation explains {fit_text(fit.after)} of the signals on {fit.runs}"
+            does = f"the simulation explains {fit_text(fit.after)} of the signals on the {fit.runs}"
         where = " as far as straight runs show" if drives_straight_alone(finding.dataset) else ""
         return "nothing", f"Nothing is wrong{where}: {does}. {_visible(finding)}".rstrip()
     if finding.verdict == "named":
@@ -222,14 +222,13 @@ def _what(finding: Finding) -> tuple[Ending, str]:
 
 def _cause(finding: Finding) -> str:
     """Returns the named effects: as the meaning of their values if the table states it, else as words and sizes."""
-    own = {one.name: one for one in shown_finding(finding).effects}
     said, named = [], []
-    for one in finding.effects:
+    for one, shown in zip(finding.effects, shown_finding(finding).effects, strict=True):
         meant = clauses(finding.dataset, one.name, one.parameters)
         if meant:
             said.append(f"{listed(meant)} ({one.name})")
         else:
-            named.append(f"{explanation(one.name)}, {sizes(own[one.name].parameters)}")
+            named.append(f"{explanation(one.name)}, {sizes(shown.parameters)}")
     named += [explanation(one.kind) for one in finding.run_values]
     parts = [*([f"the robot has {'; '.join(named)}"] if named else []), *said]
     text = listed(parts) if len(parts) < 3 else f"{'; '.join(parts[:-1])}; and {parts[-1]}"
@@ -239,10 +238,10 @@ def _cause(finding: Finding) -> str:
 def _visible(finding: Finding) -> str:
     """Returns the smallest size that these data would have shown, for one common effect of each of a few mechanisms."""
     common = {one.mechanism: one for one in catalogue.effects_of(finding.power) if one.prior == "common"}
-    parts = []
+    power, parts = shown_finding(finding).power, []
     for effect in list(common.values())[:_STATED]:
-        one = shown_size(finding.dataset, effect.name, finding.power[effect.name])
-        parts.append(f"{effect.words} from {in_words(one.size, one.unit)[0]} on")
+        least = power[effect.name]
+        parts.append(f"{effect.words} from {in_words(least.size, least.unit)[0]} on")
     return f"These data would have shown {listed(parts, 'or')}." if parts else ""
 
 
