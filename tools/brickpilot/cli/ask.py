@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from brickpilot.cli.terminal import model_option, progress_shown, search_options, show
+from brickpilot.cli.terminal import model_option, progress_shown, search_options, show, target_option
 
 
 @click.command()
@@ -14,15 +14,7 @@ from brickpilot.cli.terminal import model_option, progress_shown, search_options
 @click.option(
     "--link", metavar="LINK", help="The link to the brick, as in hil: serial:pty, tcp, can:virtual, serial:PORT, ..."
 )
-@click.option(
-    "--target",
-    type=click.Choice(
-        ["host", "h8sim", "h8sim:imu", "h8sim:rotation", "avr:328p-imu", "avr:328p-rotation", "avr:2560"]
-    ),
-    default="host",
-    show_default=True,
-    help="A simulated processor instead of --link, as in hil.",
-)
+@target_option("A simulated processor instead of --link, as in hil.")
 @click.option("--realtime", is_flag=True, help="Follow the clock; default: lockstep, a step for each reply.")
 @model_option("The model that the robot's owner believes in; default: the packaged robot.")
 @click.option(

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from brickpilot.cli.terminal import as_json, effect_names, interval, progress_shown, seed_option
+from brickpilot.cli.terminal import as_json, effect_names, interval, progress_shown, seed_option, show
 
 
 @click.command()
@@ -44,16 +44,11 @@ def calibrate(
         (beside / "calibrate.json").write_text(json.dumps(figures, indent=2) + "\n")
         (beside / "report.html").write_text(fit_pages.calibrate_page(found), encoding="utf-8")
         model.save(found.model, beside / "model.toml")
-    if as_json:
-        click.echo(json.dumps(figures))
-        return
-    for note in found.notes:
-        click.echo(f"note: {note}")
+    lines = [f"note: {note}" for note in found.notes]
     for name, estimate in found.parameters.items():
         span = interval(estimate.ci95 if estimate.identifiable else None)
-        click.echo(f"{name:32}{estimate.value:12.5g} {estimate.unit:12} {span}")
-    for group in found.cannot_tell_apart:
-        click.echo(f"identifiable only in combination: {', '.join(group)}")
-    for line in headline_text.lines(found.after, found.units):
-        click.echo(line)
-    click.echo(f"model: {folder / 'model.toml'}\nreport: {folder / 'report.html'}")
+        lines.append(f"{name:32}{estimate.value:12.5g} {estimate.unit:12} {span}")
+    lines += [f"identifiable only in combination: {', '.join(group)}" for group in found.cannot_tell_apart]
+    lines += headline_text.lines(found.after, found.units)
+    lines += [f"model: {folder / 'model.toml'}", f"report: {folder / 'report.html'}"]
+    show(figures, lines, as_json=as_json)

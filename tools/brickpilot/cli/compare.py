@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from brickpilot.cli.terminal import as_json, progress_shown, seed_option
+from brickpilot.cli.terminal import as_json, progress_shown, seed_option, show
+
+if TYPE_CHECKING:
+    from brickpilot.fit.comparison import Comparison
 
 
 @click.command()
@@ -31,8 +36,7 @@ def compare(
     """
     from brickpilot.data import reading
     from brickpilot.fit import comparison
-    from brickpilot.report import fit_pages, headline_text, run_folder
-    from brickpilot.report.quantities import ascii_text, fit_number
+    from brickpilot.report import fit_pages, run_folder
     from brickpilot.vehicle import model
 
     data = reading.read(Path(dataset))
@@ -44,17 +48,20 @@ def compare(
         figures = found.to_json()
         (beside / "compare.json").write_text(json.dumps(figures, indent=2) + "\n")
         (beside / "report.html").write_text(fit_pages.compare_page(found), encoding="utf-8")
-    if as_json:
-        click.echo(json.dumps(figures))
-        return
-    for line in (*(f"note: {note}" for note in found.notes), *headline_text.lines(found.headline, found.units)):
-        click.echo(line)
-    click.echo(f"{'run':25}{'role':10}{'signal':34}{'rms error':>18}{'fit %':>12}")
+    show(figures, [*_lines(found), f"report: {folder / 'report.html'}"], as_json=as_json)
+
+
+def _lines(found: Comparison) -> Iterator[str]:
+    from brickpilot.report import headline_text
+    from brickpilot.report.quantities import ascii_text, fit_number
+
+    yield from (f"note: {note}" for note in found.notes)
+    yield from headline_text.lines(found.headline, found.units)
+    yield f"{'run':25}{'role':10}{'signal':34}{'rms error':>18}{'fit %':>12}"
     for run in found.runs:
         spans = {name: ("free_run", name) for name in found.headline.signals}
         spans |= {f"{name}, {found.window_s:g} s windows": (found.horizon, name) for name in run.windows}
         for label, (horizon, name) in spans.items():
             numbers = found.headline.of_run(run.name, name, horizon)
             error, fit = headline_text.error_text(numbers, found.units[name]), fit_number(numbers.fit_percent)
-            click.echo(f"{run.name:24} {run.role:10}{label:34}{ascii_text(error):>18}{ascii_text(fit):>12}")
-    click.echo(f"report: {folder / 'report.html'}")
+            yield f"{run.name:24} {run.role:10}{label:34}{ascii_text(error):>18}{ascii_text(fit):>12}"

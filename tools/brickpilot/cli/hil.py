@@ -6,21 +6,26 @@ import dataclasses
 import os
 import sys
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from tqdm import tqdm
 
 from brickpilot.cli.settings_table import setting_lines
-from brickpilot.cli.terminal import as_json, flight_options, set_option, settings_of, show
+from brickpilot.cli.terminal import (
+    as_json,
+    flight_options,
+    progress_shown,
+    set_option,
+    settings_of,
+    show,
+    target_option,
+)
 from brickpilot.constants import STEP_S
 from brickpilot.errors import InputError, SimulationError, WorkFailedError
 from brickpilot.report.flight_text import figure_lines, link_lines, waypoint_lines
 
 if TYPE_CHECKING:
-    from brickpilot.hil.linked_flight import Progress
     from brickpilot.public.doors import FlightRequest
 
 
@@ -33,13 +38,8 @@ if TYPE_CHECKING:
     help="serial:pty, tcp, can:slcan, can:virtual and can:udp_multicast start a brick on this machine. serial:PORT, "
     "tcp:HOST:PORT, can:slcan:PORT and can:socketcan:CHANNEL connect to a brick that runs already.",
 )
-@click.option(
-    "--target",
-    type=click.Choice(
-        ["host", "h8sim", "h8sim:imu", "h8sim:rotation", "avr:328p-imu", "avr:328p-rotation", "avr:2560"]
-    ),
-    default="host",
-    help="host (default): the brick is a program of this machine. h8sim: the same firmware on a simulator of the RCX's "
+@target_option(
+    "host: the brick is a program of this machine. h8sim: the same firmware on a simulator of the RCX's "
     "processor, in lockstep and without --link. h8sim:imu, h8sim:rotation: the firmware that is built for an RCX with "
     "these sensors. avr:328p-imu, avr:328p-rotation, avr:2560: the image for an ATmega328P or ATmega2560 on simavr, "
     "which reads the plant's volts and edges at its pins and drives its motors, in simulated time.",
@@ -118,24 +118,15 @@ def hil(
     else:
         record, junit, trace = (None if one is None else Path(one) for one in (record_file, junit_file, trace_file))
         session = flights.Session(spec, lockstep, telemetry_every, settings_of(written), record, junit, trace, own)
-        with _progress(as_json) as progress:
-            made = flights.fly_over(request, session, out, progress)
+        with progress_shown(as_json or not sys.stderr.isatty()) as progress:
+
+            def report(done: int, steps: int, text: str) -> None:
+                progress(done, steps, f"{done * STEP_S:5.1f} s, {text}")
+
+            made = flights.fly_over(request, session, out, report)
         show(made.figures, _lines(made.figures, made.folder, lockstep=lockstep), as_json=as_json)
         if made.figures["failure"] is not None:
             raise WorkFailedError(f"{spec}: {made.figures['failure']}")
-
-
-@contextmanager
-def _progress(as_json: bool) -> Iterator[Progress]:
-    """Yields a function that shows the progress of a flight in a bar."""
-    quiet = as_json or not sys.stderr.isatty()
-    with tqdm(disable=quiet, leave=False, bar_format="{desc} {bar} {percentage:3.0f}%") as bar:
-
-        def report(done: int, steps: int, text: str) -> None:
-            bar.total, bar.n = steps, done
-            bar.set_description_str(f"{done * STEP_S:5.1f} s, {text}")
-
-        yield report
 
 
 def _lines(figures: Mapping[str, Any], folder: Path, *, lockstep: bool) -> Iterator[str]:

@@ -174,6 +174,12 @@ def profile_option(text: str, default: str | None = None) -> Option:
     return click.option("--profile", type=kinds, default=default, show_default=default is not None, help=text)
 
 
+def target_option(text: str) -> Option:
+    """Returns the option `--target`: what the brick's end of a link is."""
+    kinds = ["host", "h8sim", "h8sim:imu", "h8sim:rotation", "avr:328p-imu", "avr:328p-rotation", "avr:2560"]
+    return click.option("--target", type=click.Choice(kinds), default="host", show_default=True, help=text)
+
+
 def set_option(text: str) -> Option:
     """Returns the option `--set`, whose values `settings_of` reads."""
     return click.option(

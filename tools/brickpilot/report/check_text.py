@@ -10,7 +10,7 @@ from brickpilot.discover.deadline import Span
 from brickpilot.readiness.data_check import Check
 from brickpilot.report import headline_text
 from brickpilot.report.discover_text import listed
-from brickpilot.report.quantities import Shown, quantity
+from brickpilot.report.quantities import ascii_text, quantity
 
 _KNOWN = {
     "data": "from the runs",
@@ -50,7 +50,7 @@ def _runs(found: Check) -> Iterator[str]:
 def _signals(found: Check) -> Iterator[str]:
     yield f"{'signal':26}{'rms':>16}{'noise sd':>16}  {'noise is':16}{'converter step':>16}{'missing':>9}"
     for one in found.signals:
-        sizes = [_plain(quantity(size, one.unit)) for size in (one.rms, one.noise_sd, one.resolution)]
+        sizes = [ascii_text(str(quantity(size, one.unit))) for size in (one.rms, one.noise_sd, one.resolution)]
         step = sizes[2] if one.resolution else "none found"
         yield f"{one.name:26}{sizes[0]:>16}{sizes[1]:>16}  {one.colour:16}{step:>16}{100 * one.missing:>8.1f}%"
 
@@ -70,17 +70,17 @@ def _parameters(found: Check) -> Iterator[str]:
     yield "nominal values, fitted to the runs with no effect added:"
     for name, one in found.parameters.items():
         shown = quantity(one.value, one.unit, one.ci95 if one.identifiable else None)
-        yield f"  {name:24}{_plain(shown):42}{_KNOWN.get(one.basis, one.basis)}"
+        yield f"  {name:24}{ascii_text(str(shown)):42}{_KNOWN.get(one.basis, one.basis)}"
     for group in found.cannot_tell_apart:
         yield f"  only combinations are known of {listed(group)}"
     for known in found.combinations:
-        yield f"  {known.name:24}{_plain(quantity(known.value, known.unit, known.ci95)):42}{known.formula}"
+        yield f"  {known.name:24}{ascii_text(str(quantity(known.value, known.unit, known.ci95))):42}{known.formula}"
 
 
 def _effects(found: Check) -> Iterator[str]:
     count = len(found.visible) + len(found.invisible)
     yield f"of {count} effects these runs would show {len(found.visible)}, from this size on:"
-    cells = [f"{name} {_plain(quantity(one.size, one.unit))}" for name, one in found.visible.items()]
+    cells = [f"{name} {ascii_text(str(quantity(one.size, one.unit)))}" for name, one in found.visible.items()]
     for first in range(0, len(cells), _COLUMNS):
         yield "  " + "".join(f"{cell:44}" for cell in cells[first : first + _COLUMNS]).rstrip()
     if found.invisible:
@@ -96,7 +96,3 @@ def _advice(found: Check) -> Iterator[str]:
         gains = {"would show": one.effects, "would tell more of": one.parameters}
         text = "; ".join(f"{verb} {', '.join(names)}" for verb, names in gains.items() if names)
         yield f'  "{one.manoeuvre.name}", {one.manoeuvre.duration_s:g} s: {text}'
-
-
-def _plain(shown: Shown) -> str:
-    return str(shown).replace("\N{MINUS SIGN}", "-")

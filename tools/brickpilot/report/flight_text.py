@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
-from xml.etree import ElementTree
 
 if TYPE_CHECKING:  # the command line prints these lines, and starts without loading the plant
     from brickpilot.vehicle.flight_figures import Check
@@ -63,25 +62,7 @@ def junit_text(name: str, checks: Sequence[Check], command: str, error: str | No
         command: the command line that repeats the flight; a property of the suite.
         error: why the flight did not begin; each test case contains this text. None: the flight began.
     """
-    cases = []
-    for check in checks:
-        case = ElementTree.Element("testcase", name=check.name, classname=name, time=f"{check.seconds:.3f}")
-        if check.failure is not None:
-            ElementTree.SubElement(case, "failure", message=check.failure, type="mission").text = check.failure
-        if check.detail:
-            ElementTree.SubElement(case, "system-out").text = check.detail
-        if error is not None:
-            ElementTree.SubElement(case, "error", message=error, type="no flight").text = error
-        cases.append(case)
-    kinds = {"tests": "testcase", "failures": "failure", "errors": "error"}
-    tags = [part.tag for case in cases for part in case.iter()]
-    counts = {key: str(tags.count(tag)) for key, tag in kinds.items()}
-    counts["time"] = f"{sum(float(case.attrib['time']) for case in cases):.3f}"
-    root = ElementTree.Element("testsuites", counts)
+    from brickpilot.report.template import render_plain  # the command line starts without jinja2
+
     now = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%S")
-    suite = ElementTree.SubElement(root, "testsuite", counts, name=name, skipped="0", timestamp=now)
-    properties = ElementTree.SubElement(suite, "properties")
-    ElementTree.SubElement(properties, "property", name="command", value=command)
-    suite.extend(cases)
-    ElementTree.indent(root)
-    return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
+    return render_plain("junit.xml", name=name, checks=checks, command=command, error=error, now=now)
