@@ -38,8 +38,9 @@ def ask(
 
     ROBOT is the model.toml of the simulated robot at this end of the link; the search does not see it. Each mission
     begins at the same place, stays within --space and --speed, and is chosen because the remaining explanations differ
-    most in it. The motors stop at the fence, by what the brick believes of its place, and if the link is lost. Fence,
-    link and a spent limit give exit status 1. The page ask.html shows what was driven and how the weights moved.
+    most in it. The motors stop at the fence, according to the position that the brick estimates, and if the link is
+    lost. The exit status is 1 after the fence, a lost link or a used-up limit. The page ask.html shows what was driven
+    and how the weights moved.
     """
     from brickpilot.errors import WorkFailedError
     from brickpilot.public import asking

@@ -66,7 +66,7 @@ def _chosen(known: Sequence[EffectInfo], word: str | None, mechanism: str | None
 
 
 def _text(effect: EffectInfo) -> str:
-    """An effect as a paragraph, with a line for each parameter."""
+    """Returns an effect as a paragraph, with a line for each parameter."""
     head = f"{effect.name}  (acts on: {effect.acts_on}; mechanism: {effect.mechanism})"
     lines = [effect.summary, f"equation: {effect.equation}", f"source: {effect.source}"]
     lines.append(f"prior: {effect.prior}. {effect.prior_reason}")

@@ -159,7 +159,7 @@ def budget_option(text: str) -> Option:
 
 
 def model_option(text: str, *, required: bool = False) -> Option:
-    """Returns the option `--model` of a command that makes something of a model; the shell completes files."""
+    """Returns the option `--model` of a command that reads a model file; the shell completes the names of files."""
     return click.option("--model", metavar="FILE", required=required, shell_complete=_files, help=text)
 
 

@@ -24,10 +24,11 @@ def why(
     """Says why a robot behaves differently from its simulation, from logs that import reads, or data sets, of one
     robot.
 
-    A table needs no map: its columns are guessed, and it is split at its rests. The page why.html says first what is
-    wrong, how sure that is and what to do: nothing is wrong; or a cause; or something is missing, and what to drive
-    next; or the data contradict themselves. The folder also gets discover's page, the model, a compensation for the
-    firmware, the manoeuvre to drive next, and the robot's constants for ros2_control and for C.
+    A table needs no map: the signals of its columns are guessed, and it is split where the robot rests. The page
+    why.html begins with what is wrong, how sure that is and what to do. Nothing is wrong, a cause is known, something
+    is missing (the page then says what to drive next), or the data contradict themselves. The folder also gets
+    discover's page, the model, a compensation for the firmware, the manoeuvre to drive next, and the robot's constants
+    for ros2_control and for C.
     """
     from brickpilot.discover.finding import verdict_json
     from brickpilot.importers.mapping import parse_nominal

@@ -16,11 +16,12 @@ from brickpilot.report.quantities import ascii_text, fit_text, percent, quantity
 from brickpilot.report.template import render
 from brickpilot.report.user_terms import told
 
-_NOTHING = "Nothing changed beyond what two recordings of one state differ by."
+_NOTHING = "Nothing changed by more than two recordings of the same state differ."
 _NO_NEED = (
-    "One explanation of both recordings, without a difference, predicts what it was not fitted to as well as any."
+    "An explanation without a difference between the recordings predicts stretches that it was not fitted to as well "
+    "as any other explanation does."
 )
-_UNKNOWN = "Something is different that nothing here explains."
+_UNKNOWN = "Something is different, and no known change explains it."
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,7 @@ def _since(one: Change) -> str:
 def _sure(changes: list[Change], *, ambiguous: bool) -> str:
     if not ambiguous:
         weight = percent(min(one.weight for one in changes))
-        return f"No other explanation is left: this one holds {weight} of the weight."
+        return f"No other explanation is left: this explanation has {weight} of the weight."
     rivals = [" and ".join(subject(name) for name in rival) or "nothing" for rival in changes[0].rivals]
     held = listed([f"{subject(one.parameter)} in {percent(one.weight)}" for one in changes])
     return f"By weight, the possible explanations contain {held}. Another explanation is {listed(rivals, 'or')}."
@@ -124,6 +125,6 @@ def page(found: Changed, command: str) -> str:
 def _figure(one: Trace, points: int) -> dict[str, object]:
     simulated: Simulated = {"old model": ("orange", one.old), "with the change": ("blue", one.explained)}
     signal, unit = say(one.signal), SIGNALS[one.signal].unit
-    title = f"{one.run}: {signal}, measured, by the old model and with what changed"
+    title = f"{one.run}: {signal}, measured, and simulated by the old model and with the change"
     chart = superimposed(one.time, signal, unit, one.measured, simulated, run=one.run, title=title, points=points)
     return {"run": one.run, "signal": signal, "chart": chart}

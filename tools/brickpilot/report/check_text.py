@@ -1,4 +1,4 @@
-"""The lines that `brickpilot check` prints: what a data set can show."""
+"""The lines that `brickpilot check` prints on what a data set can tell."""
 
 from __future__ import annotations
 

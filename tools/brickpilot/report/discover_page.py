@@ -1,4 +1,4 @@
-"""The page that discovery writes: the verdict in a sentence, then the evidence for it."""
+"""The page and the files that discovery writes; the page gives the verdict in a sentence, then the evidence."""
 
 from __future__ import annotations
 

@@ -12,8 +12,8 @@ SCENARIO, TABLE, ARRAY = (f"next_experiment.{ending}" for ending in ("toml", "cs
 
 FILES = {
     SCENARIO: "the next experiment for brickpilot run",
-    TABLE: "the same as a table: from when on which voltage",
-    ARRAY: "the same as a C array",
+    TABLE: "the next experiment as a table: the start of each step and its voltages",
+    ARRAY: "the next experiment as a C array",
 }
 """Each file that `files_of` may write, and its purpose."""
 

@@ -1,4 +1,4 @@
-"""What a notebook or a terminal shows of a result: a title, its sentences and a small table. HTML is escaped."""
+"""Shows a result in a notebook or a terminal: a title, sentences and a small table. HTML is escaped."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def to_html(result: Result) -> str:
     """Returns the piece of HTML, complete in itself, that a notebook shows of a result.
 
     Raises:
-        TypeError: it is no result of this package.
+        TypeError: `result` is no result of this package.
     """
     title, sentences = _words(result)
     frame = _figures(result) if isinstance(result, Flown) else result.to_frame()
@@ -48,7 +48,7 @@ def to_text(result: Result) -> str:
     """Returns a result in at most ten lines of plain text: its title and its sentences, without its table.
 
     Raises:
-        TypeError: it is no result of this package.
+        TypeError: `result` is no result of this package.
     """
     title, sentences = _words(result)
     told = ascii_text("\n".join(sentences)).splitlines()

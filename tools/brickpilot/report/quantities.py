@@ -1,4 +1,4 @@
-"""Values as text, with a convenient unit, as many digits as the uncertainty allows, and true minus signs."""
+"""Writes values as text, with a convenient unit, the digits that the uncertainty supports, and true minus signs."""
 
 from __future__ import annotations
 

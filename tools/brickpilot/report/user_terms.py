@@ -1,4 +1,4 @@
-"""Results in the terms of the user's data set: its frame, signs and units; for a motor, the texts name no wheels."""
+"""Converts results to the frame, signs and units of the user's data set; texts about a motor mention no wheels."""
 
 from __future__ import annotations
 
@@ -67,8 +67,8 @@ def frames(dataset: Dataset) -> str:
         return ""
     own = f"Signals, and the values of effects, have the frame and sign of the data set, {frame_text(dataset)}."
     if dataset.frame == "FRD":
-        return f"{own} So have model.toml and verdict.json, in SI."
-    return f"{own} Equations, model.toml and verdict.json have the paper's, FRD: {FRAME_WORDS['FRD']}; in SI."
+        return f"{own} The files model.toml and verdict.json have the same frame, in SI."
+    return f"{own} Equations, model.toml and verdict.json have the paper's frame, FRD: {FRAME_WORDS['FRD']}; in SI."
 
 
 def shown_finding(finding: Finding) -> Finding:

@@ -24,9 +24,9 @@ CONTROLLER, HEADER, MOTOR_HEADER = "diff_drive_controller.yaml", "robot_constant
 _FIGURES = 2  # number of figures that show what is wrong; report.html has all figures
 
 FILES = {
-    "report.html": "all that was found, with plots",
-    "verdict.json": "the same for programs",
-    "model.toml": "the model with what was missing, for brickpilot run, compare and calibrate",
+    "report.html": "the complete finding, with plots",
+    "verdict.json": "the complete finding, for programs",
+    "model.toml": "the model with the missing effects, for brickpilot run, compare and calibrate",
     "compensation.toml": "for the firmware: brickpilot run --model model.toml --compensation compensation.toml",
     CONTROLLER: "odometry for ros2_control",
     HEADER: "the constants as C macros",

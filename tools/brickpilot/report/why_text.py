@@ -74,7 +74,7 @@ def answer(
 
     Args:
         undone: the compensation that was made from the finding; None: the firmware cannot compensate it.
-        mend: the options of `import` that correct a wrong wiring.
+        mend: the options of `brickpilot import` that correct a wrong wiring.
         advised: returns the most informative manoeuvres; it is called only if the finding asks for no manoeuvre.
     """
     ending, what = _what(finding)
@@ -145,7 +145,7 @@ class _Sided:
 
 
 def _sided(finding: Finding) -> _Sided | None:
-    """Returns how the two sides differ in runs under equal commands, without a model; None: both sides are alike."""
+    """Returns how the sides differ in runs under equal commands, by measured signals alone; None: no difference."""
     weaker, bent, known = weaker_side(finding.dataset), None, finding.augmented.parameters
     track = 2 * known["half_track"]
     if weaker is not None and weaker.share < _VEERS * track:
@@ -323,7 +323,7 @@ def _lengths(finding: Finding) -> list[str]:
 
 
 def _symptoms(finding: Finding) -> list[str]:
-    """Returns how the augmented model and the model without the finding differ in straight drives at full power."""
+    """Returns sentences on how the augmented model and the model without the finding differ in straight drives."""
     robot, simulation = drives(finding.augmented), drives(as_stated(finding))
     unit = "m" if finding.dataset.vehicle != "motor" or finding.augmented.parameters.get("wheel_radius") else "rad"
     symptoms = []
