@@ -184,6 +184,8 @@ def test_a_unit_that_the_file_states_is_used_and_a_wrong_one_refused(tmp_path: P
         load([file], tmp_path / "other", ["voltage=NT:/drive/volts", "speed=/drive/speed"], vehicle="motor")
     with pytest.raises(InputError, match=r"is in rpm, and so the formula has no clear unit"):
         load([file], tmp_path / "other", ["voltage=/ticks:V", "speed=/drive/speed*2"], vehicle="motor")
+    with pytest.raises(InputError, match=r"is in rpm, and so the formula has no clear unit"):
+        load([file], tmp_path / "other", ["voltage=/ticks:V", "speed=(/drive/speed+/ticks)/2"], vehicle="motor")
 
 
 @pytest.mark.parametrize("name", [name for name in WRITERS if name != "drive_mcap"])

@@ -139,7 +139,11 @@ def _signals(read: Reader, file: Path, sources: Mapping[str, Source], rate: floa
     for signal, formula in formulas.items():
         channels = {place: log.channels[log.aliases.get(str(place), str(place))] for place in formula.places}
         chosen[signal] = _value(file, signal, formula, channels, notes)
-    units = {signal: unit_of(file, signal, formulas[signal], one, sources[signal]) for signal, one in chosen.items()}
+    units = {}
+    for signal, formula in formulas.items():
+        first = str(formula.places[0])
+        channel = log.channels[log.aliases.get(first, first)]
+        units[signal] = unit_of(file, signal, formula, channel, sources[signal])
     try:
         made, row_notes = columns(chosen, rate)
     except InputError as error:
