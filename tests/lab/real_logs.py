@@ -22,10 +22,8 @@ from brickpilot.data.rows import CsvFormat, read_columns
 from brickpilot.data.signals import Frame, Vehicle
 from brickpilot.data.toml_file import TomlFile
 from brickpilot.errors import InputError
-from brickpilot.importers.matlab import import_matlab
-from brickpilot.importers.table import import_table
-from brickpilot.importers.wpilib import import_wpilib
 from brickpilot.importers.writer import NewDataset, NewRun, run_names, write
+from brickpilot.public.logs import import_log
 
 TABLE = Path(__file__).with_name("real_logs.toml")
 
@@ -166,15 +164,15 @@ def _imported(log: RealLog, groups: Sequence[tuple[Path, ...]], raw: Path) -> No
     """Runs the importer of the log's kind."""
     first = [group[0] for group in groups]
     if log.kind == "wpilib":
-        import_wpilib(first, raw, name=log.name)
+        import_log(first, raw, kind="wpilib", name=log.name)
     elif log.kind == "matlab":
-        import_matlab(first, raw, log.mapping, vehicle=log.vehicle, frame=log.frame, name=log.name)
+        import_log(first, raw, kind="matlab", mapping=log.mapping, vehicle=log.vehicle, frame=log.frame, name=log.name)
     else:
         tables = raw.parent / "tables"
         tables.mkdir()
         files = [_plain(log, group, tables / f"{run}.csv") for group, run in zip(groups, run_names(first), strict=True)]
-        import_table(
-            files, raw, log.mapping,
+        import_log(
+            files, raw, kind="table", mapping=log.mapping,
             vehicle=log.vehicle, frame=log.frame, delimiter=log.delimiter, header=log.header, name=log.name,
         )  # fmt: skip
 
@@ -212,7 +210,7 @@ def _reshaped(log: RealLog, raw: Path, out: Path, source: Path) -> None:
             gap_s = entry.gap_s if part == 1 and entry.gap_s else None
             runs.append(NewRun(name, {signal: values[chosen] for signal, values in columns.items()}, gap_s))
     units = {name: signal.unit for name, signal in imported.signals.items()}
-    write(NewDataset(log.name, imported.vehicle, imported.frame, units, runs), out, source)
+    write(NewDataset(imported.vehicle, imported.frame, units, runs, name=log.name), out, source)
 
 
 def _completed(log: RealLog, out: Path) -> None:

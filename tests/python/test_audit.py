@@ -14,7 +14,7 @@ import synthetic
 from brickpilot.data.dataset import Dataset
 from brickpilot.data.reading import read
 from brickpilot.errors import InputError
-from brickpilot.importers.wpilib import import_wpilib
+from importing import import_wpilib
 from test_measured import DATA
 
 Table = dict[str, np.ndarray]

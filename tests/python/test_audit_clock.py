@@ -10,7 +10,7 @@ import planted
 import pytest
 import synthetic
 from brickpilot.data import reading
-from brickpilot.importers.wpilib import import_wpilib
+from importing import import_wpilib
 from test_audit import DATA, needs_data
 from test_dataset import measured
 

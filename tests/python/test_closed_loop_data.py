@@ -15,7 +15,7 @@ from brickpilot.data.periods import _power_at_multiples, own_period
 from brickpilot.discover.numbers import STRICT
 from brickpilot.discover.prepare import calibrate, in_closed_loop, prepare
 from brickpilot.fit.robust import noise_model, whitening
-from brickpilot.importers.wpilib import import_wpilib
+from importing import import_wpilib
 from scipy.signal import lfilter, lombscargle
 
 DATA = Path(os.environ.get("BRICKPILOT_DATA", Path(__file__).resolve().parents[3] / "shared" / "data"))

@@ -34,8 +34,8 @@ from brickpilot.export import run_read
 from brickpilot.flash import avr, image_files
 from brickpilot.hil import traffic_log
 from brickpilot.importers import dataflash, mat_file, mcap, parquet, rosbag, ulog, wpilib, wpilog
-from brickpilot.importers.table import import_table
 from brickpilot.vehicle import compensation, gains, model, scenario
+from importing import import_table
 from intelhex import IntelHex
 from test_campaign import CAMPAIGN, OTHER, SHORT
 from test_campaign_robots import LENGTHS

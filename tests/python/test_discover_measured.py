@@ -14,12 +14,12 @@ from brickpilot.data.dataset import Dataset
 from brickpilot.discover import pipeline
 from brickpilot.discover.finding import Effect, Finding
 from brickpilot.fit import problem
-from brickpilot.importers.wpilib import import_wpilib
 from brickpilot.vehicle import model as model_file
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.plant import OpenLoopRun
 from brickpilot.vehicle.replay import Replay
+from importing import import_wpilib
 from test_dataset import measured
 
 DRY = {"coulomb_friction", "stiction_stribeck", "actuator_deadband", "dead_time", "caster_drag"}

@@ -11,8 +11,8 @@ import tomlkit
 from brickpilot.data.reading import read
 from brickpilot.errors import InputError
 from brickpilot.importers.guess import Taken, column_of, taken_for
-from brickpilot.importers.table import import_table
 from command import brickpilot
+from importing import import_table
 from numpy.typing import NDArray
 from serial_logs import COUNTS, HEADER, driven, lines_of, write_log
 

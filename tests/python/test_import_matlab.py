@@ -13,7 +13,7 @@ from brickpilot.data.dataset import motor_inputs
 from brickpilot.data.reading import read
 from brickpilot.errors import InputError
 from brickpilot.importers import mat_file, matlab
-from brickpilot.importers.matlab import import_matlab
+from importing import import_matlab
 from scipy.io import savemat
 
 SAMPLES = np.arange(50) * 0.01

@@ -5,6 +5,7 @@ from __future__ import annotations
 import builtins
 import json
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from brickpilot.errors import InputError
 from brickpilot.importers import IMPORTERS, kind_of
 from brickpilot.importers.channels import contents
 from command import brickpilot
+from importing import import_kind
 from other_logs import STAMP, new_log, write_json
 from scipy.io import savemat
 
@@ -102,8 +104,7 @@ MAPS: dict[str, tuple[str, ...]] = {
 
 def importer(file: Path) -> Any:
     """Returns the importer for the ending of the file, as `brickpilot import FILE` chooses it."""
-    kind = kind_of(file, IMPORTERS)
-    return next(row for row in IMPORTERS if row.kind == kind).load()
+    return partial(import_kind, str(kind_of(file, IMPORTERS)))
 
 
 @pytest.mark.parametrize("name", WRITERS)

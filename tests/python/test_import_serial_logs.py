@@ -9,12 +9,11 @@ import pytest
 from brickpilot.data.reading import read
 from brickpilot.data.rows import CsvFormat, read_columns
 from brickpilot.errors import InputError
-from brickpilot.importers.mapping import Place
-from brickpilot.importers.table import import_table
 from brickpilot.importers.table_log import resets, unwrap
 from brickpilot.importers.text_table import read_table
 from brickpilot.importers.writer import Imported
 from command import brickpilot
+from importing import import_table
 from serial_logs import COUNTS, HEADER, MAPPING, driven, lines_of, write_log
 
 
@@ -266,7 +265,7 @@ def test_a_cell_of_a_column_with_decimal_commas_that_is_no_number_leaves_only_it
     rows[3] = "0.3;3,5,5;3.25"
     rows[4] = "0.4;4.5;'.25"
     table = read_table(write_log(tmp_path / "log.csv", ["t;u;w", *rows]))
-    (u, wrong), (w, damaged) = table.column("voltage", Place("u")), table.column("speed", Place("w"))
+    (u, wrong), (w, damaged) = table.column("voltage", "u"), table.column("speed", "w")
     assert (np.flatnonzero(wrong).tolist(), np.flatnonzero(damaged).tolist()) == ([3, 4], [4])
     np.testing.assert_array_equal(u[5:], np.arange(5, 10) + 0.5)
     np.testing.assert_array_equal(w[5:], np.arange(5, 10) + 0.25)
@@ -284,10 +283,10 @@ def test_a_row_that_lacks_the_delimiter_at_its_end_is_a_row(tmp_path: Path) -> N
     rows[7] = "7\t1.5\t2"
     table = read_table(write_log(tmp_path / "log.txt", ["t\tu\tw\t", *rows]))
     assert table.names == ("t", "u", "w")
-    np.testing.assert_array_equal(table.column("time", Place("t"))[0], np.arange(20))
-    np.testing.assert_array_equal(np.flatnonzero(~np.isnan(table.column("speed", Place("w"))[0])), [7])
+    np.testing.assert_array_equal(table.column("time", "t")[0], np.arange(20))
+    np.testing.assert_array_equal(np.flatnonzero(~np.isnan(table.column("speed", "w")[0])), [7])
 
 
 def test_a_column_of_words_for_true_and_false_is_1_and_0(tmp_path: Path) -> None:
     table = read_table(write_log(tmp_path / "log.csv", ["t,u,on", "0,1,True", "1,2,False", "2,3,True"]))
-    np.testing.assert_array_equal(table.column("voltage", Place("on"))[0], [1, 0, 1])
+    np.testing.assert_array_equal(table.column("voltage", "on")[0], [1, 0, 1])

@@ -11,9 +11,9 @@ from brickpilot.data.input_timing import InputTiming
 from brickpilot.data.reading import read
 from brickpilot.errors import InputError
 from brickpilot.importers.split import pauses
-from brickpilot.importers.table import import_table
 from brickpilot.importers.table_log import with_events
 from brickpilot.importers.writer import Imported
+from importing import import_table
 from serial_logs import DRIVES, HEADER, MAPPING, driven, lines_of, write_log
 
 

@@ -13,7 +13,7 @@ import pytest
 from brickpilot.data.dataset import motor_inputs
 from brickpilot.data.reading import read
 from brickpilot.errors import InputError
-from brickpilot.importers.wpilib import import_wpilib
+from importing import import_wpilib
 from other_logs import TURN, new_log, old_log, write_json
 from test_dataset import measured
 

@@ -28,16 +28,14 @@ from pathlib import Path
 
 import numpy as np
 
-from brickpilot.importers.writer import NewDataset, NewRun, check_out, write
+from brickpilot.importers.writer import NewDataset, NewRun
 
 
-def import_lines(files, out, *, nominal=None, name=None, vehicle):
-    check_out(out)
+def import_lines(files, *, vehicle):
     rows = np.loadtxt(files[0])
     columns = dict(zip(("time", "voltage", "speed"), rows.T, strict=True))
     units = {"time": "s", "voltage": "V", "speed": "rad/s"}
-    new = NewDataset(name or out.name, vehicle, "FRD", units, [NewRun("only", columns)], nominal or {})
-    return write(new, out, files[0])
+    return NewDataset(vehicle, "FRD", units, [NewRun("only", columns)])
 '''
 ROW = """
     Importer(
@@ -81,10 +79,10 @@ def commands_of(folder: Path, *commands: list[str]) -> list[Ended]:
 
 def test_each_row_names_a_function_that_takes_its_options() -> None:
     for row in IMPORTERS:
-        parameters = inspect.signature(row.load()).parameters
-        wanted = {"out", "nominal", "name", *(option.keyword for option in row.options)}
+        parameters = inspect.signature(row.maker()).parameters
+        wanted = {option.keyword for option in row.options}
         assert wanted | ({"progress"} if row.reports_progress else set()) <= parameters.keys(), row.kind
-        needed = {one.name for one in list(parameters.values())[2:] if one.default is one.empty}
+        needed = {one.name for one in list(parameters.values())[1:] if one.default is one.empty}
         assert needed <= wanted, row.kind
         assert row.example.startswith(f"{row.kind} "), row.kind
 
@@ -138,7 +136,7 @@ def test_an_option_of_a_row_of_its_own_reaches_the_function(monkeypatch: pytest.
     class Made:
         folder, runs, notes, wiring, mend = Path("bench"), ("a", "b"), ("slow",), (), ""
 
-    monkeypatch.setattr(Importer, "load", lambda self: lambda files, out, **rest: given.update(rest) or Made)
+    monkeypatch.setattr(Importer, "import_files", lambda self, files, out, **rest: given.update(rest) or Made)
     command = import_command((*IMPORTERS, row))
     done = CliRunner().invoke(command, ["beats", "log", "--beat", "5", "--nominal", "mass=2", "--out", "bench"])
     assert done.output == "note: slow\nbench: 2 runs\n"

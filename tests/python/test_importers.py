@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 from brickpilot.data.reading import read
 from brickpilot.errors import InputError
-from brickpilot.importers.mapping import Place, parse_mapping, parse_nominal
-from brickpilot.importers.matlab import import_matlab
-from brickpilot.importers.table import import_table
+from brickpilot.importers.mapping import parse_mapping, parse_nominal
 from brickpilot.importers.text_table import read_table
-from brickpilot.importers.wpilib import import_wpilib
+from importing import import_matlab, import_table, import_wpilib
 from other_logs import old_log, write_json
 from test_import_matlab import MAPPING
 
@@ -120,7 +118,7 @@ def test_a_tab_may_be_spelt_out(delimiter: str, tmp_path: Path) -> None:
 
 def test_a_delimiter_that_is_none_is_refused_with_the_spellings_of_a_tab(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"--delimiter: 'tabs' is not one of .*tab or \\t"):
-        import_table([], tmp_path / "set", ["time=0"], vehicle="motor", delimiter="tabs")
+        import_table([tmp_path / "a.txt"], tmp_path / "set", ["time=0"], vehicle="motor", delimiter="tabs")
 
 
 @pytest.mark.parametrize("digits", [309, 400, 4300, 5000])
@@ -130,7 +128,7 @@ def test_a_cell_of_hundreds_of_digits_is_no_number(digits: int, tmp_path: Path) 
     rows[27] = f"0.27,{'9' * digits}"
     (tmp_path / "log.csv").write_text("\n".join(["t,v", *rows]) + "\n")
     table = read_table(tmp_path / "log.csv")
-    values, wrong = table.column("voltage", Place("v"))
+    values, wrong = table.column("voltage", "v")
     assert list(np.flatnonzero(wrong)) == [27]
     assert math.isnan(values[27])
     assert values[26] == 26

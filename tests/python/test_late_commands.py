@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from brickpilot.data.reading import read
 from brickpilot.discover import pipeline
-from brickpilot.importers.table import import_table
 from brickpilot.vehicle import plant
 from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.plant import OpenLoopRun
+from importing import import_table
 from synthetic import robot
 
 DRIVES = ((4, 4), (-5, -5), (5, -5), (-4, 4), (6, 3), (3, 6), (7, 7), (-6, 6))

@@ -11,7 +11,7 @@ import pytest
 from brickpilot.data import reading
 from brickpilot.fit.calibration import calibrate
 from brickpilot.fit.comparison import compare
-from brickpilot.importers.wpilib import import_wpilib
+from importing import import_wpilib
 
 DATA = Path(os.environ.get("BRICKPILOT_DATA", Path(__file__).resolve().parents[3] / "shared" / "data"))
 

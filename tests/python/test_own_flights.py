@@ -13,8 +13,8 @@ import pytest
 from brickpilot.cli.main import cli
 from brickpilot.data import reading
 from brickpilot.errors import InputError
-from brickpilot.importers.flight_log import import_flight
 from click.testing import CliRunner, Result
+from importing import import_flight
 
 TURN = 2 * np.pi / 48  # rad of one count
 ROUTE = """name = "short"

@@ -12,8 +12,8 @@ import pytest
 from brickpilot.data.audit.wiring import miswired
 from brickpilot.data.facts import yaw_over_wheels
 from brickpilot.data.reading import channels_of, read
-from brickpilot.importers.table import import_table
 from command import brickpilot
+from importing import import_table
 from serial_logs import HEADER, driven, lines_of, write_log
 
 

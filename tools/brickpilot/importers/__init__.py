@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +18,7 @@ from brickpilot.errors import InputError
 
 if TYPE_CHECKING:
     from brickpilot.importers.channels import Contents
-    from brickpilot.importers.writer import Imported
+    from brickpilot.importers.writer import Imported, NewDataset
 
 
 @dataclass(frozen=True)
@@ -55,10 +56,9 @@ class Importer:
         kind: name of the kind of log on the command line.
         help: the files that the importer reads, in one sentence.
         module: the importer's file in this folder; empty: the file has the name of the kind. The file has one of these
-            functions, or both: ``read(file)`` returns a `channels.Log` for ``--list``; and ``import_KIND`` is called as
-            ``import_KIND(files, out, nominal=..., name=..., **options)``, with one keyword for each of `options`, and
-            returns `writer.Imported`. If there is no ``import_KIND``, `chosen.SignalImporter` makes a data set of the
-            log.
+            functions, or both: ``read(file)`` returns a `channels.Log` for ``--list``; and
+            ``import_KIND(files, **options)``, with one keyword for each of `options`, returns a `writer.NewDataset`. If
+            there is no ``import_KIND``, `chosen.channels_dataset` makes a data set of the log.
         suffixes: the endings of the files, e.g. ``.csv``; or, if a log is a folder, the name of a file in it, e.g.
             ``metadata.yaml``.
         example: the arguments of one call, after ``brickpilot import``.
@@ -91,15 +91,34 @@ class Importer:
             raise InputError(f"does not work with {self.kind}", field="--list")
         return contents(module.read(file))
 
-    def load(self) -> Callable[..., Imported]:
-        """Returns the function that makes a data set of files."""
-        module = self._functions()
-        if hasattr(module, f"import_{self.kind}"):
-            function: Callable[..., Imported] = getattr(module, f"import_{self.kind}")
-            return function
-        from brickpilot.importers.chosen import channel_importer
+    def maker(self) -> Callable[..., NewDataset]:
+        """Returns the function that makes a data set of (files, **options)."""
+        from brickpilot.importers.chosen import channels_dataset
 
-        return channel_importer(module.read)
+        module = self._functions()
+        own: Callable[..., NewDataset] | None = getattr(module, f"import_{self.kind}", None)
+        return own or partial(channels_dataset, module.read)
+
+    def import_files(
+        self, files: Sequence[Path], out: Path, *, nominal: Mapping[str, float], name: str | None, **options: Any
+    ) -> Imported:
+        """Makes a data set of files, and writes it.
+
+        Args:
+            files: the logs.
+            out: the new folder.
+            nominal: parameter -> value in SI; it replaces the importer's own value.
+            name: the data set's name; None: the name of the folder.
+            options: `options_taken`.
+
+        Raises:
+            InputError: the message names file, line and field, or the option. Nothing is written then.
+        """
+        from brickpilot.importers.writer import check_out, write
+
+        check_out(out)
+        new = self.maker()(files, **options)
+        return write(replace(new, name=name or "", nominal={**new.nominal, **nominal}), out, files[0])
 
 
 MAP = Option(

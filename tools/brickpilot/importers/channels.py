@@ -9,6 +9,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +49,9 @@ class Log:
         aliases: second name of a channel -> its name, e.g. ``/joint_states.velocity[0]`` for the first joint's.
         notes: sentences for the user.
         cut: whether the file ends inside a record, as after a loss of power.
+        of: what the log consists of: ``channel``, or ``column`` or ``variable`` of a table, whose channels have no
+            times.
+        others: name of a column that is no channel -> the reason, for an error that begins with the name.
     """
 
     file: Path
@@ -55,6 +59,8 @@ class Log:
     aliases: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     cut: bool = False
+    of: Literal["channel", "column", "variable"] = "channel"
+    others: Mapping[str, str] = field(default_factory=dict)
 
 
 Reader = Callable[[Path, Collection[str] | None], Log]

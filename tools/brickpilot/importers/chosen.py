@@ -7,9 +7,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -21,101 +19,65 @@ from brickpilot.importers.channels import Channel, Log, Reader, Vector, in_order
 from brickpilot.importers.mapping import (
     Formula,
     FormulaError,
-    Place,
     Signals,
     Source,
     common_scalings,
     parse_mapping,
     read_formulas,
     scalings_of,
+    take,
+    unknown_name,
 )
 from brickpilot.importers.split import parse_split, runs_of
-from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out, run_names, write
+from brickpilot.importers.writer import NewDataset, NewRun, run_names
 
 _NEAREST = 4  # largest number of names that an error proposes
 _ALIKE = 0.4  # least similarity by difflib of a name that an error proposes
 
 
-SignalReader = Callable[[Path, Mapping[str, Source], float | None, bool], Signals]
-"""Function that reads the signals of a file: (file, signal -> source, rate, cut); see `SignalImporter`."""
+def channels_dataset(
+    read: Reader,
+    files: Sequence[Path],
+    mapping: Sequence[str] = (),
+    *,
+    vehicle: Vehicle,
+    frame: Frame | None = None,
+    as_wired: bool = False,
+    rate: str | None = None,
+    split: Sequence[str] | None = None,
+    cut: bool = False,
+) -> NewDataset:
+    """Returns a data set of logs; each file becomes a run of the same name, or several runs if it is split.
 
+    Args:
+        read: reads one log.
+        files: logs with the same channels, columns or variables.
+        mapping: ``SIGNAL=CHANNEL[:UNIT]``, or a formula of channels; the default unit is the file's unit, or else the
+            SI unit. The module for this kind of log describes the channels' names.
+        vehicle, frame: as in a data set; the default frame is the frame that wheels and yaw show.
+        as_wired: whether channels that look swapped, reversed or scaled wrongly are left as they are.
+        rate: rows per second, for channels with times; None: a row for each sample of the fastest output.
+        split: ``rests``, or ``FROM,TO`` in s of the log's clock, repeatable; each part becomes a run. Empty: a new run
+            begins after each pause between rows. None: a file is always one run.
+        cut: whether a file that ends inside a record is read without that record.
 
-def channel_importer(read: Reader) -> SignalImporter:
-    """Returns the importer of logs whose channels have times of their own, which `read` reads."""
-    return SignalImporter(partial(_signals, read), has_time=True)
-
-
-@dataclass(frozen=True)
-class SignalImporter:
-    """The function that a row of `IMPORTERS` names, for a kind of log whose signals the user maps.
-
-    Attributes:
-        read: reads the signals of a file.
-        has_time: whether the samples have their own times, so that the user maps no time.
-        is_whole: whether a file is always one run; if not, a new run begins after each pause between rows.
+    Raises:
+        InputError: the message names file and channel, or the option.
     """
-
-    read: SignalReader
-    has_time: bool = False
-    is_whole: bool = False
-
-    def __call__(
-        self,
-        files: Sequence[Path],
-        out: Path,
-        mapping: Sequence[str],
-        *,
-        vehicle: Vehicle,
-        frame: Frame | None = None,
-        as_wired: bool = False,
-        rate: str | None = None,
-        split: Sequence[str] = (),
-        cut: bool = False,
-        nominal: Mapping[str, float] | None = None,
-        name: str | None = None,
-    ) -> Imported:
-        """Makes a data set of logs; each file becomes a run of the same name, or several runs if it is split.
-
-        Args:
-            files: logs with the same channels, columns or variables.
-            out: the new folder.
-            mapping: ``SIGNAL=CHANNEL[:UNIT]``, or a formula of channels; the default unit is the file's unit, or else
-                the SI unit. The module for this kind of log describes the channels' names.
-            vehicle, frame, nominal, name: as in a data set; the default name is the folder's name, and the default
-                frame is the frame that wheels and yaw show.
-            as_wired: whether channels that look swapped, reversed or scaled wrongly are left as they are.
-            rate: rows per second, for channels with times; None: a row for each sample of the fastest output.
-            split: ``rests``, or one or more ``FROM,TO`` in s of the log's clock; each part becomes a run.
-            cut: whether a file that ends inside a record is read without that record.
-
-        Raises:
-            InputError: the message names file and channel, or the option. Nothing is written then.
-        """
-        check_out(out)
-        sources = parse_mapping(mapping, has_time=self.has_time)
-        hertz, names, spans = _rate(rate), run_names(files), parse_split(split)
-        logs = [self.read(file, sources, hertz, cut) for file in files]
-        units = logs[0].units
-        for file, log in zip(files, logs, strict=True):
-            if log.units != units:
-                raise InputError(f"states other units than {files[0]}; give them in --map", file=file)
-        if self.is_whole:
-            runs, notes = [NewRun(run, log.columns) for run, log in zip(names, logs, strict=True)], list[str]()
-        else:
-            runs, notes = runs_of(logs, spans, names)
-        new = NewDataset(
-            name or out.resolve().name,
-            vehicle,
-            frame,
-            units,
-            runs,
-            nominal or {},
-            notes,
-            common_scalings(logs),
-            sources=sources,
-            as_wired=as_wired,
-        )
-        return write(new, out, files[0])
+    sources = parse_mapping(mapping, needs_time=False)
+    hertz, names, spans = _rate(rate), run_names(files), parse_split(split or ())
+    logs = [_signals(read, file, sources, hertz, cut) for file in files]
+    units = logs[0].units
+    for file, log in zip(files, logs, strict=True):
+        if log.units != units:
+            raise InputError(f"states other units than {files[0]}; give them in --map", file=file)
+    if split is None:
+        runs, notes = [NewRun(run, log.columns) for run, log in zip(names, logs, strict=True)], list[str]()
+    else:
+        runs, notes = runs_of(logs, spans, names)
+    return NewDataset(
+        vehicle, frame, units, runs, notes=notes, scalings=common_scalings(logs), sources=sources, as_wired=as_wired
+    )
 
 
 def _rate(text: str | None) -> float | None:
@@ -134,16 +96,26 @@ def _signals(read: Reader, file: Path, sources: Mapping[str, Source], rate: floa
     log = read(file, [source.text for source in sources.values()])
     if log.cut and not cut:
         raise InputError("ends inside a record; --cut reads it up to there", file=file)
+    is_table = log.of != "channel"
+    if is_table != ("time" in sources):
+        own = "the samples of this log have times of their own: leave time out"
+        raise InputError("time is not mapped" if is_table else own, field="--map")
     formulas = _formulas(log, read, sources)
-    chosen, notes = {}, list(log.notes)
-    for signal, formula in formulas.items():
-        channels = {place: log.channels[log.aliases.get(str(place), str(place))] for place in formula.places}
-        chosen[signal] = _value(file, signal, formula, channels, notes)
-    units = {}
-    for signal, formula in formulas.items():
-        first = str(formula.places[0])
-        channel = log.channels[log.aliases.get(first, first)]
-        units[signal] = unit_of(file, signal, formula, channel, sources[signal])
+    places = [place for formula in formulas.values() for place in formula.places]
+    used = {place: log.channels[log.aliases.get(place, place)] for place in places}
+    units = {
+        signal: _unit(file, signal, formula, used[formula.places[0]], sources[signal])
+        for signal, formula in formulas.items()
+    }
+    if is_table:
+        cells = {place: channel.values for place, channel in used.items()}
+        samples = cells[formulas["time"].places[0]].size
+        for signal, formula in formulas.items():
+            if wrong := [cells[place].size for place in formula.places if cells[place].size != samples]:
+                raise InputError(f"has {wrong[0]} values where time has {samples}", file=file, field=signal)
+        return Signals(file, *take(file, formulas, cells), units, log.notes)
+    notes = list(log.notes)
+    chosen = {signal: _value(file, signal, formula, used, notes) for signal, formula in formulas.items()}
     try:
         made, row_notes = columns(chosen, rate)
     except InputError as error:
@@ -152,38 +124,54 @@ def _signals(read: Reader, file: Path, sources: Mapping[str, Source], rate: floa
 
 
 def _formulas(log: Log, read: Reader, sources: Mapping[str, Source]) -> dict[str, Formula]:
+    """Returns signal -> formula, after checking that the log has the channels of the formulas."""
+    is_table = log.of != "channel"
     names = [*log.channels, *log.aliases]
+    formulas: dict[str, Formula] = {}
     for signal, source in sources.items():
         try:
-            places = read_formulas({signal: source}, names)[signal].places
-            unknown = [str(place) for place in places if str(place) not in names]
+            formulas |= read_formulas({signal: source}, names)
+            unknown = [place for place in formulas[signal].places if place not in names]
         except InputError:
-            if any(name in source.text for name in names):
+            if is_table or any(name in source.text for name in names):
                 raise
             unknown = [source.text]
         if unknown:
-            near = difflib.get_close_matches(unknown[0], list(read(log.file, None).channels), _NEAREST, _ALIKE)
-            advice = (
-                f"the nearest are {', '.join(near)}" if near else f"`brickpilot import --list {log.file}` shows them"
-            )
-            raise InputError(f"no channel {unknown[0]!r}; {advice}", file=log.file)
-    return read_formulas(sources, names)
+            message = _unknown(unknown[0], read(log.file, None))
+            raise InputError(message, file=log.file, field=signal if is_table else None)
+    return formulas
 
 
-def _value(file: Path, signal: str, formula: Formula, channels: Mapping[Place, Channel], notes: list[str]) -> Channel:
+def _unknown(place: str, log: Log) -> str:
+    """Returns why a log has no such channel, column or variable."""
+    if log.of == "channel":
+        near = difflib.get_close_matches(place, list(log.channels), _NEAREST, _ALIKE)
+        advice = f"the nearest are {', '.join(near)}" if near else f"`brickpilot import --list {log.file}` shows them"
+        return f"no channel {place!r}; {advice}"
+    name, _, index = place.removesuffix("]").rpartition("[")
+    if place in log.others:
+        return f"{place!r} {log.others[place]}"
+    if f"{place}[0]" in log.channels:
+        return f"{place!r} is a matrix; name a column: {place}[0]"
+    if f"{name}[0]" in log.channels:
+        return f"{name!r} has no column {index}, counted from 0"
+    return unknown_name(log.of, place, log.channels)
+
+
+def _value(file: Path, signal: str, formula: Formula, channels: Mapping[str, Channel], notes: list[str]) -> Channel:
     """Returns the cells of a signal with their times: the cells of a channel as logged, or the values of a formula."""
     if formula.scaling is not None:
         return channels[formula.places[0]]
-    time, values, shift = aligned(list(channels.values()), SIGNALS[signal].kind == "input")
+    time, values, shift = aligned([channels[place] for place in formula.places], SIGNALS[signal].kind == "input")
     if shift:
         notes.append(f"{signal} puts samples together that are up to {1e3 * shift:.3g} ms apart")
     try:
-        return Channel(formula.text, "formula", time, formula.values(dict(zip(channels, values, strict=True))))
+        return Channel(formula.text, "formula", time, formula.values(dict(zip(formula.places, values, strict=True))))
     except FormulaError as error:
         raise InputError(str(error), file=file, field=signal) from error
 
 
-def unit_of(file: Path, signal: str, formula: Formula, channel: Channel, source: Source) -> str:
+def _unit(file: Path, signal: str, formula: Formula, channel: Channel, source: Source) -> str:
     """Returns the unit that the user states; else the file's unit, if the channel is not scaled; else the SI unit.
 
     Raises:

@@ -21,7 +21,7 @@ from brickpilot.data.rows import CsvFormat, read_columns
 from brickpilot.data.signals import SIGNALS
 from brickpilot.data.toml_file import TomlFile
 from brickpilot.errors import InputError
-from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out, run_names, write
+from brickpilot.importers.writer import NewDataset, NewRun, run_names
 
 SUMMARY, LOG = "summary.json", "log.csv"
 
@@ -41,22 +41,18 @@ _WHEELS = {"wheel_angle_left": "measured_left_counts", "wheel_angle_right": "mea
 _SENSED = {"imu": _ALWAYS, "imu+encoders": _ALWAYS | _WHEELS}
 
 
-def import_flight(
-    folders: Sequence[Path], out: Path, *, nominal: Mapping[str, float] | None = None, name: str | None = None
-) -> Imported:
-    """Makes a data set of flights with the same sensors. A run is a flight until a second after its mission's end.
+def import_flight(folders: Sequence[Path]) -> NewDataset:
+    """Returns a data set of flights with the same sensors. A run is a flight until a second after its mission's end.
+
+    The nominal values are those of the packaged robot.
 
     Args:
         folders: run folders.
-        out: the new folder.
-        nominal: known values of the robot. Values that are not given are those of the packaged robot.
-        name: the data set's name; default: the name of the folder.
 
     Raises:
         InputError: a folder holds no flight of a mission, or a flight with another robot's image; the sensors of a
-            flight measure nothing, or differ from those of the first flight; or `out` exists. No file is written then.
+            flight measure nothing, or differ from those of the first flight.
     """
-    check_out(out)
     summaries = [_summary(one) for one in folders]
     names = run_names(folders)
     sensors = summaries[0]["sensors"]
@@ -73,10 +69,7 @@ def import_flight(
     believed = {key: float(one["value"]) for key, one in TomlFile(RCX).data["parameters"].items()}
     note = "counts a turn and nominal values are those of the packaged robot"
     units = {signal: SIGNALS[signal].unit for signal in _SENSED[sensors]}
-    known = believed | dict(nominal or {})
-    return write(
-        NewDataset(name or out.resolve().name, "diff_drive", "FRD", units, runs, known, [note]), out, folders[0]
-    )
+    return NewDataset("diff_drive", "FRD", units, runs, believed, [note])
 
 
 def _summary(folder: Path) -> Mapping[str, Any]:

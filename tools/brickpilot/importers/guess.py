@@ -17,7 +17,7 @@ from brickpilot.data.audit.wiring import COUNTS_A_TURN
 from brickpilot.data.signals import INPUT_SETS, SIGNALS, Vehicle
 from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
-from brickpilot.importers.mapping import Place, Source, parse_mapping
+from brickpilot.importers.mapping import Source
 from brickpilot.importers.text_table import TextTable
 
 Vector = NDArray[np.float64]
@@ -31,33 +31,32 @@ class Guess:
 
     Attributes:
         sources: signal -> its formula over columns, and the unit.
-        vehicle: the vehicle; None: neither stated nor guessed.
+        vehicle: the vehicle, stated or guessed.
         reasons: signal -> the reason for the guess.
         notes: for the user, a sentence each.
         guessed: assumed numbers that the user did not state and that scale all speeds or voltages: "960 counts a turn".
     """
 
     sources: dict[str, Source]
-    vehicle: Vehicle | None
+    vehicle: Vehicle
     reasons: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     guessed: tuple[str, ...] = ()
 
 
-def guess(table: TextTable, mapping: Sequence[str], vehicle: Vehicle | None) -> Guess:
+def guess(table: TextTable, stated: Mapping[str, Source], vehicle: Vehicle | None) -> Guess:
     """Returns the guessed signals of a table's columns.
 
     Args:
         table: a table with a header.
-        mapping: entries of ``--map``, which are kept.
+        stated: signal -> its source that ``--map`` states, which is kept.
         vehicle: the vehicle; None: diff_drive if the log has a left or right column or a cmd_vel, else motor.
 
     Raises:
-        InputError: no header, a bad entry of `mapping`, or neither time nor input is found.
+        InputError: no header, or no time, input or output is found.
     """
     if not table.header:
         raise InputError("needs a header that names the columns", file=table.file, field="--guess")
-    stated = parse_mapping(mapping, partly=True)
     columns = [column_of(name, _values(table, name)) for name in table.names if name]
     if vehicle is None:
         turns = any(one.words >= {"cmd", "vel"} for one in columns)  # cmd_vel is a set point for a vehicle
@@ -104,7 +103,7 @@ def _guessed_bases(sources: Mapping[str, Source]) -> tuple[list[str], list[str]]
 def _values(table: TextTable, name: str) -> Vector:
     """Returns the numbers of a column; an empty array if the column holds text."""
     try:
-        return table.column(name, Place(name))[0][:_LOOKED_AT]
+        return table.column(name, name)[0][:_LOOKED_AT]
     except InputError:
         return np.empty(0)
 

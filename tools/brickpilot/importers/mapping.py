@@ -33,8 +33,7 @@ Vector = NDArray[np.float64]
 _LONGEST = 300  # characters: formulas are typed by hand, and Python's parser has a limited depth
 _NUMBER = NUMBER.removeprefix("[+-]?")  # a sign is an operator here
 _IDENTIFIER = r"[^\W\d]\w*(?:\.\w+)*"
-_INDEX = r"(?:\[(?P<index>\d{1,5})\])?"
-_INDEXED = re.compile(rf"(?P<name>[^\[\]]*[^\[\]\s])\s*{_INDEX}")
+_INDEX = r"(?:\[\d{1,5}\])?"
 _SIGNS: dict[type[ast.AST], Callable[..., Any]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
@@ -52,18 +51,6 @@ class FormulaError(ValueError):
 
 
 @dataclass(frozen=True)
-class Place:
-    """The place of numbers in a log: a column or variable; for a matrix, also the index of its column, from 0."""
-
-    name: str
-    index: int | None = None
-
-    def __str__(self) -> str:
-        """Returns the place as a formula names it."""
-        return self.name if self.index is None else f"{self.name}[{self.index}]"
-
-
-@dataclass(frozen=True)
 class Scaling:
     """A linear conversion: value = scale * cell + offset."""
 
@@ -77,16 +64,17 @@ class Formula:
 
     Attributes:
         text: the formula as the user wrote it.
-        places: the places in the log that the formula uses, without repeats, in the order of the text.
+        places: the columns that the formula uses, without repeats, in the order of the text. A column of a matrix is
+            ``name[index]``, from 0.
         scaling: the linear conversion, if the formula is linear in a single place; else None.
     """
 
     text: str
-    places: tuple[Place, ...]
+    places: tuple[str, ...]
     scaling: Scaling | None
     _tree: ast.expr
 
-    def values(self, columns: Mapping[Place, Vector]) -> Vector:
+    def values(self, columns: Mapping[str, Vector]) -> Vector:
         """Returns the formula's value in each row.
 
         Raises:
@@ -113,16 +101,14 @@ def parse_formula(text: str, names: Sequence[str]) -> Formula:
         FormulaError: the text is no formula. The message names the character.
     """
     text = text.strip()
-    whole = _INDEXED.fullmatch(text)
-    if text in names or (whole and whole["name"] in names):
-        known = Place(text) if text in names or not whole else Place(whole["name"], _index(whole))
-        return Formula(text, (known,), Scaling(), ast.Name("_0"))
+    if text in names:
+        return Formula(text, (text,), Scaling(), ast.Name("_0"))
     try:
         places, tree = _parsed(text, names)
     except FormulaError:
         if not difflib.get_close_matches(text, [name for name in names if re.search(r"\W", name)], 1, _ALIKE):
             raise
-        places, tree = [Place(text)], ast.Name("_0")
+        places, tree = [text], ast.Name("_0")
     if not places:
         raise FormulaError("names no column; a fixed value stands in --nominal")
     return Formula(text, tuple(places), _scaling(tree, len(places)), tree)
@@ -141,15 +127,11 @@ def _listed(names: Sequence[str], longest: int = 200) -> str:
     return text if len(text) <= longest else f"{text[:longest].rpartition(',')[0]}, ..."
 
 
-def _index(found: re.Match[str]) -> int | None:
-    return None if found["index"] is None else int(found["index"])
-
-
-def _parsed(text: str, names: Sequence[str]) -> tuple[list[Place], ast.expr]:
+def _parsed(text: str, names: Sequence[str]) -> tuple[list[str], ast.expr]:
     """Returns the places of a formula and its tree, in which place k is the name ``_k``."""
     if len(text) > _LONGEST:
         raise FormulaError(f"is longer than {_LONGEST} characters")
-    places: list[Place] = []
+    places: list[str] = []
     parts: list[str] = []
     at: list[int] = []  # position in `text` of each character of the rewritten text
     token = _tokens(names)
@@ -160,10 +142,9 @@ def _parsed(text: str, names: Sequence[str]) -> tuple[list[Place], ast.expr]:
             raise FormulaError(f"{text[position]!r} at character {position + 1} is neither a column nor + - * / ( )")
         part = found[0]
         if found["name"]:
-            place = Place(found["name"], _index(found))
-            if place not in places:
-                places.append(place)
-            part = f"_{places.index(place)}"
+            if part not in places:
+                places.append(part)
+            part = f"_{places.index(part)}"
         elif found["number"]:
             part = repr(_finite(float(part)))
         parts.append(f"{part} ")  # the blank separates a number from a name
@@ -179,7 +160,7 @@ def _tokens(names: Sequence[str]) -> re.Pattern[str]:
         ("(?<!\\w)" if name[0].isalnum() else "") + re.escape(name) + ("(?!\\w)" if name[-1].isalnum() else "")
         for name in known
     ]
-    return re.compile(rf"(?P<name>{'|'.join([*edged, _IDENTIFIER])}){_INDEX}|(?P<number>{_NUMBER})|[-+*/()]|\s+")
+    return re.compile(rf"(?P<name>(?:{'|'.join([*edged, _IDENTIFIER])}){_INDEX})|(?P<number>{_NUMBER})|[-+*/()]|\s+")
 
 
 def _tree(rewritten: str, text: str, at: Sequence[int]) -> ast.expr:
@@ -282,15 +263,14 @@ class Signals:
     starts: Sequence[int] = ()
 
 
-def parse_mapping(entries: Sequence[str], *, has_time: bool = False, partly: bool = False) -> dict[str, Source]:
+def parse_mapping(entries: Sequence[str], *, needs_time: bool = True) -> dict[str, Source]:
     """Returns signal -> source from entries like ``position=qm:mm`` or ``duty_left=pwmL*1/255``.
 
     The default unit is the SI unit. Formulas are read later, when the names of the log's columns are known.
 
     Args:
         entries: the entries as the user wrote them.
-        has_time: whether the samples of the log have times of their own, so that no time is mapped.
-        partly: whether the time may be missing, because the other signals are guessed.
+        needs_time: whether an entry has to name the time.
 
     Raises:
         InputError: an entry of another form, an unknown signal or unit, a signal given twice, or no time.
@@ -312,9 +292,7 @@ def parse_mapping(entries: Sequence[str], *, has_time: bool = False, partly: boo
         except ValueError as error:
             raise InputError(str(error), field=f"--map {entry}") from error
         sources[signal] = Source(text, unit or SIGNALS[signal].unit, unit is not None)
-    if has_time and "time" in sources:
-        raise InputError("the samples of this log have times of their own: leave time out", field="--map")
-    if not (has_time or partly or "time" in sources):
+    if needs_time and "time" not in sources:
         raise InputError("time is not mapped", field="--map")
     return sources
 
@@ -345,21 +323,20 @@ def read_formulas(sources: Mapping[str, Source], names: Sequence[str]) -> dict[s
 
 
 def take(
-    file: Path, formulas: Mapping[str, Formula], column: Callable[[str, Place], Vector]
+    file: Path, formulas: Mapping[str, Formula], cells: Mapping[str, Vector]
 ) -> tuple[dict[str, Vector], dict[str, Scaling]]:
     """Returns the columns and the scalings of `Signals`.
 
     Args:
         file: the log, which errors name.
         formulas: the result of `read_formulas`.
-        column: function that returns the cells of a place for a signal, NaN where blank, or raises an InputError.
+        cells: place -> cells, NaN where blank, for all places of the formulas.
 
     Raises:
         InputError: a formula that has no finite value in some rows.
     """
     columns = {}
     for signal, formula in formulas.items():
-        cells = {place: column(signal, place) for place in formula.places}
         try:
             columns[signal] = formula.values(cells) if formula.scaling is None else cells[formula.places[0]]
         except FormulaError as error:

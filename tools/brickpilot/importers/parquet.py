@@ -6,7 +6,7 @@ become s.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,26 +14,6 @@ import numpy as np
 
 from brickpilot.errors import InputError
 from brickpilot.importers.channels import Channel, Log, Vector, check_file, is_wanted, libraries
-from brickpilot.importers.chosen import SignalImporter, unit_of
-from brickpilot.importers.mapping import Place, Signals, Source, read_formulas, take, unknown_name
-
-
-def _signals(file: Path, sources: Mapping[str, Source], _rate: float | None, _cut: bool) -> Signals:
-    log = read(file, [source.text for source in sources.values()])
-    known = list(log.channels)
-    formulas = read_formulas(sources, known)
-
-    def column(signal: str, place: Place) -> Vector:
-        if place.index is not None or place.name not in log.channels:
-            raise InputError(unknown_name("column", str(place), read(file).channels), file=file, field=signal)
-        return log.channels[place.name].values
-
-    mapped = take(file, formulas, column)
-    units = {
-        signal: unit_of(file, signal, formula, log.channels[formula.places[0].name], sources[signal])
-        for signal, formula in formulas.items()
-    }
-    return Signals(file, *mapped, units)
 
 
 def read(file: Path, texts: Collection[str] | None = None) -> Log:
@@ -57,7 +37,7 @@ def read(file: Path, texts: Collection[str] | None = None) -> Log:
     channels = list(_channels(table, arrow))
     others = sorted(set(table.column_names) - {one.name for one in channels})
     notes = (f"without numbers: {', '.join(others)}",) if others and texts is None else ()
-    return Log(file, {one.name: one for one in channels}, notes=notes)
+    return Log(file, {one.name: one for one in channels}, notes=notes, of="column")
 
 
 def _channels(table: Any, arrow: Any) -> Iterator[Channel]:
@@ -80,6 +60,3 @@ def _floats(column: Any, arrow: Any) -> Vector:
     if arrow.types.is_boolean(column.type):
         column = column.cast(arrow.int8())
     return np.asarray(column.cast(arrow.float64(), safe=False).to_numpy(zero_copy_only=False), dtype=np.float64)
-
-
-import_parquet = SignalImporter(_signals)

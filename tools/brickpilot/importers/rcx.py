@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from brickpilot.constants import COUNTS_PER_TURN
 from brickpilot.data.signals import SIGNALS
 from brickpilot.errors import InputError
-from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out, write
+from brickpilot.importers.writer import NewDataset, NewRun
 from brickpilot.link import lnp
 from brickpilot.link.tower import BYTE_S, Tower
 
@@ -92,36 +92,29 @@ class Description:
 
 def import_rcx(
     ports: Sequence[Path],
-    out: Path,
     *,
-    nominal: Mapping[str, float] | None = None,
-    name: str | None = None,
     progress: Callable[[int, int, str], None] | None = None,
     byte_s: float = BYTE_S,
-) -> Imported:
-    """Fetches the recording of a brick and makes a data set of it.
+) -> NewDataset:
+    """Fetches the recording of a brick and returns a data set of it.
 
     Args:
         ports: exactly one port, the serial port of the tower.
-        out: the new folder.
-        nominal, name: as in a data set.
         progress: called with (blocks fetched, all blocks, text).
         byte_s: time in s that a byte takes on the line.
 
     Raises:
-        InputError: there is no such port, no tower or no reply; the reply is no recording; or `out` exists. No file is
-            written then.
+        InputError: there is no such port, no tower or no reply; or the reply is no recording.
     """
     if len(ports) != 1:
         raise InputError("needs exactly one serial port, that of the tower", field="FILE")
     (port,) = ports
-    check_out(out)
     try:
         with Tower(str(port), byte_s) as tower:
             description, samples = fetch(tower, port, progress)
     except TimeoutError as error:
         raise InputError(str(error)) from error
-    return write(dataset_of(description, samples, name or out.resolve().name, nominal or {}), out, port)
+    return dataset_of(description, samples)
 
 
 def fetch(
@@ -206,9 +199,7 @@ def unpack(content: bytes) -> NDArray[np.int64]:
     return numbers
 
 
-def dataset_of(
-    description: Description, samples: NDArray[np.int64], name: str, nominal: Mapping[str, float]
-) -> NewDataset:
+def dataset_of(description: Description, samples: NDArray[np.int64]) -> NewDataset:
     """Makes a run of each manoeuvre with the rest after it. The first run also has the rest before its manoeuvre."""
     columns = _columns(description, samples)
     runs = [
@@ -223,7 +214,7 @@ def dataset_of(
     ]
     units = {signal: SIGNALS[signal].unit for signal in ("time", *columns)}
     notes = [f"{description.late} of {description.samples} samples were late"] if description.late else []
-    return NewDataset(name, "diff_drive", "FRD", units, runs, nominal, notes)
+    return NewDataset("diff_drive", "FRD", units, runs, notes=notes)
 
 
 def _columns(description: Description, samples: NDArray[np.int64]) -> dict[str, Vector]:

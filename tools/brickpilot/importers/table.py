@@ -11,18 +11,17 @@ from brickpilot.data.signals import SIGNALS, Frame, Vehicle
 from brickpilot.errors import InputError
 from brickpilot.importers.channels import Channel, Log
 from brickpilot.importers.guess import Guess, guess
-from brickpilot.importers.mapping import Place, Signals, Source, common_scalings, parse_mapping, units_of
+from brickpilot.importers.mapping import Signals, Source, common_scalings, parse_mapping, units_of
 from brickpilot.importers.split import parse_split, runs_of
 from brickpilot.importers.table_log import joined, read_log
 from brickpilot.importers.text_table import TextTable, read_table
-from brickpilot.importers.writer import Imported, NewDataset, check_out, run_names, write
+from brickpilot.importers.writer import NewDataset, run_names
 
 _SPELLINGS = {"tab": "\t", r"\t": "\t"}
 
 
 def import_table(
     files: Sequence[Path],
-    out: Path,
     mapping: Sequence[str] = (),
     *,
     vehicle: Vehicle | None = None,
@@ -34,17 +33,13 @@ def import_table(
     split: Sequence[str] = (),
     inputs: str | None = None,
     input_timing: InputTiming = "held",
-    nominal: Mapping[str, float] | None = None,
-    name: str | None = None,
-) -> Imported:
-    """Makes a data set of tables; a file becomes a run of the same name, or several runs if it is split.
+) -> NewDataset:
+    """Returns a data set of tables; a file becomes a run of the same name, or several runs if it is split.
 
     Args:
         files: text files with the same columns.
-        out: the new folder.
         mapping: ``SIGNAL=COLUMN[:UNIT]`` or ``SIGNAL=FORMULA[:UNIT]``; COLUMN is a name, or a number from 0 on.
-        vehicle, frame, nominal, name: as in a data set; the default name is the folder's name, and the default frame is
-            the frame that wheels and yaw show.
+        vehicle, frame: as in a data set; the default frame is the frame that wheels and yaw show.
         as_wired: whether channels that look swapped, reversed or scaled wrongly are left as they are.
         delimiter: one of `data.rows.DELIMITERS`; ``tab`` and ``\\t`` (two characters) stand for a tab; None: found.
         header: whether the first line names the columns even if it looks like numbers.
@@ -54,30 +49,29 @@ def import_table(
         input_timing: what an input does between two rows; if ``unknown``, `check` and `discover` estimate it.
 
     Raises:
-        InputError: the message names file, line and column, or the option. Nothing is written then.
+        InputError: the message names file, line and column, or the option.
     """
-    check_out(out)
     spans = parse_split(split)
     delimiter = _delimiter(delimiter)
     names = run_names(files)
-    if not guessed:
-        parse_mapping(mapping)  # a fault in an option is reported before a fault in a file
+    sources = parse_mapping(mapping, needs_time=not guessed)
     tables = [read_table(file, delimiter, header) for file in files]
-    found = guess(tables[0], mapping, vehicle) if guessed else Guess(parse_mapping(mapping), vehicle)
-    if found.vehicle is None:
-        raise InputError("is needed to import a table, or --guess", field="--vehicle")
-    sources = found.sources
+    if guessed:
+        found = guess(tables[0], sources, vehicle)
+        sources = found.sources
+    else:
+        assert vehicle is not None  # `options_taken` refuses a call without vehicle and guess
+        found = Guess(sources, vehicle)
     if inputs is None:
         logs = [read_log(table, sources) for table in tables]
     else:
         logs = _joined_logs(tables, sources, read_table(Path(inputs), delimiter, header))
     scalings = common_scalings(logs)
     runs, notes = runs_of(logs, spans, names)
-    new = NewDataset(
-        name or out.resolve().name, found.vehicle, frame, units_of(sources), runs, nominal or {},
-        [*found.notes, *notes], scalings, found.reasons, input_timing, sources, found.guessed, as_wired,
+    return NewDataset(
+        found.vehicle, frame, units_of(sources), runs, notes=[*found.notes, *notes], scalings=scalings,
+        reasons=found.reasons, input_timing=input_timing, sources=sources, guessed=found.guessed, as_wired=as_wired,
     )  # fmt: skip
-    return write(new, out, files[0])
 
 
 def _delimiter(text: str | None) -> str | None:
@@ -108,7 +102,7 @@ def read(file: Path) -> Log:
     others = []
     for name in table.names:
         try:
-            channels[name] = Channel(name, "number", None, table.column(name, Place(name))[0])
+            channels[name] = Channel(name, "number", None, table.column(name, name)[0])
         except InputError:
             others.append(name)
     notes = (f"without numbers: {', '.join(others)}",) if others else ()

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from brickpilot.data.signals import SIGNALS, SUMMED
 from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
-from brickpilot.importers.mapping import Formula, Place, Scaling, Signals, Source, read_formulas, take, units_of
+from brickpilot.importers.mapping import Formula, Scaling, Signals, Source, read_formulas, take, units_of
 from brickpilot.importers.text_table import TextTable
 
 Vector = NDArray[np.float64]
@@ -43,12 +43,12 @@ def read_log(table: TextTable, sources: Mapping[str, Source]) -> Signals:
     if clock.scaling is not None:
         time = cells[clock.places[0]][sound]
     else:
-        time = take(table.file, {"time": clock}, lambda _, place: cells[place][sound])[0]["time"]
+        time = take(table.file, {"time": clock}, {place: cells[place][sound] for place in clock.places})[0]["time"]
     order = ordered(time, lines, cut_start=not table.header)
     notes += order.notes
     rows = np.flatnonzero(sound)[order.kept]
     lines = table.lines[rows]
-    columns, scalings = take(table.file, formulas, lambda _, place: cells[place][rows])
+    columns, scalings = take(table.file, formulas, {place: values[rows] for place, values in cells.items()})
     columns["time"] = order.time[order.kept]
     if "yaw_angle" in columns:
         scale = scalings.get("yaw_angle", Scaling()).scale
@@ -67,9 +67,9 @@ def read_log(table: TextTable, sources: Mapping[str, Source]) -> Signals:
 
 def _cells(
     table: TextTable, formulas: Mapping[str, Formula], notes: list[str]
-) -> tuple[dict[Place, Vector], NDArray[np.bool_]]:
+) -> tuple[dict[str, Vector], NDArray[np.bool_]]:
     """Returns the cells of each used column, counters without overflows, and which rows have no broken cell."""
-    cells: dict[Place, Vector] = {}
+    cells: dict[str, Vector] = {}
     sound = np.ones(table.lines.size, dtype=bool)
     for signal, formula in formulas.items():
         for place in formula.places:
@@ -83,7 +83,7 @@ def _cells(
             where = ", ".join(str(table.lines[row]) for row in unwrapped.rows[:5])
             count = len(unwrapped.rows)
             notes.append(
-                f"{place.name} is a counter, {unwrapped.kind}, that overflows {count} times: counted on from line "
+                f"{place} is a counter, {unwrapped.kind}, that overflows {count} times: counted on from line "
                 f"{where}{', ...' if count > 5 else ''}"
             )
     return cells, sound

@@ -21,7 +21,7 @@ from brickpilot.data.rows import CUT, DELIMITERS, NUMBER, joined, numbers, parse
 from brickpilot.data.units import si_factor
 from brickpilot.data.whole_files import read_text
 from brickpilot.errors import InputError
-from brickpilot.importers.mapping import Place, unknown_name
+from brickpilot.importers.mapping import unknown_name
 
 if TYPE_CHECKING:
     import pyarrow
@@ -66,7 +66,7 @@ class TextTable:
             return [*self.names, *map(str, numbers)]
         return [*map(str, numbers), *(f"c{number}" for number in numbers)]
 
-    def column(self, signal: str, place: Place) -> tuple[Vector, NDArray[np.bool_]]:
+    def column(self, signal: str, place: str) -> tuple[Vector, NDArray[np.bool_]]:
         """Returns the numbers of a column, NaN where blank, and the rows whose cell is no number.
 
         Raises:
@@ -90,16 +90,14 @@ class TextTable:
         values[wrong] = np.nan
         return values, wrong
 
-    def _position(self, signal: str, place: Place) -> int:
-        if place.index is not None:
-            raise InputError("a column of a table has no index", field=f"--map {signal}={place.name}[{place.index}]")
-        if self.header and place.name in self.names:
-            return self.names.index(place.name)
-        number = place.name if self.header else place.name.removeprefix("c")
+    def _position(self, signal: str, place: str) -> int:
+        if self.header and place in self.names:
+            return self.names.index(place)
+        number = place if self.header else place.removeprefix("c")
         if not (number.isascii() and number.isdigit()):
             if not self.header:
-                raise InputError(f"{place.name} is not a column number from 0", field=f"--map {signal}")
-            message = unknown_name("column", place.name, self.names)
+                raise InputError(f"{place} is not a column number from 0", field=f"--map {signal}")
+            message = unknown_name("column", place, self.names)
             raise InputError(message, file=self.file, line=self.first_line, field=signal)
         if int(number) >= len(self.names):
             message = f"no column {number}: the file has {len(self.names)}, numbered from 0"

@@ -23,15 +23,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brickpilot.data.rows import read_text
 from brickpilot.data.signals import SIGNALS, Frame, Vehicle
 from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
 from brickpilot.importers.channels import Channel, Log
-from brickpilot.importers.writer import Imported, NewDataset, NewRun, check_out, run_names, write
+from brickpilot.importers.writer import NewDataset, NewRun, run_names
 
 Vector = NDArray[np.float64]
 
-_SIZE_LIMIT = 256 * 2**20
 _LENGTHS = {"meters": "m", "feet": "ft", "inches": "in"}
 _ANGLES = {"radians": "rad", "degrees": "deg", "rotations": "rotation"}
 _WIDTHS: dict[Vehicle, tuple[int, ...]] = {"diff_drive": (10, 9), "motor": (10, 4)}
@@ -55,10 +55,8 @@ class _Log:
     tests: Mapping[str, Vector]
 
 
-def import_wpilib(
-    files: Sequence[Path], out: Path, *, nominal: Mapping[str, float] | None = None, name: str | None = None
-) -> Imported:
-    """Makes a data set of WPILib JSON files; each test becomes a run.
+def import_wpilib(files: Sequence[Path]) -> NewDataset:
+    """Returns a data set of WPILib JSON files; each test becomes a run.
 
     With several files, the name of a run begins with the name of its file. Runs of one file are ordered by the robot's
     clock, and ``gap_s`` is the pause between them. The wheels' turns give the gyro's sign, and so the frame of the data
@@ -66,14 +64,10 @@ def import_wpilib(
 
     Args:
         files: JSON files of one robot, all of a drivetrain or all of a mechanism.
-        out: the new folder.
-        nominal: known parameters, in SI.
-        name: the data set's name; default: the name of the folder.
 
     Raises:
-        InputError: a file or a test is bad; the message names it. Nothing is written then.
+        InputError: a file or a test is bad; the message names it.
     """
-    check_out(out)
     logs = dict(zip(run_names(files), (_read(file) for file in files), strict=True))
     first = next(iter(logs.values()))
     for file, log in zip(files, logs.values(), strict=True):
@@ -86,9 +80,7 @@ def import_wpilib(
     runs = _with_shared_columns(runs, notes)
     units = {signal: SIGNALS[signal].unit for signal in runs[0].columns}
     frame = _frame(runs, notes) if first.vehicle == "diff_drive" else "FRD"
-    return write(
-        NewDataset(name or out.resolve().name, first.vehicle, frame, units, runs, nominal or {}, notes), out, files[0]
-    )
+    return NewDataset(first.vehicle, frame, units, runs, notes=notes)
 
 
 def read(file: Path) -> Log:
@@ -134,15 +126,9 @@ def _read(file: Path) -> _Log:
 
 def _json(file: Path) -> dict[str, Any]:
     try:
-        if not file.is_file():
-            raise InputError("no such file" if not file.exists() else "is not a file", file=file)
-        if file.stat().st_size > _SIZE_LIMIT:
-            raise InputError(f"is larger than {_SIZE_LIMIT // 2**20} MiB", file=file)
-        content = json.loads(file.read_bytes())
+        content = json.loads(read_text(file))
     except json.JSONDecodeError as error:
         raise InputError(f"is not JSON: {error.msg}", file=file, line=error.lineno) from error
-    except OSError as error:
-        raise InputError(error.strerror or "cannot be read", file=file) from error
     except (ValueError, RecursionError) as error:
         raise InputError("is not JSON", file=file) from error
     if not isinstance(content, dict):

@@ -71,7 +71,11 @@ class NewDataset:
     """A data set to be written.
 
     Attributes:
+        vehicle: the vehicle.
+        frame: the frame; None: the frame that wheels, drives and yaw show, or else FRD.
         units: signal -> unit, for every signal, in the order of the columns.
+        runs: the runs in order.
+        nominal: parameter -> value in SI.
         notes: sentences for the user; the description begins with these sentences as comments.
         scalings: signal -> conversion of its cells to values; absent: the cells are the values.
         reasons: signal -> the reason for its guess, written as a comment after the signal's line.
@@ -79,10 +83,9 @@ class NewDataset:
         sources: signal -> its source in the log, for the options that correct a wrong wiring.
         guessed: numbers that the importer assumed because the user did not state them, such as "960 counts a turn".
         as_wired: whether the data set says that its wiring is not corrected.
-        frame: the frame; None: the frame that wheels, drives and yaw show, or else FRD.
+        name: the data set's name; empty: the name of its folder.
     """
 
-    name: str
     vehicle: Vehicle
     frame: Frame | None
     units: Mapping[str, str]
@@ -95,6 +98,7 @@ class NewDataset:
     sources: Mapping[str, Source] = field(default_factory=dict)
     guessed: Sequence[str] = ()
     as_wired: bool = False
+    name: str = ""
 
 
 def check_out(out: Path) -> None:
@@ -173,7 +177,9 @@ def _written(new: NewDataset, folder: Path, out: Path, source: Path) -> tuple[Ne
 def _described(new: NewDataset, folder: Path, out: Path) -> Dataset:
     """Writes the description of runs that are already written, and reads the whole data set back."""
     with disk_named(out):
-        (folder / "dataset.toml").write_text(_description(new), encoding="utf-8", newline="\n")
+        (folder / "dataset.toml").write_text(
+            _description(new, new.name or out.resolve().name), encoding="utf-8", newline="\n"
+        )
     return reading.read(folder)
 
 
@@ -234,11 +240,11 @@ def _cells(values: NDArray[np.float64]) -> list[str]:
     return ["" if value != value else repr(value) for value in values.tolist()]
 
 
-def _description(new: NewDataset) -> str:
+def _description(new: NewDataset, name: str) -> str:
     document = tomlkit.document()
     for note in new.notes:
         document.add(tomlkit.comment(note))
-    document.update({"name": new.name, "vehicle": new.vehicle, "frame": new.frame or "FRD"})
+    document.update({"name": name, "vehicle": new.vehicle, "frame": new.frame or "FRD"})
     if new.input_timing != "held":
         document["input_timing"] = new.input_timing
     if new.guessed:

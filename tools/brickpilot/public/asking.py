@@ -18,10 +18,10 @@ from brickpilot.discover.finding import Finding
 from brickpilot.errors import InputError
 from brickpilot.fit.descent import Progress
 from brickpilot.hil.fly import Fence
-from brickpilot.importers.flight_log import import_flight
 from brickpilot.public import flights
 from brickpilot.public.analysis import discover
 from brickpilot.public.doors import FlightRequest, jobs_of, model_of, seed_of, silent, whole
+from brickpilot.public.logs import import_log
 from brickpilot.report import ask_page
 from brickpilot.report.run_folder import fresh_folder
 from brickpilot.vehicle import model as model_file
@@ -98,7 +98,7 @@ def ask(
         def conclude() -> Finding:
             show(len(made), limits.most, "concluding")
             shutil.rmtree(beside / "data", ignore_errors=True)
-            data = reading.read(import_flight(made, beside / "data", nominal=stated).folder)
+            data = reading.read(import_log(made, beside / "data", kind="flight", nominal=stated).folder)
             return discover(data, believed if believed.effects else None, seed=seed, jobs=jobs)
 
         asked = ask_until(believed, sensors, limits, drive, conclude, choose)

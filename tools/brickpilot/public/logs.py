@@ -72,7 +72,7 @@ def import_log(
     taken = options_taken(importer, importers, options)
     if importer.reports_progress:
         taken["progress"] = progress or silent
-    return importer.load()(paths, Path(out), nominal=dict(nominal or {}), name=name, **taken)
+    return importer.import_files(paths, Path(out), nominal=nominal or {}, name=name, **taken)
 
 
 def why(
