@@ -257,7 +257,6 @@ def test_an_unknown_channel_is_refused_with_the_nearest_names(
         ("drive.bag", "rosbags", "ros"),
         ("drive.ulg", "pyulog", "px4"),
         ("drive.bin", "pymavlink", "ardupilot"),
-        ("drive.parquet", "pyarrow", "parquet"),
     ],
 )
 def test_a_missing_library_is_told_with_the_command(

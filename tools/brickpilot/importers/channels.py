@@ -82,7 +82,7 @@ def libraries(extra: str) -> Iterator[None]:
         raise InputError(message) from error
 
 
-def check_file(file: Path, start: bytes, kind: str) -> None:
+def check_file(file: Path, start: bytes = b"", kind: str = "") -> None:
     """Refuses a path if it is no file, or if the file does not begin with `start`.
 
     Raises:
@@ -163,18 +163,10 @@ def _clock(channels: Mapping[str, Channel]) -> Channel | None:
 
 def _of(channel: Channel, clock: Vector | None) -> Listed:
     there = np.isfinite(channel.values)
-    values = channel.values[there]
+    values = np.sort(channel.values[there])
     time = channel.time if channel.time is not None else clock
-    if time is not None:
-        time = np.sort(time[there]) if time.size == there.size else None
-    steps = np.diff(time) if time is not None else np.empty(0)
-    step = float(np.median(steps[steps > 0])) if (steps > 0).any() else None
-    return Listed(
-        channel.name, channel.type, channel.unit, values.size, None if step is None else 1.0 / step,
-        _at(time, 0), _at(time, -1), float(values.min()) if values.size else None,
-        float(values.max()) if values.size else None,
-    )  # fmt: skip
-
-
-def _at(time: Vector | None, place: int) -> float | None:
-    return float(time[place]) if time is not None and time.size else None
+    times = np.sort(time[there]) if time is not None and time.size == there.size else np.empty(0)
+    steps = np.diff(times)
+    rate = 1.0 / float(np.median(steps[steps > 0])) if (steps > 0).any() else None
+    ends = [(float(numbers[0]), float(numbers[-1])) if numbers.size else (None, None) for numbers in (times, values)]
+    return Listed(channel.name, channel.type, channel.unit, values.size, rate, *ends[0], *ends[1])

@@ -11,16 +11,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brickpilot.data.audit.wiring import COUNTS_A_TURN
 from brickpilot.data.signals import INPUT_SETS, SIGNALS, Vehicle
 from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
+from brickpilot.importers.channels import Vector
 from brickpilot.importers.mapping import Source
 from brickpilot.importers.text_table import TextTable
-
-Vector = NDArray[np.float64]
 
 _LOOKED_AT = 200_000  # only this number of first rows is used, so that guessing is fast in a long log
 
@@ -172,6 +170,16 @@ _RAW_GYRO = 131.0  # counts per deg/s, of the most common gyro in its finest ran
 _GRAVITY = {"g0": 1.0, "m/s^2": 9.80665}
 
 
+@dataclass(frozen=True)
+class Taken:
+    """The guessed signal of a column, and the reason for the guess."""
+
+    signal: str
+    formula: str
+    unit: str
+    reason: str
+
+
 @dataclass(frozen=True, eq=False)
 class Column:
     """A column: its name, the words in the name, its side, the unit in its name, and its values."""
@@ -193,15 +201,10 @@ class Column:
         known = self.values[np.isfinite(self.values)]
         return bool(np.all(known == np.round(known)))
 
-
-@dataclass(frozen=True)
-class Taken:
-    """The guessed signal of a column, and the reason for the guess."""
-
-    signal: str
-    formula: str
-    unit: str
-    reason: str
+    def taken(self, signal: str, unit: str, reason: str = "") -> Taken:
+        """Returns the guess that the column is `signal` in `unit`; the default reason is the name or the range."""
+        seen = "its name, with its unit" if unit == self.unit else f"its name; values up to {self.largest:.4g}"
+        return Taken(signal, self.name, unit, reason or seen)
 
 
 def column_of(name: str, values: Vector) -> Column:
@@ -264,7 +267,7 @@ def taken_for(column: Column, columns: Sequence[Column], driven: bool) -> Taken 
         return _yaw_rate(column)
     if words & {"yaw", "heading"}:
         unit = column.unit or ("deg" if column.largest > 7.0 else "rad")
-        return Taken("yaw_angle", column.name, unit, f"its name; values up to {column.largest:g}")
+        return column.taken("yaw_angle", unit)
     return _wheel(column, driven)
 
 
@@ -282,7 +285,7 @@ def _set_point(column: Column) -> Taken | str:
         signal, unit = "reference_velocity", unit or "m/s"
     if unit is None:
         return f"the unit of a demand is not told; state it with --map {signal}={column.name}:UNIT"
-    return Taken(signal, column.name, unit, "named like a demand to a controller")
+    return column.taken(signal, unit, "named like a demand to a controller")
 
 
 def _time(column: Column) -> Taken | str:
@@ -293,10 +296,10 @@ def _time(column: Column) -> Taken | str:
         word = next(
             (_UNITS[one] for one in ("micros", "us", "millis", "ms", "sec", "seconds") if one in column.words), "s"
         )
-        return Taken("time", column.name, column.unit or word, "its name")
+        return column.taken("time", column.unit or word, "its name")
     usual = float(np.median(steps)) if steps.size else 0.0
     unit = "s" if not column.whole or usual < 1.0 else "us" if usual >= 500.0 else "ms"
-    return Taken("time", column.name, unit, f"its name; a step is {usual:g}, so the unit is {unit}")
+    return column.taken("time", unit, f"its name; a step is {usual:g}, so the unit is {unit}")
 
 
 def _duty(column: Column, both: Sequence[Column]) -> Taken | str:
@@ -330,26 +333,22 @@ def _asked(both: Sequence[Column], look: str, formula: str) -> str:
 
 def _battery(column: Column) -> Taken | str:
     if column.unit in ("V", "mV"):
-        return Taken("battery_voltage", column.name, column.unit, "its name")
-    if column.largest <= 60.0:
-        return Taken("battery_voltage", column.name, "V", f"its name; values up to {column.largest:g}")
-    if column.largest >= 2000.0:
-        return Taken("battery_voltage", column.name, "mV", f"its name; values up to {column.largest:g}")
-    return (
-        f"values up to {column.largest:g} are neither V nor mV; state it with --map battery_voltage={column.name}*SCALE"
-    )
+        return column.taken("battery_voltage", column.unit)
+    if 60.0 < column.largest < 2000.0:
+        scale = f"state it with --map battery_voltage={column.name}*SCALE"
+        return f"values up to {column.largest:g} are neither V nor mV; {scale}"
+    return column.taken("battery_voltage", "V" if column.largest <= 60.0 else "mV")
 
 
 def _yaw_rate(column: Column) -> Taken:
     if column.unit:
-        return Taken("yaw_rate", column.name, column.unit, "its name, with its unit")
+        return column.taken("yaw_rate", column.unit)
     if column.whole and column.largest > 2500.0:
         reason = f"its name; raw counts up to {column.largest:g}, {_RAW_GYRO:g} per deg/s is a guess"
         return Taken("yaw_rate", f"{column.name}/{_RAW_GYRO:g}", "deg/s", reason)
     unit = "rad/s" if column.largest <= _TURN_RATE else "deg/s"
-    return Taken(
-        "yaw_rate", column.name, unit, f"its name; values up to {column.largest:.4g}, so the unit is taken as {unit}"
-    )
+    reason = f"its name; values up to {column.largest:.4g}, so the unit is taken as {unit}"
+    return column.taken("yaw_rate", unit, reason)
 
 
 def _acceleration(column: Column, columns: Sequence[Column]) -> Taken | str:
@@ -357,7 +356,7 @@ def _acceleration(column: Column, columns: Sequence[Column]) -> Taken | str:
     signal = "accel_sway" if sway else "accel_surge"
     if column.unit:
         unit = "g0" if column.unit == "g" else column.unit
-        return Taken(signal, column.name, unit, "its name, with its unit; x is taken as forward")
+        return column.taken(signal, unit, "its name, with its unit; x is taken as forward")
     upright = next(
         (one for one in columns if one.words & {"az", "accz"} or ({"z"} <= one.words and one.words & {"acc", "accel"})),
         None,
@@ -365,14 +364,12 @@ def _acceleration(column: Column, columns: Sequence[Column]) -> Taken | str:
     rest = abs(float(np.nanmedian(upright.values))) if upright is not None and upright.values.size else 0.0
     for unit, gravity in _GRAVITY.items():
         if abs(rest / gravity - 1.0) < 0.1:
-            return Taken(
-                signal, column.name, unit, f"its name; the upright axis shows {rest:.3g} at rest, so the unit is {unit}"
-            )
+            reason = f"its name; the upright axis shows {rest:.3g} at rest, so the unit is {unit}"
+            return column.taken(signal, unit, reason)
     for counts in (16384.0, 8192.0, 4096.0, 2048.0):
         if abs(rest / counts - 1.0) < 0.1:
-            return Taken(
-                signal, f"{column.name}/{counts:g}", "g0", f"its name; the upright axis shows {rest:.0f} counts at rest"
-            )
+            reason = f"its name; the upright axis shows {rest:.0f} counts at rest"
+            return Taken(signal, f"{column.name}/{counts:g}", "g0", reason)
     return f"its unit is not told; state it with --map {signal}={column.name}:g0 or :m/s^2"
 
 
@@ -382,18 +379,18 @@ def _wheel(column: Column, driven: bool) -> Taken | str:
     wheel = "wheel_" if column.side else ""
     if words & {"voltage", "volt", "volts", "u"} or (words & {"v"} and not driven and (column.side or words == {"v"})):
         unit = unit if unit in ("V", "mV") else "mV" if column.whole and column.largest > 60.0 else "V"
-        return Taken(f"voltage{tail}", column.name, unit, f"its name; values up to {column.largest:.4g}")
+        return column.taken(f"voltage{tail}", unit)
     if words & {"current", "cur", "i"}:
         unit = unit if unit in ("A", "mA") else "mA" if column.whole and column.largest > 60.0 else "A"
-        return Taken(f"current{tail}", column.name, unit, f"its name; values up to {column.largest:.4g}")
+        return column.taken(f"current{tail}", unit)
     if words & (_SPEED | {"v"}):
         if unit not in _RATES | {"m/s", "mm/s", "cm/s"}:
             return f"the unit of a speed is not told; state it with --map {wheel}speed{tail}={column.name}:UNIT"
         kind = "speed" if unit in _RATES else "velocity"
-        return Taken(f"{wheel}{kind}{tail}", column.name, unit, "its name, with its unit")
+        return column.taken(f"{wheel}{kind}{tail}", unit)
     if words & {"angle", "ang", "theta", "phi"}:
         unit = unit or ("deg" if column.largest > 50.0 else "rad")
-        return Taken(f"{wheel}angle{tail}", column.name, unit, f"its name; values up to {column.largest:.4g}")
+        return column.taken(f"{wheel}angle{tail}", unit)
     if words & {"pos", "position", "dist", "distance", "travel"}:
         if unit not in ("m", "mm", "cm", "deg", "rad"):
             return f"the unit of a position is not told; state it with --map SIGNAL={column.name}:UNIT"
@@ -401,5 +398,5 @@ def _wheel(column: Column, driven: bool) -> Taken | str:
         signal = ("wheel_angle" if is_angle else "wheel_travel") + tail
         if not column.side:
             signal = "angle" if is_angle else "position"
-        return Taken(signal, column.name, unit, "its name, with its unit")
+        return column.taken(signal, unit)
     return "neither its name nor its values tell what it is"

@@ -20,17 +20,16 @@ from typing import Any
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from numpy.typing import NDArray
 
 from brickpilot.data.audit.wiring_motion import Taken
 from brickpilot.data.rows import NUMBER
 from brickpilot.data.signals import SIGNALS
 from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
-
-Vector = NDArray[np.float64]
+from brickpilot.importers.channels import Vector
 
 _LONGEST = 300  # characters: formulas are typed by hand, and Python's parser has a limited depth
+_LONGEST_LIST = 200  # characters of the names that an error lists
 _NUMBER = NUMBER.removeprefix("[+-]?")  # a sign is an operator here
 _IDENTIFIER = r"[^\W\d]\w*(?:\.\w+)*"
 _INDEX = r"(?:\[\d{1,5}\])?"
@@ -117,14 +116,12 @@ def parse_formula(text: str, names: Sequence[str]) -> Formula:
 def unknown_name(kind: str, name: str, names: Iterable[str]) -> str:
     """Returns "no column 'encl' among ...; did you mean 'encL'?" for a name that a log does not have."""
     known = [one for one in names if one]
+    listed = ", ".join(known)
+    if len(listed) > _LONGEST_LIST:
+        listed = f"{listed[:_LONGEST_LIST].rpartition(',')[0]}, ..."
     lower = {one.lower(): one for one in reversed(known)}
     alike = difflib.get_close_matches(name.lower(), list(lower), 1, 0.6)
-    return f"no {kind} {name!r} among {_listed(known)}" + (f"; did you mean {lower[alike[0]]!r}?" if alike else "")
-
-
-def _listed(names: Sequence[str], longest: int = 200) -> str:
-    text = ", ".join(names)
-    return text if len(text) <= longest else f"{text[:longest].rpartition(',')[0]}, ..."
+    return f"no {kind} {name!r} among {listed}" + (f"; did you mean {lower[alike[0]]!r}?" if alike else "")
 
 
 def _parsed(text: str, names: Sequence[str]) -> tuple[list[str], ast.expr]:

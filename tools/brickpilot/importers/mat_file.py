@@ -1,6 +1,7 @@
 """Reads the variables of a .mat file.
 
-A separate process reads them, because a damaged file can crash scipy's reader. This process loads only this module.
+A separate process reads them, because a damaged file can crash scipy's reader. That process loads this module, so the
+module imports little.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import numpy as np
 from scipy.io import loadmat
 
 from brickpilot.errors import InputError
+from brickpilot.importers.channels import check_file
 
 
 def load(file: Path) -> Mapping[str, Any]:
@@ -27,8 +29,7 @@ def load(file: Path) -> Mapping[str, Any]:
     Raises:
         InputError: no such file, or the file cannot be read.
     """
-    if not file.is_file():
-        raise InputError("no such file" if not file.exists() else "is not a file", file=file)
+    check_file(file)
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as child:
         try:
             variables = child.submit(parse, file).result()

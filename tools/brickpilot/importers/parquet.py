@@ -11,9 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow
+from pyarrow import compute, parquet
 
 from brickpilot.errors import InputError
-from brickpilot.importers.channels import Channel, Log, Vector, check_file, is_wanted, libraries
+from brickpilot.importers.channels import Channel, Log, Vector, check_file, is_wanted
 
 
 def read(file: Path, texts: Collection[str] | None = None) -> Log:
@@ -23,40 +25,37 @@ def read(file: Path, texts: Collection[str] | None = None) -> Log:
         InputError: there is no such file, or it is no Parquet file.
     """
     check_file(file, b"PAR1", "a Parquet file")
-    with libraries("parquet"):
-        import pyarrow as arrow
-        from pyarrow import parquet
     try:
         content = parquet.ParquetFile(file)
         top = [name for name in content.schema_arrow.names if is_wanted(name, texts)]
         table = content.read(columns=top)
-    except (arrow.ArrowException, OSError, UnicodeError) as error:
+    except (pyarrow.ArrowException, OSError, UnicodeError) as error:
         raise InputError(f"is a damaged Parquet file: {error}", file=file) from error
-    while any(arrow.types.is_struct(field.type) for field in table.schema):
+    while any(pyarrow.types.is_struct(field.type) for field in table.schema):
         table = table.flatten()
-    channels = list(_channels(table, arrow))
+    channels = list(_channels(table))
     others = sorted(set(table.column_names) - {one.name for one in channels})
     notes = (f"without numbers: {', '.join(others)}",) if others and texts is None else ()
     return Log(file, {one.name: one for one in channels}, notes=notes, of="column")
 
 
-def _channels(table: Any, arrow: Any) -> Iterator[Channel]:
-    types = arrow.types
+def _channels(table: pyarrow.Table) -> Iterator[Channel]:
+    types = pyarrow.types
     for field, column in zip(table.schema, table.columns, strict=True):
         kind = field.type
         if types.is_timestamp(kind) or types.is_duration(kind):
-            ticks = column.cast(arrow.int64()).combine_chunks()
+            ticks = column.cast(pyarrow.int64()).combine_chunks()
             if types.is_timestamp(kind) and len(ticks):
-                ticks = arrow.compute.subtract(ticks, arrow.compute.min(ticks))
+                ticks = compute.subtract(ticks, compute.min(ticks))
             per_second = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}[kind.unit]
-            yield Channel(field.name, str(kind), None, _floats(ticks, arrow) / per_second, "s")
+            yield Channel(field.name, str(kind), None, _floats(ticks) / per_second, "s")
         elif types.is_boolean(kind) or types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind):
             unit = (field.metadata or {}).get(b"unit", b"").decode(errors="replace")
-            yield Channel(field.name, str(kind), None, _floats(column, arrow), unit or None)
+            yield Channel(field.name, str(kind), None, _floats(column), unit or None)
 
 
-def _floats(column: Any, arrow: Any) -> Vector:
+def _floats(column: Any) -> Vector:
     """Returns the numbers of a column, with NaN for null."""
-    if arrow.types.is_boolean(column.type):
-        column = column.cast(arrow.int8())
-    return np.asarray(column.cast(arrow.float64(), safe=False).to_numpy(zero_copy_only=False), dtype=np.float64)
+    if pyarrow.types.is_boolean(column.type):
+        column = column.cast(pyarrow.int8())
+    return np.asarray(column.cast(pyarrow.float64(), safe=False).to_numpy(zero_copy_only=False), dtype=np.float64)

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from brickpilot.constants import COUNTS_PER_TURN
 from brickpilot.data.signals import SIGNALS
 from brickpilot.errors import InputError
+from brickpilot.importers.channels import Vector
 from brickpilot.importers.writer import NewDataset, NewRun
 from brickpilot.link import lnp
 from brickpilot.link.tower import BYTE_S, Tower
@@ -28,8 +29,6 @@ TRIES = 8
 VERSION = 1
 BLOCK_SAMPLES, SAMPLE_SIZE = 20, 5
 BATTERY_V = 43.988 / 1560  # V per count, from brickOS
-
-Vector = NDArray[np.float64]
 
 
 class Line(Protocol):

@@ -91,16 +91,10 @@ def _channels(topic: Topic, time_ns: list[int], first: int) -> Iterator[Channel]
 
 
 def _stamp(message: Any) -> int:
-    header = _get(message, "header")
-    stamp = _get(header, "stamp")
-    if stamp is None:
-        return 0
-    nanoseconds = _get(stamp, "nanosec")
-    return int(_get(stamp, "sec") or 0) * 10**9 + int(nanoseconds or _get(stamp, "nsec") or 0)
-
-
-def _get(message: Any, name: str) -> Any:
-    return message.get(name) if isinstance(message, Mapping) else getattr(message, name, None)
+    """Returns the stamp in the header of a message in ns; 0: the message has none."""
+    stamp = _fields(_fields(_fields(message).get("header")).get("stamp"))
+    nanoseconds = stamp.get("nanosec") or stamp.get("nsec") or 0
+    return int(stamp.get("sec") or 0) * 10**9 + int(nanoseconds)
 
 
 def _fields(message: Any) -> Mapping[str, Any]:

@@ -11,14 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brickpilot import catalogue
+from brickpilot.data.audit.view import stretches
 from brickpilot.data.holdout import kind_of
 from brickpilot.data.signals import RATE_OF, SIGNALS, of_motors
 from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
+from brickpilot.importers.channels import Vector
 from brickpilot.importers.mapping import Scaling, Signals
 from brickpilot.importers.writer import NewRun
 
-Vector = NDArray[np.float64]
 Spans = Sequence[tuple[float, float]] | None
 """The times in s of `--split FROM,TO`; empty: the option is not given; None: `--split rests`."""
 
@@ -164,7 +165,7 @@ def manoeuvres(time: Vector, signals: Mapping[str, Vector]) -> list[tuple[str, s
     inputs = {name: np.nan_to_num(values) for name, values in signals.items() if SIGNALS[name].kind == "input"}
     driven = np.any([values != 0.0 for values in inputs.values()], axis=0)
     busy = driven | _moves(time, signals, ~driven)
-    rests = [rest for rest in _stretches(~busy) if time[rest.stop - 1] - time[rest.start] >= _SHORTEST_REST_S]
+    rests = [slice(start, stop) for start, stop in stretches(~busy) if time[stop - 1] - time[start] >= _SHORTEST_REST_S]
     resting = np.zeros(time.size, dtype=bool)
     for rest in rests:
         resting[rest] = True
@@ -174,7 +175,7 @@ def manoeuvres(time: Vector, signals: Mapping[str, Vector]) -> list[tuple[str, s
             kind_of(of_motors({name: values[busy_rows] for name, values in inputs.items()}, half_track)),
             _with_rest(time, busy_rows, rests),
         )
-        for busy_rows in _stretches(~resting)
+        for busy_rows in (slice(start, stop) for start, stop in stretches(~resting))
         if driven[busy_rows].any()
     ]
 
@@ -219,9 +220,3 @@ def _slope(time: Vector, values: Vector) -> Vector:
     after: Vector = np.interp(time + _SPAN_S, time, values)
     span: Vector = np.minimum(time + _SPAN_S, time[-1]) - np.maximum(time - _SPAN_S, time[0])
     return (after - before) / span
-
-
-def _stretches(flags: NDArray[np.bool_]) -> list[slice]:
-    """Returns the stretches of rows in which a flag is set."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
-    return [slice(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]

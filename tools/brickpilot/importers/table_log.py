@@ -20,10 +20,9 @@ from numpy.typing import NDArray
 from brickpilot.data.signals import SIGNALS, SUMMED
 from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
+from brickpilot.importers.channels import Vector
 from brickpilot.importers.mapping import Formula, Scaling, Signals, Source, read_formulas, take, units_of
 from brickpilot.importers.text_table import TextTable
-
-Vector = NDArray[np.float64]
 
 
 def read_log(table: TextTable, sources: Mapping[str, Source]) -> Signals:
@@ -44,19 +43,18 @@ def read_log(table: TextTable, sources: Mapping[str, Source]) -> Signals:
         time = cells[clock.places[0]][sound]
     else:
         time = take(table.file, {"time": clock}, {place: cells[place][sound] for place in clock.places})[0]["time"]
-    order = ordered(time, lines, cut_start=not table.header)
-    notes += order.notes
-    rows = np.flatnonzero(sound)[order.kept]
+    kept, time = ordered(time, lines, cut_start=not table.header, notes=notes)
+    rows = np.flatnonzero(sound)[kept]
     lines = table.lines[rows]
     columns, scalings = take(table.file, formulas, {place: values[rows] for place, values in cells.items()})
-    columns["time"] = order.time[order.kept]
+    columns["time"] = time
     if "yaw_angle" in columns:
         scale = scalings.get("yaw_angle", Scaling()).scale
         heading = unturn(columns["yaw_angle"], 2 * np.pi / abs(si_factor(sources["yaw_angle"].unit, "rad") * scale))
         columns["yaw_angle"] = heading.values
         if count := len(heading.rows):
             notes.append(f"yaw_angle jumps by a turn {count} times: it goes on from line {lines[heading.rows[0]]}")
-    starts = set(order.starts)
+    starts = set((np.flatnonzero(np.diff(time) < 0.0) + 1).tolist())
     for signal in (name for name in columns if name in SUMMED and name != "yaw_angle"):
         for row in resets(columns[signal]):
             if row not in starts:
@@ -140,33 +138,19 @@ _STANDING = 0.5  # largest share of rows with a repeated time that are left out;
 _FIRST_STEP = 100.0  # in usual steps: if the first row is farther from the second, its time has lost digits
 
 
-@dataclass(frozen=True)
-class Clock:
-    """The time of a log.
-
-    Attributes:
-        time: the time's cells without overflows, for all rows.
-        kept: the indices of the rows with a sound time, in order.
-        starts: positions in `kept` at which the logger's clock restarts.
-        notes: a sentence on each change.
-    """
-
-    time: Vector
-    kept: NDArray[np.int64]
-    starts: tuple[int, ...]
-    notes: tuple[str, ...]
-
-
-def ordered(cells: Vector, lines: NDArray[np.int64], cut_start: bool) -> Clock:
-    """Returns the clock of a log.
+def ordered(
+    cells: Vector, lines: NDArray[np.int64], cut_start: bool, notes: list[str]
+) -> tuple[NDArray[np.int64], Vector]:
+    """Returns the rows of a log with a sound time, and the times of these rows, without overflows of the clock.
 
     Args:
         cells: the cells of the time, NaN where blank or broken.
         lines: the line of each row, for the notes.
         cut_start: whether the first line of the log may be incomplete.
+        notes: gets a sentence on each change, and on each restart of the clock.
     """
     unwrapped = unwrap(cells, clock=True)
-    notes = [
+    notes += [
         f"time is a counter, {unwrapped.kind}, that overflows in line {lines[row]}: counted on from there"
         for row in unwrapped.rows
     ]
@@ -180,9 +164,9 @@ def ordered(cells: Vector, lines: NDArray[np.int64], cut_start: bool) -> Clock:
     lone = _lone(time[kept], cut_start)
     _count(notes, lines, kept[lone], "have a time out of line with the rows around them")
     kept = np.delete(kept, lone)
-    starts = np.flatnonzero(np.diff(time[kept]) < 0.0) + 1
-    notes += [f"time starts again in line {lines[kept[start]]}: a new run begins there" for start in starts]
-    return Clock(time, kept, tuple(starts.tolist()), tuple(notes))
+    starts = kept[1:][np.diff(time[kept]) < 0.0]
+    notes += [f"time starts again in line {lines[start]}: a new run begins there" for start in starts]
+    return kept, time[kept]
 
 
 def _lone(time: Vector, cut_start: bool) -> NDArray[np.int64]:
@@ -237,11 +221,7 @@ def unwrap(values: Vector, clock: bool = False) -> Unwrapped:
                 continue
             steps = _overflows(np.diff(counts), span, clock)
             if len(steps) >= least:
-                turns = np.zeros(counts.size)
-                turns[steps + 1] = -np.sign(np.diff(counts)[steps])
-                unwrapped = values.copy()
-                unwrapped[known] = counts + span * np.cumsum(turns)
-                return Unwrapped(unwrapped, tuple(known[steps + 1].tolist()), f"{kind} {bits}-bit")
+                return _continued(values, known, steps, span, f"{kind} {bits}-bit")
     return Unwrapped(values)
 
 
@@ -253,13 +233,16 @@ def unturn(values: Vector, turn: float) -> Unwrapped:
         turn: one turn in the unit of `values`.
     """
     known = np.flatnonzero(np.isfinite(values))
-    steps = np.diff(values[known])
-    jumps = _overflows(steps, turn, clock=False)
+    return _continued(values, known, _overflows(np.diff(values[known]), turn, clock=False), turn, "heading")
+
+
+def _continued(values: Vector, known: NDArray[np.int64], steps: NDArray[np.int64], span: float, kind: str) -> Unwrapped:
+    """Returns a column without the overflows of the range `span` at some steps between its `known` rows."""
     turns = np.zeros(known.size)
-    turns[jumps + 1] = -np.sign(steps[jumps])
-    unwrapped = values.copy()
-    unwrapped[known] += turn * np.cumsum(turns)
-    return Unwrapped(unwrapped, tuple(known[jumps + 1].tolist()), "heading")
+    turns[steps + 1] = -np.sign(np.diff(values[known])[steps])
+    continued = values.copy()
+    continued[known] += span * np.cumsum(turns)
+    return Unwrapped(continued, tuple(known[steps + 1].tolist()), kind)
 
 
 def _overflows(steps: Vector, span: float, clock: bool) -> NDArray[np.int64]:

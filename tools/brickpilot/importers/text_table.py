@@ -21,13 +21,12 @@ from brickpilot.data.rows import CUT, DELIMITERS, NUMBER, joined, numbers, parse
 from brickpilot.data.units import si_factor
 from brickpilot.data.whole_files import read_text
 from brickpilot.errors import InputError
+from brickpilot.importers.channels import Vector
 from brickpilot.importers.mapping import unknown_name
 
 if TYPE_CHECKING:
     import pyarrow
 
-
-Vector = NDArray[np.float64]
 
 _MOST_COLUMNS = 1000  # column numbers in formulas are below this number
 _MOST_BROKEN = 0.2  # largest share of broken lines; a file with a larger share is not a table

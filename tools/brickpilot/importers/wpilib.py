@@ -21,16 +21,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brickpilot.data.rows import read_text
 from brickpilot.data.signals import SIGNALS, Frame, Vehicle
 from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
-from brickpilot.importers.channels import Channel, Log
+from brickpilot.importers.channels import Channel, Log, Vector
 from brickpilot.importers.writer import NewDataset, NewRun, run_names
-
-Vector = NDArray[np.float64]
 
 _LENGTHS = {"meters": "m", "feet": "ft", "inches": "in"}
 _ANGLES = {"radians": "rad", "degrees": "deg", "rotations": "rotation"}
