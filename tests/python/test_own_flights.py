@@ -114,7 +114,7 @@ def test_flights_that_tell_nothing_are_refused(plain: Path, tmp_path: Path) -> N
     other = shutil.copytree(plain, tmp_path / "other")
     (other / "summary.json").write_text((other / "summary.json").read_text().replace("{", '{"image": "own.elf",', 1))
     for folders, why in (
-        ([other], "other: own.elf flew, whose counts a turn and beliefs are not those of the packaged robot"),
+        ([other], "other: was flown by own.elf, whose counts per turn and nominal values are another robot's"),
         ([ideal], "ideal: was flown with ideal sensors, which no robot has"),
         ([imu, plain], r"flight: was flown with imu\+encoders, and .*imu with imu"),
         ([tmp_path / "manoeuvre"], "drives no motor by its duty: it is no flight of a mission"),

@@ -28,7 +28,7 @@ class Option:
     Attributes:
         keyword: the argument's name in the importers' functions.
         flag: the option on the command line, e.g. ``--map``.
-        help: one or two sentences for the user. The command adds the kinds of log that take the option.
+        help: one or two sentences for the user. The command appends the kinds of log that take the option.
         metavar: the name of the option's value in the help; empty for a choice or a switch.
         choices: the allowed values; empty: any text.
         default: the value if the user does not give the option. False: the option is a switch.
@@ -132,19 +132,19 @@ MAP = Option(
 )
 VEHICLE = Option("vehicle", "--vehicle", "The kind of vehicle.", choices=VEHICLES, required=True, unless="guessed")
 FRAME = Option(
-    "frame", "--frame", "The frame of sway and yaw; the default is the one that wheels and yaw show, or else FRD.",
+    "frame", "--frame", "The frame of sway and yaw; the default is the frame that wheels and yaw show, or else FRD.",
     choices=("FRD", "FLU"),
 )  # fmt: skip
 DELIMITER = Option(
-    "delimiter", "--delimiter", "The character between two columns; by default it is found.", metavar="TEXT"
+    "delimiter", "--delimiter", "The character between two columns; by default the importer finds it.", metavar="TEXT"
 )
 HEADER = Option(
-    "header", "--header", "The first line names the columns, even if it looks like numbers; by default a header is "
-    "found.", default=False,
+    "header", "--header", "The first line names the columns, even if it looks like numbers; by default the importer "
+    "looks for a header.", default=False,
 )  # fmt: skip
 GUESS = Option(
-    "guessed", "--guess", "Guesses the columns that --map does not name from their names and values, and says why; "
-    "finds --vehicle, too.", default=False,
+    "guessed", "--guess", "Guesses the signals that --map does not name from the names and values of the columns, with "
+    "reasons; also guesses --vehicle.", default=False,
 )  # fmt: skip
 SPLIT = Option(
     "split", "--split", "Makes runs of one log: rests splits where the vehicle rests for 0.3 s; FROM,TO takes a span "
@@ -155,12 +155,12 @@ INPUTS = Option(
     "columns that --map names.", metavar="FILE",
 )  # fmt: skip
 INPUT_TIMING = Option(
-    "input_timing", "--input-timing", "The inputs between two rows; for unknown, check and discover find which of the "
-    "two it is.", choices=("held", "linear", "unknown"), default="held",
+    "input_timing", "--input-timing", "How an input goes from one row to the next; with unknown, check and discover "
+    "find out whether it is held or linear.", choices=("held", "linear", "unknown"), default="held",
 )  # fmt: skip
 AS_WIRED = Option(
-    "as_wired", "--as-wired", "Keeps channels that look swapped, reversed or scaled wrongly: notes name them.",
-    default=False,
+    "as_wired", "--as-wired", "Leaves channels as they are that look swapped, reversed or wrongly scaled; notes name "
+    "these channels.", default=False,
 )  # fmt: skip
 RATE = Option(
     "rate", "--rate", "Rows per second; default: the rows are the samples of the fastest output.", metavar="HZ"
@@ -236,7 +236,7 @@ IMPORTERS = (
         kind="flight",
         module="flight_log",
         suffixes=("summary.json",),
-        help="Run folders of `brickpilot run` and `hil`: what a host sees of a flight, without the plant's own truth.",
+        help="Run folders of `brickpilot run` and `hil`: the signals that a host can log, not the true state.",
         example="flight runs/square runs/slalom --out flown",
     ),
     Importer(
@@ -252,7 +252,7 @@ def kind_of(file: Path, importers: Iterable[Importer]) -> str | None:
     """Returns the kind of log, from a file's ending or from the files in a folder; None: an unknown kind."""
     for row in importers:
         if file.suffix.lower() in row.suffixes or (
-            file.is_dir() and any((file / one).is_file() for one in row.suffixes)
+            file.is_dir() and any((file / suffix).is_file() for suffix in row.suffixes)
         ):
             return row.kind
     return None
@@ -291,8 +291,8 @@ def kinds_with(option: Option, importers: Iterable[Importer]) -> str:
 def options_taken(importer: Importer, importers: Sequence[Importer], given: Mapping[str, Any]) -> dict[str, Any]:
     """Returns keyword -> value, for the options that `importer` takes; options that are not given have their defaults.
 
-    A given option without a default, or a given switch, must be an option of the importer; other given options may be
-    ignored.
+    If the importer does not take a given option, the option is refused when it is a switch or has no default, and
+    ignored otherwise.
 
     Raises:
         InputError: a given option belongs to other kinds of log, a needed option is missing, or there is no such
@@ -302,14 +302,16 @@ def options_taken(importer: Importer, importers: Sequence[Importer], given: Mapp
     for keyword in given:
         if keyword not in known:
             raise InputError(f"is no option of an importer: {', '.join(sorted(known))}", field=keyword)
-    asked: dict[str, Any] = {one.keyword: () if one.repeatable else one.default for one in all_options(importers)}
+    asked: dict[str, Any] = {
+        option.keyword: () if option.repeatable else option.default for option in all_options(importers)
+    }
     asked.update(given)
     for option in all_options(importers):
         value = asked[option.keyword]
         if option not in importer.options and option.default in (None, False) and value:
             message = f"works only with {kinds_with(option, importers)}; a log of kind {importer.kind} describes itself"
             raise InputError(message, field=option.flag)
-        spared = any(one.keyword == option.unless and asked[one.keyword] for one in importer.options)
+        spared = any(other.keyword == option.unless and asked[other.keyword] for other in importer.options)
         if option in importer.options and option.required and not value and not spared:
             raise InputError(f"is needed to import {importer.kind}", field=option.flag)
     return {option.keyword: asked[option.keyword] for option in importer.options}

@@ -5,7 +5,7 @@ A listing describes each channel: type, unit, samples, rate, times and range.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -63,8 +63,13 @@ class Log:
     others: Mapping[str, str] = field(default_factory=dict)
 
 
+def by_name(channels: Iterable[Channel]) -> dict[str, Channel]:
+    """Returns name -> channel."""
+    return {channel.name: channel for channel in channels}
+
+
 Reader = Callable[[Path, Collection[str] | None], Log]
-"""Reads a file: (file, texts). Channels that no text names need not be decoded (`is_wanted`). None: decode all."""
+"""Reads a file: (file, texts). It may leave out a channel that no text names (`is_wanted`). No texts: it reads all."""
 
 
 @contextmanager
@@ -83,7 +88,7 @@ def libraries(extra: str) -> Iterator[None]:
 
 
 def check_file(file: Path, start: bytes = b"", kind: str = "") -> None:
-    """Refuses a path if it is no file, or if the file does not begin with `start`.
+    """Refuses a path that is no file, and a file that does not begin with `start`.
 
     Raises:
         InputError: the message names the file and its `kind`, e.g. "a WPILOG file".
@@ -96,7 +101,7 @@ def check_file(file: Path, start: bytes = b"", kind: str = "") -> None:
 
 
 def is_wanted(group: str, texts: Collection[str] | None) -> bool:
-    """Returns whether `group`, a topic, message or array, occurs in one of the texts that name the needed channels."""
+    """Returns whether one of the texts, which name the needed channels, contains `group`: a topic, message or array."""
     return texts is None or any(group in text for text in texts)
 
 
@@ -156,9 +161,11 @@ def contents(log: Log) -> Contents:
 def _clock(channels: Mapping[str, Channel]) -> Channel | None:
     """Returns the first column that only increases; columns in s are preferred."""
     rising = [
-        one for one in channels.values() if one.time is None and one.values.size > 1 and (np.diff(one.values) > 0).all()
+        channel
+        for channel in channels.values()
+        if channel.time is None and channel.values.size > 1 and (np.diff(channel.values) > 0).all()
     ]
-    return next((one for one in rising if one.unit == "s"), rising[0] if rising else None)
+    return next((channel for channel in rising if channel.unit == "s"), rising[0] if rising else None)
 
 
 def _of(channel: Channel, clock: Vector | None) -> Listed:

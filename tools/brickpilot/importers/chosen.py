@@ -210,7 +210,7 @@ def columns(channels: Mapping[str, Channel], rate: float | None) -> tuple[dict[s
     Raises:
         InputError: there is no output or no row, or a channel has no samples.
     """
-    tracks = {signal: _track(one) for signal, one in channels.items()}
+    tracks = {signal: _track(channel) for signal, channel in channels.items()}
     inputs = {signal: track for signal, track in tracks.items() if SIGNALS[signal].kind == "input"}
     outputs = {signal: track for signal, track in tracks.items() if SIGNALS[signal].kind == "output"}
     if not outputs:

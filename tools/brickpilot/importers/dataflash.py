@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 
 from brickpilot.errors import InputError
-from brickpilot.importers.channels import Channel, Log, check_file, is_wanted, libraries
+from brickpilot.importers.channels import Channel, Log, by_name, check_file, is_wanted, libraries
 
 _HEAD = b"\xa3\x95"
 _NUMBERS = "bBhHiIfdgcCeELMqQ"  # format characters of numbers; all other characters mean texts and arrays
 # The log's spelling of a unit -> the data set's spelling; empty: no unit.
 _SPELLINGS = {"deg/s": "deg/s", "m/s/s": "m/s^2", "rad/s/s": "rad/s^2", "%": "%", "UNKNOWN": ""}
-_DEFINITIONS = {"FMT", "FMTU", "UNIT", "MULT"}  # messages that describe other messages
+_DEFINITIONS = {"FMT", "FMTU", "UNIT", "MULT"}  # messages that define the format and units of other messages
 _MICROSECONDS = "TimeUS"
 
 
@@ -50,10 +50,8 @@ def read(file: Path, texts: Collection[str] | None = None) -> Log:
         raise InputError("holds no messages with a time", file=file)
     damaged = any("Skipped" in line for line in said.getvalue().splitlines())
     notes = ("some of its bytes are damaged and were left out",) if damaged else ()
-    channels = {
-        one.name: one for name, message in messages.items() for one in _channels(name, message, FORMAT_TO_STRUCT)
-    }
-    return Log(file, channels, notes=notes, cut=file.read_bytes()[end:].startswith(_HEAD[:1]))
+    channels = [channel for name, message in messages.items() for channel in _channels(name, message, FORMAT_TO_STRUCT)]
+    return Log(file, by_name(channels), notes=notes, cut=file.read_bytes()[end:].startswith(_HEAD[:1]))
 
 
 def _messages(reader: Any, texts: Collection[str] | None) -> tuple[dict[str, _Message], int]:
@@ -71,7 +69,7 @@ def _messages(reader: Any, texts: Collection[str] | None) -> tuple[dict[str, _Me
             name = f"{name}[{instance}]"
         kept = messages.setdefault(name, _Message(form))
         kept.time.append(message.TimeUS)
-        kept.rows.append(tuple(getattr(message, one) for one in _fields(form)))
+        kept.rows.append(tuple(getattr(message, column) for column in _fields(form)))
     return messages, end
 
 
@@ -86,7 +84,7 @@ def _fields(form: Any) -> list[str]:
 def _channels(name: str, message: _Message, structs: Mapping[str, Any]) -> Iterator[Channel]:
     time = np.array(message.time, dtype=np.float64) / 1e6
     columns = np.array(message.rows, dtype=np.float64).T
-    for one, values in zip(_fields(message.format), columns, strict=True):
-        kind = structs[message.format.format[message.format.colhash[one]]][0]
-        unit = message.format.get_unit(one)
-        yield Channel(f"{name}.{one}", np.dtype(kind).name, time, values, _SPELLINGS.get(unit, unit) or None)
+    for column, values in zip(_fields(message.format), columns, strict=True):
+        kind = structs[message.format.format[message.format.colhash[column]]][0]
+        unit = message.format.get_unit(column)
+        yield Channel(f"{name}.{column}", np.dtype(kind).name, time, values, _SPELLINGS.get(unit, unit) or None)

@@ -1,8 +1,8 @@
 """Turns flights of `brickpilot run` and `hil` into a data set with only the signals that a real host can log.
 
-So a flight is like the log of a real robot: it can show effects that the firmware's model lacks. Counts per turn and
-nominal values are those of the packaged robot, so a flight with an image that `firmware` made for another robot is
-refused. The battery's voltage is that of the plant; a brick reads this voltage in steps of 28 mV.
+So a flight is like the log of a real robot: it can show effects that the firmware's model lacks. The importer takes
+counts per turn and nominal values from the packaged robot, so it refuses a flight with an image that `firmware` made
+for another robot. The battery's voltage is that of the plant; a brick reads this voltage in steps of 28 mV.
 """
 
 from __future__ import annotations
@@ -53,12 +53,12 @@ def import_flight(folders: Sequence[Path]) -> NewDataset:
         InputError: a folder holds no flight of a mission, or a flight with another robot's image; the sensors of a
             flight measure nothing, or differ from those of the first flight.
     """
-    summaries = [_summary(one) for one in folders]
+    summaries = [_summary(folder) for folder in folders]
     names = run_names(folders)
     sensors = summaries[0]["sensors"]
     for folder, summary in zip(folders, summaries, strict=True):
         if summary["image"]:
-            message = f"{summary['image']} flew, whose counts a turn and beliefs are not those of the packaged robot"
+            message = f"was flown by {summary['image']}, whose counts per turn and nominal values are another robot's"
             raise InputError(message, file=folder)
         if summary["sensors"] not in _SENSED:
             message = f"was flown with {summary['sensors']} sensors, which no robot has: fly it with --sensors imu"
@@ -66,10 +66,10 @@ def import_flight(folders: Sequence[Path]) -> NewDataset:
         if summary["sensors"] != sensors:
             raise InputError(f"was flown with {summary['sensors']}, and {folders[0]} with {sensors}", file=folder)
     runs = [NewRun(*run) for run in zip(names, map(_columns, folders, summaries), strict=True)]
-    believed = {key: float(one["value"]) for key, one in TomlFile(RCX).data["parameters"].items()}
+    nominal = {key: float(parameter["value"]) for key, parameter in TomlFile(RCX).data["parameters"].items()}
     note = "counts a turn and nominal values are those of the packaged robot"
     units = {signal: SIGNALS[signal].unit for signal in _SENSED[sensors]}
-    return NewDataset("diff_drive", "FRD", units, runs, believed, [note])
+    return NewDataset("diff_drive", "FRD", units, runs, nominal, [note])
 
 
 def _summary(folder: Path) -> Mapping[str, Any]:
@@ -79,9 +79,9 @@ def _summary(folder: Path) -> Mapping[str, Any]:
         InputError: the folder holds no flight.
     """
     try:
-        found = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
-        ended_at_s = float(found.get("ended_at_s") or math.inf)
-        return {"sensors": str(found["sensors"]), "ended_at_s": ended_at_s, "image": found.get("image")}
+        summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+        ended_at_s = float(summary.get("ended_at_s") or math.inf)
+        return {"sensors": str(summary["sensors"]), "ended_at_s": ended_at_s, "image": summary.get("image")}
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
         raise InputError("is not the summary of a flight of run or hil", file=folder / SUMMARY) from error
 
@@ -93,9 +93,9 @@ def _columns(folder: Path, summary: Mapping[str, Any]) -> dict[str, NDArray[np.f
         InputError: the log lacks a column, or belongs to a manoeuvre, which has no duty.
     """
     values = read_columns(folder / LOG, _SENSED[summary["sensors"]], CsvFormat()).values
-    if not any(np.any(values[one]) for one in ("duty_left", "duty_right")):
+    if not any(np.any(values[signal]) for signal in ("duty_left", "duty_right")):
         raise InputError("drives no motor by its duty: it is no flight of a mission", file=folder / LOG)
     turn = 2 * math.pi / COUNTS_PER_TURN
-    turns = {one: turn * np.unwrap(values[one], period=_COUNTS) for one in _WHEELS if one in values}
+    turns = {signal: turn * np.unwrap(values[signal], period=_COUNTS) for signal in _WHEELS if signal in values}
     kept = values["time"] <= summary["ended_at_s"] + _REST_S
-    return {one: column[kept] for one, column in (values | turns).items()}
+    return {signal: column[kept] for signal, column in (values | turns).items()}

@@ -32,7 +32,8 @@ class Guess:
         vehicle: the vehicle, stated or guessed.
         reasons: signal -> the reason for the guess.
         notes: for the user, a sentence each.
-        guessed: assumed numbers that the user did not state and that scale all speeds or voltages: "960 counts a turn".
+        guessed: assumed numbers that scale all speeds or voltages, such as "960 counts a turn"; the user did not state
+            these numbers.
     """
 
     sources: dict[str, Source]
@@ -57,43 +58,47 @@ def guess(table: TextTable, stated: Mapping[str, Source], vehicle: Vehicle | Non
         raise InputError("needs a header that names the columns", file=table.file, field="--guess")
     columns = [column_of(name, _values(table, name)) for name in table.names if name]
     if vehicle is None:
-        turns = any(one.words >= {"cmd", "vel"} for one in columns)  # cmd_vel is a set point for a vehicle
-        vehicle = "diff_drive" if turns or any(one.side for one in columns) else "motor"
+        turns = any(column.words >= {"cmd", "vel"} for column in columns)  # cmd_vel is a set point for a vehicle
+        vehicle = "diff_drive" if turns or any(column.side for column in columns) else "motor"
     sources, reasons = dict(stated), {signal: "stated by --map" for signal in stated}
     left_out: list[str] = []
     asked: list[str] = []
-    driven = any(one.words & {"pwm", "duty"} for one in columns)
+    driven = any(column.words & {"pwm", "duty"} for column in columns)
     for column in columns:
-        found = taken_for(column, columns, driven)
-        problem = found if isinstance(found, str) else _problem(found, sources, vehicle)
-        if isinstance(found, str) or problem:
-            if not any(column.name in one.text for one in stated.values()):
+        taken = taken_for(column, columns, driven)
+        problem = taken if isinstance(taken, str) else _problem(taken, sources, vehicle)
+        if isinstance(taken, str) or problem:
+            if not any(column.name in source.text for source in stated.values()):
                 left_out.append(f"{column.name} is left out: {problem}")
-                asked += [found] if isinstance(found, str) and "--map 'duty" in found else []
+                asked += [taken] if isinstance(taken, str) and "--map 'duty" in taken else []
             continue
-        sources[found.signal] = Source(found.formula, found.unit)
-        reasons[found.signal] = found.reason
+        sources[taken.signal] = Source(taken.formula, taken.unit)
+        reasons[taken.signal] = taken.reason
     left_out += _one_input_set(sources, reasons, vehicle)
     _check_found(table, sources, asked)
-    notes = [f"guessed: {signal} is {one.text}, in {one.unit}: {reasons[signal]}" for signal, one in sources.items()]
-    bases, loud = _guessed_bases({signal: one for signal, one in sources.items() if signal not in stated})
+    notes = [
+        f"guessed: {signal} is {source.text}, in {source.unit}: {reasons[signal]}" for signal, source in sources.items()
+    ]
+    bases, loud = _guessed_bases({signal: source for signal, source in sources.items() if signal not in stated})
     return Guess(sources, vehicle, reasons, (*notes, *loud, *left_out), tuple(bases))
 
 
 def _guessed_bases(sources: Mapping[str, Source]) -> tuple[list[str], list[str]]:
     """Returns assumed numbers that scale all speeds or voltages, and a note in capitals on each number."""
     bases, notes = [], []
-    for stems, base, what, spoiled, form in (
+    for stems, base, meaning, quantity, form in (
         (("wheel_angle", "angle"), COUNTS_A_TURN, "how many counts a turn has", "speed", "COUNTS:rotation"),
         (("duty",), " as full drive", "which number is full drive", "voltage", "FULL"),
     ):
-        scaled = [one.text.split("/") for name, one in sources.items() if name.startswith(stems) and "/" in one.text]
+        scaled = [
+            source.text.split("/") for name, source in sources.items() if name.startswith(stems) and "/" in source.text
+        ]
         if scaled:
             columns, number = " and ".join(column for column, _ in scaled), scaled[0][1]
             bases.append(f"{number}{base}")
             notes.append(
-                f"NOBODY SAID {what}: {number} IS A GUESS for {columns}, and every {spoiled} is wrong by as much as it "
-                f"is; state it with --map SIGNAL=COLUMN/{form}"
+                f"NOBODY SAID {meaning}: {number} IS A GUESS for {columns}, and an error of this number is an error of "
+                f"every {quantity}; state it with --map SIGNAL=COLUMN/{form}"
             )
     return bases, notes
 
@@ -106,15 +111,15 @@ def _values(table: TextTable, name: str) -> Vector:
         return np.empty(0)
 
 
-def _problem(found: Taken, sources: Mapping[str, Source], vehicle: Vehicle) -> str | None:
-    if found.signal in sources:
-        return f"{sources[found.signal].text} is {found.signal} already"
-    if found.signal not in SIGNALS or vehicle not in SIGNALS[found.signal].vehicles:
-        return f"a {vehicle} has no signal {found.signal}"
+def _problem(taken: Taken, sources: Mapping[str, Source], vehicle: Vehicle) -> str | None:
+    if taken.signal in sources:
+        return f"{sources[taken.signal].text} is {taken.signal} already"
+    if taken.signal not in SIGNALS or vehicle not in SIGNALS[taken.signal].vehicles:
+        return f"a {vehicle} has no signal {taken.signal}"
     try:
-        si_factor(found.unit, SIGNALS[found.signal].unit)
+        si_factor(taken.unit, SIGNALS[taken.signal].unit)
     except ValueError as error:
-        return f"it looks like {found.signal}, but {error}"
+        return f"it looks like {taken.signal}, but {error}"
     return None
 
 
@@ -209,8 +214,8 @@ class Column:
 
 def column_of(name: str, values: Vector) -> Column:
     """Returns a column with the words of its name: "encL [deg]" has enc and l, the side left and the unit deg."""
-    found = re.search(r"[\[(]([^\[\]()]+)[\])]\s*$", name)
-    bare = name[: found.start()] if found else name
+    bracketed = re.search(r"[\[(]([^\[\]()]+)[\])]\s*$", name)
+    bare = name[: bracketed.start()] if bracketed else name
     parts = re.findall(r"[A-Z]{2,}(?![a-z])|[A-Z]?[a-z]+|[A-Z]|\d+", bare.replace("µ", "u"))
     words = [part.lower() for part in parts]
     if len(words) == 1 and (
@@ -222,7 +227,7 @@ def column_of(name: str, values: Vector) -> Column:
     joined = re.search(r"(deg|rad|mm|cm|m|rev)(?:_per_|_p?|/)s(?:ec)?$", bare.lower())
     stated = {"deg": "deg/s", "rad": "rad/s", "mm": "mm/s", "cm": "cm/s", "m": "m/s", "rev": "rotation/s"}
     small = re.search(r"(?:[_ ]|(?<=[a-z]))(m[VAs]|us)$", bare)
-    unit = found[1].strip() if found else stated[joined[1]] if joined else small[1] if small else None
+    unit = bracketed[1].strip() if bracketed else stated[joined[1]] if joined else small[1] if small else None
     if unit is None and len(words) > 1:
         unit = "m/s^2" if re.search(r"m(?:ps|_?s)2$", bare.lower()) else _UNITS.get(words[-1])
         unit = (
@@ -252,7 +257,9 @@ def taken_for(column: Column, columns: Sequence[Column], driven: bool) -> Taken 
     if words >= {"cmd", "vel"} or (words & _SET_POINT and words & (_SPEED | {"yaw", "linear", "angular"})):
         return _set_point(column)
     if words & _DUTY and not words & _SPEED:
-        return _duty(column, [one for one in columns if one.words & _DUTY and not one.words & _SPEED] or [column])
+        return _duty(
+            column, [other for other in columns if other.words & _DUTY and not other.words & _SPEED] or [column]
+        )
     if words & _ENCODER:
         signal = f"wheel_angle_{column.side}" if column.side else "angle"
         reason = f"named like an encoder; {COUNTS_PER_TURN} counts per turn is a guess"
@@ -275,7 +282,7 @@ def _set_point(column: Column) -> Taken | str:
     """Returns the guessed set point of a column: speed of a wheel or motor, or velocity or yaw rate of the body."""
     words, unit = column.words, column.unit
     if words & {"y"} or (words >= {"angular", "x"} or words >= {"linear", "z"}):
-        return "it is a demand that no vehicle with two wheels follows"
+        return "no vehicle with two wheels can follow this demand"
     is_turn = bool(words & {"yaw", "angular", "z"} or (not column.side and words & {"omega", "w"}))
     is_ros = words >= {"cmd", "vel"}  # a Twist is in SI
     signal = f"reference_wheel_speed_{column.side}" if column.side else "reference_speed"
@@ -284,7 +291,7 @@ def _set_point(column: Column) -> Taken | str:
     elif not column.side and (unit in ("m/s", "mm/s", "cm/s") or (is_ros and unit is None)):
         signal, unit = "reference_velocity", unit or "m/s"
     if unit is None:
-        return f"the unit of a demand is not told; state it with --map {signal}={column.name}:UNIT"
+        return f"the unit of a demand is not stated; state it with --map {signal}={column.name}:UNIT"
     return column.taken(signal, unit, "named like a demand to a controller")
 
 
@@ -294,7 +301,7 @@ def _time(column: Column) -> Taken | str:
         return "named like a time, but it does not increase"
     if column.unit or "micros" in column.words or "millis" in column.words or column.words & set(_UNITS):
         word = next(
-            (_UNITS[one] for one in ("micros", "us", "millis", "ms", "sec", "seconds") if one in column.words), "s"
+            (_UNITS[word] for word in ("micros", "us", "millis", "ms", "sec", "seconds") if word in column.words), "s"
         )
         return column.taken("time", column.unit or word, "its name")
     usual = float(np.median(steps)) if steps.size else 0.0
@@ -303,15 +310,15 @@ def _time(column: Column) -> Taken | str:
 
 
 def _duty(column: Column, both: Sequence[Column]) -> Taken | str:
-    """Returns the guessed duty of a column. The columns `both` share one full drive, as their drivers are equal."""
+    """Returns the guessed duty of a column. `both` columns have one full drive, as their motor drivers are equal."""
     signal = f"duty_{column.side}" if column.side else "duty"
-    largest = max(one.largest for one in both)
-    if all(_is_servo(one) for one in both):
+    largest = max(other.largest for other in both)
+    if all(_is_servo(other) for other in both):
         return _asked(both, "look like servo pulses of 1000 to 2000 us with 1500 at rest", "({}-1500)/500")
     if _ODD_FULL[0] < largest <= _ODD_FULL[1]:
         return _asked(both, f"go up to {largest:g}, which is 400 of some drivers or 1000 of others", "{}/400")
     full = next((scale for scale in _FULL_SCALES if scale >= largest), largest)
-    if "pwm" in column.words and all(one.whole for one in both) and full <= 255.0:
+    if "pwm" in column.words and all(other.whole for other in both) and full <= 255.0:
         full = 255.0
     reason = f"its name; values up to {largest:g}, so full drive is taken as {full:g}"
     return Taken(signal, column.name if full == 1.0 else f"{column.name}/{full:g}", "1", reason)
@@ -327,8 +334,8 @@ def _is_servo(column: Column) -> bool:
 
 def _asked(both: Sequence[Column], look: str, formula: str) -> str:
     """Returns a message with the options that the user has to give for motor commands that cannot be guessed."""
-    maps = [f"--map 'duty{one.side and '_'}{one.side}={formula.format(one.name)}'" for one in both]
-    return f"{' and '.join(one.name for one in both)} {look}: state it, as {' '.join(maps)}"
+    maps = [f"--map 'duty{other.side and '_'}{other.side}={formula.format(other.name)}'" for other in both]
+    return f"{' and '.join(other.name for other in both)} {look}: state it, as {' '.join(maps)}"
 
 
 def _battery(column: Column) -> Taken | str:
@@ -358,7 +365,11 @@ def _acceleration(column: Column, columns: Sequence[Column]) -> Taken | str:
         unit = "g0" if column.unit == "g" else column.unit
         return column.taken(signal, unit, "its name, with its unit; x is taken as forward")
     upright = next(
-        (one for one in columns if one.words & {"az", "accz"} or ({"z"} <= one.words and one.words & {"acc", "accel"})),
+        (
+            other
+            for other in columns
+            if other.words & {"az", "accz"} or ({"z"} <= other.words and other.words & {"acc", "accel"})
+        ),
         None,
     )
     rest = abs(float(np.nanmedian(upright.values))) if upright is not None and upright.values.size else 0.0
@@ -370,7 +381,7 @@ def _acceleration(column: Column, columns: Sequence[Column]) -> Taken | str:
         if abs(rest / counts - 1.0) < 0.1:
             reason = f"its name; the upright axis shows {rest:.0f} counts at rest"
             return Taken(signal, f"{column.name}/{counts:g}", "g0", reason)
-    return f"its unit is not told; state it with --map {signal}={column.name}:g0 or :m/s^2"
+    return f"its unit is not stated; state it with --map {signal}={column.name}:g0 or :m/s^2"
 
 
 def _wheel(column: Column, driven: bool) -> Taken | str:
@@ -385,7 +396,7 @@ def _wheel(column: Column, driven: bool) -> Taken | str:
         return column.taken(f"current{tail}", unit)
     if words & (_SPEED | {"v"}):
         if unit not in _RATES | {"m/s", "mm/s", "cm/s"}:
-            return f"the unit of a speed is not told; state it with --map {wheel}speed{tail}={column.name}:UNIT"
+            return f"the unit of a speed is not stated; state it with --map {wheel}speed{tail}={column.name}:UNIT"
         kind = "speed" if unit in _RATES else "velocity"
         return column.taken(f"{wheel}{kind}{tail}", unit)
     if words & {"angle", "ang", "theta", "phi"}:
@@ -393,7 +404,7 @@ def _wheel(column: Column, driven: bool) -> Taken | str:
         return column.taken(f"{wheel}angle{tail}", unit)
     if words & {"pos", "position", "dist", "distance", "travel"}:
         if unit not in ("m", "mm", "cm", "deg", "rad"):
-            return f"the unit of a position is not told; state it with --map SIGNAL={column.name}:UNIT"
+            return f"the unit of a position is not stated; state it with --map SIGNAL={column.name}:UNIT"
         is_angle = unit in ("deg", "rad")
         signal = ("wheel_angle" if is_angle else "wheel_travel") + tail
         if not column.side:

@@ -115,11 +115,11 @@ def parse_formula(text: str, names: Sequence[str]) -> Formula:
 
 def unknown_name(kind: str, name: str, names: Iterable[str]) -> str:
     """Returns "no column 'encl' among ...; did you mean 'encL'?" for a name that a log does not have."""
-    known = [one for one in names if one]
+    known = [text for text in names if text]
     listed = ", ".join(known)
     if len(listed) > _LONGEST_LIST:
         listed = f"{listed[:_LONGEST_LIST].rpartition(',')[0]}, ..."
-    lower = {one.lower(): one for one in reversed(known)}
+    lower = {text.lower(): text for text in reversed(known)}
     alike = difflib.get_close_matches(name.lower(), list(lower), 1, 0.6)
     return f"no {kind} {name!r} among {listed}" + (f"; did you mean {lower[alike[0]]!r}?" if alike else "")
 
@@ -134,19 +134,19 @@ def _parsed(text: str, names: Sequence[str]) -> tuple[list[str], ast.expr]:
     token = _tokens(names)
     position = 0
     while position < len(text):
-        found = token.match(text, position)
-        if not found:
+        matched = token.match(text, position)
+        if not matched:
             raise FormulaError(f"{text[position]!r} at character {position + 1} is neither a column nor + - * / ( )")
-        part = found[0]
-        if found["name"]:
+        part = matched[0]
+        if matched["name"]:
             if part not in places:
                 places.append(part)
             part = f"_{places.index(part)}"
-        elif found["number"]:
+        elif matched["number"]:
             part = repr(_finite(float(part)))
         parts.append(f"{part} ")  # the blank separates a number from a name
         at.extend([position] * len(parts[-1]))
-        position = found.end()
+        position = matched.end()
     return places, _tree("".join(parts), text, at)
 
 
@@ -382,14 +382,14 @@ def parse_nominal(entries: Sequence[str]) -> dict[str, float]:
 
 def mending(sources: Mapping[str, Source], taken: Mapping[str, Taken]) -> str:
     """Returns the options of `import` that give each signal its right source; "": there are no such options."""
-    found = []
-    for signal, one in taken.items():
-        if one.source not in sources or not math.isfinite(one.factor):
+    options = []
+    for signal, right in taken.items():
+        if right.source not in sources or not math.isfinite(right.factor):
             continue
-        was = sources[one.source]
+        was = sources[right.source]
         unit = f":{was.unit}" if was.states_unit and was.unit != SIGNALS[signal].unit else ""
-        found.append(f"--map {shlex.quote(f'{signal}={_times(was.text, one.factor)}{unit}')}")
-    return " ".join(found)
+        options.append(f"--map {shlex.quote(f'{signal}={_times(was.text, right.factor)}{unit}')}")
+    return " ".join(options)
 
 
 def _times(text: str, factor: float) -> str:

@@ -15,7 +15,7 @@ import pyarrow
 from pyarrow import compute, parquet
 
 from brickpilot.errors import InputError
-from brickpilot.importers.channels import Channel, Log, Vector, check_file, is_wanted
+from brickpilot.importers.channels import Channel, Log, Vector, by_name, check_file, is_wanted
 
 
 def read(file: Path, texts: Collection[str] | None = None) -> Log:
@@ -34,9 +34,9 @@ def read(file: Path, texts: Collection[str] | None = None) -> Log:
     while any(pyarrow.types.is_struct(field.type) for field in table.schema):
         table = table.flatten()
     channels = list(_channels(table))
-    others = sorted(set(table.column_names) - {one.name for one in channels})
+    others = sorted(set(table.column_names) - {channel.name for channel in channels})
     notes = (f"without numbers: {', '.join(others)}",) if others and texts is None else ()
-    return Log(file, {one.name: one for one in channels}, notes=notes, of="column")
+    return Log(file, by_name(channels), notes=notes, of="column")
 
 
 def _channels(table: pyarrow.Table) -> Iterator[Channel]:

@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from brickpilot.importers.channels import Channel, Log, Vector
+from brickpilot.importers.channels import Channel, Log, Vector, by_name
 
 _LARGEST = 64
 """Largest number of values in an array; a longer array, such as an image or a laser scan, is left out."""
 
 _SAME_EPOCH = 10.0
-"""s: if stamps and log times differ by more, they come from two clocks, because no message travels for so long."""
+"""In s. If stamps and log times differ by more, two clocks made them, because no message travels for so long."""
 
 _HEADER = frozenset({"header", "stamp"})
 _QUATERNION = {"x", "y", "z", "w"}
@@ -71,9 +71,9 @@ def log_of(file: Path, topics: Iterable[Topic], others: Iterable[str] = (), *, c
         notes.append(f"without numbers that can be read: {', '.join(sorted(others))}")
     times = {id(topic): topic.stamp_ns if topic in stamped else [log - moved for log in topic.log_ns] for topic in full}
     first = min((min(time) for time in times.values()), default=0)
-    channels = [one for topic in full for one in _channels(topic, times[id(topic)], first)]
+    channels = [channel for topic in full for channel in _channels(topic, times[id(topic)], first)]
     aliases = {alias: name for topic in full for alias, name in topic.aliases.items() if name in topic.values}
-    return Log(file, {one.name: one for one in channels}, aliases, tuple(notes), cut)
+    return Log(file, by_name(channels), aliases, tuple(notes), cut)
 
 
 def _mixed(topic: Topic) -> bool:
@@ -119,7 +119,7 @@ def _numbers(message: Any, prefix: str) -> Iterator[tuple[str, float]]:
         elif not isinstance(value, (str, bytes, type(None))):
             yield from _numbers(value, f"{prefix}{name}.")
     if fields.keys() >= _QUATERNION:
-        x, y, z, w = (fields[one] for one in "xyzw")
+        x, y, z, w = (fields[axis] for axis in "xyzw")
         yield f"{prefix}yaw", math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
 

@@ -25,9 +25,11 @@ def read(file: Path, texts: Collection[str] | None = None) -> Log:
     try:
         # Bags of older releases lack message definitions; the messages of common packages have not changed since.
         with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
-            wanted = [one for one in reader.connections if is_wanted(one.topic, texts)]
-            known = [one for one in wanted if one.msgtype in reader.typestore.fielddefs]
-            others.update(f"{one.topic} ({one.msgtype})" for one in wanted if one not in known)
+            wanted = [connection for connection in reader.connections if is_wanted(connection.topic, texts)]
+            known = [connection for connection in wanted if connection.msgtype in reader.typestore.fielddefs]
+            others.update(
+                f"{connection.topic} ({connection.msgtype})" for connection in wanted if connection not in known
+            )
             for connection, log_ns, data in reader.messages(known) if known else ():
                 topic = topics.setdefault(connection.topic, Topic(connection.topic, connection.msgtype))
                 topic.add(log_ns, reader.deserialize(data, connection.msgtype))

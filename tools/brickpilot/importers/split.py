@@ -132,7 +132,7 @@ def _parts(time: Vector, signals: Mapping[str, Vector], starts: Sequence[int], s
 def pauses(time: Vector) -> list[int]:
     """Returns the first row after each pause of the logger; in a pause the inputs are unknown. `time`: (n,), in s.
 
-    A log with rows only at changes has no pause if the gaps between its rows are about equally long.
+    A log that has a row only where a signal changes has no pause if the gaps between its rows are about equally long.
     """
     steps = np.diff(time)
     usual = float(np.quantile(steps[steps > 0.0], 0.9)) if np.any(steps > 0.0) else math.inf

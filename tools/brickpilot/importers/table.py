@@ -41,7 +41,7 @@ def import_table(
         mapping: ``SIGNAL=COLUMN[:UNIT]`` or ``SIGNAL=FORMULA[:UNIT]``; COLUMN is a name, or a number from 0 on.
         vehicle, frame: as in a data set; the default frame is the frame that wheels and yaw show.
         as_wired: whether channels that look swapped, reversed or scaled wrongly are left as they are.
-        delimiter: one of `data.rows.DELIMITERS`; ``tab`` and ``\\t`` (two characters) stand for a tab; None: found.
+        delimiter: one of `data.rows.DELIMITERS`; ``tab`` and ``\\t`` (two characters) stand for a tab; None: searched.
         header: whether the first line names the columns even if it looks like numbers.
         guessed: whether signals that `mapping` does not name, and the vehicle, are guessed from the first file.
         split: ``rests``, or ``FROM,TO`` in s of the log's clock, repeatable.
@@ -57,11 +57,11 @@ def import_table(
     sources = parse_mapping(mapping, needs_time=not guessed)
     tables = [read_table(file, delimiter, header) for file in files]
     if guessed:
-        found = guess(tables[0], sources, vehicle)
-        sources = found.sources
+        chosen = guess(tables[0], sources, vehicle)
+        sources = chosen.sources
     else:
         assert vehicle is not None  # `options_taken` refuses a call without vehicle and guess
-        found = Guess(sources, vehicle)
+        chosen = Guess(sources, vehicle)
     if inputs is None:
         logs = [read_log(table, sources) for table in tables]
     else:
@@ -69,8 +69,8 @@ def import_table(
     scalings = common_scalings(logs)
     runs, notes = runs_of(logs, spans, names)
     return NewDataset(
-        found.vehicle, frame, units_of(sources), runs, notes=[*found.notes, *notes], scalings=scalings,
-        reasons=found.reasons, input_timing=input_timing, sources=sources, guessed=found.guessed, as_wired=as_wired,
+        chosen.vehicle, frame, units_of(sources), runs, notes=[*chosen.notes, *notes], scalings=scalings,
+        reasons=chosen.reasons, input_timing=input_timing, sources=sources, guessed=chosen.guessed, as_wired=as_wired,
     )  # fmt: skip
 
 
@@ -86,8 +86,8 @@ def _joined_logs(tables: Sequence[TextTable], sources: Mapping[str, Source], inp
     """Returns the logs with the inputs of a table of events."""
     if len(tables) > 1:
         raise InputError("belongs to one log; import one file at a time", field="--inputs")
-    events = read_log(inputs, {name: one for name, one in sources.items() if SIGNALS[name].kind != "output"})
-    measured = {name: one for name, one in sources.items() if SIGNALS[name].kind != "input"}
+    events = read_log(inputs, {name: source for name, source in sources.items() if SIGNALS[name].kind != "output"})
+    measured = {name: source for name, source in sources.items() if SIGNALS[name].kind != "input"}
     return [joined(read_log(table, measured), events) for table in tables]
 
 

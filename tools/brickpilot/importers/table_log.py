@@ -2,11 +2,11 @@
 
 The order of time is found in spite of overflows, repeated or misread time stamps, and restarts.
 
-A jump of a counter counts as an overflow only if, with the counter's range added, the jump is as small as a usual step.
-Any other jump is kept, because it may be real.
+A jump of a counter is an overflow only if the jump plus the counter's range is as small as a usual step. Any other jump
+is kept, because it may be real.
 
-A log can be joined with a table of events at which its inputs change. A simulation holds an input from row to
-row. So a row is added if an input changes between two rows of a log; measured signals stay blank in this row.
+A log can be joined with a table of events at which its inputs change. A simulation holds an input from row to row. So
+the log gets a row at each event between two of its rows; measured signals are blank in this row.
 """
 
 from __future__ import annotations
@@ -170,7 +170,7 @@ def ordered(
 
 
 def _lone(time: Vector, cut_start: bool) -> NDArray[np.int64]:
-    """Returns single rows whose time is not between the times of both neighbours, although these are in order."""
+    """Returns the rows whose time is not between the times of the two neighbours, if the neighbours are in order."""
     if time.size < 3:
         return np.empty(0, dtype=np.int64)
     step = np.diff(time)
@@ -248,7 +248,7 @@ def _continued(values: Vector, known: NDArray[np.int64], steps: NDArray[np.int64
 def _overflows(steps: Vector, span: float, clock: bool) -> NDArray[np.int64]:
     """Returns which steps of a counter are overflows of the range `span`."""
     large = np.abs(steps) > span / 2
-    found = []
+    overflows = []
     for index in np.flatnonzero(large):
         true = steps[index] - np.sign(steps[index]) * span
         if clock:
@@ -259,8 +259,8 @@ def _overflows(steps: Vector, span: float, clock: bool) -> NDArray[np.int64]:
             others = np.abs(steps[near][~large[near]])
             sound = bool(others.size) and abs(true) <= min(_USUAL * float(others.max()) + 1.0, span / 8)
         if sound:
-            found.append(index)
-    return np.array(found, dtype=np.int64)
+            overflows.append(index)
+    return np.array(overflows, dtype=np.int64)
 
 
 def resets(values: Vector) -> list[int]:
@@ -272,7 +272,7 @@ def resets(values: Vector) -> list[int]:
     if not moved.size:
         return []
     smallest = float(moved.min())
-    found = []
+    rows = []
     for index in np.flatnonzero(np.abs(steps) > _FAR_COUNTS * smallest):
         near = np.abs(np.delete(steps, index)[max(0, index - _NEAR) : index + _NEAR])
         usual = float(np.quantile(near, 0.9)) if near.size else 0.0
@@ -280,5 +280,5 @@ def resets(values: Vector) -> list[int]:
         far = abs(before) > _FAR_STEPS * usual + _FAR_COUNTS * smallest
         zero = abs(after[0]) <= _USUAL * usual + smallest
         if far and zero and np.all(np.abs(after - before) > abs(before) / 2):
-            found.append(int(known[index + 1]))
-    return found
+            rows.append(int(known[index + 1]))
+    return rows

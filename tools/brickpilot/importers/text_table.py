@@ -125,19 +125,18 @@ def read_table(file: Path, delimiter: str | None = None, header: bool = False) -
     if layout is None:
         empty = "is empty" if not text.strip() else "holds no rows of data: no lines with two numbers or more"
         raise InputError(empty, file=file)
-    found = find_header(lines, layout, header)
-    names = found[1] if found else tuple(str(number) for number in range(layout.width))
+    header_at, names = find_header(lines, layout, header)
     twice = next((name for name, count in Counter(names).items() if name and count > 1), None)
-    if found and twice:
-        raise InputError("column occurs more than once in the header", file=file, line=found[0] + 1, field=twice)
-    data = (index for index, line in enumerate(lines) if is_row(layout, line) and (not found or index != found[0]))
+    if header_at is not None and twice:
+        raise InputError("column occurs more than once in the header", file=file, line=header_at + 1, field=twice)
+    data = (index for index, line in enumerate(lines) if is_row(layout, line) and index != header_at)
     start = next(data, len(lines) - 1)
-    rows, cells, left_out = _rows(lines, layout, start, found[0] if found else None)
+    rows, cells, left_out = _rows(lines, layout, start, header_at)
     _check_broken(file, lines, rows.size, left_out["broken lines"])
-    before = [index for index in range(start) if lines[index].strip() and (not found or index != found[0])]
+    before = [index for index in range(start) if lines[index].strip() and index != header_at]
     notes += _notes(lines, before, left_out)
-    first_line = (found[0] if found else start) + 1
-    return TextTable(file, names, found is not None, first_line, rows + 1, tuple(notes), layout.decimal, cells)
+    first_line = (start if header_at is None else header_at) + 1
+    return TextTable(file, names, header_at is not None, first_line, rows + 1, tuple(notes), layout.decimal, cells)
 
 
 def _rows(
@@ -182,11 +181,11 @@ def _notes(lines: Sequence[str], before: Sequence[int], left_out: dict[str, list
     if before:
         first = lines[before[0]].strip()[:40]
         notes.append(f"{len(before)} lines before the first row are skipped, the first is {first!r}")
-    for kind, found in left_out.items():
-        if kind == "cut-off line" and found:
-            notes.append(f"line {found[0] + 1} is the last and has no end, so it may be cut off: left out")
-        elif found:
-            notes.append(f"{len(found)} {kind} are left out, the first is line {found[0] + 1}")
+    for kind, indices in left_out.items():
+        if kind == "cut-off line" and indices:
+            notes.append(f"line {indices[0] + 1} is the last and has no end, so it may be cut off: left out")
+        elif indices:
+            notes.append(f"{len(indices)} {kind} are left out, the first is line {indices[0] + 1}")
     return notes
 
 
@@ -240,7 +239,7 @@ def cells_of(line: str, delimiter: str) -> list[str]:
 
 
 def _unquoted(cell: str) -> str:
-    """Returns a cell without the quotes round it; an unpaired quote stays, so that the cell is no number."""
+    """Returns a cell without the quotes around it; an unpaired quote stays, so that the cell is no number."""
     return cell[1:-1] if len(cell) > 1 and cell[0] in "\"'" and cell[-1] == cell[0] else cell
 
 
@@ -263,7 +262,7 @@ def find_layout(lines: Sequence[str], delimiters: Sequence[str]) -> Layout | Non
 
 
 def _tried(sample: Sequence[str], delimiter: str, decimal: str) -> tuple[Layout, float]:
-    """Returns the layout with this delimiter, and its number of rows times the share of numbers in the rows."""
+    """Returns the layout with this delimiter, and its score: the sum over its rows of (share of numbers)^2."""
     ends = sum(line.rstrip(" ").endswith(delimiter) for line in sample)
     trailing = delimiter != " " and ends > 0.9 * len(sample)
     draft = Layout(delimiter, decimal, 0, trailing)
@@ -284,8 +283,8 @@ def is_row(layout: Layout, line: str) -> bool:
     return len(cells) == layout.width and 2 * sum(layout.is_number(cell) for cell in cells) >= len(cells)
 
 
-def find_header(lines: Sequence[str], layout: Layout, needed: bool) -> tuple[int, tuple[str, ...]] | None:
-    """Returns the line of the header and its names; None: there is none.
+def find_header(lines: Sequence[str], layout: Layout, needed: bool) -> tuple[int | None, tuple[str, ...]]:
+    """Returns the line of the header, from 0, and the columns' names; without a header, None and the columns' numbers.
 
     The header is the last line of names above the rows; a line of units below it does not count. If the logger started
     again during a log, there are rows above the header.
@@ -310,7 +309,7 @@ def find_header(lines: Sequence[str], layout: Layout, needed: bool) -> tuple[int
         for index, line in enumerate(lines):
             if len(names := layout.split(line)) == layout.width:
                 return index, tuple(names)
-    return None
+    return None, tuple(str(number) for number in range(layout.width))
 
 
 def _names(line: str, layout: Layout) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from brickpilot.errors import InputError
-from brickpilot.importers.channels import Channel, Log, check_file, is_wanted, libraries
+from brickpilot.importers.channels import Channel, Log, by_name, check_file, is_wanted, libraries
 
 
 def read(file: Path, texts: Collection[str] | None = None) -> Log:
@@ -34,8 +34,8 @@ def read(file: Path, texts: Collection[str] | None = None) -> Log:
     damaged = log.file_corruption or any("timestamp" not in data.data for data in log.data_list)
     notes = ("some of its bytes are damaged and were left out",) if damaged else ()
     timed = [data for data in log.data_list if "timestamp" in data.data]  # those with damaged definitions lack times
-    channels = [one for data in timed if is_wanted(data.name, texts) for one in _channels(data)]
-    return Log(file, {one.name: one for one in channels}, notes=notes, cut=not damaged and _is_cut(file.read_bytes()))
+    channels = [channel for data in timed if is_wanted(data.name, texts) for channel in _channels(data)]
+    return Log(file, by_name(channels), notes=notes, cut=not damaged and _is_cut(file.read_bytes()))
 
 
 def _is_cut(content: bytes) -> bool:
@@ -50,7 +50,7 @@ def _is_cut(content: bytes) -> bool:
 
 
 def _channels(data: Any) -> Iterator[Channel]:
-    """Yields the fields of one message. The fields' time is the `timestamp`, s since the board's start."""
+    """Yields the fields of a message. The fields' time is the `timestamp`, in s since the board's start."""
     topic = data.name if data.multi_id == 0 else f"{data.name}[{data.multi_id}]"
     time = data.data["timestamp"] / 1e6
     types = {field.field_name: field.type_str for field in data.field_data}

@@ -8,7 +8,7 @@ which tool wrote it:
     9 numbers, SysId drivetrain: time, V left, right, position left, right, velocity left, right, gyro rad, gyro rad/s
     4 numbers, SysId mechanism: time, V, position, velocity
 
-In rows of 10 the voltage columns have no sign and lag by a sample, so autospeed times battery is used instead.
+In rows of 10 numbers the voltages have no sign and lag by a sample, so the importer uses autospeed times battery.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from brickpilot.data.rows import read_text
 from brickpilot.data.signals import SIGNALS, Frame, Vehicle
 from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
-from brickpilot.importers.channels import Channel, Log, Vector
+from brickpilot.importers.channels import Channel, Log, Vector, by_name
 from brickpilot.importers.writer import NewDataset, NewRun, run_names
 
 _LENGTHS = {"meters": "m", "feet": "ft", "inches": "in"}
@@ -93,7 +93,7 @@ def read(file: Path) -> Log:
         for signal, values in run.columns.items()
         if signal != "time"
     ]
-    return Log(file, {one.name: one for one in channels}, notes=tuple(notes))
+    return Log(file, by_name(channels), notes=tuple(notes))
 
 
 def _read(file: Path) -> _Log:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from brickpilot.errors import InputError
-from brickpilot.importers.channels import Channel, Log, check_file, is_wanted, libraries
+from brickpilot.importers.channels import Channel, Log, by_name, check_file, is_wanted, libraries
 
 _SCALARS = {"boolean": "getBoolean", "int64": "getInteger", "float": "getFloat", "double": "getDouble"}
 _GETTERS = _SCALARS | {f"{name}[]": f"{get}Array" for name, get in _SCALARS.items()}
@@ -54,7 +54,7 @@ def read(file: Path, texts: Collection[str] | None = None) -> Log:
     except (TypeError, ValueError, RuntimeError) as error:
         raise InputError(f"is a damaged WPILOG file: {error}", file=file) from error
     notes = (f"without numbers: {', '.join(sorted(others))}",) if others and texts is None else ()
-    return Log(file, {one.name: one for one in _channels(entries.values())}, notes=notes, cut=_is_cut(content))
+    return Log(file, by_name(_channels(entries.values())), notes=notes, cut=_is_cut(content))
 
 
 def _fill(entries: dict[str, _Entry], others: set[str], reader: Iterable[Any], texts: Collection[str] | None) -> None:

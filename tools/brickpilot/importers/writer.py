@@ -152,7 +152,7 @@ def write(new: NewDataset, out: Path, source: Path) -> Imported:
             partial.rename(place)
     except OSError as error:
         raise InputError(error.strerror or "cannot be written", file=out, field="--out") from error
-    wiring = tuple(one.sentence for one in read_back.wiring)
+    wiring = tuple(fault.sentence for fault in read_back.wiring)
     notes = (note for note in read_back.notes if not note.startswith("wiring: "))
     mend = mending(new.sources, taken_from(read_back.wiring))
     return Imported(out, tuple(run.name for run in new.runs), (*new.notes, *notes), wiring, mend)
@@ -186,9 +186,9 @@ def _described(new: NewDataset, folder: Path, out: Path) -> Dataset:
 def _framed(new: NewDataset, as_frd: Dataset, as_flu: Dataset | None) -> dict[str, Any]:
     """Returns the frame that the data show, and the notes, which include a note on the frame.
 
-    The data show the frame if one sign of the yaw contradicts wheels and drives. A set point of the yaw rate has the
-    gyro's frame, and a wrong frame exchanges the two sides. With such a set point, the frame with fewer wiring faults
-    is chosen.
+    The data show a frame if the yaw contradicts wheels and drives in the other frame. A set point of the yaw rate has
+    the gyro's frame, so that a wrong frame exchanges the two sides. With such a set point, the frame with fewer wiring
+    faults is chosen.
 
     Args:
         as_flu: the data set in the frame FLU, if there is a set point of the yaw rate.
@@ -198,28 +198,28 @@ def _framed(new: NewDataset, as_frd: Dataset, as_flu: Dataset | None) -> dict[st
         return {"frame": "FRD"}
     nominal = lengths(as_frd.nominal, new.vehicle)
     channels = [channels_of(run) for run in as_frd.runs]
-    found = miswired(channels, nominal) if new.as_wired else as_frd.wiring
+    faults = miswired(channels, nominal) if new.as_wired else as_frd.wiring
 
-    def is_against(found: Sequence[Miswired]) -> bool:
-        return any(one.kind == "sign" and yaw in one.mend for one in found)
+    def is_against(faults: Sequence[Miswired]) -> bool:
+        return any(fault.kind == "sign" and yaw in fault.mend for fault in faults)
 
     shown: Frame | None = (
-        "FLU" if is_against(found) else "FRD" if is_against(miswired(list(map(_turned, channels)), nominal)) else None
+        "FLU" if is_against(faults) else "FRD" if is_against(miswired(list(map(_turned, channels)), nominal)) else None
     )
     if as_flu is not None:
         more = len(as_frd.wiring) - len(as_flu.wiring)
         shown = None if more == 0 else "FLU" if more > 0 else "FRD"
     if shown is None:
-        note = f"the sign of {yaw} is not shown by the wheels: the frame is taken as FRD; see --frame"
+        note = f"the wheels do not show the sign of {yaw}: the frame is taken as FRD; see --frame"
         return {"frame": "FRD", "notes": (*new.notes, note), "guessed": (*new.guessed, "the frame FRD")}
     sense = "counter-clockwise" if shown == "FLU" else "clockwise"
     note = f"guessed: the frame is {shown}, as {yaw} and the wheels show {sense} as positive"
     return {"frame": shown, "notes": (*new.notes, note)}
 
 
-def _turned(one: Channels) -> Channels:
-    outputs = {name: -values if name.startswith("yaw_") else values for name, values in one.outputs.items()}
-    return replace(one, outputs=outputs)
+def _turned(run: Channels) -> Channels:
+    outputs = {name: -values if name.startswith("yaw_") else values for name, values in run.outputs.items()}
+    return replace(run, outputs=outputs)
 
 
 def _write_runs(new: NewDataset, folder: Path) -> None:
