@@ -22,9 +22,9 @@ from typing import Any
 
 import numpy as np
 
-from brickpilot.data.rows import read_text
 from brickpilot.data.signals import SIGNALS, Frame, Vehicle
 from brickpilot.data.units import si_factor
+from brickpilot.data.whole_files import read_text
 from brickpilot.errors import InputError
 from brickpilot.importers.channels import Channel, Log, Vector, by_name
 from brickpilot.importers.writer import NewDataset, NewRun, run_names
