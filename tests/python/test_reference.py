@@ -21,7 +21,7 @@ KEYS: dict[str, set[str]] = {
     "vehicle.model": {*model._TOP_KEYS, *model._ENTRY_KEYS},
     "vehicle.scenario": set(scenario._KEYS),
     "campaign.file": {*campaign._KEYS, *campaign.COUNTS, *campaign.COUNTS.values()},
-    "vehicle.gains": {*gains._KEYS, "gains"},
+    "vehicle.gains": {"value", "unit", "raw", "gains"},
     "vehicle.compensation": {"name", "left_out", "limited", "remarks", "parameters", "raw", "format", "from"},
 }
 READERS: dict[str, Any] = {
