@@ -10,6 +10,7 @@ from typing import Any
 
 import click
 from brickpilot.campaign import workers
+from brickpilot.campaign.run_parts import Workers
 from brickpilot.cli.main import run_to_exit, whole_lines
 from brickpilot.cli.terminal import (
     as_json,
@@ -265,7 +266,7 @@ def _real_data_sets(folders: tuple[str, ...], fetched: str | None, out: Path, on
     return [one for one in real_run.data_sets(places) if _matches(one.name, only)] if places else []
 
 
-def _workers(at_a_time: int, scheduler: str | None) -> workers.Workers:
+def _workers(at_a_time: int, scheduler: str | None) -> Workers:
     """Returns the workers for the data sets; by default this process, which shows the progress of each set."""
     return workers.Here() if scheduler is None and at_a_time == 1 else workers.chosen(at_a_time, scheduler)
 

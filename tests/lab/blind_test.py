@@ -14,9 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from brickpilot import __version__
-from brickpilot.campaign import engine
-from brickpilot.campaign.engine import Part
-from brickpilot.campaign.workers import Workers, shared
+from brickpilot.campaign.run_parts import Part, PartProgress, Workers, run_parts
+from brickpilot.campaign.workers import shared
 from brickpilot.data import reading
 from brickpilot.discover import pipeline
 from brickpilot.discover.finding import verdict_json
@@ -84,8 +83,8 @@ def run(tasks: Sequence[Task], out: Path, *, work: Work, workers: Workers, progr
             raise SimulationError(str(ran.unmade))
 
     parts = (Part("/".join(map(str, task.key)), _Asked(task, work)) for task in left)
-    told = engine.Progress(progress, len(tasks), len(tasks) - len(left), "sets")
-    engine.run(_run_asked, parts, keep=keep, workers=workers, progress=told)
+    told = PartProgress(progress, len(tasks), len(tasks) - len(left), "sets")
+    run_parts(_run_asked, parts, keep=keep, workers=workers, progress=told)
     return put_in_order(path, [task.key for task in tasks])
 
 

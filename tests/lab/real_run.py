@@ -12,9 +12,8 @@ from typing import Any
 
 import numpy as np
 from brickpilot import __version__, catalogue
-from brickpilot.campaign import engine
-from brickpilot.campaign import workers as workers_module
-from brickpilot.campaign.workers import Here, Workers
+from brickpilot.campaign.run_parts import Part, PartProgress, Workers, run_parts
+from brickpilot.campaign.workers import Here, shared
 from brickpilot.data import holdout, reading
 from brickpilot.data.dataset import Dataset
 from brickpilot.data.holdout import Roles
@@ -106,20 +105,19 @@ def run(
     here = isinstance(workers, Here)
     inner, outer = (progress, _silent) if here else (_silent, progress)
 
-    def keep(part: engine.Part, result: dict[str, Any]) -> None:
+    def keep(part: Part, result: dict[str, Any]) -> None:
         kept[result["name"]] = result
         real_results.save(kept, path)
 
     parts = (
-        engine.Part(str(folder), _Asked(folder if here else folder.resolve(), known, work, kept, inner))
-        for folder in folders
+        Part(str(folder), _Asked(folder if here else folder.resolve(), known, work, kept, inner)) for folder in folders
     )
-    told = engine.Progress(outer, len(folders), what="data sets")
-    engine.run(_run_asked, parts, keep=keep, workers=workers, progress=told)
+    told = PartProgress(outer, len(folders), what="data sets")
+    run_parts(_run_asked, parts, keep=keep, workers=workers, progress=told)
 
 
 def _run_asked(asked: _Asked) -> dict[str, Any]:
-    return run_log(workers_module.shared(asked.folder), asked.known, asked.work, asked.kept, asked.progress)
+    return run_log(shared(asked.folder), asked.known, asked.work, asked.kept, asked.progress)
 
 
 def _silent(done: int, total: int, text: str) -> None:

@@ -19,7 +19,8 @@ import numpy as np
 import pandas as pd
 from brickpilot import catalogue
 from brickpilot.bench import speed
-from brickpilot.campaign import engine, runs, workers
+from brickpilot.campaign import runs, workers
+from brickpilot.campaign.run_parts import Part, PartProgress, run_parts
 from brickpilot.data.reading import Dataset
 from brickpilot.discover import parts, pipeline, prepare
 from brickpilot.discover.screen import screen
@@ -272,11 +273,11 @@ def _candidates(count: int) -> Callable[[], object]:
     return _screening(4000, count)
 
 
-def _plans(count: int) -> Iterator[engine.Part]:
+def _plans(count: int) -> Iterator[Part]:
     mission = dataclasses.replace(scenario.load(scenario.packaged()["mission"]), duration=_FLIGHT_S)
     for seed in range(count):
         plan = flight.plan(mission, rcx(), profile="coupled", sensors="imu+encoders", seed=seed)
-        yield engine.Part(f"{seed:06}", plan)
+        yield Part(f"{seed:06}", plan)
 
 
 def flown_by(plan: flight.Plan) -> float:
@@ -297,15 +298,15 @@ def _fly(count: int, jobs: int) -> _Flown:
     """Flies `count` flights after the first one. The processor time is correct only with one worker."""
     moments: list[tuple[float, float]] = []
 
-    def keep(_: engine.Part, worker_s: float) -> None:
+    def keep(_: Part, worker_s: float) -> None:
         moments.append((time.perf_counter(), worker_s + time.process_time()))
 
-    engine.run(
+    run_parts(
         flown_by,
         _plans(count + 1),
         keep=keep,
         workers=workers.Local(jobs),
-        progress=engine.Progress(lambda *_: None, total=count + 1),
+        progress=PartProgress(lambda *_: None, total=count + 1),
     )
     return _Flown(moments[-1][0] - moments[0][0], moments[-1][1] - moments[0][1])
 

@@ -9,8 +9,8 @@ import sys
 from pathlib import Path
 
 import campaign_parts
-from brickpilot.campaign import engine, workers
-from brickpilot.campaign.engine import Part, Progress
+from brickpilot.campaign import workers
+from brickpilot.campaign.run_parts import Part, PartProgress, run_parts
 from brickpilot.campaign.store import Parts
 
 KEYS = [f"p{seed:04}" for seed in range(40)]
@@ -22,15 +22,15 @@ def main(folder: Path, where: str, *, slow: bool = False) -> None:
 
     `slow` makes each part last longer, so that a signal can arrive; the written bytes are the same.
     """
-    crew = workers.Local(int(where)) if where.isdecimal() else workers.Cluster(where)
+    chosen = workers.Local(int(where)) if where.isdecimal() else workers.Cluster(where)
     with Parts(folder, {"seeds": len(KEYS)}) as kept:
         done = kept.done()
-        engine.run(
+        run_parts(
             campaign_parts.slow_table if slow else campaign_parts.table,
             (Part(key, seed) for seed, key in enumerate(KEYS) if key not in done),
             keep=lambda part, table: kept.write(part.key, table),
-            workers=crew,
-            progress=Progress(lambda *_: None, len(KEYS), len(done)),
+            workers=chosen,
+            progress=PartProgress(lambda *_: None, len(KEYS), len(done)),
         )
         kept.merge(KEYS, folder / TABLE)
 

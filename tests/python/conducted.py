@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from brickpilot.campaign import conduct, file, workers
+from brickpilot.campaign import file, workers
+from brickpilot.campaign.run_campaign import run_campaign
 
 
 def conducted(path: Path, out: Path, count: int | None = None) -> dict[str, Any]:
     """Conducts the campaign of a file in this process and returns its summary."""
     given = file.load(path, count=count)
-    return conduct.conduct(given, out, workers.Here(), lambda *_: None, f"brickpilot campaign {path.name}")
+    return run_campaign(given, out, workers.Here(), lambda *_: None, f"brickpilot campaign {path.name}")

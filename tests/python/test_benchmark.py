@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from brickpilot.campaign import workers
-from brickpilot.campaign.engine import Finished
 from brickpilot.data import reading
 from brickpilot.errors import InputError, SimulationError
 from click.testing import CliRunner
@@ -255,25 +254,11 @@ def test_a_maker_that_makes_no_set_ends_the_benchmark_and_a_single_missing_set_d
 
 
 class Backwards:
-    """Workers of this process: the one that began last finishes first."""
-
-    def __init__(self) -> None:
-        self.given = []
+    """Workers of this process: the last part finishes first."""
 
     @contextmanager
-    def crew(self, function):
-        self.function = function
-        yield self
-
-    def room(self) -> int:
-        return 4 - len(self.given)
-
-    def give(self, part) -> None:
-        self.given.append(part)
-
-    def wait(self):
-        part = self.given.pop()
-        return [Finished(part, self.function(part.argument))]
+    def started(self, function):
+        yield lambda parts: ((part, function(part.argument)) for part in reversed(list(parts)))
 
 
 def test_results_stand_in_order_whoever_was_first(tmp_path) -> None:

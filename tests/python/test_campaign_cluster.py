@@ -16,8 +16,8 @@ import brickpilot
 import campaign_parts
 import campaign_program
 import pytest
-from brickpilot.campaign import dask_crew, engine, workers
-from brickpilot.campaign.engine import Part, Progress
+from brickpilot.campaign import dask_workers, workers
+from brickpilot.campaign.run_parts import Part, PartProgress, run_parts
 from brickpilot.errors import InputError, WorkFailedError
 from dask_cluster import Cluster, Worker
 from lab import real_results, real_run
@@ -50,8 +50,8 @@ def results(
             then()
 
     parts = (Part(str(number), argument) for number, argument in enumerate(arguments))
-    progress = Progress(lambda *_: None, 1)
-    engine.run(function, parts, keep=keep, workers=workers.Cluster(address), progress=progress)
+    progress = PartProgress(lambda *_: None, 1)
+    run_parts(function, parts, keep=keep, workers=workers.Cluster(address), progress=progress)
     return kept
 
 
@@ -74,8 +74,8 @@ def test_a_missing_library_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_scheduler_that_does_not_answer_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert dask_crew.CONNECT_S <= 5
-    monkeypatch.setattr(dask_crew, "CONNECT_S", 0.5)
+    assert dask_workers.CONNECT_S <= 5
+    monkeypatch.setattr(dask_workers, "CONNECT_S", 0.5)
     with socket.create_server(("127.0.0.1", 0)) as other:  # accepts connections and sends nothing
         began = time.monotonic()
         address = f"tcp://127.0.0.1:{other.getsockname()[1]}"
@@ -85,7 +85,7 @@ def test_a_scheduler_that_does_not_answer_is_one_line(monkeypatch: pytest.Monkey
 
 
 def test_a_scheduler_without_workers_is_one_line(scheduler: Cluster, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(dask_crew, "WORKERS_S", 0.5)
+    monkeypatch.setattr(dask_workers, "WORKERS_S", 0.5)
     assert refused(scheduler.address) == (
         f"--scheduler {scheduler.address}: has no worker after 0.5 s: start one with `dask worker {scheduler.address}`"
     )
@@ -161,7 +161,7 @@ def test_a_worker_of_another_version_is_named_before_anything_runs(
 
     try:
         late = refused(cluster.address, function=campaign_parts.process, arguments=itertools.count(), then=join)
-        monkeypatch.setattr(dask_crew.DaskCrew, "give", None)  # no part may be given to a worker
+        monkeypatch.setattr(dask_workers.DaskWorkers, "submit", None)  # no part may be given to a worker
         at_start = refused(cluster.address)
     finally:
         other[0].send_signal(signal.SIGKILL)
@@ -179,7 +179,7 @@ def test_a_part_that_ends_each_worker_is_named(cluster: Cluster) -> None:
 
 
 def test_workers_that_are_all_gone_end_the_campaign(cluster: Cluster, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(dask_crew, "ALONE_S", 0.5)
+    monkeypatch.setattr(dask_workers, "ALONE_S", 0.5)
     last = cluster.add_worker("last")
     said = refused(cluster.address, function=campaign_parts.process, arguments=range(1000), then=last.kill)
     assert said == f"{cluster.address} has had no worker for 0.5 s; the parts that are done stay"

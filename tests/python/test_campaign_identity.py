@@ -7,7 +7,8 @@ from importlib import metadata
 from pathlib import Path
 
 import pytest
-from brickpilot.campaign import conduct, designs, file, store, workers
+from brickpilot.campaign import designs, file, store, workers
+from brickpilot.campaign.run_campaign import run_campaign
 from brickpilot.errors import InputError
 from brickpilot.vehicle import compensation, model
 from brickpilot.vehicle.gains import Gains
@@ -39,7 +40,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def conducted(folder: Path) -> None:
-    conduct.conduct(file.load(folder / "own.toml"), folder / "found", workers.Here(), lambda *_: None, "")
+    run_campaign(file.load(folder / "own.toml"), folder / "found", workers.Here(), lambda *_: None, "")
 
 
 def changed(folder: Path, name: str) -> None:

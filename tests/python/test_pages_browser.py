@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from brickpilot.campaign import conduct, file, workers
+from brickpilot.campaign import file, workers
+from brickpilot.campaign.run_campaign import run_campaign
 from brickpilot.data import reading
 from brickpilot.discover.finding import Finding
 from brickpilot.fit.calibration import calibrate
@@ -155,7 +156,7 @@ def campaign(folder: Path) -> str:
     )
     given = file.load(folder / "trial.toml")
     hostile = dataclasses.replace(given, name=HOSTILE)
-    conduct.conduct(hostile, folder / "trial", workers.Here(), lambda *_: None, HOSTILE)
+    run_campaign(hostile, folder / "trial", workers.Here(), lambda *_: None, HOSTILE)
     return (folder / "trial" / "report.html").read_text(encoding="utf-8")
 
 

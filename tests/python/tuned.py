@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 
-from brickpilot.campaign.engine import Crew, Finished, Function, Part
+from brickpilot.campaign.run_parts import Function, Results
 from brickpilot.discover.prepare import SD_SHARE
 from brickpilot.tune.task import Problem
 from brickpilot.tune.tuner import PACKAGED, Budget, Tuned, problem, tune
@@ -25,30 +25,12 @@ waypoints_m = [[0.7, 0], [0.7, 0.6]]
 ROBOTS, JUDGES, BUDGET = 6, 60, Budget(44, None)
 
 
-class Inline:
-    """A crew that does each part only when `wait` is called."""
-
-    def __init__(self, function: Function) -> None:
-        self.function, self.parts = function, list[Part]()
-
-    def room(self) -> int:
-        return 3 - len(self.parts)
-
-    def give(self, part: Part) -> None:
-        assert self.room() > 0
-        self.parts.append(part)
-
-    def wait(self) -> Sequence[Finished]:
-        part = self.parts.pop()  # not in the order in which the parts were given
-        return [Finished(part, self.function(part.argument))]
-
-
 class Here:
-    """Workers that are this process."""
+    """Workers that are this process; they finish the last part first."""
 
     @contextmanager
-    def crew(self, function: Function) -> Iterator[Crew]:
-        yield Inline(function)
+    def started(self, function: Function) -> Iterator[Results]:
+        yield lambda parts: ((part, function(part.argument)) for part in reversed(list(parts)))
 
 
 def ready(folder: Path, name: str = "bench", seed: int = 0) -> Problem:

@@ -14,10 +14,10 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from brickpilot.campaign import designs, inputs, robots
-from brickpilot.campaign.engine import Part
 from brickpilot.campaign.file import Box, Campaign, runs
 from brickpilot.campaign.inputs import ON, Drawn
 from brickpilot.campaign.robots import Robot
+from brickpilot.campaign.run_parts import Part
 from brickpilot.errors import SimulationError
 from brickpilot.vehicle import flight, flight_figures, plant
 from brickpilot.vehicle.scenario import Scenario

@@ -1,7 +1,8 @@
 """The workers of a campaign: processes of this machine, a Dask cluster, or this process itself.
 
-Each process has its own pipe and shares no lock with the others: if a process is killed, only its part is lost. In the
-pools of the standard library and of loky, one dead process breaks the whole pool, and its part is not known.
+Each process of this machine has its own pipe and shares no lock with the others, so if a process is killed, only its
+part is lost. A `ProcessPoolExecutor` cannot do this: one dead process breaks the whole pool and its part is not known,
+and the processes stay if this process is killed.
 """
 
 from __future__ import annotations
@@ -15,19 +16,16 @@ import signal
 import sys
 import threading
 import traceback
-from collections import Counter
-from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Iterable, Iterator
+from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing import resource_tracker
-from multiprocessing.connection import Connection, wait
-from multiprocessing.context import SpawnProcess
+from multiprocessing.connection import Connection
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
-from brickpilot.campaign.engine import Crew, Finished, Function, Part
-from brickpilot.campaign.engine import Workers as Workers
+from brickpilot.campaign.run_parts import Function, Futures, Part, Results
 from brickpilot.errors import InputError, WorkFailedError
 
 _ADDRESS = re.compile(r"(tcp|tls)://([^\s/:]+|\[[0-9a-f:]+\]):\d{1,5}")
@@ -39,8 +37,14 @@ class Local:
 
     jobs: int
 
-    def crew(self, function: Function) -> AbstractContextManager[Crew]:
-        return LocalCrew(function, self.jobs)
+    @contextmanager
+    def started(self, function: Function) -> Iterator[Results]:
+        processes = _Processes(function, self.jobs)
+        with _sigterm_as_exception():
+            try:
+                yield processes.results
+            finally:
+                processes.stop()
 
 
 @dataclass(frozen=True)
@@ -59,34 +63,21 @@ class Cluster:
                 "needs the address of a Dask scheduler, tcp://HOST:PORT", field=f"--scheduler {self.scheduler}"
             )
 
-    def crew(self, function: Function) -> AbstractContextManager[Crew]:
-        from brickpilot.campaign.dask_crew import dask_crew
+    def started(self, function: Function) -> AbstractContextManager[Results]:
+        from brickpilot.campaign.dask_workers import dask_workers
 
-        return dask_crew(function, self.scheduler)
+        return dask_workers(function, self.scheduler)
 
 
 class Here:
     """This process, which runs the parts one after the other; the parts need not be picklable."""
 
     @contextmanager
-    def crew(self, function: Function) -> Iterator[Crew]:
-        yield _HereCrew(function)
+    def started(self, function: Function) -> Iterator[Results]:
+        def results(parts: Iterable[Part]) -> Iterator[tuple[Part, Any]]:
+            return ((part, function(part.argument)) for part in parts)
 
-
-class _HereCrew:
-    def __init__(self, function: Function) -> None:
-        self._function = function
-        self._given: list[Part] = []
-
-    def room(self) -> int:
-        return 1 - len(self._given)
-
-    def give(self, part: Part) -> None:
-        self._given.append(part)
-
-    def wait(self) -> Sequence[Finished]:
-        part = self._given.pop()
-        return [Finished(part, self._function(part.argument))]
+        yield results
 
 
 def chosen(jobs: int, scheduler: str | None) -> Local | Cluster:
@@ -119,174 +110,173 @@ _ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 _CONTEXT = multiprocessing.get_context("spawn")
 
 
-@dataclass
-class _Worker:
-    process: SpawnProcess
-    pipe: Connection
-    part: Part | None = None
+class _Process:
+    """A process that calls functions, and the pipe to this process."""
+
+    def __init__(self) -> None:
+        self._pipe, theirs = _CONTEXT.Pipe()
+        self._process = _CONTEXT.Process(target=_serve, args=(theirs,), name="brickpilot-worker")
+        with _one_thread_of_blas():
+            self._process.start()
+        theirs.close()  # so that this process notices when the worker closes the pipe
+
+    def call(self, task: bytes) -> Any:
+        """Returns whether the function of a task returned, and what it returned or raised.
+
+        Raises:
+            EOFError, OSError: the process ended, perhaps in the middle of an answer.
+        """
+        self._pipe.send_bytes(task)
+        return pickle.loads(self._pipe.recv_bytes())
+
+    def is_alive(self) -> bool:
+        return self._process.is_alive()
+
+    def terminate(self) -> None:
+        """Ends a process that calls a function."""
+        self._process.terminate()
+        self._wait()
+
+    def close(self) -> str:
+        """Ends a process that calls no function, and returns in words how the process ended."""
+        self._pipe.close()  # ends a process that waits for a task
+        self._wait()
+        code = self._process.exitcode
+        if code is None or code >= 0:
+            return f"exit status {code}"
+        return f"signal {-code} ({signal.strsignal(-code)})"
+
+    def _wait(self) -> None:
+        """Waits `_STOP_S` for the end of the process, then kills it."""
+        self._process.join(_STOP_S)
+        if self._process.is_alive():
+            self._process.kill()
+            self._process.join()
 
 
-class LocalCrew:
-    """A crew of processes, as a context manager."""
+class _Processes(Futures):
+    """Threads, each of which waits for one process."""
 
     def __init__(self, function: Function, jobs: int) -> None:
-        self._function = function
+        super().__init__(function)
         self._jobs = jobs
-        self._workers: list[_Worker] = []
-        self._deaths: Counter[str] = Counter()
-        self._had_handler = True
+        self._threads = ThreadPoolExecutor(jobs, initializer=_block_ctrl_c)
+        self._lock = threading.Lock()
+        self._idle: list[_Process] = []
+        self._busy: set[_Process] = set()
+        self._stopped = False
 
-    def __enter__(self) -> LocalCrew:
-        is_main = threading.current_thread() is threading.main_thread()
-        self._had_handler = not is_main or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL
-        if not self._had_handler:  # without a handler, SIGTERM ends only this process, and the workers go on
-            signal.signal(signal.SIGTERM, _end)
-        return self
+    def most(self) -> int:
+        return self._jobs
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        self._workers = [worker for worker in self._workers if worker.process.pid is not None]  # those that started
-        for worker in self._workers:
-            worker.pipe.close()  # a closed pipe ends a worker that waits for a part
-            if worker.part is not None:
-                worker.process.terminate()
-        for worker in self._workers:
-            _wait_for_end(worker)
-        if not self._had_handler:
-            signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    def submit(self, key: str, task: bytes) -> Future[Any]:
+        return self._threads.submit(self._called, key, task)
 
-    def room(self) -> int:
-        return self._jobs - sum(worker.part is not None for worker in self._workers)
+    def result(self, key: str, future: Any) -> Any:
+        return future.result()
 
-    def give(self, part: Part) -> None:
-        idle = (worker for worker in self._workers if worker.part is None)
-        worker = next(idle, None) or self._started()
-        worker.part = part
-        try:
-            worker.pipe.send((self._function, part.argument))
-        except (BrokenPipeError, ConnectionResetError):  # the worker died while it was idle
-            self._forget(worker)
-            self.give(part)
+    def check(self) -> None:
+        """Does nothing: a process that ended is replaced."""
 
-    def wait(self) -> Sequence[Finished]:
-        while True:
-            busy = [worker for worker in self._workers if worker.part is not None]
-            events = set(wait([event for worker in busy for event in (worker.pipe, worker.process.sentinel)]))
-            heard = [worker for worker in busy if events & {worker.pipe, worker.process.sentinel}]
-            if finished := [part for part in map(self._heard, heard) if part is not None]:
-                return finished
+    def stop(self) -> None:
+        """Ends all processes."""
+        with self._lock:
+            self._stopped = True
+            busy = list(self._busy)
+        for process in busy:
+            process.terminate()
+        self._threads.shutdown()
+        for process in self._idle:
+            process.close()
 
-    def _started(self) -> _Worker:
-        ours, theirs = _CONTEXT.Pipe()
-        process = _CONTEXT.Process(target=_serve, args=(theirs,), name="brickpilot-worker")
-        worker = _Worker(process, ours)
-        self._workers.append(worker)  # before the worker starts, so that `__exit__` always ends it
-        with _quiet_and_single_threaded():
-            process.start()
-        theirs.close()  # so that this process notices when the worker closes the pipe
-        return worker
+    def _called(self, key: str, task: bytes) -> Any:
+        """Returns what the function of a task returns. If the process ends, another process begins the task again."""
+        how = ""
+        for _ in range(DEATHS):
+            process = self._taken()
+            try:
+                returned, answer = process.call(task)
+            except (EOFError, OSError):
+                how = process.close()
+                self._busy.remove(process)
+                continue
+            self._busy.remove(process)
+            self._idle.append(process)
+            if not returned:
+                raise answer
+            return answer
+        raise WorkFailedError(f"part {key} ended its worker {DEATHS} times, last by {how}")
 
-    def _heard(self, worker: _Worker) -> Finished | None:
-        """Returns a worker's answer; if the worker died, gives its part to a worker again."""
-        assert worker.part is not None
-        part = worker.part
-        try:
-            if not worker.process.is_alive() and not worker.pipe.poll():
-                raise EOFError  # the worker is dead, but one of its child processes holds the pipe open
-            done, answer = worker.pipe.recv()
-        except (EOFError, OSError):  # the pipe ended, perhaps in the middle of an answer
-            self._forget(worker)
-            self._deaths[part.key] += 1
-            if self._deaths[part.key] == DEATHS:
-                raise WorkFailedError(
-                    f"part {part.key} ended its worker {DEATHS} times, last by {_how(worker.process.exitcode)}"
-                ) from None
-            self.give(part)
-            return None
-        worker.part = None
-        if not done:
-            raise answer
-        return Finished(part, answer)
-
-    def _forget(self, worker: _Worker) -> None:
-        """Removes a dead worker."""
-        self._workers.remove(worker)
-        worker.pipe.close()
-        _wait_for_end(worker)
-
-
-def _end(number: int, frame: object) -> None:
-    """Ends this process by an exception, so that each `with` closes; the exit status is that of a shell."""
-    sys.exit(128 + number)
-
-
-def _wait_for_end(worker: _Worker) -> None:
-    """Waits `_STOP_S` for the end of a worker, then kills it."""
-    worker.process.join(_STOP_S)
-    if worker.process.is_alive():
-        worker.process.kill()
-        worker.process.join()
-
-
-def _how(exitcode: int | None) -> str:
-    """Returns how a process ended, in words."""
-    if exitcode is None or exitcode >= 0:
-        return f"exit status {exitcode}"
-    return f"signal {-exitcode} ({signal.strsignal(-exitcode)})"
+    def _taken(self) -> _Process:
+        """Returns an idle process, or a new one, which is busy from now on."""
+        with self._lock:
+            if self._stopped:
+                raise CancelledError
+            process = self._idle.pop() if self._idle else _Process()
+            if not process.is_alive():  # it ended while it was idle
+                process.close()
+                process = _Process()
+            self._busy.add(process)
+            return process
 
 
 @contextmanager
-def _quiet_and_single_threaded() -> Iterator[None]:
-    """Each process that starts in this block has one thread of BLAS and ignores Ctrl-C, which this process handles."""
-    before = {name: os.environ.get(name) for name in _ONE_THREAD}
-    has_masks = hasattr(signal, "pthread_sigmask")  # Windows has none
-    if has_masks:
-        resource_tracker.ensure_running()  # otherwise the first worker starts the tracker, which unblocks Ctrl-C again
-    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}) if has_masks else set()  # a child keeps the mask
+def _sigterm_as_exception() -> Iterator[None]:
+    """SIGTERM ends this block by an exception, so that each `with` closes; the exit status is that of a shell.
+
+    Without a handler, SIGTERM would end only this process, and the workers would go on. A caller's handler stays.
+    """
+    is_main = threading.current_thread() is threading.main_thread()
+    if not is_main or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL:
+        yield
+        return
+    signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+def _block_ctrl_c() -> None:
+    """Processes that this thread starts ignore Ctrl-C, which the main thread handles: they keep the thread's mask."""
+    if hasattr(signal, "pthread_sigmask"):  # Windows has none
+        resource_tracker.ensure_running()  # otherwise the first process starts the tracker, which unblocks Ctrl-C again
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+
+
+@contextmanager
+def _one_thread_of_blas() -> Iterator[None]:
+    """Each process that starts in this block has one thread of BLAS."""
+    before = {name: os.environ[name] for name in _ONE_THREAD if name in os.environ}
     os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))
     try:
         yield
     finally:
-        if has_masks:
-            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
+        for name in _ONE_THREAD:
+            del os.environ[name]
+        os.environ.update(before)
 
 
 def _serve(pipe: Connection) -> None:
-    """Calls each function that arrives through the pipe, until the other end is closed. Runs in the worker."""
-    while True:
-        try:
-            function, argument = pipe.recv()
-        except EOFError:
-            return
-        except Exception as error:  # a module that this process cannot import
-            answer: tuple[bool, Any] = (False, _portable(error))
-        else:
-            answer = _called(function, argument)
-        try:
-            pipe.send(answer)
-        except (BrokenPipeError, ConnectionResetError):
-            return
-        except Exception as error:  # the answer cannot be pickled; no part of it was sent
-            pipe.send((False, WorkFailedError(f"a worker cannot send what it made: {error}")))
+    """Answers each task that arrives through the pipe, until the other end is closed. Runs in the worker."""
+    with suppress(EOFError, OSError):
+        while True:
+            pipe.send_bytes(_answer(pipe.recv_bytes()))
 
 
-def _called(function: Function, argument: Any) -> tuple[bool, Any]:
-    """Returns whether the function returned, and what it returned or raised."""
+def _answer(task: bytes) -> bytes:
+    """Returns, pickled, whether the function of a task returned, and what it returned or raised.
+
+    A note of the error has the worker's traceback, because a traceback cannot be pickled.
+    """
     try:
-        return True, function(argument)
+        function, argument = pickle.loads(task)
+        return pickle.dumps((True, function(argument)))
     except Exception as error:
-        return False, _portable(error)
-
-
-def _portable(error: Exception) -> Exception:
-    """Returns an error that can be sent. A note has the worker's traceback, because a traceback cannot be sent."""
-    error.add_note("".join(traceback.format_exception(error)).rstrip())
-    try:
-        pickle.loads(pickle.dumps(error))
-    except Exception:
-        return WorkFailedError(f"{type(error).__name__}: {error}")
-    return error
+        error.add_note("".join(traceback.format_exception(error)).rstrip())
+        try:
+            answer = pickle.dumps((False, error))
+            pickle.loads(answer)
+        except Exception:
+            return pickle.dumps((False, WorkFailedError(f"{type(error).__name__}: {error}")))
+        return answer

@@ -61,14 +61,14 @@ def _lines(figures: Mapping[str, Any], folder: Path) -> Iterator[str]:
 
 
 def _replay(file: str, index: int, out: str | None, runs: int | None, seed: int | None, as_json: bool) -> None:
-    from brickpilot.campaign import conduct
     from brickpilot.campaign import file as campaign_file
+    from brickpilot.campaign.run_campaign import replay
     from brickpilot.discover.prepare import SD_SHARE
     from brickpilot.public.doors import command_line
     from brickpilot.report import run_folder, run_page
 
     given = campaign_file.load(Path(file), count=runs, seed=seed, shares=SD_SHARE)
-    flown = conduct.replay(given, index)
+    flown = replay(given, index)
     folder = Path(out) if out else Path("runs") / f"{given.name}-run-{index}"
     figures = flown.figures | {"campaign": given.name, "run": index, "inputs": flown.inputs}
     link = None if flown.ticks is None else run_page.link_figures(flown.ticks, realtime=False)

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from brickpilot.campaign import conduct, workers
 from brickpilot.campaign import file as campaign_file
+from brickpilot.campaign import workers
+from brickpilot.campaign.run_campaign import run_campaign
 from brickpilot.data import whole_files
 from brickpilot.data.reading import read
 from brickpilot.discover.prepare import SD_SHARE
@@ -63,7 +64,7 @@ def campaign(
     given = campaign_file.load(Path(file), count=count, seed=None if seed is None else seed_of(seed), shares=SD_SHARE)
     folder = Path(out) if out else Path("runs") / f"campaign-{given.name}"
     command = command_line("campaign", str(file), runs=count, seed=seed)
-    figures = conduct.conduct(given, folder, workers.chosen(jobs_of(jobs), scheduler), progress or silent, command)
+    figures = run_campaign(given, folder, workers.chosen(jobs_of(jobs), scheduler), progress or silent, command)
     return Made(folder, campaign_page.verdict(figures), figures)
 
 

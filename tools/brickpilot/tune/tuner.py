@@ -16,7 +16,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ import numpy as np
 from scipy.stats import binomtest, bootstrap
 
 from brickpilot.campaign import robots
-from brickpilot.campaign.engine import Crew, Part, Workers
+from brickpilot.campaign.run_parts import Part, Results, Workers
 from brickpilot.errors import InputError
 from brickpilot.firmware import boards, robot, simulate
 from brickpilot.tune.task import Batch, Outcome, Problem, Raw, Scale, Space, around, fly_batch, scale, score
@@ -395,7 +395,7 @@ class Flyer:
     """
 
     problem: Problem
-    crew: Crew
+    results: Results
     flown: Callable[[int], None]
     count: int = 0
 
@@ -403,26 +403,21 @@ class Flyer:
         """Returns the outcomes of each gain set; all sets are flown by the same robots, with the same noise."""
         groups = [tuple(places[begin : begin + FLIGHTS]) for begin in range(0, len(places), FLIGHTS)]
         keys = [[f"{stream}-{places[0]}-{number}-{group[0]}" for group in groups] for number in range(len(sets))]
-        parts = deque(
+        parts = [
             Part(key, Batch(self.problem, gains, stream, group))
             for gains, row in zip(sets, keys, strict=True)
             for key, group in zip(row, groups, strict=True)
-        )
+        ]
         flown: dict[str, list[Outcome]] = {}
-        waiting = len(parts)
-        while waiting:
-            while parts and self.crew.room() > 0:
-                self.crew.give(parts.popleft())
-            for done in self.crew.wait():
-                flown[done.part.key] = done.result
-                waiting -= 1
-                self.count += len(done.result)
-                self.flown(self.count)
+        for part, outcomes in self.results(parts):
+            flown[part.key] = outcomes
+            self.count += len(outcomes)
+            self.flown(self.count)
         return [[outcome for key in row for outcome in flown[key]] for row in keys]
 
 
 @contextmanager
 def flyer(problem: Problem, workers: Workers, flown: Callable[[int], None]) -> Iterator[Flyer]:
     """Yields the `Flyer` of the problem; its workers stop at the end."""
-    with workers.crew(fly_batch) as crew:
-        yield Flyer(problem, crew, flown)
+    with workers.started(fly_batch) as results:
+        yield Flyer(problem, results, flown)

@@ -1,4 +1,4 @@
-"""Conducts a campaign in a folder, computes the plots of its page, and flies single runs again."""
+"""Runs a campaign in a folder, computes the plots of its page, and flies single runs again."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brickpilot.campaign import designs, engine, runs
-from brickpilot.campaign.engine import Workers
+from brickpilot.campaign import designs, runs
 from brickpilot.campaign.file import Campaign
 from brickpilot.campaign.file import runs as count_of
 from brickpilot.campaign.inputs import Value
+from brickpilot.campaign.run_parts import PartProgress, Workers, run_parts
 from brickpilot.campaign.store import Parts
 from brickpilot.campaign.summary import Table, summary
 from brickpilot.data.whole_files import write_whole
@@ -29,14 +29,14 @@ Array = NDArray[np.float64]
 TABLE, SUMMARY, PAGE = "runs.parquet", "summary.json", "report.html"
 
 
-def conduct(
+def run_campaign(
     campaign: Campaign, folder: Path, workers: Workers, show: Callable[[int, int, str], None], command: str
 ) -> dict[str, Any]:
     """Flies the runs that `folder` does not hold, writes its files, and returns the content of `summary.json`.
 
     Args:
         show: called with (parts done, all parts, text).
-        command: the command line that conducts this campaign; with `--replay` it flies one run again.
+        command: the command line that runs this campaign; with `--replay` it flies one run again.
 
     Raises:
         InputError: the folder holds another campaign, or the workers cannot be reached.
@@ -48,9 +48,9 @@ def conduct(
         done = parts.done()
         left = (part for part in runs.parts(campaign) if part.key not in done)
         what = f"parts of {runs.part_size(campaign)} runs or fewer"
-        progress = engine.Progress(show, total=len(keys), done=len(done), what=what)
+        progress = PartProgress(show, total=len(keys), done=len(done), what=what)
         if len(done) < len(keys):
-            engine.run(
+            run_parts(
                 runs.fly, left, keep=lambda part, rows: parts.write(part.key, rows), workers=workers, progress=progress
             )
         parts.merge(keys, folder / TABLE)

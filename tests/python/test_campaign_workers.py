@@ -1,4 +1,4 @@
-"""The engine of campaigns: each part is kept once, whatever happens to the workers, with memory for a few parts."""
+"""Workers of this machine: each part is kept once, whatever happens to the workers, with memory for a few parts."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from typing import Any
 
 import campaign_parts
 import pytest
-from brickpilot.campaign import engine, workers
-from brickpilot.campaign.engine import Part, Progress
+from brickpilot.campaign import workers
+from brickpilot.campaign.run_parts import Part, PartProgress, run_parts
 from brickpilot.errors import WorkFailedError
 
 
-def silent(total: int = 1) -> Progress:
-    return Progress(lambda done, total, text: None, total)
+def silent(total: int = 1) -> PartProgress:
+    return PartProgress(lambda done, total, text: None, total)
 
 
 def results(function: Callable[[Any], Any], arguments: Iterator[Any] | list[Any], jobs: int = 2) -> dict[str, Any]:
@@ -31,19 +31,19 @@ def results(function: Callable[[Any], Any], arguments: Iterator[Any] | list[Any]
         kept[part.key] = result
 
     parts = (Part(f"p{number:05}", argument) for number, argument in enumerate(arguments))
-    engine.run(function, parts, keep=keep, workers=workers.Local(jobs), progress=silent())
+    run_parts(function, parts, keep=keep, workers=workers.Local(jobs), progress=silent())
     return kept
 
 
 def test_each_part_is_done_once_and_told() -> None:
     told: list[tuple[int, int, str]] = []
     kept = {}
-    engine.run(
+    run_parts(
         campaign_parts.squared,
         [Part(str(number), number) for number in range(20)],
         keep=lambda part, result: kept.update({part.key: result}),
         workers=workers.Local(2),
-        progress=Progress(lambda *one: told.append(one), 25, done=5, what="flights"),
+        progress=PartProgress(lambda *one: told.append(one), 25, done=5, what="flights"),
     )
     assert kept == {str(number): number * number for number in range(20)}
     assert [done for done, _, _ in told] == list(range(5, 26))
@@ -69,7 +69,7 @@ def test_few_parts_are_in_flight_at_a_time() -> None:
         nonlocal kept
         kept += 1
 
-    engine.run(campaign_parts.squared, parts(), keep=keep, workers=workers.Local(2), progress=silent())
+    run_parts(campaign_parts.squared, parts(), keep=keep, workers=workers.Local(2), progress=silent())
     assert kept == 200
     assert ahead <= 2 * 2  # parts at work, or finished but not kept yet
 
@@ -81,16 +81,13 @@ def test_a_worker_that_is_killed_loses_nothing(tmp_path: Path) -> None:
 
 
 def test_a_worker_that_is_killed_between_two_parts_is_replaced() -> None:
-    crew = workers.Local(1).crew(campaign_parts.process)
-    with crew as ready:
-        ready.give(Part("a", None))
-        (first,) = ready.wait()
-        os.kill(first.result, signal.SIGKILL)
-        os.waitid(os.P_PID, first.result, os.WEXITED | os.WNOWAIT)
-        ready.give(Part("b", None))
-        (second,) = ready.wait()
-    assert second.part.key == "b"
-    assert second.result != first.result
+    with workers.Local(1).started(campaign_parts.process) as results_of:
+        [(_, first)] = results_of([Part("a", None)])
+        os.kill(first, signal.SIGKILL)
+        os.waitid(os.P_PID, first, os.WEXITED | os.WNOWAIT)
+        [(part, second)] = results_of([Part("b", None)])
+    assert part.key == "b"
+    assert second != first
 
 
 def test_a_part_that_ends_three_workers_ends_the_campaign_and_is_named() -> None:
@@ -139,7 +136,7 @@ def test_an_error_of_keep_stops_the_workers() -> None:
         raise OSError("full")
 
     with pytest.raises(OSError, match="full"):
-        engine.run(
+        run_parts(
             campaign_parts.process, [Part("a", 0), Part("b", 0)], keep=keep, workers=workers.Local(1), progress=silent()
         )
     with pytest.raises(ProcessLookupError):

@@ -13,14 +13,13 @@ import threading
 import time
 import uuid
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from queue import Empty, SimpleQueue
 from typing import Any
 
 from brickpilot.campaign import store
-from brickpilot.campaign.engine import Finished, Function, Part
+from brickpilot.campaign.run_parts import CHECK_S, Function, Futures, Results
 from brickpilot.campaign.store import Versions
 from brickpilot.errors import InputError, WorkFailedError
 
@@ -31,7 +30,6 @@ WORKERS_S = 10.0
 ALONE_S = 60.0
 """s: a campaign without a worker for this time ends; a queue may need a minute to replace stopped workers."""
 
-_LOOK_S = 2.0  # s between two counts of the workers
 _AHEAD = 2  # number of parts given to each thread of a worker: one part runs, one part waits
 
 _ONE_AT_A_TIME = threading.Lock()
@@ -39,7 +37,7 @@ _ONE_AT_A_TIME = threading.Lock()
 
 
 @contextmanager
-def dask_crew(function: Function, scheduler: str) -> Iterator[DaskCrew]:
+def dask_workers(function: Function, scheduler: str) -> Iterator[Results]:
     """Yields the workers of the scheduler at this address, which call `function`.
 
     Raises:
@@ -52,83 +50,57 @@ def dask_crew(function: Function, scheduler: str) -> Iterator[DaskCrew]:
             "needs the library distributed: pip install 'brickpilot[cluster]'", field=_field(scheduler)
         ) from None
     with _quiet(), _client(scheduler) as client:
-        crew = DaskCrew(function, scheduler, client)
-        crew.wait_for_workers()
-        crew.compare_versions()
-        try:
-            yield crew
-        finally:
-            crew.cancel()
+        workers = DaskWorkers(function, scheduler, client)
+        workers.wait_for_workers()
+        workers.compare_versions()
+        yield workers.results
 
 
-class DaskCrew:
-    """The workers of a scheduler; made by `dask_crew`."""
+class DaskWorkers(Futures):
+    """The workers of a scheduler; made by `dask_workers`. The scheduler drops their parts when its client closes."""
 
     def __init__(self, function: Function, scheduler: str, client: Any) -> None:
-        self._function = function
+        super().__init__(function)
         self._scheduler = scheduler
         self._client = client
         self._name = f"brickpilot-{uuid.uuid4().hex[:8]}"
-        self._finished: SimpleQueue[Any] = SimpleQueue()
-        self._flying: dict[str, tuple[Part, Any]] = {}
         self._threads = 0
-        self._looked = self._worked = time.monotonic()
+        self._checked = self._worked = time.monotonic()
 
-    def cancel(self) -> None:
-        """Cancels the parts that are not finished."""
-        futures = [future for _, future in self._flying.values()]
-        self._flying.clear()
-        if futures and self._client.status == "running":
-            self._client.cancel(futures)
+    def most(self) -> int:
+        return max(_AHEAD * self._threads, 1)
 
-    def room(self) -> int:
-        return max(_AHEAD * self._threads, 1) - len(self._flying)
+    def submit(self, key: str, task: bytes) -> Any:
+        # The task is bytes, so that Dask does not inspect the argument and the scheduler need not import its module.
+        name = f"{self._name}-{key}"
+        return self._client.submit(_called, store.versions_here(), self._scheduler, task, key=name, pure=False)
 
-    def give(self, part: Part) -> None:
-        # Pickled here, so that Dask does not inspect the argument and the scheduler need not import its module.
-        task = pickle.dumps((self._function, part.argument))
-        key = f"{self._name}-{part.key}"
-        future = self._client.submit(_called, store.versions_here(), self._scheduler, task, key=key, pure=False)
-        self._flying[future.key] = (part, future)
-        future.add_done_callback(self._finished.put)
-
-    def wait(self) -> Sequence[Finished]:
-        while True:
-            try:
-                ready = [self._finished.get(timeout=_LOOK_S)]
-            except Empty:
-                self._look()
-                continue
-            while not self._finished.empty():
-                ready.append(self._finished.get())
-            if time.monotonic() - self._looked > _LOOK_S:
-                self._look()
-            return [self._finished_part(future) for future in ready]
-
-    def _finished_part(self, future: Any) -> Finished:
-        """Returns a finished part with its result, or raises its error."""
+    def result(self, key: str, future: Any) -> Any:
         from distributed import CancelledError, KilledWorker
 
-        part, _ = self._flying.pop(future.key)
         try:
-            return Finished(part, future.result(timeout=ALONE_S))
+            return future.result(timeout=ALONE_S)
         except KilledWorker as error:
             times = error.allowed_failures + 1
             raise WorkFailedError(
-                f"part {part.key} ended its worker {times} times, last {error.last_worker.address}"
+                f"part {key} ended its worker {times} times, last {error.last_worker.address}"
             ) from None
         except (CancelledError, TimeoutError):
             if future.status == "error":  # the function itself raised it
                 raise
             raise self._gone() from None
 
-    def _look(self) -> None:
-        """Counts the workers; their number may change at any time.
+    def check(self) -> None:
+        """Counts the workers every `CHECK_S`; their number may change at any time.
 
         Raises:
             WorkFailedError: the scheduler is gone, or there was no worker for a long time.
         """
-        self._looked = time.monotonic()
+        if time.monotonic() - self._checked >= CHECK_S:
+            self._count()
+
+    def _count(self) -> None:
+        self._checked = time.monotonic()
         if self._client.status != "running":
             raise self._gone()
         try:
@@ -136,8 +108,8 @@ class DaskCrew:
         except OSError:
             raise self._gone() from None
         if self._threads:
-            self._worked = self._looked
-        elif self._looked - self._worked > ALONE_S:
+            self._worked = self._checked
+        elif self._checked - self._worked > ALONE_S:
             raise WorkFailedError(
                 f"{self._scheduler} has had no worker for {ALONE_S:g} s; the parts that are done stay"
             )
@@ -153,7 +125,7 @@ class DaskCrew:
                 f"has no worker after {WORKERS_S:g} s: start one with `dask worker {self._scheduler}`",
                 field=_field(self._scheduler),
             ) from None
-        self._look()
+        self._count()
 
     def compare_versions(self) -> None:
         """Compares the versions of all workers with those of this process, before the workers run any part.
