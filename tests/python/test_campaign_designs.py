@@ -45,7 +45,7 @@ def campaign(folder: Path, size: str = "runs = 4000", varied: str = VARIED) -> C
 
 
 def columns(given: Campaign, start: int = 0, stop: int | None = None) -> dict[str, list[object]]:
-    shares = designs.drawn_shares(given)(start, file.runs(given) if stop is None else stop)
+    shares = designs.drawn_shares(given)(start, given.runs if stop is None else stop)
     drawn = runs.drawn(given, shares)
     return {name: [one[name] for one in drawn] for name in drawn[0]}
 
@@ -89,8 +89,8 @@ def test_a_latin_hypercube_has_one_run_in_each_stratum(tmp_path: Path) -> None:
 )
 def test_the_runs_of_a_block_differ_in_inputs_alone(size: str, block: int, tmp_path: Path) -> None:
     given = campaign(tmp_path, size)
-    assert file.runs(given) == given.count * block
-    seeds = [designs.noise_seed(given, k) for k in range(file.runs(given))]
+    assert given.runs == given.count * block
+    seeds = [designs.noise_seed(given, k) for k in range(given.runs)]
     assert seeds == [seeds[block * (k // block)] for k in range(len(seeds))]
     assert len(set(seeds)) == given.count
 

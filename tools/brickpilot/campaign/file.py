@@ -125,6 +125,13 @@ class Campaign:
         return {"saltelli": len(self.drawn) + 2, "morris": len(self.drawn) + 1}.get(self.design, 1)
 
     @property
+    def runs(self) -> int:
+        """The number of runs."""
+        if self.design == "grid":
+            return self.count * math.prod(input_.levels for input_ in self.drawn if input_.distribution.listed)
+        return self.count * self.block_runs
+
+    @property
     def over_a_link(self) -> bool:
         """Whether runs may have faults, which need a link."""
         return bool(self.faults) or any(scenario_.faults for scenario_ in self.scenarios)
@@ -250,17 +257,14 @@ def _box(toml: TomlFile) -> Box | None:
     table = toml.table(("route",), toml.data["route"])
     needed = ("waypoints", "x_m", "y_m")
     toml.known_keys(("route",), table, (*needed, "least_leg_m", "duration_s"), needed)
-    whole = inputs.Range(1, 32, "", whole=True)
-    waypoints = inputs.parse_distribution(toml, ("route", "waypoints"), table["waypoints"], whole)
-    if waypoints.varies:
-        toml.refuse(("route", "waypoints"), "needs one whole number")
+    waypoints = _whole(toml, ("route", "waypoints"), table["waypoints"], 1, 32)
     x, y = (_ends(toml, name, table[name]) for name in ("x_m", "y_m"))
     across = min(x[1] - x[0], y[1] - y[0])
     least = toml.number(("route", "least_leg_m"), table.get("least_leg_m", across / 4), 0.01, across / 2, "m")
     duration = table.get("duration_s")
     if duration is not None:
         duration = toml.number(("route", "duration_s"), duration, STEP_S, 3600.0, "s")
-    return Box(int(waypoints.values[0]), x, y, least, duration)
+    return Box(waypoints, x, y, least, duration)
 
 
 def _ends(toml: TomlFile, name: str, value: object) -> tuple[float, float]:
@@ -283,16 +287,8 @@ def _check(toml: TomlFile, campaign: Campaign) -> None:
         toml.refuse(("vary",), "a grid needs a list of values, as gain.heading_kp = [10, 12, 14]")
     if campaign.design not in ("monte_carlo", "grid") and not campaign.drawn:
         toml.refuse(("vary",), f"has nothing that varies, and {campaign.design} draws only that")
-    total = runs(campaign)
-    if total > MOST_RUNS:
+    if campaign.runs > MOST_RUNS:
         key = ("campaign", COUNTS[campaign.design]) if campaign.design != "grid" else ("vary",)
-        toml.refuse(key, f"would be {total} runs, more than {MOST_RUNS}")
+        toml.refuse(key, f"would be {campaign.runs} runs, more than {MOST_RUNS}")
     if campaign.profile == "paper" and campaign.compensation is not None:
         raise InputError("needs the profile coupled", file=toml.path, field="campaign.compensation")
-
-
-def runs(campaign: Campaign) -> int:
-    """Returns how many runs the campaign has."""
-    if campaign.design == "grid":
-        return campaign.count * math.prod(input_.levels for input_ in campaign.drawn if input_.distribution.listed)
-    return campaign.count * campaign.block_runs

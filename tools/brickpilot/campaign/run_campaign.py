@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from brickpilot.campaign import designs, runs
 from brickpilot.campaign.file import Campaign
-from brickpilot.campaign.file import runs as count_of
 from brickpilot.campaign.inputs import Value
 from brickpilot.campaign.run_parts import PartProgress, Workers, run_parts
 from brickpilot.campaign.store import Parts
@@ -43,7 +42,7 @@ def run_campaign(
         WorkFailedError: the disk is full, or no worker is left. Finished parts stay, and the same command resumes.
     """
     keys = [part.key for part in runs.parts(campaign)]
-    identity = {"campaign": campaign.identity(), "runs": count_of(campaign), "design": designs.made_by(campaign)}
+    identity = {"campaign": campaign.identity(), "runs": campaign.runs, "design": designs.made_by(campaign)}
     with Parts(folder, identity) as parts:
         done = parts.done()
         left = (part for part in runs.parts(campaign) if part.key not in done)
@@ -85,9 +84,8 @@ def replay(campaign: Campaign, index: int) -> Replayed:
         InputError: the campaign has no such run.
         SimulationError: the plant diverges, as it did in the campaign.
     """
-    if not 0 <= index < count_of(campaign):
-        last = count_of(campaign) - 1
-        raise InputError(f"the campaign has the runs 0 to {last}", field=f"--replay {index}")
+    if not 0 <= index < campaign.runs:
+        raise InputError(f"the campaign has the runs 0 to {campaign.runs - 1}", field=f"--replay {index}")
     run = runs.one(campaign, index)
     ticks = None
     if run.plan.scenario.faults:

@@ -14,7 +14,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from brickpilot.campaign import designs, inputs, robots
-from brickpilot.campaign.file import Box, Campaign, runs
+from brickpilot.campaign.file import Box, Campaign
 from brickpilot.campaign.inputs import ON, Drawn
 from brickpilot.campaign.robots import Robot
 from brickpilot.campaign.run_parts import Part
@@ -202,19 +202,19 @@ class Run:
 def part_size(campaign: Campaign) -> int:
     """Returns the number of runs in a part. It depends only on the campaign, and so do the bytes of the table."""
     most = LINK_PART_RUNS if campaign.over_a_link else PART_RUNS
-    return min(most, -(-runs(campaign) // _LEAST_PARTS))
+    return min(most, -(-campaign.runs // _LEAST_PARTS))
 
 
 def parts(campaign: Campaign) -> Iterator[Part]:
     """Yields the parts of a campaign in order; their keys sort in the same order."""
     shares = designs.drawn_shares(campaign)
-    for start in range(0, runs(campaign), part_size(campaign)):
+    for start in range(0, campaign.runs, part_size(campaign)):
         yield Part(f"{start:07}", _runs_of_part(campaign, start, shares))
 
 
 def _runs_of_part(campaign: Campaign, start: int, shares: Callable[[int, int], Array]) -> RunsOfPart:
     """Returns the part that begins with run `start`; `shares`: see `designs.drawn_shares`."""
-    stop = min(start + part_size(campaign), runs(campaign))
+    stop = min(start + part_size(campaign), campaign.runs)
     return RunsOfPart(campaign, start, shares(start, stop))
 
 

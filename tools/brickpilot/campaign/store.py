@@ -104,11 +104,7 @@ _WRITER: dict[str, Any] = {
 
 
 class Parts:
-    """The parts in a folder, as a context manager: within its block, no other process can open the folder.
-
-    Attributes:
-        damaged: keys of the parts that were damaged and therefore removed.
-    """
+    """The parts in a folder, as a context manager: within its block, no other process can open the folder."""
 
     def __init__(self, folder: Path, campaign: Mapping[str, Any]) -> None:
         """Prepares the use of a folder, which need not exist.
@@ -118,7 +114,6 @@ class Parts:
                 version of this program, is refused.
         """
         self.folder = folder
-        self.damaged: tuple[str, ...] = ()
         self._campaign = campaign
         self._files: dict[str, Path] = {}
         self._open = ExitStack()
@@ -226,17 +221,14 @@ class Parts:
 
     def _look_through(self) -> None:
         """Finds the complete parts, and removes damaged and unfinished parts."""
-        damaged = []
         for path in sorted((self.folder / _PARTS).iterdir()):
             name = _NAME.fullmatch(path.name)
             if name and _whole(path) is not None:
                 self._files[name[1]] = path
             elif name:
                 path.unlink()
-                damaged.append(name[1])
         for path in (*self.folder.glob(f".*{_BESIDE}"), *(self.folder / _PARTS).glob(f".*{_BESIDE}")):
             path.unlink()
-        self.damaged = tuple(damaged)
 
 
 def _whole(path: Path) -> bytes | None:

@@ -52,8 +52,7 @@ class Sample:
 def signals(name: str, fields: Mapping[str, str]) -> Topic:
     """Returns a topic of plain numbers, from field -> unit. An unknown number is null."""
     kinds = {field: {"type": ["number", "null"], "description": unit} for field, unit in fields.items()}
-    schema = {"title": f"brickpilot{name.replace('/', '.')}", "type": "object", "properties": kinds}
-    return Topic(name, schema | {"required": list(fields)}, fields)
+    return Topic(name, _schema(f"brickpilot{name.replace('/', '.')}", kinds), fields)
 
 
 def write(topics: Iterable[Topic], samples: Iterable[Sample], attachments: Mapping[str, bytes]) -> bytes:
