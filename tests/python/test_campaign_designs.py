@@ -75,7 +75,7 @@ def test_a_run_is_the_same_whatever_else_is_drawn(tmp_path: Path) -> None:
     assert columns(other)["parameter.mass"] != columns(few)["parameter.mass"]
     assert designs.noise_seed(other, 0) != designs.noise_seed(few, 0)
     by_part = [run.plan for part in runs.parts(few) for run in runs.planned(part.argument)]
-    assert runs.one(few, 17).plan == by_part[17]
+    assert runs.single_run(few, 17).plan == by_part[17]
 
 
 def test_a_latin_hypercube_has_one_run_in_each_stratum(tmp_path: Path) -> None:
@@ -156,8 +156,8 @@ def test_a_number_of_an_effect_that_is_off_has_not_the_index_of_its_switch(tmp_p
 
 def test_morris_refuses_a_list_that_it_would_not_fly_whole(tmp_path: Path) -> None:
     for entry, said in (
-        ("gain.heading_kp = [8, 10, 12, 14, 16]", "vary.gain.heading_kp: morris would fly 4 of its 5 values alone"),
-        ("effect.yaw_scrub.chance = 0.01", "vary.effect.yaw_scrub.on: morris would fly 1 of its 2 values alone"),
+        ("gain.heading_kp = [8, 10, 12, 14, 16]", "vary.gain.heading_kp: morris flies only 4 of its 5 values"),
+        ("effect.yaw_scrub.chance = 0.01", "vary.effect.yaw_scrub.on: morris flies only 1 of its 2 values"),
     ):
         given = campaign(tmp_path, 'design = "morris"\ntrajectories = 5', f"[vary]\n{entry}\n")
         with pytest.raises(InputError, match=said):

@@ -56,7 +56,7 @@ def flights(given: Campaign) -> list[runs.Run]:
 def test_each_run_has_a_robot_that_depends_on_seed_and_number_alone(folder: Path) -> None:
     few, many = loaded(folder, count=8), loaded(folder, count=300)
     assert [one.plan for one in flights(few)] == [one.plan for one in flights(many)][:8]
-    assert runs.one(many, 5).plan == flights(few)[5].plan
+    assert runs.single_run(many, 5).plan == flights(few)[5].plan
     other = loaded(folder, count=8, seed=5)
     mass, track = ([one.plan.model.parameters[name] for one in flights(many)] for name in ("mass", "half_track"))
     assert not {one.plan.model.parameters["mass"] for one in flights(other)} & set(mass)

@@ -137,7 +137,7 @@ def test_several_effects_act_together() -> None:
 @pytest.mark.parametrize("name", [effect.name for effect in catalogue.effects()])
 def test_every_effect_is_said_or_listed(name: str) -> None:
     made = mjcf.write(robot("one", {}, **{name: {}}))
-    assert (name in made.left_out) == (name not in machine._TOLD)
+    assert (name in made.left_out) == (name not in machine._LAWS)
     for line in made.left_out:
         assert line in made.text
     mujoco_robot.load(made.text)

@@ -112,7 +112,10 @@ def test_exports_hold_four_contacts_or_refuse(tmp_path: Path) -> None:
     for kind in ("mjcf", "urdf"):
         done = brickpilot("export", kind, "--model", str(JACKAL), "--out", "made", cwd=tmp_path)
         assert (done.returncode, list(tmp_path.iterdir())) == (2, [])
-        assert "jackal: vehicle: is a skid_steer, whose four contacts MJCF and URDF files cannot say" in done.stderr
+        assert (
+            "jackal: vehicle: is a skid_steer, whose four contacts Brickpilot cannot write as MJCF or URDF"
+            in done.stderr
+        )
 
 
 def test_the_firmware_believes_in_the_track_that_a_curve_shows() -> None:

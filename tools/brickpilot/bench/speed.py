@@ -2,9 +2,9 @@
 
 One peer is the packaged robot as a text-book ODE for SciPy's `solve_ivp`, at equal accuracy. The equations
 are those of the plant's profile `coupled` (eq. 2, 5, 12 to 14), written here from the paper. `loosest` finds the
-largest tolerance with the accuracy of the plant, which has steps of 0.3 ms and 3 ms. `METHODS` are SciPy's fastest
-methods here. If inputs are held, LSODA is at least 1.6 times as fast as the other methods. If the solver restarts in
-each step, RK23 needs half of RK45's evaluations.
+largest tolerance at which SciPy is as accurate as the plant with its steps of 0.3 ms and 3 ms. `METHODS` are SciPy's
+fastest methods for this robot. If inputs are held, LSODA is at least 1.6 times as fast as the other methods. If the
+solver restarts in each step, RK23 needs half of RK45's evaluations.
 """
 
 from __future__ import annotations
@@ -115,10 +115,12 @@ def _many(model: Model, lanes: int) -> float:
 def _side_by_side(model: Model) -> dict[str, Figure]:
     """Returns the plant's speed for many runs side by side on one core, compared with the same runs one at a time."""
     figures = {}
-    rubs = next(one.name for one in catalogue.effects() if one.mechanism == "bearing" and not one.variant_of)
+    rubs = next(
+        effect.name for effect in catalogue.effects() if effect.mechanism == "bearing" and not effect.variant_of
+    )
     dry = dataclasses.replace(model, effects={**model.effects, rubs: {}})
-    for name, one in (("plant_lanes", model), ("plant_lanes_dry", dry)):
-        rates = _best({lanes: partial(_many, one, count) for lanes, count in _LANES.items()}, 9)
+    for name, robot in (("plant_lanes", model), ("plant_lanes_dry", dry)):
+        rates = _best({lanes: partial(_many, robot, count) for lanes, count in _LANES.items()}, 9)
         alone, many = (rates[lanes] for lanes in _LANES)
         peer = f"the same 16 runs one at a time, {alone / MOTOR_STEP_S:.2e} motor steps/s"
         figures[name] = Figure(many / MOTOR_STEP_S, "motor steps/s", peer, many / alone, this_machine())
@@ -205,12 +207,11 @@ def _scipy(model: Model, manoeuvre: Manoeuvre) -> dict[str, Callable[[], float]]
         return manoeuvre.seconds
 
     held = f"inputs held for {manoeuvre.held * STEP_S:.3g} s"
-    return {
-        f"SciPy solve_ivp, {one}, {held}, errs {one.scipy_m:.0e} m where the plant errs {one.plant_m:.0e} m": partial(
-            fly, one
-        )
-        for one in loosest(model, manoeuvre)
-    }
+    methods: dict[str, Callable[[], float]] = {}
+    for setting in loosest(model, manoeuvre):
+        errors = f"errs {setting.scipy_m:.0e} m where the plant errs {setting.plant_m:.0e} m"
+        methods[f"SciPy solve_ivp, {setting}, {held}, {errors}"] = partial(fly, setting)
+    return methods
 
 
 def control_law() -> tuple[dict[str, LawFigure], list[str]]:

@@ -122,7 +122,7 @@ def _check_levels(campaign: Campaign) -> None:
         reached = len(set(input_.distribution.at(shares).tolist()))
         if input_.distribution.kind == "choice" and reached < input_.levels:
             raise InputError(
-                f"morris would fly {reached} of its {input_.levels} values alone; saltelli flies all",
+                f"morris flies only {reached} of its {input_.levels} values; saltelli flies all of them",
                 field=f"vary.{input_.name}",
             )
 

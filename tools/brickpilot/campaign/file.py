@@ -163,9 +163,12 @@ def load(
             toml.refuse(("campaign", name), f"does not belong to {design}, which takes {COUNTS[design]}")
     toml.known_keys(("campaign",), head, (*_KEYS, COUNTS[design]), ("name",))
     scenarios, sensors = _scenarios(toml, head), _choices(toml, head, "sensors", scenario.SENSORS)
-    chosen = [inputs.labelled("scenario", [one.name for one in scenarios]), inputs.labelled("sensors", sensors)]
+    chosen = [
+        inputs.labelled("scenario", [scenario_.name for scenario_ in scenarios]),
+        inputs.labelled("sensors", sensors),
+    ]
     varied = inputs.parse(toml, sensors)
-    faults, of_faults = inputs.faults(toml, min(one.duration for one in scenarios))
+    faults, of_faults = inputs.faults(toml, min(scenario_.duration for scenario_ in scenarios))
     files = {
         key: toml.file_beside(("campaign", key), head[key]) for key in ("model", "gains", "compensation") if key in head
     }
@@ -181,7 +184,7 @@ def load(
         model=robot,
         gains=gains.load(files["gains"]) if "gains" in files else None,
         compensation=compensation.load(files["compensation"]) if "compensation" in files else None,
-        inputs=tuple(one for one in (*chosen, *varied, *of_faults) if one is not None),
+        inputs=tuple(input_ for input_ in (*chosen, *varied, *of_faults) if input_ is not None),
         faults=faults,
         box=_box(toml),
         robots=_robots(toml, head, robot, files.get("model"), shares),
@@ -225,7 +228,7 @@ def _scenarios(toml: TomlFile, head: Mapping[str, Any]) -> tuple[Scenario, ...]:
         scenarios.append(scenario.load(packaged.get(text) or toml.file_beside(("campaign", "scenario"), text)))
         if scenarios[-1].kind != "mission":
             toml.refuse(("campaign", "scenario"), f"{text!r} is a manoeuvre; a campaign flies missions")
-    if not scenarios or len({one.name for one in scenarios}) < len(scenarios):
+    if not scenarios or len({scenario_.name for scenario_ in scenarios}) < len(scenarios):
         toml.refuse(("campaign", "scenario"), "needs a scenario, or a list of scenarios with different names")
     return tuple(scenarios)
 

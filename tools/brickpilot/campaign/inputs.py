@@ -43,7 +43,7 @@ _LEAST_KEPT = 0.01  # least probability within the limits: with a smaller one, t
 
 @dataclass(frozen=True)
 class Range:
-    """The physical range, low to high, in `unit`; `whole`: only whole numbers."""
+    """The physical range of a value, from low to high, in `unit`; `whole`: the value must be a whole number."""
 
     low: float
     high: float
@@ -180,7 +180,7 @@ Drawn = Mapping[str, Value]
 """Input -> its value in one run. A number is in the input's unit; `None` does not occur."""
 
 ON = "on"
-"""The last word in the name of an input that switches an effect or a fault on."""
+"""The last word of the name of a switch, an input that switches an effect or a fault on."""
 
 _AXES = {"accel": "m/s^2", "gyro": "rad/s"}
 _OF_AXES = {"noise_sd": (0.0, 1e3), "range": (0.1, 1e3), "bias": (-100.0, 100.0)}

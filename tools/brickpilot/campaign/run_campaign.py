@@ -86,7 +86,7 @@ def replay(campaign: Campaign, index: int) -> Replayed:
     """
     if not 0 <= index < campaign.runs:
         raise InputError(f"the campaign has the runs 0 to {campaign.runs - 1}", field=f"--replay {index}")
-    run = runs.one(campaign, index)
+    run = runs.single_run(campaign, index)
     ticks = None
     if run.plan.scenario.faults:
         from brickpilot.hil import fly  # needs more libraries than a flight without a link

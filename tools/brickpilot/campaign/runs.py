@@ -45,7 +45,7 @@ _CAUSES = {
     "idle": "was not started",
     "fault": "stopped",
 }
-"""The controller's last mode -> why a waypoint was missed, if no fault explains it."""
+"""The controller's last mode -> why the flight missed a waypoint, if the flight has no fault."""
 
 UNITS = {
     "success": "", "cause": "", "reached_all": "", "waypoints_reached": "", "waypoints_total": "", "time_s": "s",
@@ -77,7 +77,7 @@ def row(plan: flight.Plan) -> Row:
 def rows(plans: Sequence[flight.Plan]) -> list[Row]:
     """Flies missions and returns the figures of each. If a scenario has faults, a link is between plant and brick.
 
-    Missions without faults fly side by side, with one firmware: this takes less time and changes no byte.
+    Missions without faults fly in the lanes of the plant, which takes less time and changes no byte.
 
     Keys are those of `UNITS`. `success` means that every waypoint was reached without a fault; `cause` says why a
     mission failed, and is empty otherwise. `time_s` is the time of the last waypoint, `closest_approach_max_m` the
@@ -138,7 +138,7 @@ def figures(flown: flight.Flight) -> Row:
 
 
 def over_a_link(flown: HilFlight) -> Row:
-    """Returns the row of a flight over a link, which also fails if the link ends it."""
+    """Returns the row of a flight over a link. The flight also fails if the link ends it."""
     row = figures(flown.flight)
     if flown.broke_off is None:
         return row
@@ -228,8 +228,8 @@ def fly(part: RunsOfPart) -> pa.Table:
     return pa.Table.from_arrays(arrays, schema=columns)
 
 
-def one(campaign: Campaign, index: int) -> Run:
-    """Returns one run. The whole part that holds it is drawn, so it equals the campaign's run to the last bit."""
+def single_run(campaign: Campaign, index: int) -> Run:
+    """Returns the run of this number. Its whole part is drawn, so the run equals the campaign's to the last bit."""
     place = index % part_size(campaign)
     part = _runs_of_part(campaign, index - place, designs.drawn_shares(campaign))
     return list(planned(part))[place]

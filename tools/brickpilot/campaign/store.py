@@ -54,7 +54,7 @@ class Versions:
     pyarrow: str
 
     def differences(self, other: Versions) -> str:
-        """Returns the differences as text, own version first: "brickpilot 0.1.0, not 0.2.0"; empty: no difference."""
+        """Returns the differences in words, own version first: "brickpilot 0.1.0, not 0.2.0"; empty: no difference."""
         mine, theirs = dataclasses.asdict(self), dataclasses.asdict(other)
         return "; ".join(f"{name} {mine[name]}, not {theirs[name]}" for name in mine if mine[name] != theirs[name])
 

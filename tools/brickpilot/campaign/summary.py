@@ -6,7 +6,7 @@ The sensitivity says on which inputs a figure depends. It consists of SALib's in
   The compared runs have the same noise. So if an input changes the effect of the noise, its index includes this change.
 - `morris`: mu*, the mean size of an input's elementary effects (Campolongo et al. 2007, Environ. Model. Softw. 22).
 - Independent draws: indices of first order by RBD-FAST (Tarantola et al. 2006, Reliab. Eng. Syst. Saf. 91). An input
-  that acts only together with another input has an index of about 0.
+  that has an effect only together with another input has an index of about 0.
 """
 
 from __future__ import annotations
@@ -199,7 +199,7 @@ def summary(campaign: Campaign, table: Table) -> dict[str, Any]:
         "version": __version__,
         "success": rate(success, blocks),
         "by_choice": _by_choice(campaign, table, success, blocks),
-        "causes": dict(sorted(causes.items(), key=lambda one: (-one[1], one[0]))),
+        "causes": dict(sorted(causes.items(), key=lambda row: (-row[1], row[0]))),
         "figures": _figures(table),
         "worst": _worst(table),
         "sensitivity": _sensitivity(campaign, table),

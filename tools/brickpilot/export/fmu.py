@@ -48,7 +48,7 @@ def archive(model: Model, version: str, *, binary: bool = True) -> bytes:
         content[f"binaries/{folder}/{identifier(model)}{ending}"] = _compiled(content)
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as file:
-        for name in sorted(content, key=lambda one: (one != "modelDescription.xml", one)):
+        for name in sorted(content, key=lambda name: (name != "modelDescription.xml", name)):
             info = zipfile.ZipInfo(name, _EARLIEST)
             info.compress_type = zipfile.ZIP_DEFLATED
             info.external_attr = 0o644 << 16
@@ -110,18 +110,18 @@ def source_files(version: str) -> dict[str, bytes]:
     """Returns path -> content of the sources for one version of FMI, without the table of the robot."""
     other = {"2.0": "fmi3", "3.0": "fmi2"}[version]
     left_out = (other, "lanes")  # an FMU simulates only one vehicle
-    found = {}
+    sources = {}
     for path in sorted(HOME.rglob("*.[ch]")):
         if not path.name.startswith(left_out):
-            found[path.relative_to(HOME).as_posix()] = path.read_bytes()
-    return found
+            sources[path.relative_to(HOME).as_posix()] = path.read_bytes()
+    return sources
 
 
 def robot_table(model: Model, token: str, variables: Sequence[Variable]) -> str:
     """Returns the C file with the robot's variables. Numbers are hexadecimal, so that no number is rounded."""
     rows = [
-        f'    {{FMU_{one.kind}, "{one.name}", {one.effect}, {one.index}, {one.start.hex()}}}, /* {one.start!r} */'
-        for one in variables
+        f'    {{FMU_{row.kind}, "{row.name}", {row.effect}, {row.index}, {row.start.hex()}}}, /* {row.start!r} */'
+        for row in variables
     ]
     effects = effects_of(model.effects)
     names = ", ".join(f'"{effect.name}"' for effect in effects) or "NULL"

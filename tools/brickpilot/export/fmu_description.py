@@ -136,50 +136,50 @@ def _inputs(model: Model) -> list[Variable]:
 
 def _outputs(model: Model) -> list[Variable]:
     have = output_names(model)
-    found = []
+    rows = []
     for index, (name, unit) in enumerate(catalogue.outputs().items()):
         base = name.removesuffix("_left").removesuffix("_right")
         side = {"_left": ", left", "_right": ", right"}.get(name.removeprefix(base), "")
         if name in have:
-            found.append(Variable("OUTPUT", name, index, _MEANS[base] + side, unit))
-    return found
+            rows.append(Variable("OUTPUT", name, index, _MEANS[base] + side, unit))
+    return rows
 
 
 def _nominal(model: Model) -> list[Variable]:
     presets = catalogue.presets(model.vehicle)
-    found = []
+    rows = []
     for index, info in enumerate(catalogue.parameters()):
         if info.name not in presets:
             continue
         name, start = f"parameters.{info.name}", float(model.parameters.get(info.name, presets[info.name]))
         ends = (min(info.minimum, start), info.maximum)  # a motor without a load has a mass of 0
         unit, shown = unit_on(model, info), info.name not in _NATURE
-        found.append(Variable("PARAMETER", name, index, info.meaning, unit, start, *ends, shown=shown))
-    return found
+        rows.append(Variable("PARAMETER", name, index, info.meaning, unit, start, *ends, shown=shown))
+    return rows
 
 
 def _effects(model: Model) -> list[Variable]:
-    found = []
+    rows = []
     for number, effect in enumerate(catalogue.effects_of(model.effects)):
         given = model.effects[effect.name]
         for index, info in enumerate(effect.parameters):
             name, start = f"effects.{effect.name}.{info.name}", float(given.get(info.name, info.preset))
             unit, ends = unit_on(model, info), (info.minimum, info.maximum)
-            found.append(Variable("EFFECT", name, index, info.meaning, unit, start, *ends, effect=number))
-    return found
+            rows.append(Variable("EFFECT", name, index, info.meaning, unit, start, *ends, effect=number))
+    return rows
 
 
 def _initial(model: Model) -> list[Variable]:
     linear = model.parameters.get("force_per_volt", 0.0) > 0
     units = {"rad/s": "m/s", "rad": "m"} if linear else {}
-    found = []
+    rows = []
     for place, (name, unit, meaning) in enumerate(_STATE):
         if model.vehicle != "motor":
-            found.append(Variable("INITIAL", f"initial.{name}", place, meaning, unit))
+            rows.append(Variable("INITIAL", f"initial.{name}", place, meaning, unit))
         elif name in _MOTOR_STATE:
             meaning = meaning.replace("the left motor", "the motor").replace("the left wheel", "the motor")
-            found.append(Variable("INITIAL", f"initial.{_MOTOR_STATE[name]}", place, meaning, units.get(unit, unit)))
-    return found
+            rows.append(Variable("INITIAL", f"initial.{_MOTOR_STATE[name]}", place, meaning, units.get(unit, unit)))
+    return rows
 
 
 _BASE = {"kilogram": "kg", "meter": "m", "second": "s", "ampere": "A", "kelvin": "K", "radian": "rad"}
@@ -218,15 +218,15 @@ def description(
         files = Xml.SubElement(simulation, "SourceFiles")
         for source in sources:
             Xml.SubElement(files, "File", name=source)
-    _units(root, sorted({one.unit for one in variables if one.unit}))
+    _units(root, sorted({variable.unit for variable in variables if variable.unit}))
     categories = Xml.SubElement(root, "LogCategories")
     Xml.SubElement(categories, "Category", name="logStatusError", description="why a call failed")
     stop = {"startTime": "0", "stopTime": repr(_SECONDS), "stepSize": repr(STEP_S)}
     Xml.SubElement(root, "DefaultExperiment", stop)
-    shown = [(number, one) for number, one in enumerate(variables) if one.shown]
+    shown = [(number, variable) for number, variable in enumerate(variables) if variable.shown]
     of_all = Xml.SubElement(root, "ModelVariables")
-    for number, one in shown:
-        _variable(of_all, is_2, number, one)
+    for number, variable in shown:
+        _variable(of_all, is_2, number, variable)
     _structure(root, is_2, shown)
     return _text(root)
 
@@ -272,26 +272,31 @@ def _units(root: Xml.Element, units: Sequence[str]) -> None:
             Xml.SubElement(unit, "BaseUnit", exponents)
 
 
-def _causality(one: Variable) -> dict[str, str]:
-    if one.kind == "TIME":
+def _causality(variable: Variable) -> dict[str, str]:
+    if variable.kind == "TIME":
         return {"causality": "independent", "variability": "continuous"}
-    if one.kind in ("VOLTAGE", "FLOATS"):
-        return {"causality": "input", "variability": "continuous" if one.kind == "VOLTAGE" else "discrete"}
-    if one.kind == "OUTPUT":
+    if variable.kind in ("VOLTAGE", "FLOATS"):
+        return {"causality": "input", "variability": "continuous" if variable.kind == "VOLTAGE" else "discrete"}
+    if variable.kind == "OUTPUT":
         return {"causality": "output", "variability": "continuous", "initial": "calculated"}
     return {"causality": "parameter", "variability": "fixed", "initial": "exact"}
 
 
-def _variable(parent: Xml.Element, is_2: bool, number: int, one: Variable) -> None:
-    head = {"name": one.name, "valueReference": str(number), "description": one.meaning, **_causality(one)}
-    if one.kind == "FLOATS":
+def _variable(parent: Xml.Element, is_2: bool, number: int, variable: Variable) -> None:
+    head = {
+        "name": variable.name,
+        "valueReference": str(number),
+        "description": variable.meaning,
+        **_causality(variable),
+    }
+    if variable.kind == "FLOATS":
         kind, values = "Boolean", {"start": "false"}
     else:
-        kind, values = "Real" if is_2 else "Float64", {"unit": one.unit}
-        if one.minimum is not None and one.maximum is not None:
-            values |= {"min": repr(one.minimum), "max": repr(one.maximum)}
-        if one.kind not in ("TIME", "OUTPUT"):
-            values["start"] = repr(one.start)
+        kind, values = "Real" if is_2 else "Float64", {"unit": variable.unit}
+        if variable.minimum is not None and variable.maximum is not None:
+            values |= {"min": repr(variable.minimum), "max": repr(variable.maximum)}
+        if variable.kind not in ("TIME", "OUTPUT"):
+            values["start"] = repr(variable.start)
     if is_2:
         Xml.SubElement(Xml.SubElement(parent, "ScalarVariable", head), kind, values)
     else:
@@ -301,7 +306,7 @@ def _variable(parent: Xml.Element, is_2: bool, number: int, one: Variable) -> No
 def _structure(root: Xml.Element, is_2: bool, shown: Sequence[tuple[int, Variable]]) -> None:
     """Lists the outputs: FMI 2.0 by index, FMI 3.0 by value reference."""
     structure = Xml.SubElement(root, "ModelStructure")
-    outputs = [(place, number) for place, (number, one) in enumerate(shown, 1) if one.kind == "OUTPUT"]
+    outputs = [(place, number) for place, (number, variable) in enumerate(shown, 1) if variable.kind == "OUTPUT"]
     for name in ("Output", "InitialUnknown"):
         group = Xml.SubElement(structure, f"{name}s") if is_2 else structure
         for place, number in outputs:

@@ -3,8 +3,8 @@
 Frame of Brickpilot: x forward, y right, yaw clockwise. A pair is (left, right); for a motor, only the first value is
 used.
 
-Each effect that can be expressed has one function, with the law of the effect's row in C. An effect without a function,
-such as battery sag or gyro bias, has no counterpart in the simulators. The writer of a file lists such effects.
+An effect that these simulators can represent has one function here, with the same law as in C. Other effects, such as
+battery sag and gyro bias, have no function. Each written file lists the effects that it lacks.
 """
 
 from __future__ import annotations
@@ -132,14 +132,14 @@ def bench(machine: Machine) -> tuple[bool, float, float]:
 
 
 Values = Mapping[str, float]
-Told = Callable[[Machine, Values], Machine]
-"""Function that returns the machine with an effect added."""
+Law = Callable[[Machine, Values], Machine]
+"""Function that adds an effect to a machine: machine, parameters of the effect -> changed machine."""
 
 _EVERYTHING = frozenset(field.name for field in fields(Machine))
 
 
-def tell(model: Model, holds: Container[str] = _EVERYTHING) -> tuple[Machine, list[str]]:
-    """Returns the robot with every effect that can be expressed, and the other effects' names, in the table's order.
+def describe(model: Model, holds: Container[str] = _EVERYTHING) -> tuple[Machine, list[str]]:
+    """Returns the robot with every effect that has a law here, and the other effects' names in the table's order.
 
     Args:
         holds: the attributes of `Machine` that the file can contain; effects on other attributes are left out.
@@ -148,24 +148,24 @@ def tell(model: Model, holds: Container[str] = _EVERYTHING) -> tuple[Machine, li
         InputError: the vehicle is a skid steer.
     """
     if model.vehicle == "skid_steer":
-        message = "is a skid_steer, whose four contacts MJCF and URDF files cannot say here; an FMU can (export fmu)"
+        message = "is a skid_steer, whose four contacts Brickpilot cannot write as MJCF or URDF; export it as an FMU"
         raise InputError(message, file=model.name, field="vehicle")
     values = model.nominal
     air = 0.5 * values["air_density"] * values["drag_area"]
-    machine, untold = Machine(values, values["mass"], values["yaw_inertia"], air=air), []
+    machine, missing = Machine(values, values["mass"], values["yaw_inertia"], air=air), []
     for effect in catalogue.effects_of(model.effects):
         presets = {info.name: info.preset for info in effect.parameters}
-        act = _TOLD.get(effect.name)
-        changed = act(machine, presets | dict(model.effects[effect.name])) if act else None
+        law = _LAWS.get(effect.name)
+        changed = law(machine, presets | dict(model.effects[effect.name])) if law else None
         if changed is None or any(
             field.name not in holds
             for field in fields(Machine)
             if getattr(machine, field.name) != getattr(changed, field.name)
         ):
-            untold.append(effect.name)
+            missing.append(effect.name)
         else:
             machine = changed
-    return machine, untold
+    return machine, missing
 
 
 def _more(pair: Pair, left: float, right: float) -> Pair:
@@ -189,7 +189,7 @@ def _limit(machine: Machine, values: Values) -> Machine:
     return replace(machine, limit=min(values["voltage"], machine.limit or math.inf))
 
 
-_TOLD: dict[str, Told] = {
+_LAWS: dict[str, Law] = {
     "input_delay": lambda m, v: replace(m, delay=v["delay"]),
     "actuator_lag": lambda m, v: replace(m, lag=v["time_constant"]),
     "motor_asymmetry": lambda m, v: replace(m, gain=_apart(m.gain, v["difference"])),

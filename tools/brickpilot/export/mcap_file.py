@@ -112,13 +112,13 @@ _TRANSFORM_SCHEMA = _schema("foxglove.FrameTransform", _MOVED)
 
 def groups(run: Run) -> dict[str, dict[str, Array]]:
     """Returns topic -> field -> values of every column of the run except the time."""
-    found: dict[str, dict[str, Array]] = {}
+    topics: dict[str, dict[str, Array]] = {}
     for column, values in run.log.items():
         if column != TIME:
             topic, field = _place(column)
-            found.setdefault(topic, {})[field] = values
+            topics.setdefault(topic, {})[field] = values
     ticks = {name: values for name, values in run.ticks.items() if name != TIME}
-    return found | ({"/ticks": ticks} if ticks else {})
+    return topics | ({"/ticks": ticks} if ticks else {})
 
 
 def _place(column: str) -> tuple[str, str]:
@@ -132,11 +132,11 @@ def _place(column: str) -> tuple[str, str]:
 
 def run_topics(run: Run) -> list[Topic]:
     """Returns the topics of a run."""
-    found = [signals(name, {field: unit(field) for field in fields}) for name, fields in groups(run).items()]
+    topics = [signals(name, {field: unit(field) for field in fields}) for name, fields in groups(run).items()]
     for name, head in POSES.items():
         if f"{head}_heading_rad" in run.log:
-            found += [Topic(name, _POSE_SCHEMA, {}), Topic(f"{name}_path", _PATH_SCHEMA, {})]
-    return [*found, Topic("/tf", _TRANSFORM_SCHEMA, {})]
+            topics += [Topic(name, _POSE_SCHEMA, {}), Topic(f"{name}_path", _PATH_SCHEMA, {})]
+    return [*topics, Topic("/tf", _TRANSFORM_SCHEMA, {})]
 
 
 def run_samples(run: Run) -> list[Sample]:
@@ -228,19 +228,19 @@ def read_traffic(file: Path) -> tuple[list[Topic], list[Sample]]:
         topic, values = _decoded(message)
         samples.append(Sample(topic, latest, values | {"received": int(message.is_rx)}))
     named = {sample.topic for sample in samples}
-    found = [Topic(UNKNOWN, _UNKNOWN_SCHEMA, {})] if UNKNOWN in named else []
+    topics = [Topic(UNKNOWN, _UNKNOWN_SCHEMA, {})] if UNKNOWN in named else []
     for layout in book().database.messages:
         if f"/link/{layout.name}" in named:
             units = {signal.name: signal.unit or "1" for signal in layout.signals}
-            found.append(signals(f"/link/{layout.name}", units | {"received": "1"}))
-    return found, samples
+            topics.append(signals(f"/link/{layout.name}", units | {"received": "1"}))
+    return topics, samples
 
 
-def _decoded(one: can.Message) -> tuple[str, dict[str, Any]]:
-    layout = book().by_id.get(one.arbitration_id)
-    if layout is None or len(one.data) != 8:
-        return UNKNOWN, {"id": one.arbitration_id, "data": binascii.hexlify(one.data).decode()}
-    values: Any = book().database.decode_message(one.arbitration_id, bytes(one.data), decode_choices=False)
+def _decoded(message: can.Message) -> tuple[str, dict[str, Any]]:
+    layout = book().by_id.get(message.arbitration_id)
+    if layout is None or len(message.data) != 8:
+        return UNKNOWN, {"id": message.arbitration_id, "data": binascii.hexlify(message.data).decode()}
+    values: Any = book().database.decode_message(message.arbitration_id, bytes(message.data), decode_choices=False)
     return f"/link/{layout.name}", dict(values)
 
 

@@ -12,7 +12,7 @@ from xml.etree import ElementTree as Xml
 
 from brickpilot.constants import MOTOR_STEP_S
 from brickpilot.errors import InputError
-from brickpilot.export.machine import SIDES, Machine, RobotFile, bench, chassis, losses, radii, robot_file, tell
+from brickpilot.export.machine import SIDES, Machine, RobotFile, bench, chassis, describe, losses, radii, robot_file
 from brickpilot.vehicle.model import Model
 
 _HEAD = "Made by Brickpilot. It needs MuJoCo 3.8 or newer. y is to the left, yaw counter-clockwise."
@@ -30,9 +30,11 @@ def write(model: Model) -> RobotFile:
         InputError: the profile is `paper`: the wheels of this profile do not carry the body, but those of MuJoCo do.
     """
     if model.profile != "coupled":
-        raise InputError("has wheels that do not carry the body, which MuJoCo cannot say; use coupled", field="profile")
-    machine, untold = tell(model)
-    left_out = [*untold, *_combinations(model, machine), _FLOATS]
+        raise InputError(
+            "has wheels that do not carry the body, which MuJoCo cannot represent; use coupled", field="profile"
+        )
+    machine, missing = describe(model)
+    left_out = [*missing, *_combinations(model, machine), _FLOATS]
     root = Xml.Element("mujoco", model=model.name)
     Xml.SubElement(root, "compiler", angle="radian")
     _option(root, model, machine)
@@ -50,14 +52,14 @@ def write(model: Model) -> RobotFile:
 
 def _combinations(model: Model, machine: Machine) -> list[str]:
     """Returns the parts of this robot that MuJoCo cannot represent together with other parts of it."""
-    found = []
+    left_out = []
     if machine.lag > 0 and machine.values["inductance"] > 0:
-        found.append("inductance, as the command has a lag and MuJoCo has one state for a motor")
+        left_out.append("inductance, because the command has a lag and a motor of MuJoCo has only one state")
     if machine.lag > 0 and machine.limit is not None:
-        found.append("the limit of the voltage after its lag: the command is limited before it")
+        left_out.append("the limit of the voltage after the lag: the command is limited before the lag")
     if model.vehicle == "motor" and machine.air > 0:
-        found.append("the air's drag on the load of a motor")
-    return found
+        left_out.append("the air's drag on the load of a motor")
+    return left_out
 
 
 def _text(*numbers: float) -> str:
@@ -74,7 +76,7 @@ def _option(root: Xml.Element, model: Model, machine: Machine) -> None:
         "cone": "elliptic",
         "impratio": "10",
         "tolerance": "1e-14",
-        "gravity": _text(*(gravity * one for one in down)),
+        "gravity": _text(*(gravity * share for share in down)),
         "density": _text(1.0 if machine.air > 0 and model.vehicle != "motor" else 0.0),
     }
     Xml.SubElement(root, "option", attributes)
@@ -104,29 +106,29 @@ def _robot(world: Xml.Element, machine: Machine) -> None:
     mass, centre, inertia = chassis(machine, wheel_mass)
     if inertia <= 0:
         raise InputError("is too small for the mass of the wheels", field="parameters.yaw_inertia")
-    Xml.SubElement(world, "geom", _unfelt("floor", "plane", "0 0 1"))
+    Xml.SubElement(world, "geom", _without_collisions("floor", "plane", "0 0 1"))
     body = _body(world, "chassis", "0 0 0", mass, [inertia] * 3, _text(*centre, 0))
     for name, axis in (("x", "1 0 0"), ("y", "0 1 0"), ("z", "0 0 1")):
         _joint(body, name, "slide", axis, machine.body_drag if name != "z" else 0)
     _joint(body, "yaw", "hinge", "0 0 1", machine.yaw_drag, machine.yaw_dry)
-    deck = _unfelt("deck", "box", _text(1.2 * track, 0.7 * track, 0.3 * track))
+    deck = _without_collisions("deck", "box", _text(1.2 * track, 0.7 * track, 0.3 * track))
     Xml.SubElement(body, "geom", deck | {"pos": _text(0, 0, 2 * max(wheels)), "rgba": "0.9 0.8 0.2 1"})
     if machine.air > 0:
         drag = machine.air / (math.pi * _AIR_M**2)
-        ball = _unfelt("air", "sphere", _text(_AIR_M))
+        ball = _without_collisions("air", "sphere", _text(_AIR_M))
         Xml.SubElement(body, "geom", ball | {"fluidshape": "ellipsoid", "fluidcoef": _text(drag, 0, 0, 0, 0)})
     Xml.SubElement(body, "site", name="imu", pos=_text(machine.imu[0], -machine.imu[1], 0))
     for k, (side, y) in enumerate(zip(SIDES, (track, -track), strict=True)):
         tiny = 1e-9 * values["wheel_inertia"]
         wheel = _body(body, side, _text(0, y, wheels[k]), wheel_mass, [tiny] * 3, "0 0 0")
         _joint(wheel, side, "hinge", "0 1 0", losses(machine)[k], machine.dry[k], values["wheel_inertia"] - tiny)
-        tread = _unfelt(side, "sphere", _text(wheels[k])) | {"rgba": "0 0 0 0"}
+        tread = _without_collisions(side, "sphere", _text(wheels[k])) | {"rgba": "0 0 0 0"}
         Xml.SubElement(wheel, "geom", tread)
-        shown = _unfelt(f"{side}_wheel", "cylinder", _text(wheels[k], 0.15 * track))
+        shown = _without_collisions(f"{side}_wheel", "cylinder", _text(wheels[k], 0.15 * track))
         Xml.SubElement(wheel, "geom", shown | {"zaxis": "0 1 0", "rgba": "0.2 0.2 0.2 1"})
 
 
-def _unfelt(name: str, kind: str, size: str) -> dict[str, str]:
+def _without_collisions(name: str, kind: str, size: str) -> dict[str, str]:
     """Returns a geom without collisions, except those of an explicit contact pair."""
     return {"name": name, "type": kind, "size": size, "contype": "0", "conaffinity": "0"}
 
@@ -145,14 +147,14 @@ def _bench(world: Xml.Element, machine: Machine) -> None:
     tiny = 1e-6 * inertia
     body = _body(world, "load", "0 0 0", tiny if linear else inertia, [tiny] * 3, "0 0 0")
     _joint(body, "left", "slide" if linear else "hinge", "0 0 1", damping, machine.dry[0], inertia - tiny)
-    Xml.SubElement(body, "geom", _unfelt("load", "cylinder", "0.02 0.01"))
+    Xml.SubElement(body, "geom", _without_collisions("load", "cylinder", "0.02 0.01"))
 
 
 def _actuators(root: Xml.Element, machine: Machine, sides: Sequence[str]) -> None:
     actuator = Xml.SubElement(root, "actuator")
     for k, side in enumerate(sides):
         head = {"name": side, "joint": side}
-        head |= _late(machine.delay)
+        head |= _delay(machine.delay)
         if machine.limit is not None:
             end = machine.limit / machine.gain[k]
             head |= {"ctrllimited": "true", "ctrlrange": _text(-end, end)}
@@ -163,16 +165,16 @@ def _actuators(root: Xml.Element, machine: Machine, sides: Sequence[str]) -> Non
             Xml.SubElement(actuator, "general", {"name": f"load_{side}", "joint": side, **constant})
 
 
-def _late(delay: float) -> dict[str, str]:
+def _delay(delay: float) -> dict[str, str]:
     """Returns the delay rounded to steps, minus half a step, so that rounding in MuJoCo never adds a step."""
     steps = round(delay / MOTOR_STEP_S)
     return {"delay": _text((steps - 0.5) * MOTOR_STEP_S), "nsample": str(steps + 1)} if steps > 0 else {}
 
 
 def _motor(actuator: Xml.Element, head: dict[str, str], machine: Machine, k: int) -> None:
-    """A direct-current motor. MuJoCo has one constant for torque and back EMF. A motor with two constants is equivalent
-    to a motor with K_e for both and K_e / K_t times the resistance and inductance. All these values are divided by the
-    gain of the voltage."""
+    """Adds a direct-current motor. MuJoCo has one constant for torque and back EMF. A motor with two constants is
+    equivalent to a motor with K_e for both and K_e / K_t times the resistance and inductance. All these values are
+    divided by the gain of the voltage."""
     values = machine.values
     per_volt = values["force_per_volt"] or values["torque_per_volt"]
     torque, emf = values["torque_constant"] * machine.flux[k], values["emf_constant"] * machine.flux[k]
@@ -194,7 +196,7 @@ def _motor(actuator: Xml.Element, head: dict[str, str], machine: Machine, k: int
 
 def _sensors(root: Xml.Element, model: Model, machine: Machine, sides: Sequence[str]) -> None:
     sensor = Xml.SubElement(root, "sensor")
-    late = _late(machine.late)
+    late = _delay(machine.late)
     if model.vehicle != "motor":
         Xml.SubElement(sensor, "gyro", {"name": "gyro", "site": "imu", **late})
         Xml.SubElement(sensor, "accelerometer", {"name": "accelerometer", "site": "imu", **late})

@@ -74,7 +74,7 @@ def _check_whole(path: Path, content: bytes) -> None:
     *lines, rest = content.split(b"\n")
     for number, line in enumerate(lines, 1):
         if line.count(b",") != lines[0].count(b","):
-            have, wanted = (one.count(b",") + 1 for one in (line, lines[0]))
+            have, wanted = (cells.count(b",") + 1 for cells in (line, lines[0]))
             raise InputError(f"is no table of numbers: {have} cells under {wanted} names", file=path, line=number)
     if rest:
         raise InputError("ends inside a line: it is cut off", file=path, line=len(lines) + 1)
@@ -107,8 +107,8 @@ def parquet_tables(run: Run) -> dict[str, bytes]:
 
     A column's metadata contain its `unit`; the metadata of the log's table contain `summary.json`.
     """
-    found = {"": _file(run.log, {"summary.json": run.summary})}
-    return found | ({"-ticks": _file(run.ticks, {})} if run.ticks else {})
+    tables = {"": _file(run.log, {"summary.json": run.summary})}
+    return tables | ({"-ticks": _file(run.ticks, {})} if run.ticks else {})
 
 
 def _file(columns: Mapping[str, Array], more: Mapping[str, bytes]) -> bytes:

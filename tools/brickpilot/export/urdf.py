@@ -10,15 +10,15 @@ from collections.abc import Sequence
 from xml.etree import ElementTree as Xml
 
 from brickpilot.errors import InputError
-from brickpilot.export.machine import SIDES, Machine, RobotFile, bench, chassis, losses, radii, robot_file, tell
+from brickpilot.export.machine import SIDES, Machine, RobotFile, bench, chassis, describe, losses, radii, robot_file
 from brickpilot.vehicle.model import Model
 
 _HEAD = "Made by Brickpilot. SI; y is to the left, yaw counter-clockwise."
 _HOLDS = frozenset({"mass", "yaw_inertia", "com", "rim", "limit", "flux", "gain", "dry", "viscous", "imu"})
 _WHEEL_SHARE = 1e-2  # mass of each wheel as a share of the robot's mass
-_ELECTRIC = "motors: their resistance, inductance and constants stand in the limits of effort and velocity alone"
+_ELECTRIC = "motors: the file has only the limits of effort and velocity that follow from their constants"
 _AIR = "the drag of the air"
-_FLOOR = "wheels that hold on the floor without slip: a simulator has contacts of its own"
+_FLOOR = "wheels that roll without slip: the simulator computes the contact with the floor"
 _PAPER = "the profile paper, whose wheels do not carry the body"
 
 
@@ -28,8 +28,8 @@ def write(model: Model) -> RobotFile:
     Raises:
         InputError: the wheels alone have more yaw inertia than the robot.
     """
-    machine, untold = tell(model, _HOLDS)
-    left_out = [*untold, _ELECTRIC]
+    machine, missing = describe(model, _HOLDS)
+    left_out = [*missing, _ELECTRIC]
     left_out += [_AIR] if machine.air > 0 else []
     left_out += [_FLOOR] if model.vehicle != "motor" else []
     left_out += [_PAPER] if model.profile == "paper" else []
@@ -53,14 +53,14 @@ def _link(
     inertial = Xml.SubElement(link, "inertial")
     Xml.SubElement(inertial, "origin", xyz=_text(*centre), rpy="0 0 0")
     Xml.SubElement(inertial, "mass", value=_text(mass))
-    xx, yy, zz = (_text(one) for one in inertia)
+    xx, yy, zz = (_text(moment) for moment in inertia)
     Xml.SubElement(inertial, "inertia", {"ixx": xx, "ixy": "0", "ixz": "0", "iyy": yy, "iyz": "0", "izz": zz})
     return link
 
 
-def _shape(link: Xml.Element, turn: str, kind: str, *, felt: bool = False, **size: str) -> None:
-    for what in ("visual", "collision") if felt else ("visual",):
-        shown = Xml.SubElement(link, what)
+def _shape(link: Xml.Element, turn: str, kind: str, *, collides: bool = False, **size: str) -> None:
+    for role in ("visual", "collision") if collides else ("visual",):
+        shown = Xml.SubElement(link, role)
         Xml.SubElement(shown, "origin", xyz="0 0 0", rpy=turn)
         Xml.SubElement(Xml.SubElement(shown, "geometry"), kind, size)
 
@@ -88,7 +88,7 @@ def _robot(root: Xml.Element, machine: Machine) -> None:
     for k, (side, y) in enumerate(zip(SIDES, (track, -track), strict=True)):
         link = _link(root, f"{side}_wheel", wheel, (across, spin, across))
         turned = "1.5707963267948966 0 0"
-        _shape(link, turned, "cylinder", felt=True, radius=_text(wheels[k]), length=_text(0.3 * track))
+        _shape(link, turned, "cylinder", collides=True, radius=_text(wheels[k]), length=_text(0.3 * track))
         place = (0, y, wheels[k] - axle)
         joint = _joint(root, f"{side}_wheel_joint", "continuous", "base_link", f"{side}_wheel", place)
         Xml.SubElement(joint, "axis", xyz="0 1 0")

@@ -1,9 +1,9 @@
-"""`brickpilot check`: what a data set is worth before a discovery, and what to drive next.
+"""`brickpilot check`: what a data set is worth before a discovery, and which manoeuvre to drive next.
 
 The check needs one fit of the nominal model; if there are many runs, the fit uses some of them. For each parameter, the
 check gives the interval of this fit. For each effect, it gives the smallest size that would be named.
 
-To choose what to drive next, the check simulates each manoeuvre with the fitted nominal model, with each parameter
+To advise the next manoeuvre, the check simulates each manoeuvre with the fitted nominal model, with each parameter
 slightly changed and with each effect. The manoeuvre's information is added to that of the runs (Atkinson, Donev &
 Tobias 2007, Optimum experimental designs, ch. 9).
 """
@@ -119,9 +119,9 @@ class Check(Result):
         import pandas
 
         if table == "signals":
-            return pandas.DataFrame([vars(one) for one in self.signals])
+            return pandas.DataFrame([vars(signal) for signal in self.signals])
         if table == "effects":
-            sizes = [(name, one.parameter, one.size, one.unit) for name, one in self.visible.items()]
+            sizes = [(name, effect.parameter, effect.size, effect.unit) for name, effect in self.visible.items()]
             return pandas.DataFrame(sizes, columns=["effect", "parameter", "size", "unit"])
         return estimates_frame(self.parameters)
 
@@ -165,8 +165,8 @@ def check(dataset: Dataset, *, seed: int = 0, jobs: int = 2) -> Check:
         whole = comparable(known)
         prepared, nominal = calibrate(prepare(some, None, seed=seed, jobs=jobs)[0])
         prepared, nominal = in_closed_loop(prepared, nominal, nominal)
-        samples, of = (sum(len(run.time) for run in one.runs) for one in (some, known))
-        seconds = estimate(prepared, nominal, times=of / samples)
+        samples, all_samples = (sum(len(run.time) for run in dataset_.runs) for dataset_ in (some, known))
+        seconds = estimate(prepared, nominal, times=all_samples / samples)
         judge = Judge.of(prepared.coarse, seed)
         nothing = judge.of_explanation(nominal)
         temperature = judge.temperature(nothing, nothing)
@@ -179,7 +179,7 @@ def check(dataset: Dataset, *, seed: int = 0, jobs: int = 2) -> Check:
         vehicle=dataset.vehicle,
         frame=dataset.frame,
         runs=tuple(
-            facts.of_run(one, whole.roles.by_run[one.name], motor_inputs(one, whole.measured)) for one in dataset.runs
+            facts.of_run(run, whole.roles.by_run[run.name], motor_inputs(run, whole.measured)) for run in dataset.runs
         ),
         signals=facts.of_signals(dataset),
         faults=whole.measured.faults,
@@ -222,10 +222,14 @@ def _advise(
     now = asked.information(problem, nominal.point)
     offered = manoeuvres(nominal.model.vehicle, prepared.excitation.largest["voltage"])
     driven = ((manoeuvre, _driven(prepared, nominal, manoeuvre)) for manoeuvre in offered)
-    more = [(manoeuvre, asked.information(one, nominal.point)) for manoeuvre, one in driven if one is not None]
+    more = [
+        (manoeuvre, asked.information(problem_, nominal.point))
+        for manoeuvre, problem_ in driven
+        if problem_ is not None
+    ]
     largest = np.max([np.diag(known)[len(nominal.point) :] for known in (now, *(known for _, known in more))], axis=0)
     possible = {probe.part.effect for probe, strength in zip(asked.probes, largest, strict=True) if strength > 0}
-    shown = {name for name, one in visible.items() if one.size <= asked.usual.get((name, one.parameter), 0.0)}
+    shown = {name for name, seen in visible.items() if seen.size <= asked.usual.get((name, seen.parameter), 0.0)}
     shown |= asked.shown(now)
     advised: list[Advice] = []
     while more and len(advised) < _MANOEUVRES:
@@ -265,12 +269,12 @@ class _Asked:
     def of(cls, prepared: Prepared, nominal: Explanation, prior_slopes: Array, temperature: float) -> _Asked:
         base = nominal.model
         few = [
-            one
-            for one in library_parts(base, prepared.coarse.signals)
-            if len(one.free) == 1 and scanned_parameter(one) is None and limit_of(one) is None
+            part
+            for part in library_parts(base, prepared.coarse.signals)
+            if len(part.free) == 1 and scanned_parameter(part) is None and limit_of(part) is None
         ]
-        probes = [probe for one in few for probe in probes_of(one, base, prepared.excitation)]
-        infos = {(one.effect, one.free[0]): size_of(one) for one in few}
+        probes = [probe for part in few for probe in probes_of(part, base, prepared.excitation)]
+        infos = {(part.effect, part.free[0]): size_of(part) for part in few}
         usual = {key: (info.preset or info.trial) * scale_of(info.unit, base) for key, info in infos.items()}
         plan = dataclasses.replace(nominal.plan, model=base)
         return cls(plan, probes, usual, prior_slopes.T @ prior_slopes, temperature)
@@ -294,15 +298,17 @@ class _Asked:
         strength = (np.diag(known)[count:] - np.sum(cross * taken, axis=0)) / 2
         sizes = [abs(probe.values[0][probe.part.free[0]]) for probe in self.probes]
         tried = [
-            (probe.part, size, size_named(probe.part, size, one, self.temperature))
-            for probe, size, one in zip(self.probes, sizes, strength.tolist(), strict=True)
+            (probe.part, size, size_named(probe.part, size, nats, self.temperature))
+            for probe, size, nats in zip(self.probes, sizes, strength.tolist(), strict=True)
         ]
         return {part.effect for part, size in nearest_sizes(tried) if size <= self.usual[part.effect, part.free[0]]}
 
     def sharper(self, before: Array, after: Array) -> tuple[str, ...]:
-        """Returns the parameters that are badly determined by the information `before`, and much better by `after`."""
+        """Returns the parameters that the information `before` determines badly and `after` determines much better."""
         count = len(self.prior)
-        wide, narrow = (np.sqrt(np.diag(np.linalg.inv(one[:count, :count] + self.prior))) for one in (before, after))
+        wide, narrow = (
+            np.sqrt(np.diag(np.linalg.inv(known[:count, :count] + self.prior))) for known in (before, after)
+        )
         better = (narrow < _SHARPER * wide) & (wide > _UNKNOWN)
         return tuple(free.name for free, is_so in zip(self.plan.free, better, strict=True) if is_so)
 
@@ -321,6 +327,6 @@ def _driven(prepared: Prepared, nominal: Explanation, manoeuvre: Manoeuvre) -> P
         alone = cut_into_windows(alone, {run.name: driven.inputs}, _WINDOW_S) or alone
     if not alone.runs:
         return None
-    names = [one.name for one in alone.runs]
+    names = [run.name for run in alone.runs]
     data = of_bins(alone, nominal.plan.model, names, width_s=numbers.BIN_S, coarse=True, threads=prepared.jobs)
     return Problem(data.weighed_like(prepared.coarse), nominal.plan)

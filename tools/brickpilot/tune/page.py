@@ -39,7 +39,7 @@ def page(tuned: Tuned, command: str) -> str:
         sentence=sentence(tuned),
         tuned=tuned,
         rates=_rates(judged.rate_before, judged.rate_after),
-        changes=[_row(one) for one in judged.changes],
+        changes=[_row(change_) for change_ in judged.changes],
         causes=_causes(judged.before, judged.after),
         spreads=[_distribution(tuned, *one) for one in (("cross_track", "m"), ("time", "s"))],
         gains=_gains(tuned),
@@ -59,37 +59,37 @@ def sentence(tuned: Tuned) -> str:
     )
     if tuned.kept_start:
         return f"{success} The gains found are not better beyond chance, so the gains before are kept."
-    better = [one.name for one in tuned.judged.changes if one.robots and one.high < 0.0]
-    worse = [one.name for one in tuned.judged.changes if one.robots and one.low > 0.0]
+    better = [change_.name for change_ in tuned.judged.changes if change_.robots and change_.high < 0.0]
+    worse = [change_.name for change_ in tuned.judged.changes if change_.robots and change_.low > 0.0]
     more = ["the share of robots that arrive"] if after.low > before.high else []
     results = [(listed([*more, *better]), "got better"), (listed(worse), "got worse")]
     return " ".join([success, *(f"{names[0].upper()}{names[1:]} {verb}." for names, verb in results if names)])
 
 
-def percent(one: Rate) -> str:
+def percent(rate: Rate) -> str:
     """Returns a rate with its interval: "93.1 % (91.3..94.5 %)"."""
-    return f"{100 * one.share:.1f} % ({100 * one.low:.1f}..{100 * one.high:.1f} %)"
+    return f"{100 * rate.share:.1f} % ({100 * rate.low:.1f}..{100 * rate.high:.1f} %)"
 
 
-def change(one: Change) -> tuple[str, str, str, str]:
-    """Returns the texts of the value before, the value after, their difference, and its interval."""
-    if not one.robots:
+def change(compared: Change) -> tuple[str, str, str, str]:
+    """Returns the value before, the value after, the difference, and the interval of the difference, as texts."""
+    if not compared.robots:
         return ("\N{EN DASH}",) * 4
-    values = (one.before, one.after, one.after - one.before)
+    values = (compared.before, compared.after, compared.after - compared.before)
     before, after, difference = (number(value) for value in values)
-    return before, after, difference, f"{number(one.low)}..{number(one.high)}"
+    return before, after, difference, f"{number(compared.low)}..{number(compared.high)}"
 
 
-def _row(one: Change) -> dict[str, object]:
-    cells = dict(zip(("before", "after", "difference", "interval"), change(one), strict=True))
-    return {"name": one.name, "unit": one.unit, "robots": one.robots, **cells}
+def _row(compared: Change) -> dict[str, object]:
+    cells = dict(zip(("before", "after", "difference", "interval"), change(compared), strict=True))
+    return {"name": compared.name, "unit": compared.unit, "robots": compared.robots, **cells}
 
 
 def _rates(before: Rate, after: Rate) -> Markup:
     return row_chart(
         ["before", "after"],
         {"share of robots": (AFTER, [100 * before.share, 100 * after.share])},
-        [(100 * one.low, 100 * one.high) for one in (before, after)],
+        [(100 * rate.low, 100 * rate.high) for rate in (before, after)],
         "robots that fly the mission",
         "%",
         title=f"success before {percent(before)}, after {percent(after)}",
@@ -160,7 +160,9 @@ def _ranges(tuned: Tuned) -> Markup:
 
 def _chosen(tuned: Tuned) -> list[tuple[int, str]]:
     """Returns the places of the robots whose tracks are shown, each with the reason for the choice."""
-    before, after = ([score(one, tuned.by) for one in flown] for flown in (tuned.judged.before, tuned.judged.after))
+    before, after = (
+        [score(outcome, tuned.by) for outcome in flown] for flown in (tuned.judged.before, tuned.judged.after)
+    )
     median = int(np.argsort(before, kind="stable")[len(before) // 2])
     picked = {median: "the robot in the middle before"}
     picked.setdefault(int(np.argmax(before)), "the worst robot before")
@@ -206,10 +208,10 @@ def _apart(track: Array, samples: int) -> Array:
     return kept[:, :-1] if kept.shape[1] == samples else kept
 
 
-def _result(one: Outcome) -> str:
-    if one.cause:
-        return f"failed: {one.cause}"
-    return f"arrived after {one.time:.1f} s, cross-track {1e3 * one.cross_track:.0f} mm rms"
+def _result(outcome: Outcome) -> str:
+    if outcome.cause:
+        return f"failed: {outcome.cause}"
+    return f"arrived after {outcome.time:.1f} s, cross-track {1e3 * outcome.cross_track:.0f} mm rms"
 
 
 def _trace(tuned: Tuned) -> Markup | None:
@@ -217,13 +219,13 @@ def _trace(tuned: Tuned) -> Markup | None:
     generations = tuned.searched.generations
     if not generations:
         return None
-    sets = np.array([float(one.sets) for one in generations])
+    sets = np.array([float(generation.sets) for generation in generations])
     scores = [
-        Curve("best of a generation", np.array([one.best for one in generations]), AFTER, 1.8),
-        Curve("middle", np.array([one.middle for one in generations]), "grey"),
+        Curve("best of a generation", np.array([generation.best for generation in generations]), AFTER, 1.8),
+        Curve("middle", np.array([generation.middle for generation in generations]), "grey"),
     ]
-    success = [Curve("flights", np.array([100 * one.success for one in generations]), "green")]
-    step = [Curve("step", np.array([one.step for one in generations]), "purple")]
+    success = [Curve("flights", np.array([100 * generation.success for generation in generations]), "green")]
+    step = [Curve("step", np.array([generation.step for generation in generations]), "purple")]
     panels = [
         Panel("mean score", "", scores, 150, log=True),
         Panel("success", "%", success, 110),

@@ -1,8 +1,8 @@
 """The tuning problem: one robot's controller, tested on one mission in flights of the robots that the data allow.
 
 The search has one coordinate for each tuned gain. A coordinate is log(raw + offset), because ratios of gains matter;
-the offset lets a gain of 0 grow. The search stays within a factor of the start and within the format, and scores the
-rounded integers.
+with the offset, a gain of 0 has a finite coordinate and can grow. The search stays within a factor of the start and
+within the format, and scores the rounded integers.
 """
 
 from __future__ import annotations
@@ -215,18 +215,23 @@ UNKNOWN_RADII = 5.0
 def scale(outcomes: Sequence[Outcome], problem: Problem) -> Scale:
     """Returns the units of the score, computed from the flights with the start's gains."""
     longest = problem.plan.scenario.duration
-    known = [one for one in outcomes if one.success]
-    time = float(np.median([one.time for one in known])) if known else longest
-    wear = float(np.median([one.wear for one in known or outcomes]))
+    known = [outcome for outcome in outcomes if outcome.success]
+    time = float(np.median([outcome.time for outcome in known])) if known else longest
+    wear = float(np.median([outcome.wear for outcome in known or outcomes]))
     return Scale(problem.plan.acceptance, time, max(wear, 1.0), longest)
 
 
-def score(one: Outcome, by: Scale) -> float:
+def score(outcome: Outcome, by: Scale) -> float:
     """Returns the cost of a flight, to be averaged over robots; less is better.
 
     100 (waypoints missed, share) + cross-track rms / radius + time / (2 start's time) + wear / (10 start's wear)
     """
-    track = UNKNOWN_RADII if math.isnan(one.cross_track) else one.cross_track / by.acceptance
-    time = by.longest if math.isnan(one.time) else one.time
-    wear = by.wear if math.isnan(one.wear) else one.wear
-    return MISSED * max(one.missed, _LEAST * (not one.success)) + track + TIME * time / by.time + WEAR * wear / by.wear
+    track = UNKNOWN_RADII if math.isnan(outcome.cross_track) else outcome.cross_track / by.acceptance
+    time = by.longest if math.isnan(outcome.time) else outcome.time
+    wear = by.wear if math.isnan(outcome.wear) else outcome.wear
+    return (
+        MISSED * max(outcome.missed, _LEAST * (not outcome.success))
+        + track
+        + TIME * time / by.time
+        + WEAR * wear / by.wear
+    )

@@ -1,6 +1,6 @@
 """Tunes the gains of one robot: its problem, the search, the final comparison (the judge), and the kept gains.
 
-Workers load only the module `task`, so they need no library of a link.
+Workers load only the module `task`, so a worker needs none of the libraries that links need.
 
 The search is CMA-ES (Hansen, 2016, arXiv 1604.00772) by pycma, on flights of drawn robots by the workers of a campaign.
 All gain sets of a generation are flown by the same robots with the same noise (common random numbers), so that chance
@@ -48,7 +48,7 @@ STEP = 0.3
 """First step size of the search: the sd of a gain's logarithm, about a third more or less."""
 
 FLIGHTS = 8
-"""Number of flights in a part: so many that the overhead is small, so few that all workers end almost together."""
+"""Number of flights in a part. More would let workers wait at the end of a generation; fewer cost more overhead."""
 
 LEVEL = 0.95
 RESAMPLES = 4000
@@ -159,7 +159,7 @@ class Judged:
 
 def rate(outcomes: Sequence[Outcome]) -> Rate:
     """Returns the share of successes with its interval."""
-    successes = sum(one.success for one in outcomes)
+    successes = sum(outcome.success for outcome in outcomes)
     interval = binomtest(successes, len(outcomes)).proportion_ci(LEVEL, method="wilson")
     return Rate(successes, len(outcomes), float(interval.low), float(interval.high))
 
@@ -264,12 +264,12 @@ def to_json(tuned: Tuned) -> dict[str, Any]:
         "sensors": problem.plan.sensors,
         "mission": problem.plan.scenario.title,
         "uncertainty": problem.allowed.source,
-        "explanations": [one.name for one in problem.allowed.explanations],
+        "explanations": [explanation.name for explanation in problem.allowed.explanations],
         "success": {"before": _rate(judged.rate_before), "after": _rate(judged.rate_after)},
         "gained": judged.gained,
         "lost": judged.lost,
         "p": judged.p,
-        "changes": {one.name: _change(one) for one in judged.changes},
+        "changes": {change.name: _change(change) for change in judged.changes},
         "failures": {"before": _causes(judged.before), "after": _causes(judged.after)},
         "gains": {
             name: {
@@ -290,15 +290,15 @@ def to_json(tuned: Tuned) -> dict[str, Any]:
     }
 
 
-def _rate(one: Rate) -> dict[str, Any]:
-    return {"successes": one.successes, "robots": one.robots, "share": one.share, "ci95": [one.low, one.high]}
+def _rate(rate: Rate) -> dict[str, Any]:
+    return {"successes": rate.successes, "robots": rate.robots, "share": rate.share, "ci95": [rate.low, rate.high]}
 
 
-def _change(one: Change) -> dict[str, Any]:
-    known = one.robots > 0
-    values = {"before": one.before, "after": one.after, "difference": one.after - one.before}
+def _change(change: Change) -> dict[str, Any]:
+    known = change.robots > 0
+    values = {"before": change.before, "after": change.after, "difference": change.after - change.before}
     shown = {name: value if known else None for name, value in values.items()}
-    return {"unit": one.unit, "robots": one.robots, **shown, "ci95": [one.low, one.high] if known else None}
+    return {"unit": change.unit, "robots": change.robots, **shown, "ci95": [change.low, change.high] if known else None}
 
 
 def _causes(outcomes: Sequence[Outcome]) -> dict[str, int]:
