@@ -1,10 +1,10 @@
-"""The integral of a squared error (eq. 20), of one signal and of several runs."""
+"""The integral of a squared error (eq. 20) of a signal."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from brickpilot.data.agreement import pooled, signal_error
+from brickpilot.data.agreement import signal_error
 
 
 def test_ils_is_the_trapezoidal_integral_on_irregular_times():
@@ -26,9 +26,3 @@ def test_blank_measurements_leave_their_intervals_out():
 
 def test_a_signal_without_energy_has_no_share():
     assert signal_error(np.arange(3.0), np.ones(3), np.zeros(3)).share is None
-
-
-def test_pooled_runs_weigh_by_their_time():
-    short = signal_error(np.array([0.0, 1.0]), np.full(2, 2.0), np.ones(2))
-    long = signal_error(np.array([0.0, 9.0]), np.ones(2), np.ones(2))
-    assert pooled([short, long]).rms_error == pytest.approx(0.1**0.5)

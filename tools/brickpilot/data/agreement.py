@@ -183,11 +183,5 @@ def signal_error(time: Array, simulated: Array, measured: Array, *, relative: bo
     return SignalError(_integral(step, error**2), _integral(step, signal**2), float(step.sum()))
 
 
-def pooled(errors: Iterable[SignalError]) -> SignalError:
-    """Returns the error of several runs, or windows, as of one run."""
-    listed = list(errors)
-    return SignalError(sum(e.ils for e in listed), sum(e.energy for e in listed), sum(e.seconds for e in listed))
-
-
 def _integral(step: Array, values: Array) -> float:
     return float(np.sum(step * (values[1:] + values[:-1])) / 2)

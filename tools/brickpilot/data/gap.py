@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from brickpilot.data.audit.view import stretches
 from brickpilot.data.dataset import Dataset, Run
 from brickpilot.data.holdout import Roles
 from brickpilot.data.signals import SUMMED, Array
@@ -125,9 +126,8 @@ def _spans(time: Array, square: Array, above: float) -> list[slice]:
     number = np.floor((time - time[0]) / _SHOWN_S).astype(np.intp)
     means = np.bincount(number, square) / np.maximum(np.bincount(number), 1)
     shown = means[number] > above**2
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], shown, [False]]).astype(np.int8))).reshape(-1, 2)
     spans: list[slice] = []
-    for first, end in edges.tolist():
+    for first, end in stretches(shown):
         if spans and time[first] - time[spans[-1].stop - 1] < _BRIDGED_S:
             spans[-1] = slice(spans[-1].start, end)
         else:

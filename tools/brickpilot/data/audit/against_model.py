@@ -63,7 +63,11 @@ def contradictions(dataset: Dataset, simulated: Mapping[str, Mapping[str, Vector
             if len(wrong) == len(moving) > 1 and len(set(wrong.values())) == 1:
                 factor = next(iter(wrong.values()))
                 wrong = {run.name: factor for run in dataset.runs if np.isfinite(run.outputs.get(signal, ())).any()}
-            found += [_fault(run, signal, wrong[run.name]) for run in dataset.runs if run.name in wrong]
+            found += [
+                Fault(run.name, signal, "sign" if by == -1.0 else "unit", float(run.time[0]), float(run.time[-1]), by)
+                for run in dataset.runs
+                if (by := wrong.get(run.name)) is not None
+            ]
     order = {run.name: number for number, run in enumerate(dataset.runs)}
     return tuple(sorted(found, key=lambda one: (order[one.run], one.signal)))
 
@@ -142,11 +146,6 @@ def _gross(signal: str, ratio: float) -> float | None:
         if near:
             return min(near, key=lambda by: abs(np.log(ratio / by)))
     return None
-
-
-def _fault(run: Run, signal: str, factor: float) -> Fault:
-    span = float(run.time[0]), float(run.time[-1])
-    return Fault(run.name, signal, "sign" if factor == -1.0 else "unit", *span, factor)
 
 
 def _ratio(run: Run, signal: str, simulated: Vector) -> _Ratio | None:

@@ -159,21 +159,27 @@ class _Search:
                 self.notes.append(f"run {view.name}: its clock {one.evidence}; left out from {start:.6g} s on")
 
     def collisions(self) -> None:
-        """Finds runs with a collision, and leaves out all samples after it.
+        """Finds the first collision of each run, and leaves out all samples after it.
 
-        The motion after a collision does not follow from the inputs, because the obstacle was not measured. A run with
-        a wrong clock is skipped, because a clock that jumps looks like a collision.
+        In a collision, a fast vehicle loses speed although its command does not change. The motion after a collision
+        does not follow from the inputs, because the obstacle was not measured. Two kinds of runs are skipped: runs
+        without a measured wheel or shaft, and runs with a wrong clock, because a clock's jump looks like a collision.
         """
         wrong_clocks = {one.run for one in self.faults if one.kind == "clock"}
-        for one in _collisions(self.views):
-            view = self.views[one.run]
-            if view.name in wrong_clocks:
+        rates = [_rates(view) for view in self.views]
+        names = dict.fromkeys(name for each in rates for name in each)
+        fastest = {name: max(float(np.max(np.abs(each[name]))) for each in rates if name in each) for name in names}
+        for view, each in zip(self.views, rates, strict=True):
+            last = {name: row for name in each if (row := _loss(view, name, each[name], fastest[name])) is not None}
+            sides = {driven_by(name) for name in last}
+            if view.name in wrong_clocks or not ("shaft" in sides or {"left", "right"} <= sides):
                 continue
-            for name in one.names:
-                self._leave_out(view, name, "collision", start=one.row + 1)
+            start = min(last.values()) + 1
+            for name in last:
+                self._leave_out(view, name, "collision", start=start)
             for values in view.outputs.values():
-                values[one.row + 1 :] = np.nan
-            self.notes.append(collision_note(view.name, one.names, float(view.time[one.row + 1] - view.time[0])))
+                values[start:] = np.nan
+            self.notes.append(collision_note(view.name, tuple(last), float(view.time[start] - view.time[0])))
 
     def keep_samples(self) -> None:
         """Blanks the rows that repeat a held sample; adds one note for all runs with the same held channels."""
@@ -217,47 +223,19 @@ def _is_known(view: RunView, name: str) -> bool:
     return bool(np.isfinite(view.outputs[name]).any())
 
 
-@dataclass(frozen=True)
-class _Collision:
-    """A collision: a fast vehicle loses speed although its command does not change.
-
-    Attributes:
-        run: number of the run.
-        row: the last sample before the collision.
-        names: the channels that show the collision.
-    """
-
-    run: int
-    row: int
-    names: tuple[str, ...]
-
-
-def _collisions(views: Sequence[RunView]) -> list[_Collision]:
-    """Returns the first collision of each run. In a run without a measured wheel or shaft no collision is found."""
-    rates = [{name: rate for name in one.outputs if (rate := _rate(one, name)) is not None} for one in views]
-    names = dict.fromkeys(name for each in rates for name in each)
-    fastest = {name: max(float(np.max(np.abs(each[name]))) for each in rates if name in each) for name in names}
-    found: list[_Collision] = []
-    for number, (view, each) in enumerate(zip(views, rates, strict=True)):
-        rows = {name: row for name, rate in each.items() if (row := _loss(view, name, rate, fastest[name])) is not None}
-        sides = {driven_by(name) for name in rows}
-        if "shaft" in sides or {"left", "right"} <= sides:
-            found.append(_Collision(number, min(rows.values()), tuple(rows)))
+def _rates(view: RunView) -> dict[str, Vector]:
+    """Returns the rates of wheels or shaft, averaged over `_SMOOTH_S`."""
+    found: dict[str, Vector] = {}
+    for name in view.outputs:
+        known = np.isfinite(view.outputs[name])
+        if name not in {*RATE_OF, *RATE_OF.values()} or np.count_nonzero(known) < 2 or view.interval > _WITHIN_S / 4:
+            continue
+        values = np.interp(view.time, view.time[known], view.outputs[name][known])
+        sums = values if name in RATE_OF else integral(view.time, values)
+        half, rows = max(1, round(_SMOOTH_S / view.interval) // 2), np.arange(len(sums))
+        late, early = np.minimum(rows + half, len(sums) - 1), np.maximum(rows - half, 0)
+        found[name] = (sums[late] - sums[early]) / (view.time[late] - view.time[early])
     return found
-
-
-def _rate(view: RunView, name: str) -> Vector | None:
-    """Returns the rate of a wheel or shaft, averaged over `_SMOOTH_S`; None for other channels."""
-    if name not in RATE_OF and name not in RATE_OF.values():
-        return None
-    known = np.isfinite(view.outputs[name])
-    if np.count_nonzero(known) < 2 or view.interval > _WITHIN_S / 4:
-        return None
-    values = np.interp(view.time, view.time[known], view.outputs[name][known])
-    sums = values if name in RATE_OF else integral(view.time, values)
-    half, rows = max(1, round(_SMOOTH_S / view.interval) // 2), np.arange(len(sums))
-    late, early = np.minimum(rows + half, len(sums) - 1), np.maximum(rows - half, 0)
-    return np.asarray((sums[late] - sums[early]) / (view.time[late] - view.time[early]))
 
 
 def _loss(view: RunView, name: str, rate: Vector, fastest: float) -> int | None:

@@ -16,7 +16,7 @@ import numpy as np
 
 from brickpilot.data.audit.fault import CLOCK_FACTORS, FACTORS, GRAVITY, is_one_of, usual_factors
 from brickpilot.data.audit.relations import WHEEL_KINDS, Alike, Driven, Geometry, Group, State, relations
-from brickpilot.data.audit.view import LEAST_SAMPLES, RunView, Vector, Windows, cut, driven_by, ratio_of
+from brickpilot.data.audit.view import LEAST_SAMPLES, RunView, Vector, Windows, cut, driven_by, ratio_of, typical_motion
 
 _MOST = 8  # a search stops after this number of contradictions
 _INTERVAL_RATIO = 1.4  # a factor explains the ratio of two intervals if it is off by less than this factor
@@ -30,8 +30,6 @@ _LARGE = 9.0  # a comparison with the other runs finds only factors above this
 _GAINS_FIT, _NOISE_FIT = 1.3, 2.0  # a factor explains a ratio of gains or noise if off by less than this factor
 _GAINS_ALIKE = 2.0  # gains agree if their ratio is smaller; the gains of most other runs have to agree
 _WORST = 6.0  # a larger logarithm of a ratio counts as this value
-_TYPICAL = (("yaw_", 3.0), ("wheel_travel", 0.5), ("wheel_velocity", 0.5), ("position", 0.2), ("velocity", 0.2),
-            ("wheel_", 10.0), ("angle", 10.0), ("speed", 10.0), ("accel_", 1.0))  # fmt: skip
 _TYPICAL_INTERVAL_S = 0.005
 _TYPICAL_BATTERY, _HIGHEST_BATTERY = 9.0, 500.0  # V
 
@@ -138,18 +136,26 @@ def _is_near(ratio: float, factor: float, by: float) -> bool:
     return 1 / by < ratio / factor < by
 
 
+def _beside_others(values: Mapping[int, float], factors: Sequence[float], by: float) -> dict[int, float]:
+    """Returns run -> the factor that explains the ratio of its value to the median of the other runs' values.
+
+    Runs without such a factor have no entry. `by`: as in `_is_near`.
+    """
+    found: dict[int, float] = {}
+    for number, value in values.items():
+        others = [other for k, other in values.items() if k != number]
+        ratio = value / float(np.median(others)) if others else 1.0
+        if factor := next((one for one in factors if _is_near(ratio, one, by)), None):
+            found[number] = factor
+    return found
+
+
 def _clocks_in_other_units(windows: dict[int, Windows]) -> list[Contradiction]:
     """Returns runs whose sampling interval differs by the factor of a unit of time, and corrects their windows."""
     intervals = {number: one.interval for number, one in windows.items()}
-    odd: dict[int, float] = {}
-    for number, interval in intervals.items():
-        others = [other for k, other in intervals.items() if k != number]
-        ratio = interval / float(np.median(others)) if others else 1.0
-        for factor in CLOCK_FACTORS:
-            if _is_near(ratio, factor, _INTERVAL_RATIO):
-                odd[number] = factor
+    odd = _beside_others(intervals, CLOCK_FACTORS, _INTERVAL_RATIO)
     if len(odd) == len(intervals) == 2:
-        odd = dict([max(odd.items(), key=lambda one: abs(log(intervals[one[0]] / _TYPICAL_INTERVAL_S)))])
+        odd = dict([max(odd.items(), key=lambda one: _log_ratio(intervals[one[0]], _TYPICAL_INTERVAL_S))])
     for number, factor in odd.items():
         windows[number] = windows[number].divided({"time": factor})
     return [Contradiction(("time",), factor, (number,), ()) for number, factor in odd.items()]
@@ -278,9 +284,8 @@ def _gain_of(windows: Windows, name: str, *, surely: float = 0.0) -> float | Non
 
 def _oddness(windows: Windows, name: str) -> float:
     """Returns the absolute log ratio of a channel's fastest motion to that of a typical small machine."""
-    typical = next((value for start, value in _TYPICAL if name.startswith(start)), None)
-    largest = _fastest(windows, name)
-    return _log_ratio(largest, typical) if typical is not None and largest > 0.0 else 0.0
+    largest, typical = _fastest(windows, name), typical_motion(name)
+    return _log_ratio(largest, typical) if typical and largest > 0.0 else 0.0
 
 
 def _fastest(windows: Windows, name: str) -> float:
@@ -345,13 +350,11 @@ def _against_other_runs(runs: RunSet) -> list[Contradiction]:
             if (gain := _gain_of(one, name, surely=_WITH_DRIVE)) is not None
         }
         odd: dict[int, float] = {}
-        for number, gain in gains.items():
+        for number, factor in _beside_others(gains, large, _GAINS_FIT).items():
             others = [k for k in gains if k != number]
-            ratios = gain / np.array([gains[k] for k in others])
-            ratio = float(np.median(ratios)) if others else 1.0
-            factor = next((one for one in large if _is_near(ratio, one, _GAINS_FIT)), None)
+            usual_gain = float(np.median([gains[k] for k in others]))
             # If the other gains disagree, their median is no reference.
-            if factor is None or np.mean(np.abs(np.log(ratios / ratio)) < log(_GAINS_ALIKE)) <= 0.5:
+            if np.mean([_log_ratio(gains[k], usual_gain) < log(_GAINS_ALIKE) for k in others]) <= 0.5:
                 continue
             own, rough = runs.windows[number].roughness[name], [runs.windows[k].roughness[name] for k in others]
             usual = float(np.median([one for one in rough if one > 0.0] or [np.inf]))

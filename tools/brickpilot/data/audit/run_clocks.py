@@ -2,9 +2,7 @@
 
 Two tests find a wrong clock. The first compares a run's sampling interval with the interval of the other runs, if the
 latter is constant to a fraction of a percent. The second uses the ratio of an angle's growth to the integral of its
-rate; this ratio depends on the sensors and is equal in all runs. If the ratio of one sensor is wrong by the same factor
-in all runs, its scale may be wrong. The clock is wrong only if the ratios of two sensors, wheels and gyro, are wrong by
-the same factor.
+rate; this ratio depends on the sensors and is equal in all runs.
 
 A rate that lags is not a fault, because motor controllers report an averaged velocity.
 """
@@ -80,7 +78,7 @@ def clock_faults(views: Sequence[RunView]) -> list[ClockFault]:
     usual = _usual(ratios)
     offs = [{name: _off(one, *usual[name]) for name, one in each.items() if name in usual} for each in ratios]
     found: dict[int, ClockFault] = {}
-    for fault in (*_jumps(views), *_off_ratios(ratios, offs, usual), *_off_intervals(views)):
+    for fault in (*_jumps(views), *_off_ratios(ratios, offs), *_off_intervals(views)):
         by = 0.0 if fault.factor is None else 1.0 / fault.factor - 1.0
         if fault.run not in found and not (by and _denied(offs[fault.run], by)):
             found[fault.run] = fault
@@ -214,17 +212,12 @@ def _usual(ratios: Sequence[Mapping[str, _Ratio]]) -> dict[str, tuple[float, flo
 def _off_ratios(
     ratios: Sequence[Mapping[str, _Ratio]],
     offs: Sequence[Mapping[str, tuple[float, float]]],
-    usual: Mapping[str, tuple[float, float]],
 ) -> list[ClockFault]:
     found: list[ClockFault] = []
-    shared = _off_in_all(usual)
     for number, (each, its_offs) in enumerate(zip(ratios, offs, strict=True)):
         sure = {name: one for name, one in its_offs.items() if abs(one[0]) > _SURE * one[1]}
         off = float(np.mean([one for one, _ in sure.values()])) if sure else 0.0
-        if each and shared is not None:
-            evidence = "is off: the angles of wheels and gyro do not grow as their rates in any run"
-            found.append(ClockFault(number, 0, shared, evidence))
-        elif not sure.keys() <= _WANDER and _agree(list(sure.values()), _RATIO_OFF) and not _denied(its_offs, off):
+        if not sure.keys() <= _WANDER and _agree(list(sure.values()), _RATIO_OFF) and not _denied(its_offs, off):
             evidence = f"is off: {' and '.join(sure)} grow otherwise than the rates, unlike in the other runs"
             found.append(ClockFault(number, 0, 1.0 / (off + 1.0), evidence))
         elif not each.keys() <= _WANDER and _agree([(one.trend, one.trend_sd) for one in each.values()], _DRIFTS):
@@ -247,15 +240,6 @@ def _agree(offs: Sequence[tuple[float, float]], least: float) -> bool:
     values = np.array([off for off, _ in offs])
     sure = all(abs(off) > max(least, _SURE * sd) for off, sd in offs)
     return bool(sure and np.ptp(values) < _AGREE * np.abs(values).min())
-
-
-def _off_in_all(usual: Mapping[str, tuple[float, float]]) -> float | None:
-    """Returns the ratio of stated to true time, if wheels and gyro are wrong by one factor in all runs; else None."""
-    offs = [(middle - 1.0, max(spread, _STEADY)) for middle, spread in usual.values()]
-    kinds = {"yaw" if name.startswith("yaw_") else "wheel" for name in usual}
-    if len(kinds) < 2 or not _agree(offs, _RATIO_OFF):
-        return None
-    return 1.0 / float(np.mean([middle for middle, _ in usual.values()]))
 
 
 def _jumps(views: Sequence[RunView]) -> list[ClockFault]:

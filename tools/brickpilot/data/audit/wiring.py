@@ -12,13 +12,12 @@ from math import erf, exp, log, pi, sqrt
 
 import numpy as np
 
-from brickpilot.data.audit.view import Channels
+from brickpilot.data.audit.view import Channels, typical_motion
 from brickpilot.data.audit.wiring_motion import (
     FREE,
     LAGS,
     SURE,
     UNIT_FITS,
-    USUAL,
     Miswired,
     Motion,
     Taken,
@@ -85,11 +84,9 @@ def taken_from(faults: Iterable[Miswired]) -> dict[str, Taken]:
 def mended(run: Channels, faults: Iterable[Miswired]) -> Channels:
     """Returns a run in which all sure faults (`is_mended`) are corrected."""
     values = {"time": run.time, **run.inputs, **run.outputs}
-    for fault in faults:
-        if fault.is_mended:
-            new = {name: taken.factor * values[taken.source] for name, taken in fault.mend.items() if name in values}
-            values |= new
-    return Channels(values["time"], {n: values[n] for n in run.inputs}, {n: values[n] for n in run.outputs})
+    taken = taken_from(fault for fault in faults if fault.is_mended)
+    right = values | {name: one.factor * values[one.source] for name, one in taken.items() if name in values}
+    return Channels(right["time"], {n: right[n] for n in run.inputs}, {n: right[n] for n in run.outputs})
 
 
 def _dead(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[Miswired]:
@@ -193,7 +190,7 @@ def _clock(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[Miswi
                 if name in run.outputs
             ]
             if fastest and max(fastest) > 0.0:
-                rates = log(max(fastest) / USUAL[kind])
+                rates = log(max(fastest) / typical_motion(name))
                 sure = 0.999 if abs(rates + log(by)) < abs(rates) else 0.0
     if sure == 0.0:
         return []

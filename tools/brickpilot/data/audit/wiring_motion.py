@@ -9,7 +9,7 @@ for each fault in the hypothesis.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
 from math import exp, log, sqrt
@@ -17,7 +17,8 @@ from math import exp, log, sqrt
 import numpy as np
 
 from brickpilot.data.audit.fault import Kind
-from brickpilot.data.audit.view import Channels, Vector, cut
+from brickpilot.data.audit.relations import Geometry
+from brickpilot.data.audit.view import Channels, Vector, cut, typical_motion
 
 SURE = 0.99
 """A fault with at least this probability is mended before the analysis."""
@@ -38,7 +39,6 @@ UNIT_FITS = 3.0  # a unit explains a ratio if its factor is off by less than thi
 _ONE_RUN = 30.0  # times the usual motion of all runs: more motion in one run means another unit in this run
 _ONE_NUMBER = 0.93  # least share of the yaw that two wheels without slip explain
 _COLLINEAR = 1e4  # largest condition number of the normal equations at which left and right can be told apart
-USUAL = {"yaw": 3.0, "angle": 10.0, "speed": 10.0, "travel": 0.5, "velocity": 0.5}  # fastest usual motion, SI
 
 
 @dataclass(frozen=True)
@@ -160,8 +160,8 @@ class Motion:
 
     def hypotheses(self, nominal: Mapping[str, float]) -> list[Miswired]:
         """Returns the faults of the most probable hypothesis; empty: the hypothesis without faults."""
-        likelihood = {seen: self._score(seen, self._least_turn(nominal)) for seen in {one.seen for one in _WAYS}}
-        scored = [(likelihood[one.seen] - _PER_FAULT * one.cost, one) for one in _WAYS if self._can(one)]
+        least_turn = self._least_turn(nominal)
+        scored = [(self._score(one, least_turn) - _PER_FAULT * one.cost, one) for one in _WAYS if self._can(one)]
         if not scored:
             return []
         top = max(score for score, _ in scored)
@@ -171,18 +171,13 @@ class Motion:
             return []
         alike = [one for score, one in scored if score > top - 1e-6 and one is not best]
         share = sum(exp(score - top) for score, one in scored if one is best or one in alike) / total
-        words = [" and ".join(text for text, _, _ in one.told(self)) for one in alike]
-        other = f", or as well {', or '.join(words)}" if words else ""
-        told = best.told(self)
-        return [
-            Miswired(kind, tuple(mend), text + (other if place == len(told) - 1 else ""), share, mend,
-                     -1.0 if kind == "sign" else None)
-            for place, (text, kind, mend) in enumerate(told)
-        ]  # fmt: skip
+        rivals = [" and ".join(fault.text for fault in one.faults(self, share)) for one in alike]
+        *first, last = best.faults(self, share)
+        return [*first, replace(last, text=last.text + (f", or as well {', '.join(rivals)}" if rivals else ""))]
 
     def turning(self) -> Gains | None:
         """Returns the gains from the left and the right wheel to the yaw; None: not measured, or no constant gains."""
-        if self.yaw is None or not self.both:
+        if self.yaw is None or len(self.moving) < 2:
             return None
         left, right = (self.at[name] for name in self.wheels)
         turn, seconds = self.at[self.yaw], float(np.sum(self.at["seconds"]))
@@ -202,7 +197,7 @@ class Motion:
     def driven(self, lag: int) -> Gains | None:
         """Returns the gain from each side's drive to its wheel, or to the yaw if the wheels are not measured."""
         left, right, seconds = self.at[f"left{lag}"], self.at[f"right{lag}"], float(np.sum(self.at["seconds"]))
-        if not self.both:
+        if len(self.moving) < 2:
             return None if self.yaw is None else _gains(np.column_stack([left, -right]), self.at[self.yaw], seconds)
         nothing = np.zeros_like(left)
         x = np.vstack([np.column_stack([left, nothing]), np.column_stack([nothing, right])])
@@ -210,9 +205,8 @@ class Motion:
 
     def geometry(self, nominal: Mapping[str, float]) -> float | None:
         """Returns the yaw per motion of a wheel, from the stated lengths; None: not all are stated."""
-        metres = 1.0 if self.kind in {"travel", "velocity"} else nominal.get("wheel_radius")
-        half_track = nominal.get("half_track")
-        return None if metres is None or half_track is None else metres / (2 * half_track)
+        stated = Geometry(nominal.get("wheel_radius"), nominal.get("half_track"), {})
+        return stated.turn("", self.kind or "")
 
     def with_it(self, name: str) -> list[str]:
         """Returns a channel and those channels of the same wheel, or of the yaw, that correlate with it."""
@@ -228,19 +222,18 @@ class Motion:
 
     def is_odd_by(self, unit: float) -> bool:
         """Whether a factor `unit` is more likely an error of the wheels than of the yaw, for a typical small robot."""
-        turn = float(np.nanmax(np.abs(self.at[self.yaw or ""]), initial=0.0)) / USUAL["yaw"]
-        roll = float(np.nanmax(np.abs(self.at[self.wheels[0]]), initial=0.0)) / USUAL[self.kind or ""]
+        turn = float(np.nanmax(np.abs(self.at[self.yaw or ""]), initial=0.0)) / typical_motion("yaw_")
+        roll = float(np.nanmax(np.abs(self.at[self.wheels[0]]), initial=0.0)) / typical_motion(self.wheels[0])
         return abs(log(turn)) + abs(log(roll * unit)) < abs(log(turn / unit)) + abs(log(roll))
 
     @cached_property
-    def both(self) -> bool:
-        """Whether both wheels are measured and move."""
-        return bool(self.wheels) and set(self.wheels) <= set(self.at) and not self.still
+    def moving(self) -> tuple[str, ...]:
+        """The wheels that are measured and move."""
+        return tuple(name for name in self.wheels if name in self.at and name not in self.still)
 
     def _can(self, way: _Way) -> bool:
         """Whether the channels that the hypothesis `way` changes are measured."""
-        alive = [name for name in self.wheels if name in self.at and name not in self.still]
-        return not (self.yaw is None and way.yaw < 0) and not (way.wheels.is_changed and not alive)
+        return not (self.yaw is None and way.yaw < 0) and not (way.wheels.faults and not self.moving)
 
     def _least_turn(self, nominal: Mapping[str, float]) -> float:
         """Returns the least yaw per difference of the wheels that is evidence; a smaller yaw has another cause.
@@ -248,37 +241,27 @@ class Motion:
         A gyro's bias or unequal wheels cause a small yaw in straight motion, proportional to both wheels. This yaw is
         no sign of a reversed wheel.
         """
-        usual = USUAL["yaw"] / (2 * USUAL[self.kind or "speed"])
+        usual = typical_motion("yaw_") / (2 * typical_motion("".join(self.wheels[:1]) or "wheel_"))
         return (self.geometry(nominal) or usual) / UNIT_FITS
 
-    def _score(self, seen: tuple[int, ...], least_turn: float) -> float:
-        """Returns the log-likelihood of a hypothesis; `seen`: its columns and signs (`_Way.seen`)."""
-        (a, sa, b, sb), (c, sc, d, sd), sign = seen[:4], seen[4:8], seen[8]
-        sides = ("left", "right")
-        alive = [name in self.at and name not in self.still for name in self.wheels] or [False, False]
-        wheel = [self.at[name] if ok else None for name, ok in zip(self.wheels or ("", ""), alive, strict=True)]
-        true = [None if (column := wheel[k]) is None else s * column for k, s in ((c, sc), (d, sd))]
+    def _score(self, way: _Way, least_turn: float) -> float:
+        """Returns the log-likelihood of a hypothesis, with the lag that fits best."""
+        unknown = np.full_like(self.at["left"], np.nan)
+        measured = [self.at[name] if name in self.moving else unknown for name in self.wheels] or [unknown, unknown]
+        left_wheel, right_wheel = way.wheels.of(*measured)
+        wheels = np.concatenate([left_wheel, right_wheel])
+        both = len(self.moving) == 2
         best = -np.inf
         for number in range(len(LAGS)):
-            one, other = sa * self.at[f"{sides[a]}{number}"], sb * self.at[f"{sides[b]}{number}"]
-            best = max(best, self._follows(one + other, one - other, true, sign, least_turn))
+            left, right = way.drives.of(self.at[f"left{number}"], self.at[f"right{number}"])
+            ahead, apart = left + right, left - right
+            columns = np.column_stack([np.tile(ahead, 2), np.concatenate([apart, -apart])])
+            explained = _share_left(wheels, columns)
+            if self.yaw is not None:
+                cause = left_wheel - right_wheel if both else apart
+                explained += _share_left(way.yaw * self.at[self.yaw], cause[:, np.newaxis], least_turn if both else 0.0)
+            best = max(best, self._weight * explained)
         return best
-
-    def _follows(
-        self, ahead: Vector, apart: Vector, wheels: Sequence[Vector | None], sign: int, least_turn: float
-    ) -> float:
-        moved = [(values, half) for values, half in zip(wheels, (1.0, -1.0), strict=True) if values is not None]
-        total = 0.0
-        if moved:
-            y = np.concatenate([values for values, _ in moved])
-            x = np.column_stack([np.tile(ahead, len(moved)), np.concatenate([half * apart for _, half in moved])])
-            total += self._weight * _share_left(y, x)
-        if self.yaw is not None:
-            both = len(moved) == 2
-            cause = moved[0][0] - moved[1][0] if both else apart
-            least = least_turn if both else 0.0
-            total += self._weight * _share_left(sign * self.at[self.yaw], cause[:, np.newaxis], least)
-        return total
 
     @cached_property
     def _weight(self) -> float:
@@ -287,20 +270,21 @@ class Motion:
 
 @dataclass(frozen=True)
 class _Sides:
-    """Which column (0 or 1) holds the left and which the right side, and the sign of each side."""
+    """How the channels of two sides are wired: whether they are swapped, and the signs of left and right."""
 
+    is_swapped: bool
     left: int
     right: int
-    left_sign: int
-    right_sign: int
-
-    @property
-    def is_changed(self) -> bool:
-        return self != _Sides(0, 1, 1, 1)
 
     @property
     def faults(self) -> int:
-        return (self.left == 1) + (self.left_sign < 0) + (self.right_sign < 0)
+        return self.is_swapped + (self.left < 0) + (self.right < 0)
+
+    def of(self, left: Vector, right: Vector) -> tuple[Vector, Vector]:
+        """Returns the motions of the left and the right side, from the channels that are named left and right."""
+        if self.is_swapped:
+            left, right = right, left
+        return self.left * left, self.right * right
 
 
 @dataclass(frozen=True)
@@ -315,37 +299,34 @@ class _Way:
     def cost(self) -> int:
         return self.drives.faults + self.wheels.faults + (self.yaw < 0)
 
-    @property
-    def seen(self) -> tuple[int, ...]:
-        u, w = self.drives, self.wheels
-        return (u.left, u.left_sign, u.right, u.right_sign, w.left, w.left_sign, w.right, w.right_sign, self.yaw)
+    def faults(self, motion: Motion, sure: float) -> list[Miswired]:
+        """Returns the faults of this hypothesis, each with the probability `sure`, in the order of their correction."""
+        found: list[Miswired] = []
 
-    def told(self, motion: Motion) -> list[tuple[str, Kind, dict[str, Taken]]]:
-        """Returns each fault's sentence, kind and correction; apply the corrections in this order."""
-        found: list[tuple[str, Kind, dict[str, Taken]]] = []
+        def add(kind: Kind, text: str, mend: dict[str, Taken]) -> None:
+            found.append(Miswired(kind, tuple(mend), text, sure, mend, -1.0 if kind == "sign" else None))
+
         inputs = [name for name in motion.inputs if name.endswith(("_left", "_right"))]
         wheels = [name for wheel in motion.wheels for name in motion.with_it(wheel)]
-        wheels = [name for name in wheels if self.wheels.left == 0 or _across(name) in wheels]
-        for sides, names, what, counts in (
+        wheels = [name for name in wheels if not self.wheels.is_swapped or _across(name) in wheels]
+        for sides, names, part, counts in (
             (self.drives, inputs, "motor", "is driven"), (self.wheels, wheels, "encoder", "counts"),
         ):  # fmt: skip
-            if sides.left == 1:
-                found.append(
-                    (f"the left and the right {what} are swapped", "swapped", {n: Taken(_across(n)) for n in names})
-                )
-            for side, sign in (("left", sides.left_sign), ("right", sides.right_sign)):
+            if sides.is_swapped:
+                add("swapped", f"the left and the right {part} are swapped", {n: Taken(_across(n)) for n in names})
+            for side, sign in (("left", sides.left), ("right", sides.right)):
                 if sign < 0:
                     own = {name: Taken(name, -1.0) for name in names if name.endswith(side)}
-                    found.append((f"the {side} {what} {counts} backwards", "sign", own))
+                    add("sign", f"the {side} {part} {counts} backwards", own)
         if self.yaw < 0 and motion.yaw is not None:
             names = motion.with_it(motion.yaw)
             text = f"the sign of {' and '.join(names)} is the other one, or the frame is"
-            found.append((text, "sign", {name: Taken(name, -1.0) for name in names}))
+            add("sign", text, {name: Taken(name, -1.0) for name in names})
         return found
 
 
-_ALL_SIDES = [_Sides(k, 1 - k, one, other) for k, one, other in product((0, 1), (1, -1), (1, -1))]
-_WAYS = [_Way(one, other, yaw) for one, other, yaw in product(_ALL_SIDES, _ALL_SIDES, (1, -1))]
+_ALL_SIDES = [_Sides(swapped, left, right) for swapped, left, right in product((False, True), (1, -1), (1, -1))]
+_WAYS = [_Way(drives, wheels, yaw) for drives, wheels, yaw in product(_ALL_SIDES, _ALL_SIDES, (1, -1))]
 
 
 def _share_left(y: Vector, x: Vector, least: float = 0.0) -> float:
