@@ -38,8 +38,8 @@ class Loop:
     Attributes:
         command: the input that follows an output.
         output: the signal that the command follows most surely.
-        gain: 0..1, cross-validated. The command's past leaves a part of its change unexplained; the output explains
-            this share of that part.
+        gain: 0..1, cross-validated: the output explains this share of the command's change that earlier commands do not
+            explain.
         lag: time in s from the reading that predicts best to the command; 0: both are in the same row.
         chance: p-value of the gain if there is no loop, times the number of tests.
     """
@@ -55,8 +55,9 @@ class Loop:
         """Returns the sentence for the user."""
         late = f"{1e3 * self.lag:.3g} ms later" if self.lag else "in the same row"
         return (
-            f"{self.command} follows {self.output}, {late}: it tells {100 * self.gain:.2g} % of what the command's own "
-            "past leaves open. A feedback loop is around the data, and biases free runs if their noise has a memory"
+            f"{self.command} follows {self.output}, {late}: {self.output} explains {100 * self.gain:.2g} % of the "
+            "changes that earlier commands do not explain. So the data come from a feedback loop, which biases free "
+            "runs if the noise of a sample depends on earlier samples"
         )
 
 

@@ -136,7 +136,7 @@ def _spans(time: Array, square: Array, above: float) -> list[slice]:
 
 
 def _condition(time: Array, outputs: Outputs, part: Array) -> str:
-    """Returns the vehicle's motion at the place of the gap: the condition that covers most of the place in least time.
+    """Returns the condition of the vehicle's motion that holds most of the place's gap in the least share of time.
 
     Args:
         part: (n,) squared differences, 0 outside the place.

@@ -92,7 +92,7 @@ def _resolution(name: str, runs: Sequence[Channels], signals: Mapping[str, Signa
 
 
 class _Search:
-    """The runs under audit, and the faults and notes so far. Each step sets the samples of its faults to NaN."""
+    """The runs under audit, with the faults and notes that are found. Each method sets damaged samples to NaN."""
 
     def __init__(self, views: Sequence[RunView]) -> None:
         self.views = views
@@ -136,8 +136,8 @@ class _Search:
     def beyond_range(self, signals: Mapping[str, Signal]) -> None:
         """Finds channels beyond their stated range, if no earlier step has found their fault.
 
-        A channel that is beyond its range in most runs counts as wrong in all runs. The reason: in the other runs the
-        motion may only be smaller.
+        A channel that is beyond its range in most runs counts as wrong in all runs, because the motion in the other
+        runs may only be too small to exceed the range.
         """
         for name, signal in signals.items():
             known = [view for view in self.views if name in view.outputs and _is_known(view, name)]

@@ -177,7 +177,7 @@ def relations(names: Iterable[str], geometry: Geometry, least: Mapping[str, floa
 
 
 def _yaw_groups(name: str, present: set[str]) -> tuple[Group, ...]:
-    """Returns groups that may be wrong together: one channel, all yaw channels, all that a wrong frame reverses."""
+    """Returns groups that may be wrong together: one channel, all yaw channels, all that the frame reverses."""
     both = tuple(sorted(present & {"yaw_rate", "yaw_angle"}))
     return tuple(dict.fromkeys([(name,), both, tuple(sorted({*both, *(present & {"accel_sway"})}))]))
 
@@ -281,7 +281,7 @@ def _swaying(yaw: str, kind: str, metres: float) -> Motions:
 
 
 def _left_and_right(left: str, right: str, least: Mapping[str, float]) -> Relation:
-    """Returns the relation of both sides; it needs similar drives that are too strong for friction to stop one side."""
+    """Returns the relation of both sides; evidence needs similar drives, too strong for friction to stop one side."""
 
     def sides(windows: Windows) -> tuple[Vector, Vector]:
         one, other = windows.of(left), windows.of(right)

@@ -1,7 +1,8 @@
-"""Finds runs whose clock is fast or slow, drifts or jumps; also rates that lag behind the angle of the same sensor.
+"""Finds runs whose clock is fast or slow, drifts or jumps; finds also rates that lag behind their sensor's angle.
 
-Two tests find a wrong clock. The first compares a run's sampling interval with the interval of the other runs, if the
-latter is constant to a fraction of a percent. The second uses the ratio of an angle's growth to the integral of its
+Three tests find a wrong clock. The first finds a jump of the clock during which no sum of motion grows. The second
+compares a run's sampling interval with the interval of the other runs, if the other runs' interval is constant to a
+fraction of a percent. The third uses the ratio of an angle's growth to the integral of its
 rate; this ratio depends on the sensors and is equal in all runs.
 
 A rate that lags is not a fault, because motor controllers report an averaged velocity.
@@ -35,7 +36,7 @@ _SURE = 5.0  # in standard errors: a larger deviation is certain
 _WANDER = {"yaw_angle"}  # integrals of rates whose bias changes slowly, which looks like a wrong clock
 _AGREE = 0.4  # relative difference: deviations that differ by less agree
 _JUMP = 8.0  # in usual intervals: a longer step is a jump or lost rows
-_STOOD = 0.35  # share of the motion expected during a jump: with less motion, the vehicle stood
+_STOOD = 0.35  # share of the motion expected during a jump: with less motion, the vehicle stood still
 _LOCAL = 10  # number of samples before and after a jump from which the speeds there are computed
 _STEPS = 10.0  # in resolutions: if less motion is expected during a jump, it is no evidence
 _LONGEST_S = 0.2  # longest delay that is tried, s; no sensor has a longer delay
@@ -115,7 +116,7 @@ def _spread(values: Vector) -> float:
 
 
 def _usual_interval(intervals: list[float]) -> float | None:
-    """Returns the interval of most runs; if there are two runs, the interval that is rounder in ms or Hz; else None."""
+    """Returns the interval of most runs; of two runs, the interval with fewer digits in ms or Hz; None: not known."""
     for one in intervals:
         alike = sum(abs(other / one - 1.0) < _STEADY for other in intervals)
         if alike >= max(2.0, _ALIKE * len(intervals)) or len(intervals) == 1:
@@ -236,14 +237,14 @@ def _denied(offs: Mapping[str, tuple[float, float]], by: float) -> bool:
 
 
 def _agree(offs: Sequence[tuple[float, float]], least: float) -> bool:
-    """Whether all ratios are certainly wrong, and by about the same factor."""
+    """Whether all deviations are certain, and of about the same size. `offs`: deviation and its sd, for each sensor."""
     values = np.array([off for off, _ in offs])
     sure = all(abs(off) > max(least, _SURE * sd) for off, sd in offs)
     return bool(sure and np.ptp(values) < _AGREE * np.abs(values).min())
 
 
 def _jumps(views: Sequence[RunView]) -> list[ClockFault]:
-    """Finds clocks that jump ahead while nothing moves. If rows were lost instead, the motion would continue."""
+    """Finds clocks that jump ahead while no sum grows. If rows were lost instead, the sums would grow in the gap."""
     found: list[ClockFault] = []
     for number, view in enumerate(views):
         steps = np.diff(view.time)
@@ -270,7 +271,7 @@ def _stood(view: RunView, at: int) -> bool:
 
 
 def delays(views: Sequence[RunView]) -> dict[str, float]:
-    """Returns rate -> its delay in s behind the derivative of its sum, if the delay is clear and agrees in all runs."""
+    """Returns rate -> its delay behind the derivative of its sum, s, if the delay is clear and alike in all runs."""
     found: dict[str, float] = {}
     for sums, rate in RATE_OF.items():
         each = [one for view in views if (one := _delay(view, sums, rate)) is not None]
@@ -284,11 +285,11 @@ def delays(views: Sequence[RunView]) -> dict[str, float]:
 
 def delay_note(found: dict[str, float]) -> str:
     """Describes the delays of rates in a sentence. `found`: rate -> delay in s."""
-    told = [f"{name} by {1e3 * abs(seconds):.0f} ms" for name, seconds in found.items()]
+    late = [f"{name} by {1e3 * abs(seconds):.0f} ms" for name, seconds in found.items()]
     way = "behind" if next(iter(found.values())) > 0 else "ahead of"
     return (
-        f"timing: {joined(told)} {'is' if len(told) == 1 else 'are'} {way} the derivative of the travel or angle of "
-        "the same wheel, as behind a filter; a model without this delay takes it for the vehicle's"
+        f"timing: {joined(late)} {'is' if len(late) == 1 else 'are'} {way} the derivative of the travel or angle of "
+        "the same wheel, as after a filter; a model without this delay describes it as a delay of the vehicle"
     )
 
 

@@ -1,4 +1,4 @@
-"""Finds where a signal keeps one value because it is clipped or frozen, or because its samples are held for some rows.
+"""Finds where a signal keeps one value: the signal is clipped or frozen, or each sample is held for some rows.
 
 A channel that is logged faster than it is sampled holds its samples. Rows that repeat a sample hold no new data. They
 look like a frozen sensor, and make the noise seem smaller. Inputs are not tested: a command holds until the next
@@ -138,7 +138,7 @@ def _plateau(values: Vector, resolution: float) -> Mask:
 def frozen(view: RunView, name: str, across: AcrossRuns) -> tuple[Mask, Mask]:
     """Finds stretches of one value that noise, rate or a jump at the end show to be wrong.
 
-    Returns the frozen samples, and the samples in such stretches that are clipped instead.
+    Returns the frozen samples, and the samples of such stretches that are clipped and not frozen.
     """
     values = view.outputs[name]
     found = np.zeros(len(values), dtype=bool)
@@ -212,7 +212,7 @@ def _moves_elsewhere(view: RunView, name: str, start: int, stop: int) -> bool:
 
 
 def _too_long(view: RunView, name: str, start: int, stop: int, across: AcrossRuns) -> bool:
-    """Whether the stretch is too long for a signal that seldom repeats values elsewhere.
+    """Whether the stretch is too long for a signal that seldom repeats values outside the stretch.
 
     The channel of a standing wheel does not count as frozen. A turning wheel is also compared with turning wheels
     alone, because a standing or creeping wheel repeats values more often.
@@ -246,7 +246,7 @@ def _expected_once(pieces: Sequence[Vector], least: float) -> float:
 
 
 def _jumps(view: RunView, name: str, start: int, stop: int) -> bool:
-    """Whether the change at the stretch's end, and for a rate also the change at its start, is by far the largest."""
+    """Whether the change at the stretch's end is by far the largest; for a rate, also the change at its start."""
     values = view.outputs[name]
     edges = [stop] if name in SUMMED else [start, stop]
     if name.startswith(_ANALOGUE) or not all(0 < edge < len(values) for edge in edges):

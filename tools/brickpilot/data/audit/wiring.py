@@ -28,7 +28,7 @@ _SIDES_FREE = 2.5  # largest ratio of two motors' gains that a weak motor explai
 _UNITS = tuple(one for by in (180 / pi, 30 / pi, 1000.0) for one in (by, 1 / by))
 _STEPS_S = (1e-4, 0.5)  # shortest and longest plausible time between samples in a robot's log
 COUNTS_A_TURN = " counts a turn"
-"""The end of the text of a guess that states an encoder's counts."""
+"""The end of a guess that states the counts per turn of an encoder."""
 
 _FULL = (100.0, 255.0, 1000.0, 1023.0, 4095.0, 32767.0)
 
@@ -127,13 +127,13 @@ def _of_yaw(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[Misw
         return []  # the wheels are in another unit, which the audit finds
     if unit != 1.0:
         names = motion.with_it(motion.yaw)
-        text = f"{motion.yaw} is {unit:.3g} times what the wheels say, so it is in another unit"
+        text = f"{motion.yaw} is {unit:.3g} times the yaw of the wheels, so it is in another unit"
         sure = _beyond(abs(log(unit)), log(UNIT_FITS), fit.sd)
         found.append(Miswired("unit", tuple(names), text, sure, {n: Taken(n, 1 / unit) for n in names}, unit))
     if (sure := _beyond(abs(left), log(FREE), fit.sd)) > 0.9:
         text = (
             f"{' and '.join(motion.wheels)} grow {exp(-left):.3g} times as far as {motion.yaw} says: the counts "
-            "a turn, wheel_radius or half_track are wrong by as much"
+            "a turn, wheel_radius or half_track are wrong by this factor"
         )
         mend = {name: Taken(name, exp(left)) for name in motion.wheels}
         found.append(Miswired("unit", motion.wheels, text, sure, mend, exp(-left), is_open=True))
@@ -155,7 +155,7 @@ def _of_drives(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[M
     weak, strong = ("right", "left") if ratio > 0 else ("left", "right")
     names = tuple(name for name in motion.inputs if name.endswith(strong))
     times = f"{exp(abs(ratio)):.3g} times"
-    text = f"the {strong} motor does {times} what the {weak} one does: its full drive is another number"
+    text = f"the {strong} motor moves {times} as far as the {weak} motor at the same drive: its full drive differs"
     return [Miswired("unit", names, text, sure, {}, exp(-abs(ratio)))]
 
 
@@ -174,7 +174,7 @@ def _beyond(size: float, limit: float, sd: float) -> float:
 
 
 def _clock(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[Miswired]:
-    """Returns a clock in another unit: the samples are too far apart and the wheels too slow, or vice versa."""
+    """Returns a clock in another unit: the samples are too far apart and the wheels turn too slowly, or the reverse."""
     step = float(np.median([np.median(np.diff(run.time)) for run in runs]))
     if _STEPS_S[0] <= step <= _STEPS_S[1]:
         return []
@@ -201,7 +201,7 @@ def _clock(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[Miswi
 
 
 def _beyond_battery(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[Miswired]:
-    """Returns voltage inputs far above the battery's voltage: a PWM was stated as a voltage."""
+    """Returns voltage inputs far above the battery's voltage: the log states a PWM value as a voltage."""
     names = [name for name in runs[0].inputs if name.startswith("voltage")]
     levels = [
         v for run in runs if "battery_voltage" in run.outputs for v in [np.nanmedian(run.outputs["battery_voltage"])]

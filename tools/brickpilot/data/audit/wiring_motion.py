@@ -31,7 +31,12 @@ _MOST = 60.0  # largest number of independent windows that count, because the mo
 _FLOOR = 0.02  # share of the motion that even the right hypothesis leaves unexplained
 _EXPLAINED = 0.4  # share of the motion: a hypothesis that explains less gets no credit
 _PER_FAULT = 6.0  # natural logarithm of the prior odds against each fault
-LAGS = (1.0, 0.5, 0.25, 0.1)  # lags that are tried, each as the share of a step response completed in one window
+LAGS = (
+    1.0,
+    0.5,
+    0.25,
+    0.1,
+)  # lags that are tried, each as the share of a step response that is reached after one window
 _DEAD = 0.01  # share of the larger wheel motion: a wheel with no more motion stands still
 _APART = 0.3  # share of the drives' rms: a still wheel with a weaker drive does not mean a dead encoder
 FREE = 1.33  # largest factor, up or down, by which slip and inexact lengths may change a ratio
@@ -58,7 +63,7 @@ class Miswired:
         signals: the channels that are wrong.
         text: what is wrong, as the beginning of a sentence.
         sure: probability of the fault, 0..1.
-        mend: signal -> the channel that holds its values; empty: the fault cannot be mended.
+        mend: signal -> the channel that holds the signal's values; empty: the fault cannot be mended.
         factor: ratio of stated to true value; None: no factor describes the fault.
         is_open: whether another value, such as a measured length, may be wrong instead; then no channel is mended.
     """
@@ -122,7 +127,7 @@ class Motion:
 
     @cached_property
     def still(self) -> tuple[str, ...]:
-        """The wheels that stand still in all runs although the other wheel or the yaw moves."""
+        """The wheels that stand still in all runs although the other wheel moves, or although the body turns."""
         sizes = {name: _rms(self.at[name]) if name in self.at else np.nan for name in self.wheels}
         largest = max(sizes.values(), default=0.0)
         turns = self.yaw is not None and _rms(self.at[self.yaw]) > 0.05
@@ -150,7 +155,7 @@ class Motion:
         return found
 
     def _goes_straight(self, moving: str) -> bool:
-        """Whether the yaw follows both drives better than the wheel `moving` alone; then the other wheel turns, too."""
+        """Whether both drives explain the yaw better than the wheel `moving` alone; then the other wheel turns, too."""
         if self.yaw is None:
             return False
         turn, left, right = (self.at[name] for name in (self.yaw, "left1", "right1"))
@@ -209,7 +214,7 @@ class Motion:
         return stated.turn("", self.kind or "")
 
     def with_it(self, name: str) -> list[str]:
-        """Returns a channel and those channels of the same wheel, or of the yaw, that correlate with it."""
+        """Returns a channel and the channels of the same wheel, or of the yaw, that correlate with this channel."""
         stem, side = name.split("_")[0], name.rsplit("_", 1)[1]
         found = [name]
         for other in self.names:
@@ -320,7 +325,7 @@ class _Way:
                     add("sign", f"the {side} {part} {counts} backwards", own)
         if self.yaw < 0 and motion.yaw is not None:
             names = motion.with_it(motion.yaw)
-            text = f"the sign of {' and '.join(names)} is the other one, or the frame is"
+            text = f"the sign of {' and '.join(names)} is reversed, or the frame is stated wrongly"
             add("sign", text, {name: Taken(name, -1.0) for name in names})
         return found
 
