@@ -414,7 +414,6 @@ def test_a_law_that_contains_another_is_no_rival_of_it() -> None:
         one.explanation.key for one in found.held
     }
     assert (found.kind, found.best.names, found.rivals) == ("named", ("coulomb_friction",), ())
-    assert found.confidence == pytest.approx(1.0, abs=1e-6)
 
 
 def test_a_difference_that_one_stretch_makes_is_not_sure() -> None:

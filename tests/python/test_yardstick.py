@@ -148,7 +148,7 @@ def test_held_out_runs_teach_nothing(friction, unnamed):
     plain = dataclasses.replace(
         opened.plain, measured=doubled(opened.plain.measured), started=doubled(opened.plain.started)
     )
-    other = dataclasses.replace(opened, measured=doubled(opened.measured), whole=doubled(opened.whole), plain=plain)
+    other = dataclasses.replace(opened, whole=doubled(opened.whole), plain=plain)
     again = Ready(friction.prepared, dataclasses.replace(friction.proof, opened=other)).record(NOMINAL)
     for signal, one in again.signals.items():
         before = unnamed.signals[signal]["free_run"]
@@ -228,7 +228,7 @@ def test_two_repeats_tell_what_no_model_can_know(tmp_path):
         nominal="",
     )  # fmt: skip
     record = ready.record(truth, calibrate(ready.prepared)[1].model)
-    measured = ready.proof.opened.measured
+    measured = ready.proof.opened.plain.measured
     assert [pair[:2] for pair in repeats(measured)] == [("high", "high_again")]
     expected = 100 * (1 - 0.04 / 2**0.5)  # of the runs that were repeated
     assert record.signals["speed"]["free_run"].repeatability == pytest.approx(expected, abs=0.1)

@@ -13,7 +13,7 @@ import numpy as np
 
 from brickpilot.constants import ACCEPTANCE_M
 from brickpilot.discover.experiment import SEPARATES_NOISE_SD, rms_apart
-from brickpilot.errors import InputError, SimulationError
+from brickpilot.errors import InputError
 from brickpilot.vehicle import flight, plant
 from brickpilot.vehicle.flight import Flight
 from brickpilot.vehicle.model import Model
@@ -83,15 +83,12 @@ def courses(limits: Limits) -> list[Scenario]:
 
 def safe(chosen: Sequence[Scenario], models: Sequence[Model], sensors: str, limits: Limits) -> list[list[Flight]]:
     """Returns for each course its flight under each model; no flight if one of them leaves the space or diverges."""
-    plans = [flight.plan(course, model, sensors=sensors, profile="coupled") for course in chosen for model in models]
-    flown: list[Flight | SimulationError] = []
-    for at in range(0, len(plans), len(models)):
-        flown += flight.fly_many(plans[at : at + len(models)], _COLUMNS)
     made = []
-    for at in range(0, len(flown), len(models)):
-        own = [one for one in flown[at : at + len(models)] if isinstance(one, Flight)]
-        within = [np.hypot(one.log["true_x_m"], one.log["true_y_m"]).max() < limits.reach_m for one in own]
-        made.append(own if len(own) == len(models) and all(within) else [])
+    for course in chosen:
+        plans = [flight.plan(course, model, sensors=sensors, profile="coupled") for model in models]
+        flights = [flown for flown in flight.fly_many(plans, _COLUMNS) if isinstance(flown, Flight)]
+        within = [np.hypot(flown.log["true_x_m"], flown.log["true_y_m"]).max() < limits.reach_m for flown in flights]
+        made.append(flights if len(flights) == len(models) and all(within) else [])
     return made
 
 

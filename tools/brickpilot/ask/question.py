@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Literal
 
 from brickpilot.ask.courses import Limits, courses, deciding, safe
@@ -76,11 +77,8 @@ class Asked:
 
     def to_json(self) -> dict[str, Any]:
         """Returns the object of `ask --json`."""
-        driven = [
-            {"name": one.name, "why": one.why, "seconds": one.seconds, "weights": one.weights}
-            for one in self.manoeuvres
-        ]
-        return verdict_json(self.finding) | {"manoeuvres": driven, "stopped": self.stopped}
+        manoeuvres = [dataclasses.asdict(answered) for answered in self.manoeuvres]
+        return verdict_json(self.finding) | {"manoeuvres": manoeuvres, "stopped": self.stopped}
 
 
 Choice = Callable[[Finding, Sequence[Scenario], Sequence[str]], tuple[Scenario, str] | None]
@@ -111,11 +109,7 @@ def ask(
     if not possible:
         raise InputError(f"no mission stays within {limits.space_m:g} m of the start", field="space")
 
-    def most_deciding(
-        found: Finding, offered: Sequence[Scenario], driven: Sequence[str]
-    ) -> tuple[Scenario, str] | None:
-        return _next(found, offered, driven, sensors, limits)
-
+    choose = choose or partial(_next, sensors=sensors, limits=limits)
     course, why = possible[0], "the first mission"
     made: list[Answered] = []
     answers: list[tuple[str, frozenset[str]]] = []
@@ -132,7 +126,7 @@ def ask(
         if stopped is None and (len(made) >= limits.most or low):
             stopped = "budget"
         if stopped is None:
-            following = (choose or most_deciding)(found, possible, [one.name for one in made])
+            following = choose(found, possible, [one.name for one in made])
             if following is not None:
                 course, why = following
                 continue

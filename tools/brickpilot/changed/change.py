@@ -19,6 +19,7 @@ from brickpilot.data.shown import Result, valid
 from brickpilot.data.signals import Array
 from brickpilot.discover import numbers
 from brickpilot.discover.finding import Step
+from brickpilot.fit.parameters import values_of
 from brickpilot.vehicle.combinations import FORMULAS, Formula
 from brickpilot.vehicle.model import Model, with_values
 from brickpilot.vehicle.replay import RUN_KINDS, in_recording
@@ -232,8 +233,7 @@ def quantity_of(difference: Difference, vehicle: str) -> Quantity:
 
 def in_model(formula: Formula, model: Model) -> float:
     """Returns the value of a combination; 0 for friction that the model lacks, NaN if it is undefined."""
-    known = {f"{effect}.{name}": value for effect, table in model.effects.items() for name, value in table.items()}
-    values = dict.fromkeys(combinations(), 0.0) | known | dict(model.parameters)
+    values = dict.fromkeys(combinations(), 0.0) | values_of(model)
     with np.errstate(divide="ignore", invalid="ignore"):
         try:
             return float(formula.value_at(values))

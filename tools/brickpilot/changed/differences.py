@@ -10,7 +10,6 @@ import dataclasses
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 
 from brickpilot import catalogue
 from brickpilot.catalogue import ParameterInfo
@@ -65,13 +64,6 @@ CONSTANTS = {
 """The constants of a machine that may change. A motor's windings and magnets do not change, so they are left out."""
 
 _OWN_OF_RUNS = ("supply_gain", "delay")  # a late start of a recording says nothing about the machine
-
-
-@cache
-def always() -> Mapping[str, str]:
-    """Returns effect -> name of its size, for the effects that all machines have: dry friction, reported in volts."""
-    rows = ((effect.name, row) for effect in catalogue.effects() for row in effect.parameters)
-    return {effect: row.name for effect, row in rows if row.in_volts}
 
 
 @dataclass(frozen=True)
@@ -175,7 +167,7 @@ def own_differences(model: Model, nominal: Collection[str], recording: str) -> I
         yield own(kind, row, _MOST * of.sd, of.sd, numbers.USUAL, of.mechanism, of.sd)
     for effect, table in model.effects.items():
         for row in catalogue.effect(effect).parameters:
-            if row.role == "size" and (table.get(row.name) or always().get(effect) == row.name):
+            if row.role == "size" and (table.get(row.name) or row.in_volts):
                 size = max(abs(table[row.name]), _LEAST * (row.preset or row.trial) * scale_of(row.unit, model))
                 mechanism = row.mechanism or catalogue.effect(effect).mechanism
                 yield own(f"{effect}.{row.name}", row, row.maximum, size, numbers.COMMON, mechanism)

@@ -14,6 +14,7 @@ explanation was not fitted. A change has to exceed the spread between runs of on
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -37,7 +38,7 @@ from brickpilot.changed.change import (
     is_sure,
     sized,
 )
-from brickpilot.changed.differences import MOST_DIFFERENCES, Difference, Differences, always, no_further
+from brickpilot.changed.differences import MOST_DIFFERENCES, Difference, Differences, no_further
 from brickpilot.data.dataset import Dataset
 from brickpilot.data.signals import Array
 from brickpilot.discover import numbers
@@ -51,13 +52,14 @@ from brickpilot.discover.prepare import Prepared, calibrate, in_closed_loop, pre
 from brickpilot.discover.row_meaning import with_known_timing
 from brickpilot.discover.search import Found, Search
 from brickpilot.discover.verdict import Verdict, weigh
-from brickpilot.fit.comparison import compare
 from brickpilot.fit.descent import Progress
 from brickpilot.fit.parameters import Plan
 from brickpilot.fit.residual import Residual
 from brickpilot.fit.robust import robust_size
 from brickpilot.fit.uncertainty import assess
 from brickpilot.vehicle.combinations import FORMULAS
+from brickpilot.vehicle.compared_runs import comparable
+from brickpilot.vehicle.headline import headline
 from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.replay import Replay, in_recording
 
@@ -257,7 +259,8 @@ def _joint(
     prepared, nominal = calibrate(dataclasses.replace(prepared, plan=plan))
     if model is not None:
         prepared, _ = in_closed_loop(prepared, nominal, nominal)
-        effects = {**{name: {size: 0.0} for name, size in always().items()}, **model.effects}
+        torques = [key.split(".") for key in combinations() if "." in key]  # of the dry friction of every machine
+        effects = {**{effect: {name: 0.0} for effect, name in torques}, **model.effects}
         base = Explanation((), Plan(dataclasses.replace(model, effects=effects), (), ()), np.empty(0))
         return Joint(dataset, prepared, base, {}, recording, model)
     base = _shared(nominal, parts)
@@ -277,8 +280,8 @@ def _shared(nominal: Explanation, parts: Parts) -> Explanation:
         base = joined(base, part, values)
     covered = base.key.union(*(part.contains for part in base.parts))
     for part in library_parts(base.model):
-        name = always().get(part.name)
-        if name is not None and part.name not in covered and part.free == (name,):
+        (name, *others), infos = part.free, part.infos
+        if infos[name].in_volts and not others and part.name not in covered:
             size = part.starting(base.plan, {}).free[-1].natural
             base = joined(base, part, {name: _LITTLE * size})
     return base
@@ -421,12 +424,13 @@ def _fits(compared: Compared) -> dict[str, FitPercent]:
     joint, recording = compared.joint, compared.joint.recording
     sets = {name: recordings.only(joint.dataset, name) for name in (BEFORE, recording)}
     after = in_recording(compared.verdict.best.model, recording, [run.name for run in sets[recording].runs])
-    fits = [
-        _fit_percent(sets[name], model) if sets[name].runs else {}
+    ready = {name: comparable(dataset) for name, dataset in sets.items() if dataset.runs}
+    headlines = [
+        headline(ready[name], model) if name in ready else None
         for name, model in ((BEFORE, joint.old), (recording, joint.old), (recording, after))
     ]
-    names = dict.fromkeys(name for fit in fits for name in fit)
-    return {name: FitPercent(*(fit.get(name) for fit in fits)) for name in names}
+    fits = [{} if one is None else {name: one.of(name, "fit").fit_percent for name in one.signals} for one in headlines]
+    return {name: FitPercent(*(fit.get(name) for fit in fits)) for name in dict.fromkeys(itertools.chain(*fits))}
 
 
 def _traces(compared: Compared) -> list[Trace]:
@@ -449,11 +453,6 @@ def _traces(compared: Compared) -> list[Trace]:
         return gain / max(float(np.nanstd(trace.measured)) ** 2 * len(trace.time), 1e-30)
 
     return [trace for _, trace in sorted(best.values(), key=share, reverse=True)[:_DRAWN]]
-
-
-def _fit_percent(dataset: Dataset, model: Model) -> dict[str, float | None]:
-    explained = compare(dataset, model).headline
-    return {signal: explained.of(signal, "fit").fit_percent for signal in explained.signals}
 
 
 def _constants(joint: Joint) -> dict[tuple[str, str], Constant]:

@@ -24,7 +24,6 @@ from brickpilot.discover.finding import Experiment, Finding, Parameter, Predicto
 from brickpilot.discover.parts import Part, RunPart
 from brickpilot.discover.prepare import Prepared, disturbances
 from brickpilot.discover.seal import Proof
-from brickpilot.discover.search import Found
 from brickpilot.discover.settle import Settled
 from brickpilot.discover.verdict import Verdict
 from brickpilot.discover.yardstick import Yardstick
@@ -48,7 +47,6 @@ class Conclusion:
 
     Attributes:
         steps: the stages that set or changed the verdict.
-        samples: the evidence of the nominal model and of the best explanation at the measured samples.
         best: the best explanation after its last fit, claimed or not.
         written: the model that is written to model.toml.
         nominal: the calibrated nominal model after its last fit.
@@ -56,7 +54,6 @@ class Conclusion:
 
     steps: tuple[finding.Step, ...]
     judge: Judge
-    samples: Found
     verdict: Verdict
     best: Settled
     written: Settled
@@ -128,7 +125,7 @@ def conclude(prepared: Prepared, found: Conclusion) -> Finding:
         simulated=proof.simulated,
         roles=prepared.roles.by_run,
         held_out_stretches=prepared.roles.stretches,
-        faults=proof.opened.measured.faults,
+        faults=proof.opened.plain.measured.faults,
         notes=_notes(prepared, found),
         spread=found.written.spread,
         noise_sd=prepared.fine.sample_noise,
@@ -332,7 +329,7 @@ def _nominal_findings(prepared: Prepared, found: Conclusion) -> tuple[finding.No
 def _notes(prepared: Prepared, found: Conclusion) -> tuple[str, ...]:
     """Returns sentences on what was assumed, left out or not proved, each once."""
     proof, verdict, left_out = found.proof, found.verdict, prepared.deadline.left_out
-    notes = [prepared.roles.note, *prepared.plan.notes, *proof.opened.measured.notes, *prepared.fine.notes]
+    notes = [prepared.roles.note, *prepared.plan.notes, *proof.opened.plain.measured.notes, *prepared.fine.notes]
     notes += found.written.notes
     timed = any("timing" in _mechanisms(one) for one in (verdict.best, *verdict.rivals))
     if timed and (order := resolved_order(prepared.dataset)) is not None:

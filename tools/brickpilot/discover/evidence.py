@@ -130,7 +130,7 @@ class Judge:
         The result is the mean over the signals. Entry 0 weighs all stretches alike; the other entries use weights of a
         Bayesian bootstrap. An rms below a signal's floor counts as the floor.
         """
-        weights = np.vstack([np.ones(self.count), _bootstrap(self.count)])
+        weights = np.vstack([np.ones(self.count), bootstrap(self.count)])
         total = np.zeros(len(weights))
         for signal in self.data.signals:
             rows = self._rows(signal)
@@ -315,11 +315,11 @@ def weigh(table: Sequence[Evidence], temperature: float) -> Array:
     """Returns (explanations,): the weight of each explanation. The weights sum to 1."""
     rows = np.array([one.by_stretch for one in table])
     odds = np.array([one.log_prior(temperature) for one in table])
-    total = _bootstrap(rows.shape[1]) @ rows.T / temperature + odds
+    total = bootstrap(rows.shape[1]) @ rows.T / temperature + odds
     return np.asarray(np.exp(total - logsumexp(total, axis=1, keepdims=True)).mean(axis=0))
 
 
-def _bootstrap(count: int) -> Array:
+def bootstrap(count: int) -> Array:
     """Returns (draws, stretches): weights of mean 1 (Rubin 1981, Annals of Statistics 9)."""
     return np.asarray(np.random.default_rng(0).dirichlet(np.ones(count), _DRAWS) * count)
 

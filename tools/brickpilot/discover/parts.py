@@ -107,10 +107,12 @@ class RunPart(Part):
 
     @property
     def infos(self) -> dict[str, ParameterInfo]:
-        return {}
-
-    def range_of(self, name: str) -> tuple[float, float]:
-        return RUN_KINDS[self.effect].low, RUN_KINDS[self.effect].high
+        kind = RUN_KINDS[self.effect]
+        row = ParameterInfo(
+            self.effect, kind.unit, kind.words, kind.low, kind.high, 0.0, False, "size", kind.unit, False, 0.0, (),
+            "", "", "", "", False, "", "", "",
+        )  # fmt: skip
+        return dict.fromkeys(self.free, row)
 
     @property
     def log_odds(self) -> float:
@@ -133,12 +135,10 @@ class RunPart(Part):
         kind = RUN_KINDS[self.effect]
         table = {run: values.get(run, 0.0) for run in self.free}
         model = dataclasses.replace(base.model, by_run={**base.model.by_run, self.effect: table})
-        info = ParameterInfo(
-            self.effect, kind.unit, kind.words, kind.low, kind.high, 0.0, False, "size", kind.unit, False, 0.0, (),
-            "", "", "", "", False, "", "", "",
-        )  # fmt: skip
-        known = Nominal(0.0, kind.sd)
-        free = tuple(Free(f"{self.effect}@{run}", info, known, unit=kind.sd, centred=kind.low < 0) for run in self.free)
+        known, infos = Nominal(0.0, kind.sd), self.infos
+        free = tuple(
+            Free(f"{self.effect}@{run}", info, known, unit=kind.sd, centred=kind.low < 0) for run, info in infos.items()
+        )
         return base.joined(model, free)
 
     def removed_from(self, model: Model) -> Model:

@@ -226,6 +226,4 @@ def _prove(
         yardstick = measure(prepared, proof, nominal.model, written.model)
     predicted = None if predicts is None else as_predictor(prepared, proof, predicts)
     judge = explained.found.judge
-    return Conclusion(
-        steps, judge, samples, verdict, best, written, nominal, composed, proof, experiment, yardstick, predicted
-    )
+    return Conclusion(steps, judge, verdict, best, written, nominal, composed, proof, experiment, yardstick, predicted)

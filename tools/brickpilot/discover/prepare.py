@@ -132,7 +132,7 @@ def prepare(
     plain = whole  # the data in the form that `compare` and `calibrate` use
     if model is not None:
         plain = started(measured, {run.name: motor_inputs(run, measured) for run in measured.runs})
-    sealed = Sealed(measured, whole, Comparable(measured, plain, roles))
+    sealed = Sealed(whole, Comparable(measured, plain, roles))
     compared = windows if windowed and windows is not None else ready
     coarse, fine = _residuals(ready, compared, plan, jobs)
     prepared = Prepared(

@@ -17,7 +17,7 @@ from brickpilot.data.dataset import Dataset, motor_inputs
 from brickpilot.data.gap import Gap, gaps
 from brickpilot.data.motion import cut_into_windows, run_of
 from brickpilot.discover import numbers
-from brickpilot.discover.evidence import Judge
+from brickpilot.discover.evidence import Judge, bootstrap
 from brickpilot.discover.finding import Evidence, EvidenceKind
 from brickpilot.fit.residual import Residual, of_bins
 from brickpilot.fit.robust import pseudo_huber_loss
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_DRAWS = 1000  # number of draws of the bootstrap
 _CONFIRMED = "Held-out runs confirm it."
 _NO_RUNS = "No run was held out, so only the fit runs show it."
 _NOT_EXCITED = "The held-out runs do not excite it, so only the fit runs show it."
@@ -48,12 +47,11 @@ class Opened:
     """The whole data set.
 
     Attributes:
-        measured: the data set as read, without channels that contradict the model.
-        whole: `measured` with an sd on every nominal value and with averaged start states.
-        plain: the same runs, prepared as in `compare` and `calibrate`, for the headline numbers.
+        whole: the data set without channels that contradict the model, with an sd on every nominal value and with
+            averaged start states.
+        plain: the same runs as measured, prepared as in `compare` and `calibrate`, for the headline numbers.
     """
 
-    measured: Dataset
     whole: Dataset
     plain: Comparable
 
@@ -63,8 +61,8 @@ class Sealed:
 
     __slots__ = ("__contents",)
 
-    def __init__(self, measured: Dataset, whole: Dataset, plain: Comparable) -> None:
-        self.__contents: Opened | None = Opened(measured, whole, plain)
+    def __init__(self, whole: Dataset, plain: Comparable) -> None:
+        self.__contents: Opened | None = Opened(whole, plain)
 
     def open(self) -> Opened:
         """Returns the whole data set.
@@ -144,7 +142,7 @@ def _evidence(prepared: Prepared, opened: Opened, nominal: Model, written: Model
     judge = Judge.of(held_out, prepared.seed)
     before, after = held_out.predict([nominal, written])
     rises = judge.rises(held_out.measured - before, held_out.measured - after)
-    drawn = np.random.default_rng(0).dirichlet(np.ones(judge.count), _DRAWS) @ rises
+    drawn = bootstrap(judge.count) @ rises
     draws = float(np.mean(drawn > 0))
     claimed = float(pseudo_huber_loss((after - before) * held_out.weight()).sum())
     shown = claimed > numbers.CHANCE_NATS

@@ -73,11 +73,6 @@ class Verdict:
         """Returns the verdict as changed by the stage `by`, with the other fields in `changes`."""
         return dataclasses.replace(self, kind=by.verdict, steps=(*self.steps, by), **changes)
 
-    @property
-    def confidence(self) -> float:
-        """The weight of the best explanation and of those that contain it."""
-        return min(1.0, _said(self.best, self.held))
-
 
 def _said(one: Explanation, held: Sequence[Weighed]) -> float:
     """Returns the weight of an explanation and of those that contain it."""

@@ -161,13 +161,8 @@ def _interpolation(time: Array, grid: Array) -> csr_array:
     """Returns (times, grid): linear interpolation between the grid's points, constant beyond them."""
     left = np.clip(np.searchsorted(grid, time, side="right") - 1, 0, len(grid) - 2)
     share = np.clip((time - grid[left]) / (grid[left + 1] - grid[left]), 0.0, 1.0)
-    return _between(left, 1 - share, share, len(grid))
-
-
-def _between(left: NDArray[np.intp], of_left: Array, of_right: Array, length: int) -> csr_array:
-    """Returns (times, length): weight `of_left` on the point `left` of a grid, and `of_right` on the point after it."""
-    rows, columns = np.arange(len(left)), np.concatenate([left, left + 1])
-    return csr_array((np.concatenate([of_left, of_right]), (np.tile(rows, 2), columns)), shape=(len(left), length))
+    rows, columns = np.tile(np.arange(len(time)), 2), np.concatenate([left, left + 1])
+    return csr_array((np.concatenate([1 - share, share]), (rows, columns)), shape=(len(time), len(grid)))
 
 
 def _jumps(run: Run) -> NDArray[np.bool_]:

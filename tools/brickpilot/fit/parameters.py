@@ -180,6 +180,13 @@ def value_of(model: Model, name: str) -> float:
     return float(model.effects[effect][parameter] if dot else model.parameters[name])
 
 
+def values_of(model: Model) -> dict[str, float]:
+    """Returns name -> value for all values of a model; the names are those of `value_of`."""
+    values = {f"{kind}@{run}": value for kind, table in model.by_run.items() for run, value in table.items()}
+    values |= {f"{effect}.{name}": value for effect, table in model.effects.items() for name, value in table.items()}
+    return values | dict(model.parameters)
+
+
 def plan(dataset: Dataset, *, effects: Sequence[str] = (), free: Sequence[str] = ()) -> Plan:
     """Decides what is fitted.
 

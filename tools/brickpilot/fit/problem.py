@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
-from types import MappingProxyType
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,6 @@ Array = NDArray[np.float64]
 _EFFECT_STEP, _NOMINAL_STEP = 1e-2, 1e-4  # steps of finite differences, in coordinates
 _ANCHOR_SD = 30.0  # sd, in coordinates, of a prior so weak that it fixes only what the data do not determine
 _COMMON_SD = 0.01  # prior sd, in coordinates, of the mean of the run values of one kind
-_NOTHING_KEPT: Mapping[int, Array] = MappingProxyType({})
 
 
 def _kind(free: Free) -> str:
@@ -25,22 +25,22 @@ def _kind(free: Free) -> str:
     return "".join(free.name.partition("@")[:2])
 
 
+@dataclass(frozen=True, eq=False)
 class Problem:
     """Least squares of a residual in the coordinates of `plan.free`, priors included.
 
     If the plant diverges, the residual is NaN. If it diverges only at the end of a step, the derivative is 0.
 
-    Args:
+    Attributes:
         holds_priors: whether priors count. False while the scale of the residual is unknown: the error that priors
             leave in the data would count as the model's error.
         kept: coordinate -> (values,) its sensitivity at the point of the last computation.
     """
 
-    def __init__(
-        self, residual: Residual, plan: Plan, *, holds_priors: bool = True, kept: Mapping[int, Array] = _NOTHING_KEPT
-    ) -> None:
-        self.data, self.plan = residual, plan
-        self._holds_priors, self._kept = holds_priors, kept
+    data: Residual
+    plan: Plan
+    holds_priors: bool = True
+    kept: Mapping[int, Array] = field(default_factory=dict)
 
     def keeping(self, point: Array, count: int) -> Problem:
         """Returns the problem with the sensitivities of the first `count` coordinates fixed at their values at `point`.
@@ -51,12 +51,11 @@ class Problem:
         """
         few = bool(self.plan.held)
         which = [k for k, one in enumerate(self.plan.free[:count]) if one.known or one.effect or not few]
-        kept = dict(zip(which, self.columns(point, which).T, strict=True))
-        return Problem(self.data, self.plan, holds_priors=self._holds_priors, kept=kept)
+        return dataclasses.replace(self, kept=dict(zip(which, self.columns(point, which).T, strict=True)))
 
     def of(self, plan: Plan, threads: int = 1) -> Problem:
         """Returns the problem of a longer plan on `threads` threads, with the kept sensitivities."""
-        return Problem(self.data.on_threads(threads), plan, holds_priors=self._holds_priors, kept=self._kept)
+        return dataclasses.replace(self, data=self.data.on_threads(threads), plan=plan)
 
     def residual(self, point: Array) -> Array:
         """Returns (values + parameters,): the robust residual of the data and the residual of the priors."""
@@ -90,10 +89,10 @@ class Problem:
 
     def sensitivity(self, point: Array) -> Array:
         """Returns (values, parameters): the change of the simulated signals per coordinate, in their SI units."""
-        fresh = [k for k in range(len(point)) if k not in self._kept]
+        fresh = [k for k in range(len(point)) if k not in self.kept]
         slopes = np.empty((len(self.data.measured), len(point)), order="F")
         slopes[:, fresh] = self.columns(point, fresh)
-        for k, column in self._kept.items():
+        for k, column in self.kept.items():
             slopes[:, k] = column
         return slopes
 
@@ -143,7 +142,7 @@ class Problem:
         centre = self.plan.start()
         terms = []
         for free, x, x0 in zip(self.plan.free, point, centre, strict=True):
-            away = free.away(float(x)) if self._holds_priors else None
+            away = free.away(float(x)) if self.holds_priors else None
             terms.append((float(x) - float(x0)) / _ANCHOR_SD if away is None else away)
         common = [float(np.mean(point[here])) / _COMMON_SD for here in self._centred()]
         return np.array([*terms, *common])

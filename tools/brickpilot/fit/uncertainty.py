@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student_t
 
-from brickpilot.fit.parameters import WIDE_SD, Free, value_of
+from brickpilot.fit.parameters import WIDE_SD, Free, value_of, values_of
 from brickpilot.fit.residual import Residual
 from brickpilot.vehicle.combinations import FORMULAS, Formula, forms
 from brickpilot.vehicle.model import Model, with_values
@@ -151,7 +151,7 @@ def _assessed(
     """
     covariance, sd = spread.covariance, np.sqrt(np.diag(spread.covariance))
     quantile = float(student_t.ppf(0.975, degrees))
-    known = _known(model)
+    known = values_of(model)
     estimates = {}
     for one, value, of, size, unit in zip(free, spread.values, sd.tolist(), sizes.tolist(), spread.units, strict=True):
         estimate = _estimate(one, value, of, size, quantile, relative=unit is None)
@@ -255,13 +255,6 @@ def _groups(information: Array, names: list[str]) -> tuple[tuple[tuple[str, ...]
         groups = [g for g in groups if g not in near] + [sorted([i, *(j for g in near for j in g)])]
     together = tuple(tuple(names[i] for i in g) for g in sorted(groups) if len(g) > 1)
     return together, tuple(names[g[0]] for g in sorted(groups) if len(g) == 1)
-
-
-def _known(model: Model) -> dict[str, float]:
-    """Returns all values of a model, by "mass", "effect.parameter" or "kind@run"."""
-    known = {f"{kind}@{run}": v for kind, table in model.by_run.items() for run, v in table.items()}
-    known |= {f"{effect}.{name}": v for effect, table in model.effects.items() for name, v in table.items()}
-    return known | dict(model.parameters)
 
 
 def _combination(
