@@ -218,7 +218,7 @@ def test_a_black_box_that_proved_bold_is_scaled_down() -> None:
     folds = np.repeat(np.arange(4), 100)
     told = columns[:, 0] + 0.1 * random.normal(size=400)
     seen = adequacy.out_of_fold(columns, told, folds, 0)
-    assert seen.boldness > 0.9
+    assert seen.factor > 0.9
     assert np.corrcoef(seen.value, told)[0, 1] > 0.9
     noise = adequacy.out_of_fold(columns, random.normal(size=400), folds, 0)
     assert np.sum(noise.value**2) < 0.1 * 400

@@ -19,8 +19,8 @@ from brickpilot.vehicle.flight import Flight
 from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.scenario import Scenario
 
-ROLL_OUT_S = 0.4  # s at the course's speed in which the robot rolls out after its motors are off: its time constant
-_LEAST_SPACE_M = 4 * ACCEPTANCE_M  # in less, a robot reaches each waypoint without a leg between
+ROLL_OUT_S = 0.4  # time constant, s, with which the robot slows down after its motors are off
+_LEAST_SPACE_M = 4 * ACCEPTANCE_M  # in a smaller space, a waypoint counts as reached before a leg is driven
 _SHARES = (1.0, 0.5)  # shares of the user's speed at which each course is offered
 _COLUMNS = ("time_s", "true_x_m", "true_y_m", "left_duty", "right_duty", "battery_v")
 _EVERY = 3  # steps of 3 ms from one sample of a simulated course to the next
@@ -97,8 +97,8 @@ def deciding(
 ) -> tuple[Scenario, float, str] | None:
     """Returns the course that separates the rivals most, the separation in noise sd, and the signal that has it.
 
-    Each rival flies each course in simulation. All rivals are then driven by the same commands, as the search
-    for an explanation will drive them by those that were measured. None: no course separates them clearly.
+    Each rival flies each course in simulation. All rivals are then simulated with the commands of that flight, because
+    `discover` simulates them with the measured commands. None: no course separates the rivals clearly.
 
     Args:
         rivals: two or more fitted models.

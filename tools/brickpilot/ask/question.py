@@ -1,4 +1,4 @@
-"""Drives, concludes, and drives what separates the rivals, until one explanation is left and a course confirms it."""
+"""Drives the courses that separate the rivals, until one explanation is left and a further course confirms it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Stopped = Literal["decided", "undecidable", "fence", "link", "budget"]
 
 STOPPED: dict[Stopped, str] = {
     "decided": "One explanation is left, and a further mission has confirmed it.",
-    "undecidable": "No mission that fits the space separates what is left.",
+    "undecidable": "No mission that fits the space separates the explanations that are left.",
     "fence": "The robot came to the fence, so its motors were stopped. Bring it back to its start.",
     "link": "The link was lost, so the robot stopped.",
     "budget": "The number of missions or the battery's charge is used up.",
@@ -28,12 +28,12 @@ STOPPED: dict[Stopped, str] = {
 
 @dataclass(frozen=True)
 class Driven:
-    """One flight of a course, as its host saw it.
+    """One flight of a course, as the host recorded it.
 
     Attributes:
-        seconds: the time that it took.
-        battery_v: the battery's voltage at its end.
-        ended: "fence" or "link" if it ended early; None: it was flown to its end.
+        seconds: the duration of the flight, s.
+        battery_v: the battery's voltage at the end, V.
+        ended: "fence" or "link" if one of them ended the flight early; None: the flight is complete.
     """
 
     seconds: float
@@ -43,12 +43,12 @@ class Driven:
 
 @dataclass(frozen=True)
 class Answered:
-    """A course, and what all courses up to it say.
+    """A driven course, and what the data of this course and of all earlier courses say.
 
     Attributes:
-        name: what was driven.
-        why: why it was chosen.
-        weights: explanation -> its weight, of those that together hold 95 % of it.
+        name: the title of the course.
+        why: why the course was chosen.
+        weights: explanation -> its weight, for the explanations that together hold 95 % of the weight.
     """
 
     name: str
@@ -59,10 +59,11 @@ class Answered:
 
 @dataclass(frozen=True)
 class Asked:
-    """The conclusion, and how it was reached.
+    """The finding from all courses, and the courses.
 
     Attributes:
-        finding: what `discover` says of all courses.
+        finding: what `discover` finds in the data of all courses.
+        manoeuvres: the courses, in the order in which they were driven.
         stopped: why no further course was driven.
     """
 
@@ -82,23 +83,24 @@ class Asked:
 
 
 Choice = Callable[[Finding, Sequence[Scenario], Sequence[str]], tuple[Scenario, str] | None]
-"""Takes the finding, all courses and the titles of those driven. Returns the next one and why; None: none helps."""
+"""Takes the finding, all courses and the titles of the driven courses. Returns the next course and the reason for it;
+None: no course helps."""
 
 
 def ask(
     believed: Model, sensors: str, limits: Limits, drive: Callable[[Scenario], Driven],
     conclude: Callable[[], Finding], choose: Choice | None = None,
 ) -> Asked:  # fmt: skip
-    """Asks until one explanation is left, nothing separates what is left, or a limit is reached.
+    """Drives until one explanation is left, no course separates the explanations that are left, or a limit is reached.
 
-    One course shows one kind of motion, in which other causes may hide. So an answer counts if the data with a further
-    course give it again.
+    One course shows one kind of motion, which may not show every cause. So an answer counts only if the data with a
+    further course give the same answer.
 
     Args:
         believed: the model of the robot as its owner believes it.
         sensors: "imu" or "imu+encoders".
-        drive: drives a course and keeps its recording.
-        conclude: says what all recordings up to now show.
+        drive: drives a course and keeps the recording.
+        conclude: returns the finding of `discover` from all recordings so far.
         choose: chooses the next course; None: the course that separates the rivals most.
 
     Raises:
@@ -135,23 +137,23 @@ def ask(
 
 
 def _next(
-    found: Finding, offered: Sequence[Scenario], driven: Sequence[str], sensors: str, limits: Limits
+    finding: Finding, offered: Sequence[Scenario], driven: Sequence[str], sensors: str, limits: Limits
 ) -> tuple[Scenario, str] | None:
     """Returns the next course: the one that separates the rivals most; without rivals, one that was not driven."""
     new = [one for one in offered if one.title not in driven]
-    rivals = rivals_of(found)
+    rivals = rivals_of(finding)
     if len(rivals) < 2:
         why = "the answer has no rival, so a mission of another kind has to confirm or refute it"
         return (new[0], why) if new else None
-    decided = deciding(rivals, found.noise_sd, offered, sensors, limits)
+    decided = deciding(rivals, finding.noise_sd, offered, sensors, limits)
     if decided is None:
         return None
     course, apart, signal = decided
     return course, f"the rivals differ by {apart:.2g} times the noise in {signal}"
 
 
-def rivals_of(found: Finding) -> list[Model]:
+def rivals_of(finding: Finding) -> list[Model]:
     """Returns the models of the best explanation and of its rivals; one model if there is no rival."""
-    best = dataclasses.replace(found.augmented, by_run={})
-    held = found.effects[0].equivalents if found.effects else ()
-    return [best, *(Model(one.name, best.vehicle, best.profile, one.nominal, one.effects) for one in held)]
+    best = dataclasses.replace(finding.augmented, by_run={})
+    held = finding.effects[0].equivalents if finding.effects else ()
+    return [best, *(Model(rival.name, best.vehicle, best.profile, rival.nominal, rival.effects) for rival in held)]

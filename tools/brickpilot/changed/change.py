@@ -244,8 +244,8 @@ def in_model(formula: Formula, model: Model) -> float:
 def sized(value_in: Callable[[Model], float], model: Model, spread: Spread | None, extra_sd: float = 0.0) -> Sized:
     """Returns a value with its interval, by first-order propagation of a fit's spread.
 
-    The data may determine this value but not single parameters, if the value is constant along the directions that the
-    data leave open.
+    The interval may be narrow although no single parameter is determined: the value may be constant along the
+    directions that the data do not determine.
 
     Args:
         extra_sd: a further sd of the value, independent of the sd of the fit.
@@ -266,7 +266,7 @@ def _within(value: float, half: float) -> Sized:
 
 def change_of(
     difference: Difference, model: Model, spread: Spread | None, sd: float, before: str, after: str,
-    alone: Mapping[str, tuple[Constant, Constant]], **told: Any,
+    alone: Mapping[str, tuple[Constant, Constant]], **other_fields: Any,
 ) -> Change:  # fmt: skip
     """Returns a difference as a change.
 
@@ -278,7 +278,7 @@ def change_of(
         alone: combination -> its values (before, after), each determined by one recording alone. These values are
             reported if they surely differ, because a difference too small to be named still shifts the values of
             `model`.
-        told: further fields of `Change`, which the explanation does not give.
+        other_fields: the fields of `Change` that neither the difference nor the model gives.
     """
     quantity = quantity_of(difference, model.vehicle)
 
@@ -286,14 +286,14 @@ def change_of(
         return quantity.value_in(in_recording(of, recording, ("",)))
 
     first, second = value_in(model, before), value_in(model, after)
-    told_sd = sd * abs(_slope(quantity, model, difference))
-    change = sized(lambda of: value_in(of, after) - value_in(of, before), model, spread, told_sd)
+    quantity_sd = sd * abs(_slope(quantity, model, difference))
+    change = sized(lambda of: value_in(of, after) - value_in(of, before), model, spread, quantity_sd)
     percent = None
     if first > 0:
-        sd_percent = 100 * told_sd / first
+        sd_percent = 100 * quantity_sd / first
         percent = sized(lambda of: 100 * (value_in(of, after) / value_in(of, before) - 1), model, spread, sd_percent)
     if quantity.what in alone:
-        apart, in_percent = _apart(*alone[quantity.what], told_sd)
+        apart, in_percent = _apart(*alone[quantity.what], quantity_sd)
         if is_sure(apart):
             first, second = (constant.value for constant in alone[quantity.what])
             change, percent = apart, in_percent
@@ -311,7 +311,7 @@ def change_of(
         percent=percent,
         words=words,
         advice=advice,
-        **told,
+        **other_fields,
     )
 
 
@@ -357,7 +357,7 @@ _ADVICE = {
     "supply_gain": "Measure the battery's voltage, and charge it; look at the leads from it to the motors.",
     "delay": "Look at the link and at the period of the program that sends commands.",
 }
-_LESS = "Less of it is no fault by itself. If nobody mended it, look for what came loose or is missing."
+_LESS = "Less of it is no fault by itself. If nobody repaired it, look for a part that came loose or is missing."
 
 
 def subject(what: str) -> str:

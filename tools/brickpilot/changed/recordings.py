@@ -37,8 +37,8 @@ _LEAST_DEGREES = 2  # least degrees of freedom: the number of runs, less one for
 def together(recordings: Mapping[str, Dataset]) -> Dataset:
     """Returns the runs of all recordings as fit runs of one data set, which is otherwise like the first recording.
 
-    A run's name begins with the name of its recording. If a later recording states other nominal values, they are left
-    out with a note, because the data have to show what differs.
+    A run's name begins with the name of its recording. Other nominal values of a later recording are not used, and a
+    note says so: the data have to show what differs.
 
     Args:
         recordings: name -> data set. A name contains no "@" and no ": ", and no run has the same name.
@@ -99,7 +99,7 @@ class Onset:
     Attributes:
         run: the name of the run.
         at_s: the moment, s on the clock of the run.
-        ci95: the first and last moment of the same run that the data cannot tell from this one, s.
+        ci95: the first and the last moment of this run that explain the data about as well, s.
     """
 
     run: str
@@ -182,9 +182,9 @@ def _onset(data: Residual, gains: Array, recording: str) -> Onset | None:
 def sd_between_recordings(data: Residual, best: Explanation, part: Difference, correlated: float) -> float:
     """Returns the sd of the difference of two recordings of one state, in the unit of the first value of `part`.
 
-    Each run gets a value of its own. The scatter of these values beyond their own uncertainty is the spread between
-    runs (the random effects of DerSimonian & Laird 1986, Controlled Clinical Trials 7). A recording has the mean of its
-    runs. The sd is 0 if there are too few runs, or if the value has one sign only.
+    The value of each run is fitted on its own. The scatter of these values beyond their own uncertainty is the spread
+    between runs (random effects: DerSimonian & Laird 1986, Controlled Clinical Trials 7). The value of a recording is
+    the mean of its runs. The sd is 0 if there are too few runs, or if the value has one sign only.
 
     Args:
         data: the residual of both recordings.

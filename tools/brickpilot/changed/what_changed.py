@@ -64,7 +64,9 @@ from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.replay import Replay, in_recording
 
 BEFORE = "before"
-_LEFT = "Whatever may differ leaves {:.2g} nats a value more of one recording than of the other: something is missing."
+_LEFT = (
+    "The best differences leave {:.2g} nats a value more error in one recording than in the other: a law is missing."
+)
 _RUNS = "Runs of one recording differ among themselves by as much."
 _DRAWN = 2  # number of signals with a plot
 _MOST_NAMED = 2  # largest number of effects that are named in BEFORE, without the dry friction of every machine
@@ -297,12 +299,12 @@ def _alone(dataset: Dataset, base: Explanation, seed: int, jobs: int) -> tuple[P
 def _verdict(joint: Joint, tell: Stages) -> tuple[Joint, Verdict]:
     """Returns the recordings with the floors that were used, and the engine's verdict on what differs.
 
-    The residual of a recording's own explanation is no change: it counts as noise here. If this residual is surely
-    larger in one recording than in the other, this recording may have a new effect. Then the residual of the other
-    recording is the usual one. If no new effect is found, the answer is a difference in the machine's own values. If
-    several values differ, one new effect may explain all these differences. This effect is the answer if it has the
-    best score. For example, a gyro that reads 10 % more looks like a narrower robot that turns more easily. The verdict
-    is "unknown" if the residual stays too large.
+    The residual that a recording's own explanation leaves is no change: it counts as noise. If this residual is surely
+    larger in one recording than in the other, the recording with more may have a new effect, and only the residual of
+    the other recording counts as noise. If no new effect is found, the answer is a difference in the machine's own
+    values. If several of these values differ, one new effect may explain all differences. For example, a gyro that
+    reads 10 % more looks like a narrower robot that turns more easily. The new effect is the answer if it has the best
+    score. The verdict is "unknown" if the residual stays too large.
     """
     ready, verdict = joint, None
     if joint.left_more:

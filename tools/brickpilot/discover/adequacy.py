@@ -32,7 +32,7 @@ _ALPHAS = (1.0, 10.0, 100.0)  # ridge penalties that are tried; a larger penalty
 _TAUGHT_ROWS = 3000  # most rows that train the black box: further rows of a long log add nothing new
 _BEYOND = 0.1  # a column is clipped to its training range, widened at each end by this share of the range
 _FAR = 5.0  # largest residual, in robust sizes: a larger one is clipped to this
-_NEXT_TO_NOTHING = 1e-300  # least divisor: if the nominal error is 0, a new error has a share of 0, no error has 1
+_NEXT_TO_NOTHING = 1e-300  # least divisor; it matters only if the nominal model leaves no error above noise
 _FILTERS_S = (0.1, 0.5, 2.0)  # filter time constants for a motor, for a body, and for slow changes
 _STANDSTILL_SHARE = 0.03  # share of the largest speed or voltage below which the smoothed sign goes to 0
 _SETTLING_S = 0.3
@@ -66,7 +66,9 @@ class Adequacy:
         """Of the signals with more error left than removed: the one with the largest `left`, if above the limit."""
         more = {one: left for one, left in self.left.items() if self.explained[one] < 1 - self.explained[one]}
         return max(
-            (one for one in more if more[one] > numbers.UNEXPLAINED_NATS), key=lambda one: more[one], default=None
+            (one for one in more if more[one] > numbers.UNEXPLAINED_NATS),
+            key=lambda one: more[one],
+            default=None,
         )
 
     @property
@@ -135,10 +137,10 @@ def rows_of(data: Residual, outputs: Mapping[str, Outputs], error: Array, signal
         outputs: run -> simulated signals.
         error: (values,).
     """
-    blocks = [one for one in data.blocks if one.signal == signal]
-    columns = np.vstack([columns_of(data.replay, outputs, one.run, one.middle) for one in blocks])
-    runs = [run_of(one.run) for one in blocks for _ in one.middle]
-    folds = folds_of(runs, np.concatenate([one.middle for one in blocks]))
+    blocks = [block for block in data.blocks if block.signal == signal]
+    columns = np.vstack([columns_of(data.replay, outputs, block.run, block.middle) for block in blocks])
+    runs = [run_of(block.run) for block in blocks for _ in block.middle]
+    folds = folds_of(runs, np.concatenate([block.middle for block in blocks]))
     return columns, np.concatenate(data.parts(error, signal)), folds
 
 
@@ -147,14 +149,14 @@ class Unseen:
     """The prediction of a black box for rows that it was not trained on.
 
     Attributes:
-        value: (rows,) the prediction, scaled by `boldness`.
+        value: (rows,) the prediction of the black box times `factor`.
         best: the index of the penalty that predicts best.
-        boldness: the factor, 0..1, that makes the prediction fit these rows best; 1: the prediction is not too large.
+        factor: the multiple, 0..1, of the black box's own prediction that fits these rows best.
     """
 
     value: Array
     best: int
-    boldness: float
+    factor: float
 
 
 def out_of_fold(columns: Array, target: Array, folds: Indices, seed: int) -> Unseen:
@@ -166,8 +168,8 @@ def out_of_fold(columns: Array, target: Array, folds: Indices, seed: int) -> Uns
             tried[here] = taught_by(columns[~here], target[~here], seed)(columns[here])
     best = int(np.argmin(np.sum((target[:, np.newaxis] - tried) ** 2, axis=0)))
     power = float(tried[:, best] @ tried[:, best])
-    boldness = float(np.clip(target @ tried[:, best] / power, 0.0, 1.0)) if power > 0 else 0.0
-    return Unseen(boldness * tried[:, best], best, boldness)
+    factor = float(np.clip(target @ tried[:, best] / power, 0.0, 1.0)) if power > 0 else 0.0
+    return Unseen(factor * tried[:, best], best, factor)
 
 
 def taught_by(columns: Array, target: Array, seed: int) -> Callable[[Array], Array]:
@@ -190,9 +192,9 @@ def taught_by(columns: Array, target: Array, seed: int) -> Callable[[Array], Arr
         plain = (np.clip(asked, low, high) - middle) / size
         return np.hstack([plain, weight * np.cos(plain @ directions + phases)])
 
-    told, mean = features(columns), float(target.mean())
-    values, axes = np.linalg.eigh(told.T @ told)
-    turned = axes.T @ (told.T @ (target - mean))
+    taught, mean = features(columns), float(target.mean())
+    values, axes = np.linalg.eigh(taught.T @ taught)
+    turned = axes.T @ (taught.T @ (target - mean))
     weights = np.column_stack([axes @ (turned / (np.maximum(values, 0.0) + alpha)) for alpha in _ALPHAS])
     return lambda asked: np.asarray(features(asked) @ weights + mean)
 
@@ -216,7 +218,7 @@ def columns_of(replay: Replay, outputs: Mapping[str, Outputs], run: str, at: Arr
 
     The columns contain no measured value.
     """
-    time = next(one.time for one in replay.dataset.runs if one.name == run)
+    time = next(driven.time for driven in replay.dataset.runs if driven.name == run)
     step = float(np.median(np.diff(time)))
     clock = time - time[0]
     made = [clock, np.exp(-clock / _SETTLING_S)]
@@ -232,7 +234,7 @@ def columns_of(replay: Replay, outputs: Mapping[str, Outputs], run: str, at: Arr
         made += [rate, np.abs(rate), side, *_past(rate, step), *_past(side, step)]
     if "yaw_rate" in simulated and "surge" in simulated:
         made.append(simulated["surge"] * simulated["yaw_rate"])
-    return np.column_stack([np.interp(at, time, one) for one in made])
+    return np.column_stack([np.interp(at, time, column) for column in made])
 
 
 _RATES = frozenset({"speed", "velocity", "yaw_rate", "wheel_speed_left", "wheel_speed_right"})
@@ -240,5 +242,5 @@ _RATES = frozenset({"speed", "velocity", "yaw_rate", "wheel_speed_left", "wheel_
 
 def _past(values: Array, step: float) -> list[Array]:
     """Returns `values` (n,) through first-order filters that start at 0."""
-    kept = [float(np.exp(-step / constant)) for constant in _FILTERS_S]
-    return [np.asarray(lfilter([1 - one], [1.0, -one], values)) for one in kept]
+    decays = [float(np.exp(-step / constant)) for constant in _FILTERS_S]
+    return [np.asarray(lfilter([1 - decay], [1.0, -decay], values)) for decay in decays]

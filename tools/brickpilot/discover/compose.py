@@ -2,8 +2,8 @@
 
 A law is a sum of few terms of a fixed basis. Terms are searched and weighed like effects (a sparse regression by
 forward selection with refits, FROLS: Chen, Billings & Luo 1989), but on signatures from simulation instead of
-derivatives. An atom is a term with the settings that shape it. Periods come from the spectra of the residual along
-time, a wheel's angle and the position. So no term is tried at a period that the residual lacks.
+derivatives. An atom is a term with the settings that shape it. The periods of periodic terms are peaks in the spectra
+of the residual along time, a wheel's angle and the position: no other period is tried.
 """
 
 from __future__ import annotations
@@ -72,8 +72,8 @@ class Atom(Part):
     """One term, or the sine and the cosine of one period, with the settings that shape them.
 
     Attributes:
-        slowest: the least frequency, Hz. A term below it repeats less than once in a run or more slowly than any load
-            swings, and could stand in for any drift or loss.
+        slowest: the least frequency, Hz. A slower term repeats less than once in a run, or more slowly than any load
+            swings, and could imitate any drift or loss.
     """
 
     terms: tuple[Basis, ...]
@@ -108,9 +108,9 @@ class Atom(Part):
 
     def joins(self, table: Mapping[str, float]) -> bool:
         """Returns whether `table` lacks the terms of this atom, and has no setting that differs from the atom's own."""
-        there = [one.basis for one in terms_of(table)]
+        there = [term.basis for term in terms_of(table)]
         shaping = settings_of(there, table)
-        lacks = not {one.name for one in there} & {*self.names}
+        lacks = not {term.name for term in there} & {*self.names}
         return lacks and all(shaping.get(name, value) == value for name, value in self.settings)
 
     def starting(self, base: Plan, values: Mapping[str, float]) -> Plan:
@@ -122,10 +122,10 @@ class Atom(Part):
 
     def removed_from(self, model: Model) -> Model:
         table = {name: value for name, value in model.effects[EFFECT].items() if name not in self.names}
-        left = [one for one in basis() if one.name in table]
+        left = [term for term in basis() if term.name in table]
         if not left:
             return super().removed_from(model)
-        table = {one.name: table[one.name] for one in left} | settings_of(left, table)
+        table = {term.name: table[term.name] for term in left} | settings_of(left, table)
         return dataclasses.replace(model, effects={**model.effects, EFFECT: table})
 
     def owns(self, free: Free) -> bool:
@@ -361,14 +361,14 @@ class TermSource:
         return {one: np.column_stack(columns) for one, columns in changes.items()}
 
 
-def _best_coefficients(one: Atom, signatures: Array, rest: Array, table: Mapping[str, float]) -> Array:
+def _best_coefficients(candidate: Atom, signatures: Array, rest: Array, table: Mapping[str, float]) -> Array:
     """Returns the coefficients within their ranges that remove most of `rest`; 0 for an atom without a signature."""
     strength = np.linalg.norm(signatures, axis=0)
     if not np.all(strength > 0):
-        return np.zeros(len(one.terms))
+        return np.zeros(len(candidate.terms))
     found = np.linalg.lstsq(signatures / strength, rest, rcond=1e-6)[0] / strength
-    low = [_lowest(term, table) for term in one.terms]
-    return np.asarray(np.clip(found, low, [term.info.maximum for term in one.terms]))
+    low = [_lowest(term, table) for term in candidate.terms]
+    return np.asarray(np.clip(found, low, [term.info.maximum for term in candidate.terms]))
 
 
 def _lowest(term: Basis, table: Mapping[str, float]) -> float:
@@ -390,7 +390,7 @@ def _diverse(trials: Sequence[Trial]) -> list[Trial]:
 
 def _cells(segments: Sequence[Segment]) -> list[tuple[float, float]]:
     """Returns middle and half width, m, of cells that divide the travel; no cells if the vehicle hardly moves."""
-    travels = [one.at[name] for one in segments for name in ("x", "position") if name in one.at]
+    travels = [segment.at[name] for segment in segments for name in ("x", "position") if name in segment.at]
     if not travels:
         return []
     low, high = min(float(np.min(travel)) for travel in travels), max(float(np.max(travel)) for travel in travels)

@@ -77,12 +77,12 @@ class Conclusion:
     @cached_property
     def totals(self) -> Mapping[frozenset[str], float]:
         """The evidence of each explanation that was weighed, by its key."""
-        return {one.explanation.key: one.total for one in self.verdict.ranked}
+        return {evidence.explanation.key: evidence.total for evidence in self.verdict.ranked}
 
-    def removed(self, one: Explanation) -> float:
+    def removed(self, explanation: Explanation) -> float:
         """Returns an explanation's evidence, scaled: the nominal model has 0, a residual of noise alone has 1."""
         nothing = self.totals[self.verdict.nominal.key]
-        way, gone = self.judge.top - nothing, self.totals.get(one.key, nothing) - nothing
+        way, gone = self.judge.top - nothing, self.totals.get(explanation.key, nothing) - nothing
         return float(np.clip(gone / way, 0.0, 1.0)) if way > 0 else 0.0
 
 
@@ -153,12 +153,12 @@ def _whiteness(data: Residual, model: Model) -> dict[str, finding.Whiteness]:
     return found
 
 
-def _mechanisms(one: Explanation) -> tuple[str, ...]:
+def _mechanisms(explanation: Explanation) -> tuple[str, ...]:
     """Returns the mechanisms of the parts, each once. An effect's mechanism depends on its fitted values."""
-    tables = one.model.effects
+    tables = explanation.model.effects
     found = (
         catalogue.mechanism(part.effect, tables[part.effect]) if type(part) is Part else part.mechanism
-        for part in one.parts
+        for part in explanation.parts
     )
     return tuple(dict.fromkeys(found))
 
@@ -201,16 +201,16 @@ def _shares(found: Conclusion) -> dict[str, float]:
 
 def _equivalents(found: Conclusion) -> tuple[finding.Equivalent, ...]:
     made, best = [], found.totals[found.verdict.best.key]
-    for one in found.verdict.rivals:
-        model, several = one.model, len(one.parts) > 1
+    for rival in found.verdict.rivals:
+        model, several = rival.model, len(rival.parts) > 1
         values = {
             f"{part.effect}.{name}" if several else name: _parameter(model, part.effect, name, {})
-            for part in one.effects
+            for part in rival.effects
             for name in part.free
         }
         effects = {name: dict(table) for name, table in model.effects.items()}
-        worse_by = (best - found.totals[one.key]) / found.verdict.temperature
-        name = " + ".join(one.names) or finding.NOMINAL_VALUES
+        worse_by = (best - found.totals[rival.key]) / found.verdict.temperature
+        name = " + ".join(rival.names) or finding.NOMINAL_VALUES
         made.append(finding.Equivalent(name, values, worse_by, dict(model.parameters), effects))
     return tuple(made)
 
@@ -218,7 +218,7 @@ def _equivalents(found: Conclusion) -> tuple[finding.Equivalent, ...]:
 def _parameter(model: Model, effect: str, name: str, estimates: Mapping[str, Estimate]) -> Parameter:
     """Returns a parameter of an effect, with its interval if estimated; `identified` gets the value's sign."""
     known = estimates.get(f"{effect}.{name}")
-    unit = unit_on(model, next(one for one in catalogue.effect(effect).parameters if one.name == name))
+    unit = unit_on(model, next(row for row in catalogue.effect(effect).parameters if row.name == name))
     if known is None:
         return Parameter(value_of(model, f"{effect}.{name}"), unit, None)
     form = known.identified

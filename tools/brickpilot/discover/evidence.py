@@ -2,7 +2,8 @@
 
 1. Each stretch is predicted by a fit without it: one Gauss-Newton step from the fit to all runs, with the stretch's
    rows deleted (the infinitesimal jackknife; Giordano and others 2019, AISTATS). A step is too long if it leaves the
-   linear range or changes the stretch by more than its residual. It is then halved until the others fit no worse.
+   linear range or changes the stretch by more than its residual. Such a step is halved until it makes the other
+   stretches fit no worse.
 2. The residual has a hyperbolic density. For each signal, the other stretches set the scale. It is at least the floor
    of noise and simulator error. A signal that no model explains down to noise has a larger scale.
 3. Values of a residual are not independent, and no law is exact. So `temperature` nats count as one nat.
@@ -76,12 +77,15 @@ class Evidence:
         """Returns the log of the weight up to a constant: evidence, prior odds, and the cost of values far from priors.
 
         A prior contains no law error, so its cost is not divided by the temperature. But a law error also moves the
-        fitted values. So the prior is taken at a fit in which the data's cost is divided by the temperature.
+        fitted values. So the prior is evaluated at a fit in which the data's cost is divided by the temperature.
         """
         return self.total / temperature + self.log_prior(temperature)
 
     def nat(self, temperature: float) -> float:
-        """Returns the cost that counts as one nat. A cost uses the fit's scales, a density the residual's scales."""
+        """Returns how much of `Explanation.cost` counts as one nat.
+
+        The cost is in the scales of the fit, but the density of a stretch is in scales found from the residual.
+        """
         return temperature * max(2 * self.explanation.cost / max(len(self.left_out), 1), 1.0)
 
     def log_prior(self, temperature: float) -> float:
@@ -135,8 +139,8 @@ class Judge:
         for signal in self.data.signals:
             rows = self._rows(signal)
             least = weights @ np.bincount(self.stretch[rows], minlength=self.count) * self.data.floor(signal) ** 2
-            sums = (weights @ np.bincount(self.stretch[rows], one[rows] ** 2, self.count) for one in (before, after))
-            first, then = (np.maximum(one, least) for one in sums)
+            squares = (np.bincount(self.stretch[rows], residual[rows] ** 2, self.count) for residual in (before, after))
+            first, then = (np.maximum(weights @ of_stretch, least) for of_stretch in squares)
             total += np.log(then / first) / 2
         return np.asarray(total / len(self.data.signals))
 
@@ -163,7 +167,7 @@ class Judge:
             size = scale_of_rest(np.concatenate(self.data.parts(before, signal)), self.data.floor(signal))
             for block in self.data.blocks:
                 if block.signal == signal:
-                    scaled = [(one[block.place] / (numbers.KNEE * size)) ** 2 for one in (before, after)]
+                    scaled = [(residual[block.place] / (numbers.KNEE * size)) ** 2 for residual in (before, after)]
                     rise = numbers.KNEE**2 * (np.sqrt(1 + scaled[0]) - np.sqrt(1 + scaled[1]))
                     total += np.bincount(self.stretch[block.place], rise, self.count)
         return total
@@ -183,7 +187,7 @@ class Judge:
         for here in np.split(np.argsort(self.stretch, kind="stable"), ends[:-1]):
             own = slopes[:count][here]
             matrix, pull = normal - own.T @ own, own.T @ rows[:count][here]
-            # Only its own run shows a run value. If this stretch alone shows most of it (a late start), it stays fixed.
+            # A run value is fitted to its own run. If most of its information is in this stretch, it stays fixed.
             alone = of_run & (np.square(own).sum(axis=0) > normal.diagonal() / 2)
             matrix[alone], matrix[:, alone], pull[alone] = 0.0, 0.0, 0.0
             step, is_long = _step(matrix, pull, reach, bounds.T - found.point)
@@ -313,8 +317,8 @@ def surprise(away: Array) -> float:
 
 def weigh(table: Sequence[Evidence], temperature: float) -> Array:
     """Returns (explanations,): the weight of each explanation. The weights sum to 1."""
-    rows = np.array([one.by_stretch for one in table])
-    odds = np.array([one.log_prior(temperature) for one in table])
+    rows = np.array([evidence.by_stretch for evidence in table])
+    odds = np.array([evidence.log_prior(temperature) for evidence in table])
     total = bootstrap(rows.shape[1]) @ rows.T / temperature + odds
     return np.asarray(np.exp(total - logsumexp(total, axis=1, keepdims=True)).mean(axis=0))
 
@@ -325,7 +329,7 @@ def bootstrap(count: int) -> Array:
 
 
 def held_by(table: Sequence[Evidence], weights: Array) -> dict[str, float]:
-    """Returns part -> the weight of the explanations for which `says` holds for this part."""
+    """Returns the name of a part -> the weight of all explanations that say this part: see `Explanation.says`."""
     parts = {part.name: part for one in table for part in one.explanation.parts}
     weighed = list(zip(table, weights.tolist(), strict=True))
     return {name: sum(weight for one, weight in weighed if one.explanation.says(part)) for name, part in parts.items()}

@@ -42,8 +42,8 @@ def plan_experiment(prepared: Prepared, verdict: Verdict) -> Experiment | None:
     if not verdict.rivals:
         return None
     rivals = {
-        " + ".join(one.names) or NOMINAL_VALUES: dataclasses.replace(one.model, by_run={})
-        for one in (verdict.best, *verdict.rivals)
+        " + ".join(explanation.names) or NOMINAL_VALUES: dataclasses.replace(explanation.model, by_run={})
+        for explanation in (verdict.best, *verdict.rivals)
     }
     return next_experiment(rivals, prepared.fine.sample_noise, prepared.excitation.largest["voltage"])
 
@@ -150,7 +150,7 @@ def size_named(part: Part, size: float, strength: float, temperature: float) -> 
 
 def size_of(part: Part) -> ParameterInfo:
     """Returns the first free parameter of a part."""
-    return next(one for one in catalogue.effect(part.effect).parameters if one.name == part.free[0])
+    return next(row for row in catalogue.effect(part.effect).parameters if row.name == part.free[0])
 
 
 def nearest_sizes(tried: Iterable[tuple[Part, float, float]]) -> list[tuple[Part, float]]:

@@ -30,8 +30,8 @@ ROUGH, FINE = 1e-3, 1e-4
 """Relative change of cost at which a descent ends: for a proposal, and for an explanation that is judged."""
 
 _DESCENTS, _LEAST_GAIN_SHARE = 6, 3e-4  # most descents of a fine fit; relative gain below which a descent is the last
-_AT_BOUND = 1e-3  # a parameter nearer to an end of its range than this share of it is at this end, except `_WHOLE`
-_WHOLE = (0, 1)  # ends of a range that a real machine may have: a share of nothing and of the whole
+_AT_BOUND = 1e-3  # a parameter is at an end of its range if the distance is below this share of its value
+_WHOLE = (0, 1)  # ends of a range at which a value may be: a real machine may have none of an effect, or all of it
 _LIMIT_OVER_READING = 0.9  # least ratio of a limit to the largest reading: a reading above its limit is noise
 _LEAST_BASE_SHARE = 0.1  # least ratio of a parameter to its addition, such as dry friction to a breakaway torque
 
@@ -59,7 +59,7 @@ class Explanation:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """The names of its parts, in the order in which they joined."""
-        return tuple(one.name for one in self.parts)
+        return tuple(part.name for part in self.parts)
 
     @cached_property
     def key(self) -> frozenset[str]:
@@ -68,22 +68,22 @@ class Explanation:
     @property
     def log_odds(self) -> float:
         """The log of the prior odds of all its parts together."""
-        return sum(one.log_odds for one in self.parts)
+        return sum(part.log_odds for part in self.parts)
 
     @property
     def is_periodic(self) -> bool:
         """Whether one of its effects repeats with the angle of a wheel."""
-        return any(one.is_periodic for one in self.parts)
+        return any(part.is_periodic for part in self.parts)
 
     @property
     def parameter_count(self) -> int:
         """The number of free parameters of its parts."""
-        return sum(any(one.owns(free) for one in self.parts) for free in self.plan.free)
+        return sum(any(part.owns(free) for part in self.parts) for free in self.plan.free)
 
     @property
     def effects(self) -> tuple[Part, ...]:
         """Its parts that are effects of the library."""
-        return tuple(one for one in self.parts if type(one) is Part)
+        return tuple(part for part in self.parts if type(part) is Part)
 
     def says(self, part: Part) -> bool:
         """Returns whether this explanation holds `part`, a law that contains it, or all laws that make up `part`."""
@@ -100,7 +100,7 @@ class Explanation:
     @cached_property
     def _said(self) -> frozenset[str]:
         """The names of its laws, and of the laws that they contain."""
-        return self.key.union(*(one.contains for one in self.parts))
+        return self.key.union(*(part.contains for part in self.parts))
 
     @cached_property
     def laws(self) -> frozenset[str]:
@@ -108,8 +108,8 @@ class Explanation:
 
         For example, beside a constant offset, friction in one direction is replaced by dry friction and another offset.
         """
-        split = [one for one in self.parts if self.key.intersection(one.made_of)]
-        return self.key.difference(one.name for one in split).union(*(one.made_of for one in split))
+        split = [part for part in self.parts if self.key.intersection(part.made_of)]
+        return self.key.difference(part.name for part in split).union(*(part.made_of for part in split))
 
 
 def fit(
@@ -190,14 +190,14 @@ def is_possible(found: Explanation, excitation: Excitation) -> bool:
     breakaway torque to dry friction, does not replace it; and no fitted size is below `least_of`.
     """
     tables = found.model.effects
-    for one in found.effects:
-        for info in catalogue.effect(one.effect).parameters:
-            value = tables[one.effect].get(info.name, info.preset)
+    for part in found.effects:
+        for info in catalogue.effect(part.effect).parameters:
+            value = tables[part.effect].get(info.name, info.preset)
             away = min((abs(value - end) for end in (info.minimum, info.maximum) if end not in _WHOLE), default=np.inf)
-            if info.name in one.free and (away < _AT_BOUND * abs(value) or abs(value) < least_of(info)):
+            if info.name in part.free and (away < _AT_BOUND * abs(value) or abs(value) < least_of(info)):
                 return False
-    periodic = all(tables[one.effect]["order"] >= excitation.least_order for one in found.effects if one.is_periodic)
-    limits = [(tables[one.effect][name], signal) for one in found.effects for name, signal in read_limits(one)]
+    periodic = all(tables[part.effect]["order"] >= excitation.least_order for part in found.effects if part.is_periodic)
+    limits = [(tables[part.effect][name], signal) for part in found.effects for name, signal in read_limits(part)]
     additions = [
         (table[info.only_with], table[info.name])
         for name, table in tables.items()

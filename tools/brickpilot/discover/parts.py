@@ -50,7 +50,7 @@ class Part:
     @property
     def infos(self) -> dict[str, ParameterInfo]:
         """Parameter -> its row of the table, for all parameters of the effect."""
-        return {one.name: one for one in catalogue.effect(self.effect).parameters}
+        return {row.name: row for row in catalogue.effect(self.effect).parameters}
 
     def range_of(self, name: str) -> tuple[float, float]:
         """Returns the least and the largest value that a parameter may have."""
@@ -78,11 +78,11 @@ class Part:
 
     def starting(self, base: Plan, values: Mapping[str, float]) -> Plan:
         """Returns `base` with this part at `values`. Its free parameters come last."""
-        table = {name: values.get(name, self.fixed.get(name, one.preset)) for name, one in self.infos.items()}
+        table = {name: values.get(name, self.fixed.get(name, row.preset)) for name, row in self.infos.items()}
         model = dataclasses.replace(base.model, effects={**base.model.effects, self.effect: table})
         added = tuple(
-            Free(f"{self.effect}.{name}", one, None, natural=_natural_size(one, base.model))
-            for name, one in self.infos.items()
+            Free(f"{self.effect}.{name}", row, None, natural=_natural_size(row, base.model))
+            for name, row in self.infos.items()
             if name in self.free
         )
         return base.joined(model, added)
@@ -179,10 +179,10 @@ def run_parts(runs: Sequence[str]) -> list[RunPart]:
     return [RunPart(kind, tuple(runs), {}) for kind in RUN_KINDS] if len(runs) > 2 else []
 
 
-def _adds_something(one: ParameterInfo, base: Model) -> bool:
+def _adds_something(row: ParameterInfo, base: Model) -> bool:
     """Returns whether `base` has two sides, if the parameter needs them, and no parameter with the same action."""
-    sided = base.vehicle != "motor" or not one.odd
-    return sided and not (one.same_as and base.parameters.get(one.same_as, 0.0) != 0)
+    sided = base.vehicle != "motor" or not row.odd
+    return sided and not (row.same_as and base.parameters.get(row.same_as, 0.0) != 0)
 
 
 @cache
@@ -216,9 +216,9 @@ def _sets_of_parameters(usable: list[ParameterInfo]) -> list[tuple[str, ...]]:
     return list(dict.fromkeys(one for one in sets if one))
 
 
-def is_signed(one: ParameterInfo) -> bool:
+def is_signed(row: ParameterInfo) -> bool:
     """Returns whether a parameter is a size that may be negative."""
-    return one.minimum < 0 and one.role != "shape"
+    return row.minimum < 0 and row.role != "shape"
 
 
 def least_of(info: ParameterInfo) -> float:
@@ -231,22 +231,22 @@ def least_of(info: ParameterInfo) -> float:
 
 def read_limits(part: Part) -> list[tuple[str, str]]:
     """Returns the parameters of a part that limit a sensor's reading, each with the sensor's signal."""
-    return [(name, one.limits) for name, one in part.infos.items() if one.limits not in ("", _COMMAND)]
+    return [(name, row.limits) for name, row in part.infos.items() if row.limits not in ("", _COMMAND)]
 
 
 def limit_of(part: Part) -> ParameterInfo | None:
     """Returns the parameter that is a limit; None if the effect has none."""
-    return next((one for one in part.infos.values() if one.role == "limit"), None)
+    return next((row for row in part.infos.values() if row.role == "limit"), None)
 
 
 def scanned_parameter(part: Part) -> ParameterInfo | None:
     """Returns the parameter whose sizes are tried one by one because only some sizes show the effect; or None."""
-    return next((one for one in part.infos.values() if one.scan), None)
+    return next((row for row in part.infos.values() if row.scan), None)
 
 
 def switch_settings(part: Part) -> list[dict[str, float]]:
     """Returns the settings of a part's switches that are tried: all off, and each switch alone on."""
-    return [{}, *({name: one.maximum} for name, one in part.infos.items() if one.role == "switch")]
+    return [{}, *({name: row.maximum} for name, row in part.infos.items() if row.role == "switch")]
 
 
 def _natural_size(info: ParameterInfo, model: Model) -> float:

@@ -23,9 +23,10 @@ Each stage is a function in a module beside this one. It returns a frozen record
 `weigh` gives the first verdict. These functions may change it; `Finding.steps` lists each change by its stage:
 
     stage     function   verdict    if                                                     by (numbers.py)
-    adequacy  adequate   another    a black box predicts what is left, or more is left     SHARED_REST, UNEXPLAINED_NATS
-                                    than removed; other explanations hold more weight
-                         unknown    the same, and this refutes 95 % of the weight          SURE
+    adequacy  adequate   another    a black box predicts the error that the best           SHARED_REST, UNEXPLAINED_NATS
+                                    explanation leaves, or it leaves more than it removes;
+                                    other explanations hold more than 5 % of the weight
+                         unknown    the same, but no others hold more than 5 %             SURE
     budget    explain    unknown    time ran out before all was searched                   SEARCHED, in deadline.py
     runs      confirmed  none       only values of runs differ
     samples   confirmed  unknown    the measured samples do not surely show the name       CHANCE_NATS

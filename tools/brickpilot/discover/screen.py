@@ -94,8 +94,8 @@ def screen(
     """Returns trials of every part at each of its sizes, the best first, except parts without a visible effect.
 
     Args:
-        problem: holds the plan of the model, and the model's sensitivities at `point`.
-        point: where the fit of that plan ended.
+        problem: the plan of the model, with the model's sensitivities at `point`.
+        point: the end of the fit of this plan.
         excitation: how far the vehicle was driven.
         deadline: parts that would be screened after it are left out.
     """

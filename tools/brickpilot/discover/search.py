@@ -43,7 +43,7 @@ from brickpilot.side_by_side import side_by_side
 Array = NDArray[np.float64]
 Tell = Callable[[str], None]
 
-_PROMISED = 0.3  # a part is fitted if the screen shows this share of the needed gain; the screen tries only a few sizes
+_PROMISED = 0.3  # share of the needed gain at which a part is fitted; below 1, as the screen tries only a few sizes
 _NEAR = 6.0  # a rough fit is refined if its cost is at most this much above the best cost; unit: `Evidence.nat`
 _STARTS = 3  # number of starts of a periodic part, each from another order
 _BEAM = 2
@@ -87,7 +87,7 @@ class Source(Protocol):
         """Returns the trials that are worth a fit as additions to the model of `problem` at `point`, the best first."""
 
     def nearby(self, problem: Problem, current: Explanation, fits: Sequence[Explanation]) -> list[Trial]:
-        """Returns further trials that are worth a fit, judged by `fits`, which extend `current`."""
+        """Returns further trials that are worth a fit; `fits` are the fits of `current` with one more part so far."""
 
 
 class Library:
@@ -101,8 +101,8 @@ class Library:
     def screened(self, problem: Problem, point: Array, deadline: Deadline) -> list[Trial]:
         """Returns trials at the best sizes, for each effect that the model lacks and each set of free parameters."""
         base, runs = problem.plan.at(point), dict.fromkeys(run_of(block.run) for block in problem.data.blocks)
-        own = [one for one in run_parts([*runs]) if one.effect not in base.by_run]
-        chosen = [one for one in library_parts(base, problem.data.signals) if self._periodic or not one.is_periodic]
+        own = [part for part in run_parts([*runs]) if part.effect not in base.by_run]
+        chosen = [part for part in library_parts(base, problem.data.signals) if self._periodic or not part.is_periodic]
         chosen += own
         kept: dict[tuple[str, tuple[str, ...]], int] = {}
         found = []
@@ -157,31 +157,31 @@ class Found:
     @property
     def temperature(self) -> float:
         """The number of nats that count as one, from the best explanation so far."""
-        return self.judge.temperature(max(self.table.values(), key=lambda one: one.total), self.nothing)
+        return self.judge.temperature(max(self.table.values(), key=lambda evidence: evidence.total), self.nothing)
 
-    def is_sure(self, one: Explanation) -> bool:
+    def is_sure(self, explanation: Explanation) -> bool:
         """Returns whether the data alone, without stated values and prior odds, surely support `one`."""
-        return self.table[one.key].total - self.nothing.total > self.temperature * numbers.CHANCE_NATS
+        return self.table[explanation.key].total - self.nothing.total > self.temperature * numbers.CHANCE_NATS
 
-    def keeps_stated(self, one: Explanation) -> bool:
+    def keeps_stated(self, explanation: Explanation) -> bool:
         """Returns whether an explanation keeps nominal values as stated, while the nominal model moves at least one."""
         count = len(self.nothing.explanation.point)
-        aways = [each.away[:count].tolist() for each in (self.nothing, self.table[one.key])]
+        aways = [each.away[:count].tolist() for each in (self.nothing, self.table[explanation.key])]
         moves, still = (any(numbers.leaves_prior(away, count) for away in each) for each in aways)
         return moves and not still
 
-    def without_laws(self, one: Evidence) -> Evidence:
+    def without_laws(self, evidence: Evidence) -> Evidence:
         """Returns the evidence of `one` with run values but no laws; if this was not fitted, of the nominal model."""
-        laws = {part.name for part in one.explanation.effects} - self.nothing.explanation.key
-        return self.table.get(one.explanation.key - laws) or self.table[self.nothing.explanation.key]
+        laws = {part.name for part in evidence.explanation.effects} - self.nothing.explanation.key
+        return self.table.get(evidence.explanation.key - laws) or self.table[self.nothing.explanation.key]
 
-    def shape_error(self, one: Evidence) -> Array:
+    def shape_error(self, evidence: Evidence) -> Array:
         """Returns (signals,): the squared error that wrong shapes of the laws may leave; unit: the squared floor.
 
         It is a share of the error that the laws remove in addition to run values. It does not justify a further law.
         """
         excess = self.judge.excess
-        return np.asarray(self.judge.shape * np.maximum(excess(self.without_laws(one)) - excess(one), 0.0))
+        return np.asarray(self.judge.shape * np.maximum(excess(self.without_laws(evidence)) - excess(evidence), 0.0))
 
     def ranked(self, parts: int | None = None, forbidden: Collection[str] = ()) -> list[Evidence]:
         """Returns the explanations, the best score first: those of `parts` parts, without the `forbidden` ones."""
@@ -269,12 +269,12 @@ class Search:
     @staticmethod
     def _gained(found: Found, count: int) -> bool:
         """Returns whether `count` parts surely predict better than fewer parts do, whatever the prior odds."""
-        fewer = max(one.total for key, one in found.table.items() if len(key) < count)
-        most = max((one.total for key, one in found.table.items() if len(key) == count), default=fewer)
+        fewer = max(known.total for key, known in found.table.items() if len(key) < count)
+        most = max((known.total for key, known in found.table.items() if len(key) == count), default=fewer)
         return most - fewer > found.temperature * numbers.CHANCE_NATS
 
     def _may_gain(self, found: Found) -> bool:
-        """Returns whether one more part could score better than the best so far, if only white noise were left.
+        """Returns whether one more part could raise the best score if it left nothing but white noise.
 
         A part gains by the error that it removes, and by moving values of the model nearer to their priors. Error that
         wrong shapes of the best explanation's laws may leave does not count: it justifies no further part. The priors
@@ -333,7 +333,7 @@ class Search:
         return self._refined(rough[:count])
 
     def _possible(self, fits: Sequence[Explanation | None]) -> list[Explanation]:
-        return [one for one in fits if one is not None and is_possible(one, self.excitation)]
+        return [fitted for fitted in fits if fitted is not None and is_possible(fitted, self.excitation)]
 
     def _refined(self, fits: Sequence[Explanation]) -> list[Explanation]:
         return self._possible(refine(self.data, fits, self.jobs, self.deadline))
@@ -433,7 +433,7 @@ class Search:
 
         A descent can end in a local minimum beside the right order, where the travel holds one period more or less.
         """
-        orders = [k for k, one in enumerate(found.plan.free) if one.info.name == "order"]
+        orders = [k for k, free in enumerate(found.plan.free) if free.info.name == "order"]
         axes = np.eye(len(found.point))[orders]
         points = [found.point + offset * axis for axis in axes for offset in _ORDER_OFFSETS]
         costs = Problem(self.data, found.plan).costs(points)
@@ -443,7 +443,10 @@ class Search:
 
 
 def _different(ranked: Sequence[Evidence]) -> list[Evidence]:
-    """Returns explanations that neither contain a better one nor vary its laws: both would get the same new parts."""
+    """Returns `ranked` without explanations that contain a better one or vary its laws.
+
+    The search would add the same parts to both.
+    """
     families = [frozenset(map(catalogue.family, one.explanation.names)) for one in ranked]
     return [
         one
@@ -453,9 +456,9 @@ def _different(ranked: Sequence[Evidence]) -> list[Evidence]:
     ]
 
 
-def _information(one: Explanation) -> float:
+def _information(explanation: Explanation) -> float:
     """Returns the cost plus 1 for each parameter of its parts (Akaike 1974)."""
-    return one.cost + one.parameter_count
+    return explanation.cost + explanation.parameter_count
 
 
 def _from_part(smaller: Explanation, larger: Explanation) -> Explanation:

@@ -1,8 +1,8 @@
 """The last fit: the explanation that the verdict states, at the measured samples and over whole runs, with intervals.
 
-The search compares short windows and changes, because a wrong force shifts a velocity for seconds and a position for
-ever. But the written model must follow a whole run. So the same explanation is fitted again to free runs. The new
-values are kept if they fit the fit runs better. This fit adds no part.
+The search compares short windows, and changes of a signal, because a wrong force shifts a velocity for seconds and a
+position for ever. But the written model must follow a whole run. So the same explanation is fitted again to free runs,
+without a new part. The new values are kept if they fit the fit runs better.
 
 On request, the best predictor is settled too: the explanation with every part, claimed or not, that surely improves the
 prediction of left-out whole runs. It is for users who want to predict, not to explain.

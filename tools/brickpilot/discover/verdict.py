@@ -3,9 +3,10 @@
 The explanations that hold 95 % of the weight are kept. If one of them contains another, the larger one adds nothing
 beyond the tolerance, so the simpler one stands for both. An effect is sure if explanations with it hold 95 % of the
 weight. The verdict is `named` for one minimal explanation of sure effects, `ambiguous` for several, `none` for the
-empty one. An explanation that leaves too much error is refuted (see `adequacy`): it is no answer, and adds no weight to
-another. The verdict is `unknown` if all are refuted; measured samples (`confirmed`), held-out runs (`seal`) or a time
-limit may also turn it to `unknown`. An effect is not named if only stated values support it: they may be wrong.
+nominal model. An explanation that leaves too much error is refuted (see `adequacy`): it is no answer, and adds no
+weight to another. The verdict is `unknown` if all are refuted; measured samples (`confirmed`), held-out runs (`seal`)
+or a time limit may also turn it to `unknown`. An effect is not named if only stated values support it: they may be
+wrong.
 """
 
 from __future__ import annotations
@@ -156,7 +157,7 @@ def confirmed(verdict: Verdict, samples: Found, enough: float) -> Verdict:
 
     Args:
         samples: evidence at the samples: of the best explanation, of it without one part each, of the nominal model.
-        enough: most nats above noise that the nominal model may leave if the verdict is `none`.
+        enough: the most nats by which the evidence of noise alone may exceed that of the nominal model for `none`.
     """
     if verdict.kind not in ("named", "ambiguous"):
         return verdict
@@ -185,22 +186,27 @@ def best_so_far(found: Found) -> Explanation:
     """
     nothing = found.nothing
     alone = found.ranked(len(nothing.explanation.parts) + 1)
-    best = max(alone, key=lambda one: one.total, default=nothing)
+    best = max(alone, key=lambda single: single.total, default=nothing)
     gain = best.total - nothing.total
     return best.explanation if gain > numbers.CHANCE_NATS * found.judge.correlation(best) else nothing.explanation
 
 
 def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozenset[str]]) -> dict[Evidence, Evidence]:
-    """Returns the explanations that are weighed, each with the evidence that is used for its weight.
+    """Returns the explanations that are weighed, each with the evidence that sets its weight.
 
-    An explanation is left out if a simpler one, which is kept, says as much. If a larger explanation contains a simpler
-    one, it must remove at least as much of the simpler one's error as it leaves. Error is squared error above noise
-    plus distance of values from stated ones. A refuted nominal model counts against no explanation: a law is missing.
-    Refuted laws count until an added law removes enough: their shape may be wrong, and an added law may only imitate
-    the right shape. Error that wrong shapes of the simpler one's laws may leave in a signal does not count: it is a
-    share of what these laws remove in addition to run values. Unless surely more than this error is removed, no part is
-    missing, and the simpler explanation gets the likelier evidence of both. An explanation is also left out if one with
-    fewer parts has no worse evidence and prior: else the many large sets of parts would together outweigh a name.
+    A kept explanation with fewer parts leaves another explanation out in two cases:
+
+    - The other explanation contains it, but removes less of its error than it leaves itself. Error is the squared error
+      above noise plus the distance of fitted values from stated values.
+    - The other explanation has no better evidence and no better prior. Otherwise the many large sets of parts would
+      together outweigh a name.
+
+    Laws of a wrong shape may leave error in a signal: a share of what these laws remove in addition to run values. To
+    remove such error does not count. If an explanation does not surely remove more than such error, no part is missing,
+    and the simpler explanation gets the likelier evidence of both.
+
+    A refuted nominal model leaves no explanation out, because a law is missing. An explanation of refuted laws leaves
+    others out until one of them removes enough: its laws may have a wrong shape, which an added law only imitates.
     """
     temperature = found.temperature
     prior = {one: one.log_prior(temperature) for one in ranked}
@@ -212,19 +218,19 @@ def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozen
     larger = {one: [each for each in ranked if each.explanation.contains(one.explanation)] for one in ranked}
     contained = {one: sum(one in others for others in larger.values()) for one in ranked}
 
-    def gain(one: Evidence, other: Evidence) -> float:
+    def gain(simpler: Evidence, bigger: Evidence) -> float:
         """Returns the error of `one` that `other` removes beyond what wrong shapes of the laws of `one` may leave."""
-        gone = excess[one] - excess[other]
-        return float((gone - np.clip(gone, 0.0, shape[one])).sum()) / 2 + moved[one] - moved[other]
+        gone = excess[simpler] - excess[bigger]
+        return float((gone - np.clip(gone, 0.0, shape[simpler])).sum()) / 2 + moved[simpler] - moved[bigger]
 
-    def removes_enough(one: Evidence, other: Evidence) -> bool:
+    def removes_enough(simpler: Evidence, bigger: Evidence) -> bool:
         """Returns whether `other` removes at least as much error of `one` as it leaves, and surely some error."""
-        return gain(one, other) >= max(float(excess[other].sum()) / 2 + moved[other], sure[one])
+        return gain(simpler, bigger) >= max(float(excess[bigger].sum()) / 2 + moved[bigger], sure[simpler])
 
-    def counts(one: Evidence) -> bool:
+    def counts(simpler: Evidence) -> bool:
         """Returns whether an explanation counts against those that contain it."""
-        is_refuted, laws = one.explanation.key in refuted, one.explanation.laws
-        return not is_refuted or (bool(laws) and not any(removes_enough(one, other) for other in larger[one]))
+        is_refuted, laws = simpler.explanation.key in refuted, simpler.explanation.laws
+        return not is_refuted or (bool(laws) and not any(removes_enough(simpler, other) for other in larger[simpler]))
 
     for other in sorted(ranked, key=lambda one: (len(one.explanation.parts), contained[one])):  # contained ones first
         for one in stands:

@@ -220,7 +220,7 @@ def _unseen_shares(prepared: Prepared, proof: Proof, nominal: Model) -> dict[tup
         found[signal, "fit"] = _share(target[fitted], inside.value)
         if not fitted.all():
             outside = taught_by(columns[fitted], target[fitted], prepared.seed)(columns[~fitted])[:, inside.best]
-            found[signal, "held_out"] = _share(target[~fitted], inside.boldness * outside)
+            found[signal, "held_out"] = _share(target[~fitted], inside.factor * outside)
     return found
 
 

@@ -245,16 +245,16 @@ def _remarks(chosen: Plan, model: Model, traceless: tuple[str, ...]) -> list[str
     remarks = []
     if traceless:
         remarks.append(f"No effect on these runs: {', '.join(traceless)}. Any value fits as well.")
-    wide = [one.name for one in chosen.uncertain if one.known is None]
+    wide = [free.name for free in chosen.uncertain if free.known is None]
     if wide:
         remarks.append(f"Not stated: {', '.join(wide)}. Their intervals assume a prior of a factor of 20 each way.")
-    for one in chosen.free:
-        value = value_of(model, one.name)
-        away = abs(value - one.known.value) / one.known.sd if one.known and one.known.sd else 0.0
+    for free in chosen.free:
+        value = value_of(model, free.name)
+        away = abs(value - free.known.value) / free.known.sd if free.known and free.known.sd else 0.0
         if away > 2:
-            remarks.append(f"{one.name} is {away:.1f} sd away from its prior: check the stated value.")
-        if not one.signed and abs(value - one.info.maximum) < 1e-6 * one.info.maximum:
-            remarks.append(f"{one.name} ended at the upper bound of what is physical.")
+            remarks.append(f"{free.name} is {away:.1f} sd away from its prior: check the stated value.")
+        if not free.signed and abs(value - free.info.maximum) < 1e-6 * free.info.maximum:
+            remarks.append(f"{free.name} ended at the upper bound of what is physical.")
     return remarks
 
 

@@ -55,14 +55,14 @@ def natural_start(problem: Problem) -> Array:
     free, start = problem.plan.free, problem.plan.start()
     rms = problem.data.by_signal(problem.data.rms)[:, np.newaxis]
     share = np.sqrt(np.mean((problem.sensitivity(start) / rms) ** 2, axis=0))
-    moved = np.array([one.known is None and one.info.minimum == 0 for one in free]) & (share > 0)
+    moved = np.array([parameter.known is None and parameter.info.minimum == 0 for parameter in free]) & (share > 0)
     return np.clip(np.where(moved, start - np.log(np.where(moved, share, 1.0)), start), *_bounds(problem))
 
 
 def search(problem: Problem, random: np.random.Generator, count: Count) -> tuple[Array, tuple[Start, ...]]:
     """Returns the best end of descents from two systematic starts and the best of many random starts nearby."""
     starts = np.array([problem.plan.start(), natural_start(problem)])
-    spread = np.array([_SPREAD if one.known is None else 0.0 for one in problem.plan.free])
+    spread = np.array([_SPREAD if parameter.known is None else 0.0 for parameter in problem.plan.free])
     between = random.uniform(size=(_SCREENED, len(spread)))
     candidates = starts[0] + between * (starts[1] - starts[0]) + random.normal(size=between.shape) * spread
     named = [("nominal values", starts[0]), ("natural sizes", starts[1])]
@@ -94,11 +94,11 @@ def search_sizes(problem: Problem, nominal: Array, count: Count) -> tuple[Array,
 
 def _visible_sizes(problem: Problem, base: Array, index: int) -> list[float]:
     """Returns the sizes of one effect's parameter at which it changes the signals by each share of `VISIBLE`."""
-    one = problem.plan.free[index]
-    sizes = one.size * np.logspace(-_DECADES, _DECADES, _SIZES)
-    sizes = sizes[(sizes >= one.info.minimum) & (sizes <= one.info.maximum)]
+    parameter = problem.plan.free[index]
+    sizes = parameter.size * np.logspace(-_DECADES, _DECADES, _SIZES)
+    sizes = sizes[(sizes >= parameter.info.minimum) & (sizes <= parameter.info.maximum)]
     points = np.tile(base, (len(sizes), 1))
-    points[:, index] = [one.to_coordinate(float(size)) for size in sizes]
+    points[:, index] = [parameter.to_coordinate(float(size)) for size in sizes]
     moved = problem.data.predict([problem.plan.at(point) for point in points])
     changes = np.sqrt(np.mean(((moved - moved[0]) / problem.data.by_signal(problem.data.rms)) ** 2, axis=1))
     logs = np.where(np.isfinite(changes), np.log(np.maximum(changes, 1e-12)), np.inf)
@@ -120,7 +120,7 @@ def _follow(problem: Problem, named: list[tuple[str, Array]], count: Count) -> t
 
 
 def _bounds(problem: Problem) -> tuple[Array, Array]:
-    low, high = np.array([one.bounds() for one in problem.plan.free]).T
+    low, high = np.array([parameter.bounds() for parameter in problem.plan.free]).T
     return low, high
 
 
@@ -145,7 +145,7 @@ def descend(problem: Problem, point: Array, tolerance: float) -> Array:
         max_nfev=_EVALUATIONS,
         ftol=tolerance,
         xtol=tolerance * _STEP_TOLERANCE,
-        x_scale=np.array([one.reach for one in problem.plan.free]),
+        x_scale=np.array([parameter.reach for parameter in problem.plan.free]),
         tr_solver="exact",
     )
     return np.asarray(found.x)

@@ -158,10 +158,10 @@ class Plan:
             if (load := values.get(free.load, 0.0)) > 0:
                 values[free.name] = free.to_value(float(x) / load)
         start = self.model.parameters
-        for one in self.held:
-            if (other := ADDS_TO.get(one.name)) in values:
-                share = start[one.name] * values[other] / start[other]
-                values[one.name] = min(max(share, one.info.minimum), one.info.maximum)
+        for held in self.held:
+            if (other := ADDS_TO.get(held.name)) in values:
+                share = start[held.name] * values[other] / start[other]
+                values[held.name] = min(max(share, held.info.minimum), held.info.maximum)
         return with_values(self.model, values)
 
     def start(self) -> Array:

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 _EFFECT_STEP, _NOMINAL_STEP = 1e-2, 1e-4  # steps of finite differences, in coordinates
 _ANCHOR_SD = 30.0  # sd, in coordinates, of a prior so weak that it fixes only what the data do not determine
-_COMMON_SD = 0.01  # prior sd, in coordinates, of the mean of the run values of one kind
+_COMMON_SD = 0.01  # prior sd, in coordinates, of the mean over runs of one kind of run value
 
 
 def _kind(free: Free) -> str:

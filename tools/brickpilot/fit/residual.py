@@ -140,7 +140,7 @@ class Residual:
     @property
     def sample_noise(self) -> dict[str, float]:
         """Signal -> sd of the noise of a sample, SI."""
-        return {name: one.sample_noise for name, one in self.scales.items()}
+        return {name: scale.sample_noise for name, scale in self.scales.items()}
 
     def on_threads(self, threads: int) -> Residual:
         """Returns the same residual, simulated on `threads` threads."""
@@ -192,11 +192,11 @@ class Residual:
 
     def weight(self) -> Array:
         """Returns (values,): 1 / scale."""
-        return 1 / self.by_signal({signal: one.size for signal, one in self.scales.items()})
+        return 1 / self.by_signal({signal: scale.size for signal, scale in self.scales.items()})
 
     def taus(self) -> Array:
         """Returns (values,): the correlation time of the value's signal."""
-        return self.by_signal({signal: one.tau for signal, one in self.scales.items()})
+        return self.by_signal({signal: scale.tau for signal, scale in self.scales.items()})
 
     def by_signal(self, values: Mapping[str, float]) -> Array:
         """Returns (values,): for each compared value, the entry of its signal in `values`."""
@@ -226,27 +226,27 @@ class Residual:
         `correlated`: whether each signal is also weighed by its correlation time.
         """
         error, scales = self.error(model), {}
-        for signal, one in self.scales.items():
+        for signal, scale in self.scales.items():
             parts = self.parts(error, signal)
             size = max(robust.robust_size(np.concatenate(parts)), self.floor(signal))
             tau = (
                 robust.correlation_time([robust.pseudo_huber(part / size).value for part in parts])
                 if correlated
-                else one.tau
+                else scale.tau
             )
-            scales[signal] = dataclasses.replace(one, size=size, tau=tau)
+            scales[signal] = dataclasses.replace(scale, size=size, tau=tau)
         return dataclasses.replace(self, scales=scales)
 
     def with_floors(self, noise: Mapping[str, float]) -> Residual:
         """Returns the residual weighed by its floors; `noise`: signal -> noise sd of a value, SI."""
-        noisy = {signal: dataclasses.replace(one, noise=noise[signal]) for signal, one in self.scales.items()}
+        noisy = {signal: dataclasses.replace(scale, noise=noise[signal]) for signal, scale in self.scales.items()}
         found = dataclasses.replace(self, scales=noisy)
-        sizes = {signal: dataclasses.replace(one, size=found.floor(signal)) for signal, one in noisy.items()}
+        sizes = {signal: dataclasses.replace(scale, size=found.floor(signal)) for signal, scale in noisy.items()}
         return dataclasses.replace(found, scales=sizes)
 
     def with_raised_floors(self, model: Model) -> Residual:
         """Returns bins whose noise includes the bin-to-bin changes left by `model`: no effect models vibration."""
-        error, noise = self.error(model), {signal: one.noise for signal, one in self.scales.items()}
+        error, noise = self.error(model), {signal: scale.noise for signal, scale in self.scales.items()}
         for signal in self.signals:
             changes = [np.diff(part, 2) for part in self.parts(error, signal) if len(part) > 3]
             if changes:
@@ -256,7 +256,7 @@ class Residual:
 
     def weighed_like(self, other: Residual) -> Residual:
         """Returns the residual with the weights of `other` for the signals that both compare."""
-        scales = {name: other.scales.get(name, one) for name, one in self.scales.items()}
+        scales = {name: other.scales.get(name, scale) for name, scale in self.scales.items()}
         return dataclasses.replace(self, scales=scales)
 
     def coloured(self, filters: Mapping[tuple[str, str], csr_array]) -> Residual:
@@ -269,8 +269,8 @@ class Residual:
         measured, picked = np.asarray(whole @ self.measured), csr_array(whole @ self.picked)
         gain = np.sqrt(np.asarray(whole.multiply(whole).sum(axis=1)).ravel())
         noise = {
-            signal: one.noise * float(np.median(np.concatenate(self.parts(gain, signal))))
-            for signal, one in self.scales.items()
+            signal: scale.noise * float(np.median(np.concatenate(self.parts(gain, signal))))
+            for signal, scale in self.scales.items()
         }
         rms = {signal: rms_of(self.parts(measured, signal)) or 1.0 for signal in self.signals}
         found = dataclasses.replace(self, measured=measured, picked=picked, rms=rms, _memory=_Memory())
@@ -323,8 +323,8 @@ class Residual:
         """Returns (signals, values): the change of the simulation if a run's first sample is off by one noise sd."""
         base = self.predict([model])[0]
         moved = []
-        for signal, one in self.scales.items():
-            nudged = self.with_inputs(self.replay.nudged(signal, one.noise))
+        for signal, scale in self.scales.items():
+            nudged = self.with_inputs(self.replay.nudged(signal, scale.noise))
             moved.append(nudged.predict([model])[0] - base)
         return np.array(moved)
 
@@ -361,8 +361,8 @@ def of_samples(
     found, notes = blocks(measured or replay.dataset, model, set(runs))
     made = _weighed(replay, SAMPLES, runs, found, notes, threads)
     scales = {
-        signal: dataclasses.replace(one, size=max(one.noise, _FIRST_SCALE * made.rms[signal]))
-        for signal, one in made.scales.items()
+        signal: dataclasses.replace(scale, size=max(scale.noise, _FIRST_SCALE * made.rms[signal]))
+        for signal, scale in made.scales.items()
     }
     return dataclasses.replace(made, scales=scales)
 
@@ -394,7 +394,7 @@ def of_bins(
     bins = dataclasses.replace(bins, changes=changes, as_measured=as_measured)
     found, notes = blocks(samples or dataset, model, set(runs), bins)
     made = _weighed(replay, bins, runs, found, notes, threads)
-    return made.with_floors({signal: one.noise for signal, one in made.scales.items()})
+    return made.with_floors({signal: scale.noise for signal, scale in made.scales.items()})
 
 
 def _weighed(

@@ -88,13 +88,13 @@ def noise_model(residuals: Sequence[Array], highest_order: int) -> Array:
     Args:
         residuals: of one signal, (n,) for each run: evenly sampled, without NaN. Their means are removed.
     """
-    forward = [one - one.mean() for one in residuals if len(one) > highest_order]
-    backward, samples = list(forward), sum(len(one) for one in forward)
-    power = sum(float(one @ one) for one in forward) / max(samples, 1)
+    forward = [part - part.mean() for part in residuals if len(part) > highest_order]
+    backward, samples = list(forward), sum(len(part) for part in forward)
+    power = sum(float(part @ part) for part in forward) / max(samples, 1)
     found = np.empty(0)
     best, score = found, math.log(power) if power > 0.0 else -math.inf
     for order in range(1, highest_order + 1):
-        ahead, behind = [one[1:] for one in forward], [one[:-1] for one in backward]
+        ahead, behind = [part[1:] for part in forward], [part[:-1] for part in backward]
         size = sum(float(a @ a + b @ b) for a, b in zip(ahead, behind, strict=True))
         if not size > 0.0:
             break

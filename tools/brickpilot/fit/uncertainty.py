@@ -177,8 +177,9 @@ def _natural_sizes(data: Residual, free: tuple[Free, ...], slopes: Array) -> Arr
 def _without_errors(slopes: Array, stiffness: Array) -> Array:
     """Returns `slopes` (samples, parameters) without the directions that errors of finite differences may have made.
 
-    If only combinations of parameters change the signals, the parameters' slopes cancel along one direction. With dry
-    friction, finite differences do not cancel exactly; over many samples the remainder looks like information.
+    If the signals depend only on a combination of parameters, the slopes of these parameters cancel along one
+    direction. With dry friction, finite differences do not cancel exactly. Over many samples, the remainder looks like
+    information.
     """
     information = slopes.T @ (slopes * stiffness[:, np.newaxis])
     size = np.sqrt(np.maximum(np.diag(information), 1e-300))
@@ -193,9 +194,9 @@ def _scatter(
     """Returns the covariance of the estimate's scatter, in scaled parameters, and its degrees of freedom.
 
     The scatter comes from sums over stretches of time, so the residual may be correlated in time and between signals.
-    Each stretch counts by the shift of the estimate if the stretch is left out (the jackknife CV3 of MacKinnon, Nielsen
-    & Webb 2023, J. Econometrics 232(2)): if one stretch alone determines a parameter, the fit follows this stretch, and
-    its residual is too small.
+    Each stretch counts by how far the estimate shifts without the stretch (the jackknife CV3 of MacKinnon, Nielsen &
+    Webb 2023, J. Econometrics 232(2)). The residual of the stretch would count too little: if one stretch alone
+    determines a parameter, the fit follows this stretch.
     """
     parameters = scores.shape[1]
     numbers, count = data.stretches(CORRELATED_S, _STRETCHES + 2 * parameters)
