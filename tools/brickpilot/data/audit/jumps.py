@@ -145,10 +145,10 @@ def _near_input_step(view: RunView) -> Mask:
 def _line(view: RunView, name: str) -> tuple[Vector, Vector, float]:
     """Returns the line through each sample's neighbours, the samples' distances from it, and the distances' scale.
 
-    Line and distance are NaN in blank rows and in rows that repeat a sample.
+    Line and distance are NaN in blank rows, in rows beside a blank, and in rows that repeat a sample.
     """
     line = np.full_like(view.outputs[name], np.nan)
-    rows = view.sampled(name)
+    rows = view.sampled(name) if name in view.held else np.arange(len(view.time))
     values, time = view.outputs[name][rows], view.time[rows]
     share = (time[1:-1] - time[:-2]) / (time[2:] - time[:-2])
     line[rows[1:-1]] = values[:-2] + share * (values[2:] - values[:-2])
