@@ -327,7 +327,7 @@ def test_a_value_stated_at_the_edge_of_what_is_physical_is_taken(tmp_path):
 
 def diverges_where(monkeypatch, condition):
     """Makes the plant diverge for some models. Returns a list that collects these models when they are simulated."""
-    simulate, asked = Replay._simulated, []
+    simulate, asked = Replay.stacked, []
 
     def some(self, models, *options):
         found = [model for model in models if condition(model)]
@@ -336,7 +336,7 @@ def diverges_where(monkeypatch, condition):
             raise SimulationError("the state diverged", 0, -5)
         return simulate(self, models, *options)
 
-    monkeypatch.setattr(Replay, "_simulated", some)
+    monkeypatch.setattr(Replay, "stacked", some)
     return asked
 
 

@@ -73,7 +73,7 @@ def test_check_fits_some_runs_and_reports_all_of_them(monkeypatch: pytest.Monkey
     full = bp.check(dataset, jobs=1)
     assert not any("of these runs" in note for note in full.notes)
     assert [one.role for one in some.runs] == [one.role for one in full.runs]
-    assert some.explained.by_run.keys() == full.explained.by_run.keys()
+    assert some.explained.parts.keys() == full.explained.parts.keys()
 
 
 @pytest.mark.usefixtures("few")

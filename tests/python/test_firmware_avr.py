@@ -118,8 +118,11 @@ def test_a_digital_imu_that_cannot_be_is_one_line(
         (("--image", "middle.toml", "--model", "middle.toml"), "stands in no folder of `brickpilot firmware`"),
         (("--image", "made/none.elf", "--model", "middle.toml"), "no such file"),
         (("--image", "made/brickpilot.elf", "--model", "middle.toml", "--sensors", "imu"), "was made for imu+encoders"),
-        (("--image", "made/brickpilot.elf", "--model", "middle.toml", "--target", "h8sim"), "has an image of its own"),
-        (("--image", "made/brickpilot.elf", "--model", "middle.toml", "--gains", "g.toml"), "the image has its own"),
+        (
+            ("--image", "made/brickpilot.elf", "--model", "middle.toml", "--target", "h8sim"),
+            "--target h8sim: cannot be used",
+        ),
+        (("--image", "made/brickpilot.elf", "--model", "middle.toml", "--gains", "g.toml"), "--gains: cannot be used"),
     ],
 )
 def test_an_image_that_cannot_be_flown_so_is_one_line(options: tuple[str, ...], says: str, made: Path) -> None:
