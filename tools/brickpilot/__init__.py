@@ -48,7 +48,7 @@ The model simulates runs that were never measured, and the robot flies its missi
 (8, None)
 
 The other commands are functions too, with the same files: `bp.import_log`, `bp.why`, `bp.changed`, `bp.ask`,
-`bp.campaign`, `bp.tune`, `bp.export`, `bp.firmware` and `bp.hil`; `help` of each has its arguments.
+`bp.campaign`, `bp.tune`, `bp.export`, `bp.firmware` and `bp.hil`. `help` shows the arguments of a function.
 
 The names below are the public interface. Each name is loaded at its first use, so `import brickpilot` takes no time.
 `discover`, `changed`, `ask`, `campaign`, `tune`, `export`, `firmware` and `hil` are also names of packages:
@@ -128,7 +128,7 @@ _CALLS = {
     "hil": "brickpilot.public.flights:hil",
     "tune": "brickpilot.public.making:tune",
 }
-"""Functions that have the name of a package: a call of the package calls the function."""
+"""Functions that share their name with a package. A call of the package calls the function."""
 
 __all__ = [
     "Calibration",
@@ -188,13 +188,13 @@ class _CallableRoom(ModuleType):
 
     @property
     def __doc__(self) -> str:  # type: ignore[override]
-        """What `help` shows: the arguments and the example of the function."""
+        """The text that `help` shows: the arguments and the docstring of the function."""
         function = self.__wrapped__
         return f"{function.__name__}{inspect.signature(function)}\n\n{inspect.getdoc(function)}"
 
 
 def make_callable(package: str) -> None:
-    """Makes a call of the package a call of the public function of its name; the package's `__init__` calls this."""
+    """Lets a caller call the package like the public function of the same name. The package's `__init__` calls this."""
     sys.modules[package].__class__ = _CallableRoom
 
 

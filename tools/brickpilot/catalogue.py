@@ -29,18 +29,20 @@ class ParameterInfo:
     """One parameter of the nominal model or of an effect, SI: a row of the C table, whose header explains every field.
 
     Attributes:
-        linear_unit: the unit if the input of a motor commands a force.
+        linear_unit: the parameter's unit for a motor whose input commands a force.
         odd: whether the value changes its sign if left and right are swapped.
         scan: sizes that a search tries one by one; empty: none.
         limits: the signal that this value limits; empty: no signal.
-        arm_of, only_with: the parameter of the same effect whose lever arm this is, or to which this adds; empty: none.
-        in_volts: the name of the voltage R / K_t times this torque; empty: there is no such voltage.
-        variation: how the effect's law differs if this value is not 0, worded to follow "but"; empty: no difference.
-        mechanism: the mechanism of the law with this parameter alone; empty: the effect's mechanism.
+        arm_of: the load, a parameter of the same effect, of which this parameter is the lever arm; empty: no load.
+        only_with: the parameter of the same effect to which this parameter adds; empty: no parameter.
+        in_volts: for a torque at the wheel, the name of the voltage torque * R / K_t; else empty.
+        variation: how the effect's law differs if this value is not 0, as words after "but"; empty: no difference.
+        mechanism: the mechanism if only this parameter is not 0; empty: the effect's mechanism.
         same_as: the nominal parameter to which this parameter adds; empty: none.
-        says, says_below: what a value above and below 0 means, as a clause with {} for its size; empty: none.
-        over_mean: whether the value is (left - right) / mean of both.
-        run_value: the value of single runs that adds to this parameter, by its name in `replay.RUN_KINDS`; empty: none.
+        says: the meaning of a value above 0, as a clause with {} for the value's size; empty: no clause.
+        says_below: the same for a value below 0; not used if `odd`.
+        over_mean: whether the value is (left - right) / (mean of left and right).
+        run_value: the name, in `replay.RUN_KINDS`, of the value per run that adds to this parameter; empty: none.
     """
 
     name: str
@@ -74,23 +76,23 @@ class EffectInfo:
     """One effect of the library: a row of the C table, whose header explains every field.
 
     Attributes:
-        acts_on: supply, drive, motor, gear, wheel, body, sensor or timing.
-        words: a noun phrase, as in "The simulator lacks ...".
+        acts_on: the place in the equations: supply, drive, motor, gear, wheel, body, sensor or timing.
+        words: a noun phrase that can complete "The simulator lacks ...".
         summary: one sentence for a reader who does not know the name.
-        mechanism: supply, drive, timing, motor, gear, bearing, tyre, body, floor or sensor.
+        mechanism: the part of the vehicle: supply, drive, timing, motor, gear, bearing, tyre, body, floor or sensor.
         prior: how often the simulator of a wheeled robot or a motor lacks this effect, before any data.
         prior_reason: one sentence on the reason for the prior.
-        advice: one sentence on what to do if the first odd size is above 0; if it is below 0, left and right swap.
+        advice: one sentence on what to do; `mirrored(advice)` holds if the effect's first `odd` size is below 0.
         motor_step: the longest motor step in s that still resolves the effect; 0: no limit.
-        carries_over: whether charge or heat that one run leaves changes the next run.
+        carries_over: whether the charge or heat at the end of one run changes the next run.
         composed: whether the effect is a sum of terms that discovery composes, and never a candidate by itself.
         variant_of: the better known effect of which this one is a variant; empty: none.
-        variation: how the effect's law differs from that of `variant_of`, worded to follow "but"; empty: no difference.
-        contains: the effects whose laws this law becomes if some of its parameters are 0, are one period per turn, or
-            are equal to each other.
-        made_of: the effects that together give this law, each with its own size.
+        variation: how the effect's law differs from that of `variant_of`, as words after "but"; empty: no difference.
+        contains: the effects whose laws are special cases of this law, in which some parameters of this law are 0, are
+            one period per turn, or are equal to each other.
+        made_of: the effects whose sum is this law, each effect with a size of its own.
         stated_by: how a data set states the effect: for an effect on sensors, a key of a rotation sensor's channel; for
-            an effect on drives, the beginning of the inputs' names; empty: in neither way.
+            an effect on drives, the beginning of the inputs' names. Empty: a data set cannot state the effect.
     """
 
     name: str
@@ -115,7 +117,7 @@ class EffectInfo:
 
     @property
     def is_searched(self) -> bool:
-        """Whether discovery searches for the effect: not if it is composed, or if the kind of the inputs states it."""
+        """Whether discovery searches for the effect. False: the effect is composed, or the inputs' names state it."""
         return not self.composed and (not self.stated_by or self.acts_on == "sensor")
 
 
@@ -124,12 +126,12 @@ def _text(value: Any) -> str:
 
 
 def _constant(kind: str, value: int, names: Sequence[Any]) -> Any:
-    """Returns which of `names` is the C constant BP_KIND_NAME of this value, such as "size" for BP_ROLE_SIZE."""
+    """Returns the name in `names` whose C constant BP_KIND_NAME has this value, such as "size" for BP_ROLE_SIZE."""
     return next(name for name in names if getattr(interface()[1], f"BP_{kind}_{name.upper()}") == value)
 
 
 def _same_named(row: Any, record: type) -> dict[str, Any]:
-    """Returns the texts, numbers and flags of a row in C that are fields of `record`, by name."""
+    """Returns field -> value for the texts, numbers and flags of a row in C that are also fields of `record`."""
     convert: dict[Any, Callable[[Any], Any]] = {"str": _text, "float": float, "bool": bool}
     return {
         field.name: convert[field.type](getattr(row, field.name)) for field in fields(record) if field.type in convert
@@ -161,7 +163,7 @@ def parameter(name: str) -> ParameterInfo:
 
 @cache
 def effects() -> tuple[EffectInfo, ...]:
-    """Returns the effect library; the presets are clearly visible sizes."""
+    """Returns the effect library. An effect at its presets shows clearly in a run."""
     return tuple(
         EffectInfo(
             **_same_named(row, EffectInfo),
@@ -186,9 +188,9 @@ def effect(name: str) -> EffectInfo:
 
 
 def family(name: str) -> str:
-    """Returns the effect of which `name` is a variant, or `name` itself: the laws of a family differ in one respect.
+    """Returns the effect of which `name` is a variant, or else `name`. The laws of a family differ in one respect.
 
-    A name that is no effect, such as a kind of value that differs from run to run, is its own family.
+    A name that is not an effect's, such as a name in `replay.RUN_KINDS`, is returned unchanged.
     """
     return next((info.variant_of for info in effects_of((name,))), "") or name
 
@@ -210,7 +212,7 @@ def mirrored(text: str) -> str:
 
 
 def says(name: str, parameter: str, value: float) -> str:
-    """Returns the meaning of a parameter's value in effect `name`: a clause with {} for its size; empty: no clause."""
+    """Returns the meaning of a parameter's value in effect `name`: a clause with {} for the size; empty: no clause."""
     info = next(row for row in effect(name).parameters if row.name == parameter)
     if value >= 0.0:
         return info.says
@@ -225,7 +227,7 @@ def advice(name: str, values: Mapping[str, float]) -> str:
 
 
 def mechanism(name: str, values: Mapping[str, float]) -> str:
-    """Returns effect `name`'s mechanism with these parameters: that of its only nonzero size, if it has a mechanism."""
+    """Returns the mechanism of effect `name`, or of its only nonzero size in `values` if that size has a mechanism."""
     info = effect(name)
     acting = [row for row in info.parameters if row.role == "size" and values.get(row.name, 0.0) != 0]
     return acting[0].mechanism or info.mechanism if len(acting) == 1 else info.mechanism
@@ -233,7 +235,7 @@ def mechanism(name: str, values: Mapping[str, float]) -> str:
 
 @cache
 def loads() -> frozenset[str]:
-    """Returns the parameters, as "effect.parameter", that have another parameter as lever arm."""
+    """Returns the loads, as "effect.parameter": parameters whose lever arm is another parameter (`arm_of`)."""
     return frozenset(f"{info.name}.{row.arm_of}" for info in effects() for row in info.parameters if row.arm_of)
 
 

@@ -16,7 +16,7 @@ _ENDINGS = {"win32": ".dll", "darwin": ".dylib"}  # endings of a shared library;
 
 @cache
 def interface(name: str = "brickpilot_sim") -> tuple[FFI, Any]:
-    """Returns cffi's `ffi` and a loaded library; its functions are described in the header of the same name."""
+    """Returns cffi's `ffi` and a loaded library. The header of the same name describes the library's functions."""
     folder = Path(__file__).parent
     ffi = FFI()
     ffi.cdef(_declarations(folder / f"{name}.h"))
@@ -30,10 +30,10 @@ def library(name: str = "brickpilot_sim") -> Path:
 
 @cache
 def closed_loop(file: Path) -> Any:
-    """Returns a loaded library of `sim_host/run/build`: `bp_fly` with another firmware inside, on the same plant.
+    """Loads and returns a library that `sim_host/run/build` made: `bp_fly` with another firmware, on the same plant.
 
     Raises:
-        InputError: the checkout that it was compiled from has another plant than this package.
+        InputError: the library was compiled in a checkout that has another plant than this package.
     """
     ffi, plant = interface()
     loop: Any = ffi.dlopen(str(file))
@@ -43,7 +43,7 @@ def closed_loop(file: Path) -> Any:
 
 
 def _declarations(header: Path) -> str:
-    """Returns the declarations of a header and of the headers of this package that it includes."""
+    """Returns the declarations of a header and of this package's headers that the header includes."""
     lines = []
     for line in header.read_text(encoding="utf-8").splitlines():
         if line.startswith('#include "'):

@@ -14,7 +14,7 @@ VEHICLES: tuple[Vehicle, ...] = get_args(Vehicle)
 """The kinds of vehicle, in the order of their numbers in C."""
 
 SIDES = ("left", "right")
-"""The sides of a vehicle, in the order of all pairs."""
+"""The sides of a vehicle. Every pair of values is in this order."""
 
 RCX = Path(__file__).parent / "models" / "rcx.toml"
 """The packaged robot's file."""
@@ -24,7 +24,7 @@ ROBOT: dict[str, Any] = tomllib.loads(RCX.read_text(encoding="utf-8"))
 
 
 def robot_value(*keys: str) -> float:
-    """Returns a value of the packaged robot's file in SI, by the names of its tables and its own name."""
+    """Returns a value of the packaged robot's file, SI. `keys`: the names of its tables, then the value's name."""
     entry: Any = ROBOT
     for key in keys:
         entry = entry[key]
@@ -43,7 +43,7 @@ ACCEPTANCE_M = robot_value("robot", "length") / 2
 """m: a waypoint is reached within this distance."""
 
 SILENT_S = robot_value("controller", "coupled", "silent_time")
-"""s without a command after which the motors stop."""
+"""s: the motors stop after this time without a command."""
 
 ACCEL_RANGE = robot_value("sensors", "imu", "accel_range")
 GYRO_RANGE = robot_value("sensors", "imu", "gyro_range")

@@ -33,7 +33,7 @@ class DiskFullError(WorkFailedError):
     """The disk is full.
 
     Args:
-        path: what is being written, as the user named it.
+        path: the file or folder that is being written, as the user named it.
         reason: the words of the operating system.
     """
 
@@ -68,14 +68,14 @@ def disk_named(path: Path | str) -> Iterator[None]:
     """Raises an error of one line that names `path`, if the disk is full; the system's own error names no file.
 
     Args:
-        path: what is being written, as the user named it.
+        path: the file or folder that is being written, as the user named it.
 
     Raises:
         DiskFullError: the disk or the quota is full, or a limit of file sizes is reached.
     """
     try:
         yield
-    except DiskFullError as error:  # it names a file below `path`, which the user did not name
+    except DiskFullError as error:  # the error names a file below `path`, which the user did not name
         raise DiskFullError(path, error.reason) from error
     except OSError as error:
         if error.errno not in _FULL:

@@ -2,8 +2,8 @@
 
 Only one thread of Python runs at a time, so two threads make a search only a fifth faster. On Linux this process copies
 itself (fork) instead. A copy has all data that the function needs, and sends back the results. A copy takes 6 ms to
-make, and what it stores is lost when it ends, so this process works on items, too. Other systems do not copy processes
-safely, so they use threads. The results depend neither on this choice nor on the number of jobs.
+make, and its memory is lost when it ends. So this process works on items, too. Other systems do not copy processes
+safely, so this process uses threads there. The results depend neither on this choice nor on the number of jobs.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ def side_by_side(work: Callable[[_Item], _Result], items: Sequence[_Item], jobs:
     """Returns the results of `work` in the order of `items`; works on up to `jobs` items at a time.
 
     Args:
-        work: returns picklable results that are no exceptions. It may run in a copy, and the changes that it makes to
-            objects there are lost.
+        work: returns picklable results that are no exceptions. In a copy of this process, changes that `work` makes to
+            objects are lost.
         jobs: limited to the number of processors that this process may use.
 
     Raises:
@@ -118,7 +118,7 @@ def _copy(work: Callable[[_Item], Any], items: Sequence[_Item], turns: int) -> t
 
 
 def _work_through(work: Callable[[_Item], Any], items: Sequence[_Item], turns: int) -> dict[int, Any]:
-    """Works on the items whose numbers it reads from `turns`, and returns index -> result, or the error raised."""
+    """Works on the items whose numbers it reads from `turns`. Returns index -> the result, or the error of `work`."""
     by_index = {}
     while turn := os.read(turns, _TURN.size):
         (index,) = _TURN.unpack(turn)

@@ -1,4 +1,4 @@
-"""Renders the templates of texts that are no HTML, such as C headers: each room keeps its own in `templates`."""
+"""Renders templates of texts other than HTML, such as C headers. Each room has its templates in `templates`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ def render_text(room: str, template: str, **content: object) -> str:
     """Returns the text of a file for another program; nothing in the template is escaped.
 
     Args:
-        room: the room of the package whose folder `templates` holds the template.
+        room: the room (subpackage) whose folder `templates` holds the template.
         template: the name of the template without the suffix .j2.
         content: the values that the template names.
     """

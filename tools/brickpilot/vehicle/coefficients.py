@@ -51,7 +51,7 @@ class MotorStep:
 def motor_step(values: Values, inertia: float, step: float) -> MotorStep:
     """Returns the solution of eq. 12 and 14 over `step` s at constant voltage and torque, by the matrix exponential.
 
-    If the inductance is 0, as in a model whose data do not show it, the electrical time constant is `_SETTLED`.
+    If the inductance is 0, because the data do not show the inductance, the electrical time constant is `_SETTLED`.
     """
     resistance = values["resistance"]
     inductance = values["inductance"] or _SETTLED * resistance
@@ -63,7 +63,7 @@ def motor_step(values: Values, inertia: float, step: float) -> MotorStep:
 
 
 def _motor(exact: MotorStep, share: float, name: str) -> dict[str, dict[str, Scale]]:
-    """Returns a motor's coefficients. `share`: factor of the voltage; 0.5 for the sum or difference of two voltages."""
+    """Returns a motor's coefficients. `share`: factor of the input; 0.5 for a sum or difference of voltages."""
     transition, voltage = exact.transition, exact.voltage * share
     return {
         "current": {
@@ -85,7 +85,7 @@ def _fits(bound: float, name: str) -> None:
 
 
 def prove_motor(exact: MotorStep, name: str, wheels: int = 1) -> None:
-    """Proves that sums of absolute terms at all limits fit 32 bits. `wheels`: how many wheel currents are added."""
+    """Proves that a motor's sums fit 32 bits with every term at its limit. `wheels`: number of wheel currents added."""
     transition, voltage = np.abs(exact.transition), np.abs(exact.voltage)
     steady = (transition[0, 1] * WHEEL_SPEED_LIMIT + voltage[0] * VOLTAGE_LIMIT) / (1 - transition[0, 0])
     _fits(wheels * steady * CURRENT, f"{name} current")
@@ -98,7 +98,7 @@ def pose(step: float) -> dict[str, Scale]:
     """Returns the coefficients that `body_step()` needs in addition to those of `body_predict()`.
 
     Raises:
-        QuantisationError: `step` is 6 ms or more, for which the formats have no room.
+        QuantisationError: `step` is 6 ms or more, so that a coefficient exceeds its format.
     """
     return {
         "travel_from_speed": scale(step * TRAVEL / SPEED, "travel_from_speed"),
@@ -117,7 +117,7 @@ def coupled(values: Values, step: float) -> Coefficients:
         step: the control step, s.
 
     Raises:
-        QuantisationError: a value that the firmware's formats cannot hold, or an overflow that is possible.
+        QuantisationError: the firmware's formats cannot hold a value, or a sum may overflow.
     """
     mean = motor_step(values, mean_inertia(values), step)
     difference = motor_step(values, difference_inertia(values), step)
@@ -164,6 +164,6 @@ PROFILES = {"coupled": coupled, "paper": paper}
 
 
 def body(profile: str, values: Values, step: float, with_pose: bool = True) -> dict[str, Any]:
-    """Returns a `body_coefficients_t` with the profile and, with `with_pose`, the pose; arguments as for `coupled`."""
+    """Returns a `body_coefficients_t` with its profile; `with_pose` adds the pose. Arguments as for `coupled`."""
     made = {"profile": f"BODY_{profile.upper()}", **PROFILES[profile](values, step)}
     return {**made, **pose(step)} if with_pose else made

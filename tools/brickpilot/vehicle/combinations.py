@@ -1,9 +1,9 @@
-"""Combinations of parameters that the step response of the speed identifies, even if no parameter is
-identifiable on its own.
+"""Combinations of parameters that the step response of the speed identifies, even if it identifies no
+single parameter.
 
-A fit in a direction that the data do not determine can end at any value, and later fits depend on that value. So if the
-data determine only a sum of parameters, one of these is fitted and the others are held (structural identifiability:
-Bellman & Astrom 1970, Math. Biosciences 7, here from the rank of the sensitivities).
+If the data do not determine a parameter, its fit can end at any value, and later fits depend on that value. So if the
+data determine only a sum of parameters, one parameter of the sum is fitted and the others are held (structural
+identifiability: Bellman & Astrom 1970, Math. Biosciences 7, here from the rank of the sensitivities).
 
 Once the current has settled, eqs. 12 to 14 describe a wheel by D = K_t K_e + R (b_s + sigma m g r^2).
 """
@@ -37,7 +37,7 @@ class Formula:
 
     Attributes:
         text: the formula in the paper's symbols.
-        value_at: takes all parameters and returns the value; NaN: undefined.
+        value_at: function from the values of all parameters to the value of the combination; NaN: undefined.
     """
 
     name: str
@@ -53,12 +53,12 @@ def loss(values: Values) -> float:
 
 
 def mean_inertia(values: Values, wheels: int = 2) -> float:
-    """Returns the inertia per wheel for the mean speed of `wheels` coupled wheels, kg m^2."""
+    """Returns the inertia per wheel, kg m^2, if the speeds of `wheels` coupled wheels change by the same amount."""
     return values["wheel_inertia"] + values["mass"] * values["wheel_radius"] ** 2 / wheels
 
 
 def difference_inertia(values: Values) -> float:
-    """Returns the inertia per wheel for half the speed difference of both coupled wheels, kg m^2."""
+    """Returns the inertia per wheel, kg m^2, if the speeds of two coupled wheels change by opposite amounts."""
     return values["wheel_inertia"] + values["yaw_inertia"] * (values["wheel_radius"] / values["half_track"]) ** 2 / 2
 
 
@@ -70,7 +70,7 @@ def wheel_speed_per_volt(values: Values) -> float:
 def holding_voltage(values: Values, losses: float | None = None) -> float:
     """Returns each motor's voltage per unit of steady speed on level ground, V s/m, without air drag.
 
-    `losses`: the friction of a wheel, N m s/rad; None: `loss`.
+    `losses`: the friction of a wheel, N m s/rad; None: the result of `loss`.
     """
     lost = values["resistance"] * (loss(values) if losses is None else losses) / values["torque_constant"]
     return (values["emf_constant"] + lost) / values["wheel_radius"]
@@ -178,7 +178,7 @@ _FORMS: Mapping[tuple[str, str], tuple[tuple[str, str, _Factor], ...]] = {
 
 
 def forms(name: str) -> Iterator[Formula]:
-    """Yields the forms in which the size `name`, "effect.parameter", may be identifiable, the simplest first."""
+    """Yields combinations with the size `name` ("effect.parameter") that may be identifiable, the simplest first."""
     effect_name, _, parameter = name.partition(".")
     effect = catalogue.effect(effect_name)
     unit = next(info.unit for info in effect.parameters if info.name == parameter)
@@ -191,27 +191,28 @@ def _scaled(name: str, factor: _Rule) -> _Rule:
 
 
 ADDS_TO = {"wheel_inertia": "mass", "viscous_friction": "emf_constant", "rolling_friction": "emf_constant"}
-"""Parameter -> its partner. Data identify only the sum of both, such as mass + 2 wheel_inertia / wheel_radius^2.
+"""Parameter -> its partner. Data identify only their sum, such as mass + 2 wheel_inertia / wheel_radius^2.
 
-A held parameter keeps its ratio to the partner.
+If the parameter is held and its partner is fitted, their ratio stays constant.
 """
 
 _FITTED_FIRST = ("emf_constant", "mass", "yaw_inertia", "half_track", "wheel_radius", "wheel_inertia")
-"""The parameters of sums that are fitted first, because each can give its sum any value on its own."""
+"""Where data determine only a sum, these parameters are fitted first: each alone can give the sum any value."""
 
-_CURVES_V = (3.0, 1.0), (6.0, 5.0)  # (left, right) of each curve: one voltage cannot separate friction from a gain
+_CURVES_V = (3.0, 1.0), (6.0, 5.0)  # (left, right) of each curve: at one voltage, friction looks like a gain
 _CURVE_S, _SAMPLES = 20.0, 60
-_TOLD_APART = 1e-2  # least share of a signature that the others do not span; less is an error of the differences
+_TOLD_APART = 1e-2  # least share of a signature that the others do not span; a smaller share is numerical error
 
 
 def signatures_of(model: Model, measured: Collection[str], stated: Collection[str]) -> dict[str, Array]:
-    """Returns nominal parameter -> (values,): the change of the measured signals of two curves, relative to their rms.
+    """Returns nominal parameter -> signature, (values,): the change of the signals if the parameter changes a little.
 
-    The samples of a curve begin one control step after its start and end after a vehicle of any size has reached its
-    speed. A parameter without influence has a signature of zeros.
+    The signals of two curves are simulated; a change is relative to the signal's rms. The first sample of a curve is
+    one control step after the start. At the last sample, a vehicle of any size has reached its speed. A parameter
+    without influence has a signature of zeros.
 
     Args:
-        measured: names of signals.
+        measured: names of the measured signals; only these count.
         stated: parameters to include although their role is "fixed".
     """
     after = np.geomspace(STEP_S, _CURVE_S, _SAMPLES)
@@ -235,13 +236,13 @@ def signatures_of(model: Model, measured: Collection[str], stated: Collection[st
 
 
 def _beside(value: float, info: ParameterInfo) -> float:
-    """Returns a value in the parameter's range that differs by a thousandth; if `value` is 0, a tenth of the preset."""
+    """Returns `value` changed by a thousandth, within the parameter's range; if `value` is 0, a tenth of the preset."""
     larger = 1.001 * value or 0.1 * info.preset
     return larger if larger <= info.maximum else 0.999 * value
 
 
 def not_told_apart(signatures: Mapping[str, Array]) -> set[str]:
-    """Returns the parameters whose signatures, (values,) and not all zero, are linear combinations of the others."""
+    """Returns the parameters whose signatures are linear combinations of the others'; none may be all 0."""
     basis, held = list[Array](), set()
     order = [name for name in _FITTED_FIRST if name in signatures]
     for name in dict.fromkeys((*order, *signatures)):

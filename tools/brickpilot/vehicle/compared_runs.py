@@ -1,4 +1,4 @@
-"""The data that are compared with a model: every comparison has the same runs, roles and starts of runs."""
+"""The data that are compared with a model. Every comparison uses the same runs, roles and start states."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Comparable:
     roles: holdout.Roles
 
     def part(self, role: str) -> Dataset:
-        """Returns `measured` without the samples of stretches that have another role."""
+        """Returns `measured`; if a run has stretches of several roles, without the samples that have another role."""
         if not self.roles.stretches:
             return self.measured
         runs = tuple(self.roles.samples(run, role) for run in self.measured.runs)
@@ -84,9 +84,9 @@ class ComparedSignals:
 
 
 def is_compared(signal: str, outputs: Container[str], model: Model) -> bool:
-    """Whether a measured signal is compared with the model, which gives `outputs`.
+    """Whether a measured signal is compared with the model. `outputs`: the signals that the model gives.
 
-    The battery's voltage is an input of the model, unless an effect of the model loads the battery.
+    The battery's voltage is an input of the model. It is compared only if an effect of the model acts on the supply.
     """
     if signal != "battery_voltage":
         return signal in outputs
@@ -97,7 +97,7 @@ def compared_signals(dataset: Dataset, model: Model) -> ComparedSignals:
     """Finds the measured signals that the model gives.
 
     Raises:
-        InputError: no such signal has a value, or a sample is too large to be a measurement.
+        InputError: no signal that the model gives has a value, or a sample is too large to be a measurement.
     """
     given = output_names(model)
     measured = dict.fromkeys(name for run in dataset.runs for name in run.outputs)

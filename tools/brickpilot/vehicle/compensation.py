@@ -13,9 +13,9 @@ voltages that another robot's motors need, and the readings of that robot into r
     [parameters]        # names, formats and ranges: hal/wire/settings.toml; an absent parameter is 0
     left_friction_mv = { raw = 564, format = "mV", value = 0.564, unit = "V", from = ["nominal values"] }
 
-The firmware gets `raw`; `value` is the same in SI and has to agree. `from` names the effects that each need this
-parameter, or says that nominal values differ from the packaged robot's. The comment at the end has the same parameters
-in C. `summary.json` of a flight repeats the file as `compensation`. firmware/README.md shows the improvement.
+The firmware gets `raw`; `value` is the same in SI and has to agree. `from` names the effects that need this parameter;
+"nominal values" means values other than the packaged robot's. The comment at the end has the same parameters in
+C. `summary.json` of a flight repeats the file as `compensation`. firmware/README.md shows the improvement.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from brickpilot.vehicle.plant import Undoable
 from brickpilot.vehicle.settings import Setting, plain, read_raw, settings
 
 NOMINAL = "nominal values"
-"""A source of compensation beside the effects: nominal values that differ from the packaged robot's."""
+"""The name of the source that is no effect: nominal values that differ from the packaged robot's."""
 
 FORMATS: Mapping[str, Setting] = {row.compensation: row for row in settings().values() if row.compensation}
 """The setting of each parameter, by the parameter's name in the file."""
@@ -54,7 +54,7 @@ class Compensation:
     Attributes:
         name: the name of the model from which the parameters were made.
         raw: parameter -> integer as the firmware holds it, for all of `FORMATS`.
-        sources: parameter -> the effects that each need the parameter, or `NOMINAL`; a parameter of 0 may be missing.
+        sources: parameter -> the sources that need it: effects, and `NOMINAL`; a parameter of 0 may be missing.
         left_out: effects of the model, or `effect.parameter`, that the firmware cannot undo.
         limited: parameters that exceed the range of the firmware's format, or half of the battery's voltage.
         remarks: a line for each difference that the firmware cannot undo: the value, and by how much it differs.
@@ -104,7 +104,7 @@ def from_model(model: Model, believed: Model | None = None, controller: Values |
 
     Returns:
         None: nothing can be undone, or the model is a motor, has the profile `paper`, or has motors without torque. If
-        only nominal values differ, `undone` is empty.
+        only nominal values differ, `undone` of the result is empty.
     """
     model = two_wheeled(model)
     if model.vehicle == "motor" or model.profile != "coupled" or model.parameters.get("torque_constant") == 0:
@@ -128,7 +128,7 @@ def from_model(model: Model, believed: Model | None = None, controller: Values |
 
 
 def _sources(model: Model, believed: Model, raw: Mapping[str, int]) -> dict[str, tuple[str, ...]]:
-    """Returns parameter -> the effects that each need the parameter, or `NOMINAL`."""
+    """Returns parameter -> the sources that need the parameter: effects, and `NOMINAL`."""
     alone = {
         name: dataclasses.replace(model, parameters=believed.parameters, effects={name: on})
         for name, on in model.effects.items()
@@ -139,7 +139,7 @@ def _sources(model: Model, believed: Model, raw: Mapping[str, int]) -> dict[str,
 
 
 def render(compensation: Compensation) -> str:
-    """Returns the file's text, which `load` reads back to an equal compensation. Its last comment has the same in C."""
+    """Returns the file's text, which `load` reads back to an equal compensation. A comment has the parameters in C."""
     document = tomlkit.document()
     document.add(tomlkit.comment("What the firmware knows of this robot: brickpilot run --compensation FILE"))
     document["name"] = compensation.name
@@ -260,7 +260,7 @@ def si_values(model: Model, believes: Model) -> dict[str, float]:
 
         a = (M / M_0) (push_0 / push)      gain = a / g - 1      emf = hold / a - hold_0      friction = T R / (K_t a)
 
-    (eq. 12 to 14, solved for V). Yaw has an inertia of its own; the heading controller corrects the difference.
+    (eq. 12 to 14, solved for V). The inertia in yaw may differ by another factor; the heading controller corrects this.
 
     The C files of the effects add to these quantities; see `bp_undoable`.
 
@@ -289,7 +289,7 @@ def si_values(model: Model, believes: Model) -> dict[str, float]:
 
 @cache
 def undone(effect: str) -> tuple[str, ...]:
-    """Returns the parameters of an effect that `si_values` undoes: those that change its `Undoable`."""
+    """Returns the parameters of an effect that `si_values` undoes: the effect's `Undoable` depends on them."""
     infos = catalogue.effect(effect).parameters
     presets = {info.name: info.preset for info in infos}
 
@@ -313,18 +313,19 @@ def never_undone(model: Model) -> tuple[str, ...]:
 
 LEAST_DAMPING = 0.46
 """Damping ratio of the heading controller, below which turns overshoot and the mission loses waypoints. Measured on the
-packaged robot, 6 seeds each: at 0.49 (3 times the yaw inertia) the robot reaches 8 of 8 waypoints, at 0.455 (3.5 times)
-7."""
+packaged robot with 6 seeds per value: at 0.49 (3 times its yaw inertia) it reaches all 8 waypoints, at 0.455 (3.5 times
+its yaw inertia) only 7."""
 
 HIGHEST_BATTERY, HIGHEST_OWN = 20.0, 32.0
-"""V: the highest battery voltages that packaged images can measure, and that any mixer allows (VOLTAGE_MAX_MV)."""
+"""V: the highest battery voltage that packaged images can measure, and the highest that any mixer allows
+(VOLTAGE_MAX_MV)."""
 
 
 def _heading_damping(robot: Values, believed: Values, controller: Values) -> float:
     """Returns the damping ratio of the heading controller on a robot whose straight drive is compensated.
 
-    Such a robot reacts to a voltage difference as if its motors had the believed robot's push and hold, and each side
-    had the inertia M' = M_0 M_yaw / M. With PD control of the heading the loop is of second order.
+    This robot reacts to a voltage difference as if its motors had the believed robot's push and hold (`si_values`), and
+    each side had the inertia M' = M_0 M_yaw / M. With PD control of the heading, the loop is of second order.
 
     Args:
         robot, believed: nominal parameters.
@@ -347,7 +348,7 @@ def limits_of_loads(of_effects: Undoable) -> list[str]:
 
 
 def limits_of_robot(robot: Values, believed: Values, controller: Values | None = None) -> Iterator[str]:
-    """Yields a line for each nominal value that no setting undoes and that differs too much for the controllers."""
+    """Yields a line for each nominal value that is beyond the limits of the controllers and that no setting undoes."""
     known = controller or plain(ROBOT["controller"]["coupled"])
     damping = _heading_damping(robot, believed, known)
     if damping < LEAST_DAMPING:

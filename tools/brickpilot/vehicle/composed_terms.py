@@ -33,7 +33,7 @@ PLACES = {
 """The place where a term may act -> its description."""
 
 OF_A_MOTOR = frozenset({"drive", "wheel", "surge"})
-"""The places where a term may also act on a model of one motor, if its sign does not differ between the sides."""
+"""The places where a term may also act on a model of one motor, if the term has the same sign on both sides."""
 
 _MECHANISMS = {"drive": "drive", "wheel": "bearing", "surge": "body", "yaw": "body", "floor": "floor"}
 
@@ -117,7 +117,7 @@ def basis() -> tuple[Basis, ...]:
 
 @cache
 def parameters() -> tuple[ParameterInfo, ...]:
-    """Returns the rows of the effect: coefficients first, then the parameters that shape their terms."""
+    """Returns the rows of the composed effect: coefficients first, then the parameters that shape terms."""
     return catalogue.effect(EFFECT).parameters
 
 
@@ -187,7 +187,7 @@ _LEGEND = {
 
 
 def equation(terms: Sequence[Term], settings: Mapping[str, float]) -> str:
-    """Returns the sums that the terms add at their places, each number with four digits."""
+    """Returns the terms' equation as text: for each place, the sum that the terms add there, with four digits."""
     return "; ".join(f"Δ{symbol(target)} = {added}" for target, added in sums(terms, settings, Writer()))
 
 

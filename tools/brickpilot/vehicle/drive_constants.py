@@ -1,8 +1,8 @@
 """Constants of a vehicle for other programs, computed from simulated drives of a model with its effects.
 
 Feed-forward in volts, V = kS sgn(v) + kV v + kA a, as WPILib defines it (docs.wpilib.org, "Feedforward control").
-Odometry as in diff_drive_controller of ros2_control: an effective radius of each wheel, and the effective wheel
-separation in turns.
+Odometry as in diff_drive_controller of ros2_control: an effective radius of each wheel, and the wheel separation that
+is effective when the vehicle turns.
 """
 
 from __future__ import annotations
@@ -35,10 +35,11 @@ _ROUNDS = 3  # rounds in which the radii and the separation are fitted in turn
 
 @dataclass(frozen=True)
 class FeedForward:
-    """V = ks sgn(v) + kv v + ka dv/dt for each motor, at equal voltages; v is in `unit`/s, "m" or "rad".
+    """V = ks sgn(v) + kv v + ka dv/dt for each motor, if all motors get the same voltage.
 
     Attributes:
         ks, kv, ka: in V, V s/unit and V s^2/unit.
+        unit: "m" or "rad": v is in m/s or rad/s.
     """
 
     ks: float
@@ -52,9 +53,9 @@ class Odometry:
     """The constants that turn wheel angles into a track.
 
     Attributes:
-        radius, separation: the stated values, m.
+        radius, separation: the stated wheel radius and wheel separation, m.
         left, right: ratio of each wheel's effective radius to the stated radius.
-        turning: ratio of the effective to the stated separation.
+        turning: ratio of the effective separation to the stated separation.
     """
 
     radius: float
@@ -66,7 +67,7 @@ class Odometry:
 
 @dataclass(frozen=True)
 class Drives:
-    """How a vehicle drives, from simulated drives.
+    """Results of a simulated straight drive of a vehicle.
 
     Attributes:
         top_speed: the speed at the battery's full voltage, in m/s, or in rad/s for a bare motor.
@@ -97,7 +98,8 @@ def feed_forward(model: Model) -> FeedForward:
 def odometry(model: Model, stated: Mapping[str, float]) -> Odometry | None:
     """Returns the effective radii and separation relative to `stated` wheel_radius and half_track; None for a motor.
 
-    The radii come from a straight drive, the separation from a curve, at 60 % of the battery's voltage.
+    The radii come from a straight drive, the separation from a curve. The motors get 60 % of the battery's voltage; the
+    inner motor of the curve gets 40 %.
     """
     if model.vehicle == "motor":
         return None
@@ -119,9 +121,9 @@ def odometry(model: Model, stated: Mapping[str, float]) -> Odometry | None:
 
 
 def two_wheeled(model: Model) -> Model:
-    """Returns the diff_drive that turns as a skid_steer does: with its effective track, and without contacts.
+    """Returns a skid_steer as a diff_drive that turns in the same way: with the effective track, without contacts.
 
-    The firmware assumes such a vehicle, because it does not model slip. Any other vehicle is returned unchanged.
+    The firmware assumes a diff_drive, because it does not model slip. Any other vehicle is returned unchanged.
     """
     if model.vehicle != "skid_steer":
         return model
@@ -170,7 +172,7 @@ def _wheels(outputs: Mapping[str, Array]) -> Array:
 
 
 def _heading(outputs: Mapping[str, Array]) -> Array:
-    """Returns (n,): the heading of a forward drive, rad clockwise, from x and y, so without sensor errors."""
+    """Returns (n,): the heading of a forward drive, rad clockwise, from x and y, which have no sensor errors."""
     ahead, aside = np.gradient(outputs["x"]), np.gradient(outputs["y"])
     moving = np.hypot(ahead, aside) > 1e-6
     heading = np.unwrap(np.where(moving, np.arctan2(aside, ahead), 0.0))

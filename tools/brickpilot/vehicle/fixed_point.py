@@ -13,7 +13,7 @@ from typing import Any
 MANTISSA_BITS = 15
 MAX_SHIFT = 31
 NEGLIGIBLE = 2.0**-32
-"""A smaller factor gives less than half a count, even with the largest 32-bit number."""
+"""A smaller factor times the largest 32-bit number is less than half a count."""
 
 
 class QuantisationError(ValueError):
@@ -67,7 +67,7 @@ def integer(value: float, low: int, high: int, name: str) -> int:
     """Returns `value` rounded to an integer in low..high.
 
     Raises:
-        QuantisationError: the value is outside, or is not zero but rounds to zero.
+        QuantisationError: the rounded value is outside low..high, or a value other than 0 rounds to 0.
     """
     rounded = round(value)
     if not low <= rounded <= high:
@@ -81,12 +81,12 @@ INDENT = "    "
 
 
 def comment(text: str) -> str:
-    """Returns the C comment of a text, which may come from a file: no text can end the comment or begin another."""
+    """Returns `text` as a C comment. A text from a file may contain comment marks, so these are broken up."""
     return f"/* {text.replace('*/', '* /').replace('/*', '/ *')} */"
 
 
 def initialiser(value: Any, depth: int) -> str:
-    """Returns the C initialiser of a Scale, bool, int, name (str), list of these, or mapping from field to these."""
+    """Returns a C initialiser. `value`: a Scale, bool, int or name (str), or a list or mapping (by field) of values."""
     if isinstance(value, Scale):
         return f"{{{value.mantissa}, {value.shift}}}"
     if isinstance(value, bool):

@@ -36,10 +36,10 @@ class Plan:
         controller: the profile whose constants the firmware uses.
         cruise: the cruise speed, m/s.
         compensation: the compensation of this robot in the firmware; None: no compensation.
-        gains: settings of the controller that differ from the firmware's own; None: none.
+        gains: settings of the controller that replace the firmware's values; None: no setting is replaced.
         acceptance: the robot's radius, m: a waypoint is reached if the true position passes within twice this distance.
         firmware: the library of `sim_host/run/build` that holds the controller; None: the packaged firmware.
-        devices: field of `bp_devices` -> value of the robot's sensors, SI; None: the packaged robot's.
+        devices: field of `bp_devices` -> value of the robot's sensors, SI; None: the values of the packaged robot.
     """
 
     scenario: Scenario
@@ -62,7 +62,7 @@ class Flight:
     """The result of a flight.
 
     Attributes:
-        log: column -> (steps,): all columns, or the requested ones.
+        log: column -> (steps,), for all columns or for the requested columns.
         motors: (steps, 2), duty of left and right, 32767 = 1.
     """
 
@@ -92,8 +92,8 @@ def plan(
         model: the model of the robot; None: the packaged robot.
 
     Raises:
-        InputError: a file is bad, the profile or the sensors are unknown, the model is of a motor, or the compensation
-            or the gains cannot be used here.
+        InputError: a file is bad, the profile or the sensors are unknown, the model is of a motor, or this scenario or
+            profile cannot use the compensation or the gains.
     """
     for name, value, known in (("profile", profile, PROFILES), ("sensors", sensors, SENSORS)):
         if value is not None and value not in known:
@@ -196,7 +196,7 @@ def fly(plan: Plan, columns: Sequence[str] | None = None) -> Flight:
     """Flies the plan and keeps the signals of every step.
 
     Args:
-        columns: the columns of the log to keep; None: all. The unneeded columns cost a fifth of a flight's time.
+        columns: the columns of the log to keep; None: all. Columns that are not needed take a fifth of a flight's time.
 
     Raises:
         SimulationError: the plant diverges.
@@ -210,15 +210,15 @@ def fly(plan: Plan, columns: Sequence[str] | None = None) -> Flight:
 def fly_many(plans: Sequence[Plan], columns: Sequence[str] | None = None) -> list[Flight | SimulationError]:
     """Flies plans side by side, and returns for each plan its flight or the error that stopped it.
 
-    Each flight gives the same bytes as a flight of its plan alone. Neighbouring plans of equal
-    length share the vector registers of one core; groups of eight save the most time. All logs are in memory at once.
+    Each flight gives the same bytes as a flight of its plan alone. Neighbouring plans of equal length share the vector
+    registers of one core; groups of eight save the most time. All logs are in memory at once.
 
     Args:
-        plans: the plans, all of one firmware.
+        plans: the plans, which must all have the same firmware.
         columns: as in `fly`.
 
     Raises:
-        ValueError: the plans are of several firmwares.
+        ValueError: the plans have different firmwares.
     """
     if len({plan.firmware for plan in plans}) > 1:
         raise ValueError("flights side by side need one firmware")

@@ -2,7 +2,7 @@
 
 `fly` flies a scenario in one call, as `brickpilot run` does, but it writes no folder.
 
-The checks of the link, the controller and the waypoints say whether a mission was flown, and if not, why.
+The checks of the link, the controller and the waypoints show whether a mission was flown, and if not, why.
 """
 
 from __future__ import annotations
@@ -42,12 +42,12 @@ _FAULTS = ("none", "leg timed out", "leg overshot", "state lost", "commanded", "
 
 @dataclass(frozen=True)
 class Reached:
-    """The waypoints that the true position has reached in order: it came within twice the acceptance radius.
+    """The waypoints reached in order: the true position came within twice the acceptance radius of each waypoint.
 
     Attributes:
         at: the time at which each waypoint was reached, s; None: not reached.
-        closest: the least distance to each waypoint, m, in the time from reaching the previous waypoint to leaving this
-            waypoint.
+        closest: the least distance to each waypoint, m, from the time when the previous waypoint was reached to the
+            time when this waypoint was left.
     """
 
     at: list[float | None]
@@ -110,7 +110,7 @@ def summary(flight: Flight) -> dict[str, Any]:
     """Returns the figures of ``summary.json``: lengths in m, times in s, angles in rad.
 
     ``speed`` and ``heading`` are the integral least squares (ILS, eq. 20) of demanded less true values. The heading's
-    ILS covers the time while driving, relative to a constant error of half a turn.
+    ILS covers only the time while driving, and is relative to the ILS of a constant error of half a turn.
     """
     log, plan = flight.log, flight.plan
     common = {
@@ -199,7 +199,7 @@ class Check:
     Attributes:
         failure: the cause in one line, or None if the check holds.
         detail: counts or distances, also if the check holds.
-        seconds: how long the checked part of the flight took.
+        seconds: the time from the previous waypoint to the checked waypoint, s; 0: not reached, or another check.
     """
 
     name: str
@@ -209,10 +209,10 @@ class Check:
 
 
 def checks(figures: Mapping[str, Any]) -> list[Check]:
-    """Returns the checks of a flight, causes before their consequences; none for a manoeuvre.
+    """Returns the checks of a flight, causes before their consequences. A manoeuvre has no checks.
 
     Args:
-        figures: the figures of ``summary.json``. The link is checked if the figures contain one.
+        figures: the figures of ``summary.json``. The link is checked if the figures have the key "link".
     """
     if "waypoints_total" not in figures:
         return []
@@ -223,7 +223,7 @@ def checks(figures: Mapping[str, Any]) -> list[Check]:
         return [controller, *_waypoints(figures)]
     broke_off, stops = figures["broke_off"], figures["safe_stops"]
     lost = None if broke_off is None else f"{broke_off}; the motors were stopped"
-    # Every busy computer has late ticks, so they fail a flight only if one of them ended it.
+    # Every busy computer has late ticks, so a late tick fails a flight only if it ended the flight.
     late = f"{figures['late_ticks']} of {figures['steps']} ticks were more than a step late"
     times = "once" if stops == 1 else f"{stops} times"
     unheard = f"the motors were stopped {times}, as one end did not hear the other in time" if stops else None
@@ -265,7 +265,7 @@ def _waypoints(figures: Mapping[str, Any]) -> list[Check]:
 
 
 def _believes(figures: Mapping[str, Any]) -> str:
-    """Returns what the controller reports about a waypoint that the true position missed, to end a sentence."""
+    """Returns the end of a sentence on a missed waypoint: the state of the controller at the end of the flight."""
     return {
         "arrived": ", although the controller takes it for reached",
         "run": f", and the flight was over after {figures['simulated_s']:g} s",
@@ -274,7 +274,7 @@ def _believes(figures: Mapping[str, Any]) -> str:
 
 
 def _lost_heading(figures: Mapping[str, Any]) -> str:
-    """Returns possible reasons why the controller did not know its heading, to end a sentence; empty: none."""
+    """Returns the end of a sentence: possible reasons why the controller lost its heading; empty: no reason."""
     steps = figures["gyro_full_steps"]
     beyond = f"; the gyro was at the end of its range in {steps} steps, so lower heading_limit" if steps else ""
     drifts = "; it started before the gyro's bias was learnt" if figures["started_without_gyro_bias"] else ""
@@ -321,14 +321,14 @@ def fly(
     Args:
         scenario: the name of a packaged scenario, or a file.
         model: the model of the robot; None: the packaged robot.
-        profile: "coupled" or "paper"; None: the scenario's, else the model's.
-        sensors: "ideal", "imu" or "imu+encoders"; None: the scenario's, else ideal.
-        seed: the seed of the sensors' noise; None: the scenario's, else 0.
+        profile: "coupled" or "paper"; None: the profile of the scenario, or else of the model.
+        sensors: "ideal", "imu" or "imu+encoders"; None: the sensors of the scenario, or else "ideal".
+        seed: the seed of the sensors' noise; None: the seed of the scenario, or else 0.
         compensation: the compensation of this robot in the firmware.
         gains: settings of the controller from `brickpilot tune`.
 
     Raises:
-        InputError: a file is bad, an argument is not one of those above, or the scenario needs a link.
+        InputError: a file is bad, an argument has another value than those above, or the scenario needs a link.
         SimulationError: the plant diverges.
 
     >>> import brickpilot as bp

@@ -36,7 +36,7 @@ class Gains:
     """A gain set.
 
     Attributes:
-        name: the name of the robot or the file that the gains are for.
+        name: the name of the robot or file for which the gains were tuned.
         raw: setting -> integer as the firmware holds it; a setting that is left out keeps the firmware's value.
     """
 
@@ -93,7 +93,7 @@ def check_pairs(chosen: Mapping[str, int], held: Callable[[str], int]) -> None:
     A host may lower the second setting of a pair alone. The firmware then uses this value for the first setting, too.
 
     Args:
-        chosen: setting -> raw integer.
+        chosen: setting to be written -> raw integer.
         held: returns the raw integer of a setting that is not chosen.
 
     Raises:

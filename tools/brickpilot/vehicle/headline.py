@@ -1,8 +1,8 @@
-"""How much of each measured signal a model explains, over whole runs and a short time ahead, by the role of the runs.
+"""How much of each measured signal a model explains: over whole runs and 1 s ahead, in fit runs and in held-out runs.
 
-`compare`, `calibrate` and `discover` get their numbers here, so all three give the same numbers for the same model and
-runs. `data.agreement` defines the number fit %, and `Comparable` defines where runs start. At a short horizon a run is
-a row of windows: each window starts from measured values, and is simulated from the inputs alone.
+`compare`, `calibrate` and `discover` get their numbers here, so these commands give equal numbers for the same model
+and runs. `data.agreement` defines the number fit %, and `Comparable` defines where runs start. At a short horizon, a
+run is a row of windows: each window starts from measured values, and is simulated from the inputs alone.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ FREE_RUN = "free_run"
 AHEAD: Mapping[str, float] = {"1_s": 1.0}
 """The horizons of every headline number besides the free run: name -> s."""
 
-_LEAST_SAMPLES = 4  # least number of samples in a window; with fewer, there is no horizon
-_SMOOTHED_S = 0.04  # s around a window's start; its samples give the rate at the start
+_LEAST_SAMPLES = 4  # least number of samples in a window; with fewer samples, the horizon is left out
+_SMOOTHED_S = 0.04  # s: the samples in this time around a window's start give the rate at the start
 
 
 @dataclass(frozen=True)
 class Stretch:
-    """One run at one horizon.
+    """One run, divided into the windows of one horizon.
 
     Attributes:
         start: (n,) for each sample, the index at which its window starts; a sample at the edge of two windows belongs
@@ -57,7 +57,7 @@ class Stretch:
 
 @dataclass(frozen=True)
 class Course:
-    """All runs at one horizon.
+    """All runs, divided into the windows of one horizon.
 
     Attributes:
         marks: run -> the samples at which a window starts from measured values.
@@ -74,7 +74,7 @@ class Track:
 
     Attributes:
         dataset: the data set as it is simulated, with averaged start states.
-        measured: run -> signal -> (n,) the compared values.
+        measured: run -> signal -> (n,) the measured values that are compared.
         notes: sentences on horizons that are absent or start from only a part of the state.
     """
 
@@ -135,7 +135,7 @@ def deviation(track: Track, stretch: Stretch, signal: str, simulated: Array) -> 
 
 
 def _starts(time: Array, measured: Mapping[str, Array]) -> dict[str, Array]:
-    """Returns the measured signals of the state, each (n,). Rates are smoothed, or derived from angles and travel."""
+    """Returns signal -> (n,): the measured state. Rates are smoothed, or derived from angles or travel."""
     states = {n: values if n in SUMMED else _smoothed(time, values) for n, values in measured.items() if n in _STATES}
     for summed, rate in {**RATE_OF, "yaw_angle": "yaw_rate"}.items():
         if summed in measured and rate not in states:
@@ -162,7 +162,7 @@ def _smoothed(time: Array, values: Array) -> Array:
 
 
 def _known_at_starts(dataset: Dataset, starts: Mapping[str, Mapping[str, Array]]) -> tuple[bool, list[str]]:
-    """Returns whether windows can start from measured values, and a note if they cannot, or can only in part."""
+    """Returns whether windows can start from measured values, and a note if some or all of these values are missing."""
     names = set.intersection(*(set(starts[run.name]) for run in dataset.runs))
     if dataset.vehicle == "motor":
         if names & {"speed", "velocity"}:
@@ -201,7 +201,7 @@ class Headline:
     """How well one model agrees with one data set: its headline numbers.
 
     Attributes:
-        parts: (run, horizon, signal, role) -> agreement. A run has one role, or two if a stretch is held out.
+        parts: (run, horizon, signal, role) -> agreement. A run has two roles if only a stretch of it is held out.
     """
 
     parts: Mapping[tuple[str, str, str, str], Agreement]
@@ -266,10 +266,10 @@ def simulated_at(
 ) -> list[dict[str, Mapping[str, Outputs]]]:
     """Returns, for each model, horizon -> run -> the simulated outputs of the measured signals.
 
-    A short horizon at which a model diverges is absent; with `may_diverge` this also holds for the free run.
+    The results lack a short horizon at which a model diverges; with `may_diverge`, they may also lack the free run.
 
     Raises:
-        SimulationError: a model diverges in a free run, without `may_diverge`.
+        SimulationError: a model diverges in a free run, and `may_diverge` is false.
     """
     replay, simulated = Replay(compared.dataset), [dict[str, Mapping[str, Outputs]]() for _ in models]
     names = {*compared.signals, *(name for run in compared.dataset.runs for name in run.outputs)}
@@ -286,7 +286,7 @@ def simulated_at(
 
 
 def headline_of(compared: Track, simulated: Mapping[str, Mapping[str, Outputs]]) -> Headline:
-    """Returns the headline of simulated outputs. `simulated`: horizon -> run -> outputs."""
+    """Returns the headline numbers of simulated outputs. `simulated`: horizon -> run -> outputs."""
     noise = {
         signal: noise_sd(compared.dataset, signal, [run[signal] for run in compared.measured.values() if signal in run])
         for signal in compared.signals
@@ -306,7 +306,7 @@ def headline_of(compared: Track, simulated: Mapping[str, Mapping[str, Outputs]])
 
 
 def noise_sd(dataset: Dataset, signal: str, parts: Sequence[Array]) -> float:
-    """Returns a signal's noise sd, SI: the larger of stated and estimated sd. `parts`: the signal in each run."""
+    """Returns a signal's noise sd, SI: the larger of its stated and estimated sd. `parts`: the signal in each run."""
     described = dataset.signals.get(signal)
     stated = (described.noise_sd if described is not None else None) or 0.0
     step = (described.resolution if described is not None else None) or 0.0
@@ -324,8 +324,8 @@ def _held_out(run: Run, roles: Roles) -> NDArray[np.bool_]:
 def repeatability(compared: Track, simulated: Mapping[str, Mapping[str, Array]]) -> dict[str, float]:
     """Returns signal -> the fit in percent that a perfect model would reach, estimated from repeats of the same inputs.
 
-    The difference of two repeats has twice the variance of one repeat. The nominal model's errors are compared, not the
-    signals, so that small differences of inputs and start states cancel.
+    The difference of two repeats has twice the noise variance of one repeat. Not the signals but the nominal model's
+    errors are subtracted, so that small differences between the repeats' inputs and start states cancel.
     """
     pairs = repeats(compared.dataset)
     clocks = {run.name: run.time - run.time[0] for run in compared.dataset.runs}

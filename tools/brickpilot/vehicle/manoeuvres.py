@@ -1,4 +1,4 @@
-"""Manoeuvres that each excite one kind of motion, for the next experiment: schedules of motor commands."""
+"""Manoeuvres for the next experiment: schedules of motor commands that each excite one kind of motion."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _REVERSALS = (1.6, 1.6, 0.8, 0.8, 0.4, 0.4, 0.2, 0.2, 0.2, 0.2)  # s from one re
 
 @dataclass(frozen=True)
 class Manoeuvre:
-    """An experiment: each motor's command by break points (s, V), linear between. A step has two points at one time."""
+    """An experiment: each motor's command as break points (s, V) joined by lines. A step is two points at one time."""
 
     name: str
     duration_s: float
@@ -51,7 +51,7 @@ def _steps(*levels: tuple[float, float, float]) -> Points:
 
 
 def _ramp(top: float, ratio: float) -> Points:
-    """Returns a ramp to `top`, down through zero to minus `top`, and back; the right motor gets `ratio` times that."""
+    """Returns a ramp from 0 to `top`, to minus `top` and to 0; the right motor gets `ratio` times the left command."""
     return tuple((at, share, ratio * share) for at, share in ((0.0, 0.0), (4.0, top), (12.0, -top), (16.0, 0.0)))
 
 

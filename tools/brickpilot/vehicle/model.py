@@ -57,8 +57,8 @@ class Model:
         parameters: nominal parameter -> value in SI; an absent parameter keeps the plant's preset.
         effects: effect -> parameter -> value in SI; an absent parameter keeps its preset.
         basis: parameter, or ``effect.parameter``, -> source of its value.
-        by_run: kind of value -> run -> value, for values that differ from run to run; see `vehicle.replay`. These
-            values belong to recordings, so no model file has them.
+        by_run: name of a value that differs from run to run (see `vehicle.replay`) -> run -> value. No model file has
+            such values, because they belong to recordings.
     """
 
     name: str
@@ -134,7 +134,7 @@ def output_names(model: Model) -> frozenset[str]:
 
 
 def unit_on(model: Model, info: ParameterInfo) -> str:
-    """Returns a parameter's unit in this model; it is the linear unit if the input of a motor commands a force."""
+    """Returns a parameter's unit in this model: its `linear_unit` for a motor whose input commands a force."""
     return info.linear_unit if model.parameters.get("force_per_volt", 0.0) > 0 else info.unit
 
 
@@ -155,7 +155,7 @@ def read_values(
 ) -> dict[str, float]:  # fmt: skip
     """Returns parameter -> value of the table at `key`, and adds the sources of the values to `basis`.
 
-    `may_be_0`: parameters that may also be 0, outside their range, because a vehicle may lack the part.
+    `may_be_0`: parameters that may be 0 although 0 is outside their range, because a vehicle may lack the part.
     """
     table, known = toml.table(key, given), {info.name: info for info in infos}
     toml.known_keys(key, table, known)

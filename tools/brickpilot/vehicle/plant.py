@@ -113,7 +113,7 @@ class Simulated:
 
     Attributes:
         names: the wanted signals, in the order of the plant's table (`wanted_names`).
-        columns: (names, n), SI, without noise; NaN where this vehicle has no such signal.
+        columns: (names, n), the signals, SI, without noise; NaN for a signal that this vehicle does not have.
         last: the last state, as the compiled plant holds it.
     """
 
@@ -197,7 +197,7 @@ class Undoable:
 
 
 def undoable(model: Model) -> Undoable:
-    """Returns what the firmware can undo of the model's effects, summed over the effects.
+    """Returns the part of the model's effects that the firmware can undo, summed over the effects.
 
     Raises:
         InputError: as `build`.
@@ -264,13 +264,13 @@ def simulate(
     signals: Collection[str] | None = None,
     lanes: int = MOST_LANES,
 ) -> list[Simulated]:
-    """Simulates each run under its model, on up to `threads` threads, which do not change the results.
+    """Simulates each run under its model, on up to `threads` threads. Their number does not change the results.
 
     Neighbouring runs in `jobs` with the same sample times run side by side in vector registers.
 
     Args:
-        signals: the outputs to keep, of those that the vehicle has; None: all. Copying an output takes longer than
-            simulating it.
+        signals: the outputs to keep; None: all outputs of the vehicle. Copying an output takes longer than simulating
+            it.
         lanes: the largest number of runs side by side; the processor may allow fewer. The number does not change the
             results.
 
@@ -305,12 +305,12 @@ def simulate_into(
 
     Args:
         starts: (runs, models) index in `values` at which the outputs of each run begin: all samples of the first name,
-            then of the next. The shape is (models,) if that of `requests` is.
+            then of the next. The shape is (models,) if `requests` has the shape (models,).
         requests: the runs as `OpenLoopRun.as_c` gives them, (runs, models): each run under every model; or (models,):
-            each run under its own model. The call writes to `requests`. The caller keeps the arrays to which they
-            point until the call returns.
+            each run under its own model. The call writes to `requests`. The caller has to keep the arrays to which the
+            requests point until the call returns.
         names: the outputs to keep, as `wanted_names` gives them.
-        built: the result of `build_all` for the models; None: they are built here.
+        built: the result of `build_all` for the models; None: this function builds the models.
 
     Returns the last states, in the shape of `requests`, as the compiled plant holds them.
     """

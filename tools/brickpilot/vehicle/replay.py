@@ -1,4 +1,4 @@
-"""Replays measured runs: simulates a model from each run's own inputs alone.
+"""Replays measured runs: simulates a model from the inputs of each run alone.
 
 These are free runs: no measured output is fed back. A run starts from the state of its first sample (`start_state`).
 Age, charge and heat carry over from run to run in the file's order, with the stated pauses between the runs.
@@ -25,15 +25,15 @@ from brickpilot.vehicle.start_state import GEOMETRY
 
 Array = NDArray[np.float64]
 Outputs = Mapping[str, Array]
-_Own = tuple[tuple[str, float], ...]  # (kind, value) of each value that a model has for one run
+_Own = tuple[tuple[str, float], ...]  # (name in `RUN_KINDS`, value) of each value that a model has for one run
 
 _MOST_BEGUN = 64  # largest number of `_Begun` objects that are kept
-_SLIDING_S = 0.003  # the longest motor step that resolves how contacts of a skid steer begin to slide
+_SLIDING_S = 0.003  # the longest motor step that is short enough when a skid steer's contacts begin to slide
 
 
 @dataclass(frozen=True)
 class Mark:
-    """A sample at which a simulated run continues from measured values: signal -> value, SI."""
+    """A sample at which a simulated run continues from `measured`: signal -> measured value, SI."""
 
     sample: int
     measured: Mapping[str, float]
@@ -58,11 +58,11 @@ class Replay:
 
     Attributes:
         dataset: the data set as `reading.read` returns it.
-        motor_step, body_step: upper limits of the plant's steps, s; 0: the plant's own. Models with a fast effect get a
-            shorter motor step.
+        motor_step, body_step: upper limits of the plant's steps, s; 0: the plant's limits. Models with a fast effect
+            get a shorter motor step.
         inputs: run -> (n, 1) or (n, 2) V; empty: the inputs of the data set.
-        whole: window -> time and inputs of the whole run from which it was cut; a model's values for single runs change
-            these inputs. Empty: the run's own time and inputs.
+        whole: window -> time and inputs of the whole run from which the window was cut; a model's values for single
+            runs change these inputs. Empty: the time and inputs of each run in `dataset`.
     """
 
     dataset: Dataset
@@ -164,7 +164,7 @@ class Replay:
     def _restarts(
         self, models: Sequence[Model], marks: Mapping[str, Sequence[Mark]]
     ) -> dict[tuple[int, str], NDArray[np.void]]:
-        """Returns (index of the model, run) -> (marks,): samples and states from which the run continues, as in C."""
+        """Returns (index of the model, run) -> (marks,) `bp_restart`: samples and states where the run continues."""
         restarts = {}
         for run, age in self.aged:
             if not (of_run := marks.get(run.name)):
@@ -179,7 +179,7 @@ class Replay:
 
     @cached_property
     def aged(self) -> list[tuple[Run, float]]:
-        """The runs, each with its age at the start: s since power-on."""
+        """The runs, each with its age: the time from power-on to the start of the run, s."""
         runs = self.dataset.runs
         lasted = [0.0, *(float(run.time[-1] - run.time[0]) for run in runs)]
         ages = np.cumsum([run.gap_s + before for run, before in zip(runs, lasted, strict=False)])
@@ -209,7 +209,7 @@ class Replay:
     def _starting(
         self, batch: Sequence[tuple[Run, float]], models: Sequence[Model]
     ) -> tuple[NDArray[np.void], list[_Begun]]:
-        """Returns (runs, models): a request for each run of `batch`, a run with its age, under each model.
+        """Returns (runs, models): a request for each run under each model. `batch`: the runs with their ages.
 
         Each run starts from its first sample. The method also returns the `_Begun` objects that hold the arrays of
         these requests. Models with the same start states share a `_Begun`.
@@ -254,7 +254,7 @@ class Replay:
         driven_runs, acting = dict(self._plain), self._acting
         for (_, own), runs in together.items():
             key = own, tuple(run.name for run in runs)
-            if key not in acting:  # most models of one Jacobian share the values of runs, so they share these inputs
+            if key not in acting:  # most models of a Jacobian have equal values of runs, and so equal inputs
                 time, driven = self.whole[runs[0].name]
                 for kind, value in own:
                     driven = RUN_KINDS[kind].change(time, driven, value)
@@ -272,20 +272,20 @@ def _columns(rows: Sequence[Mapping[str, float]]) -> dict[str, Array]:
 
 @cache
 def _needs(effects: tuple[str, ...], vehicle: str) -> tuple[bool, tuple[float, ...]]:
-    """Returns whether these effects carry charge or heat over from run to run, and the longest motor step of each."""
+    """Returns whether these effects carry charge or heat over from run to run, and limits of the motor step, s."""
     infos = catalogue.effects_of(effects)
     steps = tuple(effect.motor_step for effect in infos if effect.motor_step > 0)
     return any(effect.carries_over for effect in infos), (*steps, _SLIDING_S) if vehicle == "skid_steer" else steps
 
 
 def _own_values(run: Run, model: Model) -> _Own:
-    """Returns (kind, value) of each nonzero value that the model has for this run."""
+    """Returns (name in `RUN_KINDS`, value) of each nonzero value that the model has for this run."""
     name = run_of(run.name)
     return tuple((kind, values[name]) for kind, values in model.by_run.items() if values.get(name))
 
 
 def _with_sums(model: Model, runs: Sequence[Run]) -> Model:
-    """Returns the model without each effect to which values of runs add; these values then hold the sum of both."""
+    """Returns the model without effects to which values of runs add. A run's value then includes the effect's."""
     for effect, parameter, kind in _sums(tuple(model.effects)):
         if own := model.by_run.get(kind):
             common = model.effects[effect][parameter]
@@ -297,7 +297,7 @@ def _with_sums(model: Model, runs: Sequence[Run]) -> Model:
 
 @cache
 def _sums(effects: tuple[str, ...]) -> tuple[tuple[str, str, str], ...]:
-    """Returns (effect, parameter, kind) for each parameter of these effects to which values of runs of a kind add."""
+    """Returns (effect, parameter, name in `RUN_KINDS`) for each parameter to which the value of a run adds."""
     return tuple(
         (effect.name, info.name, info.run_value)
         for effect in catalogue.effects_of(effects)
@@ -322,9 +322,9 @@ class RunKind:
         unit: the SI unit of the value; "1": the value is a share.
         mechanism: the mechanism that causes the difference, as for an effect.
         change: function of time (n,), inputs (n, columns) and value that returns the changed inputs.
-        sd: the prior sd of a value: the usual difference of a run from the model. A held-out run has the value 0.
+        sd: the prior sd of a value: how much a run usually differs from the model. A held-out run has the value 0.
         low, high: the range of values.
-        tried: start values for a fit, because near 0 a value has no influence.
+        tried: values from which fits start, because a value near 0 has no influence; empty: fits start from `sd`.
     """
 
     words: str
@@ -346,23 +346,23 @@ RUN_KINDS: Mapping[str, RunKind] = {
     "delay": RunKind("The time from a command to its effect", "s", "timing", later, 0.1, -0.5, 0.5, _TRIED_DELAYS),
     "start": RunKind(_START, "s", "timing", held_back, 0.1, -0.5, 0.5, _TRIED_STARTS),
 }
-"""The battery's charge changes a run's gain; the link changes a run's delay; a log may start before its commands act.
+"""Runs differ because the battery's charge and the link's delay change, or a log starts before its commands act.
 
 A `start` value is added to the model's start delay; a negative sum counts as 0.
 """
 
 
 ADDED = frozenset({"viscous_friction"})
-"""Nominal parameters that may be 0, so that a recording's difference is added to them, not multiplied."""
+"""Nominal parameters that may be 0. So a recording's difference is an amount that is added, not a relative change."""
 
 
 def by_recording(
     models: Sequence[Model], dataset: Dataset, runs: Collection[str]
 ) -> Iterator[tuple[list[Model], frozenset[str]]]:
-    """Yields, for each recording of a data set, the models with their values in this recording, and its part of `runs`.
+    """Yields, for each recording in a data set, the models with their values there, and the recording's `runs`.
 
-    A model's `by_run` holds the differences of a recording under the recording's name. For a kind in `RUN_KINDS` this
-    is the value itself; for a nominal parameter, the relative change; for a parameter in `ADDED` or an
+    A model's `by_run` holds, under a recording's name, how the recording differs from the model: for a name in
+    `RUN_KINDS`, the value itself; for a nominal parameter, the relative change; for a parameter in `ADDED` or an
     "effect.parameter", the amount to add, SI.
     """
     differing = {name for model in models for table in model.by_run.values() for name in table}
@@ -374,7 +374,7 @@ def by_recording(
 
 
 def in_recording(model: Model, recording: str, runs: Collection[str]) -> Model:
-    """Returns the model with its values in `recording`, which has `runs`, without effects whose sizes are all 0."""
+    """Returns the model with its values in `recording`, without effects of size 0. `runs`: the recording's runs."""
     own = {kind: table[recording] for kind, table in model.by_run.items() if recording in table}
     kept = {kind: table for kind, table in model.by_run.items() if kind in RUN_KINDS and recording not in table}
     parameters, effects = dict(model.parameters), {name: dict(table) for name, table in model.effects.items()}

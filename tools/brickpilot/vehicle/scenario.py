@@ -121,7 +121,7 @@ def load(path: Path) -> Scenario:
     """Reads and checks a scenario file.
 
     Raises:
-        InputError: the message names file, line and key.
+        InputError: the scenario is not valid; the message names file, line and key.
     """
     toml = TomlFile(path)
     data = toml.data
@@ -255,7 +255,7 @@ class Fault:
     Attributes:
         kind: one of FAULT_KINDS.
         from_s, to_s: times of the flight, s; a restart happens at ``from_s``.
-        rate: share of the messages or bytes that are disturbed, or of the highest possible rate of noise pulses, 0..1.
+        rate: 0..1: share of the messages or bytes that are disturbed; for noise pulses, share of their highest rate.
         direction: the direction of the disturbed messages, one of FAULT_DIRECTIONS.
         sensor: for SENSOR_KINDS, one of FAULT_SENSORS.
     """
@@ -284,7 +284,7 @@ def parse_faults(toml: TomlFile, value: object, duration: float) -> tuple[Fault,
     """Reads the [[faults]] of a scenario.
 
     Raises:
-        InputError: the message names file, line and key.
+        InputError: a fault is not valid; the message names file, line and key.
     """
     if not isinstance(value, list):
         toml.refuse(("faults",), "needs to be a list of tables, [[faults]]")

@@ -167,7 +167,7 @@ def read_raw(toml: TomlFile, key: Key, table: Mapping[str, Any], setting: Settin
     """Returns the raw integer of a setting in a user's file: the `raw` of its table, or else its converted `value`.
 
     Raises:
-        InputError: the table has another unit, neither number, a number outside the range, or two that contradict.
+        InputError: another unit, neither `raw` nor `value`, a number outside the range, or two contradicting numbers.
     """
     if table.get("unit", setting.format.unit) != setting.format.unit:
         toml.refuse((*key, "unit"), f"{table['unit']!r} should be {setting.format.unit!r}")
@@ -191,7 +191,7 @@ def plain(table: Mapping[str, Any]) -> dict[str, float]:
 
 
 def constants(vehicle: Mapping[str, Any], profile: str) -> dict[str, float]:
-    """Returns the controller's constants of a profile, SI: those in the vehicle file, and two computed from it."""
+    """Returns the controller's constants of a profile, SI: values in the vehicle file, and two computed from them."""
     own = plain(vehicle["controller"][profile])
     own["acceptance"] = plain(vehicle["robot"])["length"] / 2
     own["feedforward"] = own["feedforward_share"] * holding_voltage(plain(vehicle["parameters"]))
@@ -202,10 +202,11 @@ def default(setting: Setting, own: Mapping[str, float], profile: str) -> int:
     """Returns the initial raw integer of a setting; 0 if the setting belongs to a compensation.
 
     Args:
-        own: `constants` of the profile.
+        own: the result of `constants` for the profile.
 
     Raises:
-        QuantisationError: neither its row nor the vehicle file has a value, or the value is outside the range.
+        QuantisationError: neither the setting's row nor the vehicle file has a value, or the value is outside the
+            range.
     """
     if setting.compensation:
         return 0

@@ -54,7 +54,7 @@ class Spread:
 
 
 def from_json(given: Mapping[str, Any]) -> Spread:
-    """Returns the spread of an object of calibrate.json or verdict.json.
+    """Returns the spread that an object in calibrate.json or verdict.json holds.
 
     Raises:
         ValueError: the object holds no spread, or its covariance is not valid.

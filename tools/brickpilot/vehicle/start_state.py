@@ -32,15 +32,15 @@ _SECANT_STEPS = 4
 _SENSOR_SIGNALS = SUMMED | {"yaw_rate", *RATE_OF.values()}
 
 GEOMETRY = ("wheel_radius", "half_track", "force_per_volt")
-"""The nominal parameters on which a state made of measured values depends: see `states`. The state also depends on
-`sensor_effects`, and on the age if a sensor effect depends on the age."""
+"""The nominal parameters on which the result of `states` depends. The result also depends on `sensor_effects`, and on
+the age if a sensor effect depends on the age."""
 
 _Value = Array | float  # (samples,) or (models, samples), or one value for all
 _Fields = Mapping[str, _Value | tuple[_Value, ...]]  # field of `plant.State` -> values
 
 
 def first_sample(run: Run) -> dict[str, float]:
-    """Returns the values measured at a run's first sample, and the rates of signals that sum up motion."""
+    """Returns signal -> value at a run's first sample. Unmeasured rates are derived from angles or travel."""
     measured = {name: float(values[0]) for name, values in run.outputs.items()}
     for summed, rate in RATE_OF.items():
         if summed in run.outputs and rate not in run.outputs:
@@ -63,9 +63,9 @@ def states(
 ) -> NDArray[np.void]:
     """Returns (models, samples) the states in which each model's sensors give the measured values, as C holds them.
 
-    Each signal is solved on its own by the secant method, which is exact after three steps if a sensor only adds or
-    scales. A signal that does not follow the state keeps its error. Examples are a clipped signal, or a yaw rate beside
-    two wheel speeds.
+    The secant method finds the true value of each signal separately. It is exact after three steps if a sensor only
+    adds or scales. A signal that does not follow the state, such as a clipped signal or a yaw rate beside two wheel
+    speeds, keeps its error.
 
     Args:
         models: models of one kind of vehicle.
@@ -96,7 +96,7 @@ def states(
         return _states_of(models, truth, age, restart)
 
     def outputs(rows: NDArray[np.intp]) -> Array:
-        """Returns (rows, read): the sensors' readings of these values, at zero input; 0 where no reading is needed."""
+        """Returns (rows, read): the sensors' readings at `values`, with zero input; 0 where no reading is needed."""
         own = [models[k] for k in (rows // len(age)).tolist()]
         made = _sensor_outputs(own, solved(False).reshape(-1)[rows], tuple(read), built)
         return np.where(needed[rows] & ~np.isnan(made), made, wanted[rows])
@@ -156,7 +156,7 @@ def _starting_rate(time: Array, values: Array) -> float:
 
 
 def _first_known(value: _Value, *others: _Value) -> Array:
-    """Returns `value`; a NaN is replaced by the first of `others` that is not NaN there."""
+    """Returns `value`; each NaN is replaced by the value of the first of `others` that is not NaN there."""
     for other in others:
         value = np.where(np.isnan(value), other, value)
     return np.asarray(value)
