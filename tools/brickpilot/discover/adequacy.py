@@ -1,8 +1,8 @@
 """Adequacy: whether the residual of an explanation is still predictable, or too large.
 
 No model explains a machine down to its sensors' noise. So a black box without laws is fitted to the residual: a ridge
-regression on random features of the inputs and of the simulated states (Rahimi & Recht 2007, NIPS). It predicts runs
-that it was not trained on. Predicted error may come from a missing law; other error shows no missing law.
+regression on random features of the inputs and of the simulated states (Rahimi & Recht 2007, NIPS). It then predicts
+other runs. An error that it predicts may come from a missing law; an error that it cannot predict shows no missing law.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ Indices = NDArray[np.int64]
 
 _FOLDS = 4
 _FEATURES = 200
-_WIDTH = 0.3  # kernel of the random features: exp(-_WIDTH d^2 / columns), on standardised columns
+_WIDTH = 0.3  # the features imitate the kernel exp(-_WIDTH d^2 / columns); d: distance of two standardised rows
 _ALPHAS = (1.0, 10.0, 100.0)  # ridge penalties that are tried; a larger penalty gives a smoother prediction
 _TAUGHT_ROWS = 3000  # most rows that train the black box: further rows of a long log add nothing new
 _BEYOND = 0.1  # a column is clipped to its training range, widened at each end by this share of the range
-_FAR = 5.0  # largest residual, in robust sizes: a larger one is clipped to this
-_NEXT_TO_NOTHING = 1e-300  # least divisor; it matters only if the nominal model leaves no error above noise
+_FAR = 5.0  # multiple of the residual's rms without outliers: a larger residual is clipped to this multiple
+_NEXT_TO_NOTHING = 1e-300  # least divisor: avoids a division by 0 if the nominal model leaves no error above noise
 _FILTERS_S = (0.1, 0.5, 2.0)  # filter time constants for a motor, for a body, and for slow changes
-_STANDSTILL_SHARE = 0.03  # share of the largest speed or voltage below which the smoothed sign goes to 0
+_STANDSTILL_SHARE = 0.03  # below this share of the largest speed or voltage, the smoothed sign goes to 0
 _SETTLING_S = 0.3
 
 
@@ -44,8 +44,8 @@ class Adequacy:
 
     Attributes:
         predictable: signal -> the share of its squared residual that a black box predicts on runs outside its training.
-        left: signal -> log of the residual's scale over its noise floor, nats per value.
-        explained: signal -> the share of the nominal model's squared error above noise that is removed, 0..1.
+        left: signal -> log(scale of its residual / its noise floor), in nats per value; 0: noise alone.
+        explained: signal -> the share, 0..1, of the nominal model's squared error above noise that is removed.
     """
 
     predictable: Mapping[str, float]
@@ -63,7 +63,7 @@ class Adequacy:
 
     @property
     def unexplained(self) -> str | None:
-        """Of the signals with more error left than removed: the one with the largest `left`, if above the limit."""
+        """The signal with the largest `left` above the limit, of the signals less than half `explained`; or None."""
         more = {one: left for one, left in self.left.items() if self.explained[one] < 1 - self.explained[one]}
         return max(
             (one for one in more if more[one] > numbers.UNEXPLAINED_NATS),
@@ -78,7 +78,7 @@ class Adequacy:
 
     @property
     def sentence(self) -> str:
-        """Returns a sentence on what shows that more is missing; empty if nothing is missing."""
+        """Returns a sentence that says why the explanation is not adequate; empty if it is adequate."""
         if self.most_predictable > numbers.SHARED_REST:
             signal = max(self.predictable, key=lambda name: self.predictable[name])
             return (
@@ -106,11 +106,11 @@ def adequacy(judge: Judge, best: Evidence, nothing: Evidence, seed: int) -> Adeq
 
 
 def predictable(judge: Judge, model: Model, nominal: Model, seed: int) -> dict[str, float]:
-    """Returns signal -> the share of its squared residual that is predicted on runs left out, 0..1.
+    """Returns signal -> the share, 0..1, of its squared residual that a black box predicts on runs new to it.
 
     Only error above the floor of noise and simulator error counts: predictable error below this floor comes from a
-    sensor's rounding, not from a missing law. The error of the laws in `model` does not count either: it is a share of
-    what these laws explain beyond the `nominal` model.
+    sensor's rounding, not from a missing law. The error that inexact laws in `model` may leave does not count
+    either: it is a share of the squared error of the `nominal` model that these laws remove.
     """
     data = judge.data
     error, before = data.measured - data.predict([model, nominal])
@@ -131,11 +131,11 @@ def predictable(judge: Judge, model: Model, nominal: Model, seed: int) -> dict[s
 
 
 def rows_of(data: Residual, outputs: Mapping[str, Outputs], error: Array, signal: str) -> tuple[Array, Array, Indices]:
-    """Returns the training data of a signal: its columns (rows, columns), its error (rows,), and the folds (rows,).
+    """Returns the training data for a signal: columns (rows, columns), error (rows,), and each row's fold (rows,).
 
     Args:
         outputs: run -> simulated signals.
-        error: (values,).
+        error: (values,) the residual of all signals.
     """
     blocks = [block for block in data.blocks if block.signal == signal]
     columns = np.vstack([columns_of(data.replay, outputs, block.run, block.middle) for block in blocks])
@@ -149,9 +149,9 @@ class Unseen:
     """The prediction of a black box for rows that it was not trained on.
 
     Attributes:
-        value: (rows,) the prediction of the black box times `factor`.
+        value: (rows,) the prediction of the black box, already multiplied by `factor`.
         best: the index of the penalty that predicts best.
-        factor: the multiple, 0..1, of the black box's own prediction that fits these rows best.
+        factor: 0..1; the black box's prediction fits these rows best if it is multiplied by this factor.
     """
 
     value: Array
@@ -160,7 +160,7 @@ class Unseen:
 
 
 def out_of_fold(columns: Array, target: Array, folds: Indices, seed: int) -> Unseen:
-    """Returns the prediction of `target` (rows,) from `columns` (rows, columns), trained on the other folds."""
+    """Predicts each fold of `target` (rows,) from `columns` (rows, columns), after training on the other folds."""
     tried = np.zeros((len(target), len(_ALPHAS)))
     for fold in np.unique(folds):
         here = folds == fold
@@ -200,7 +200,7 @@ def taught_by(columns: Array, target: Array, seed: int) -> Callable[[Array], Arr
 
 
 def folds_of(runs: Sequence[str], times: Array) -> Indices:
-    """Returns (rows,) each row's fold. Each run, the longest first, goes to the emptiest fold; a single run is cut."""
+    """Returns (rows,) each row's fold. Runs go to the emptiest fold, the longest run first; a single run is cut."""
     names, number = np.unique(np.array(runs), return_inverse=True)
     if len(names) == 1:
         cut = np.floor(2 * _FOLDS * (times - times.min()) / max(float(np.ptp(times)), 1e-9)).astype(np.int64)
@@ -214,7 +214,7 @@ def folds_of(runs: Sequence[str], times: Array) -> Indices:
 
 
 def columns_of(replay: Replay, outputs: Mapping[str, Outputs], run: str, at: Array) -> Array:
-    """Returns (rows, columns): the simulator's inputs and outputs, raw and low-pass filtered, at some times of a run.
+    """Returns (rows, columns): the simulator's inputs and outputs, raw and low-pass filtered, at times `at` of a run.
 
     The columns contain no measured value.
     """
@@ -241,6 +241,6 @@ _RATES = frozenset({"speed", "velocity", "yaw_rate", "wheel_speed_left", "wheel_
 
 
 def _past(values: Array, step: float) -> list[Array]:
-    """Returns `values` (n,) through first-order filters that start at 0."""
+    """Returns `values` (n,) after a first-order low-pass filter, for each time constant. The filters start at 0."""
     decays = [float(np.exp(-step / constant)) for constant in _FILTERS_S]
     return [np.asarray(lfilter([1 - decay], [1.0, -decay], values)) for decay in decays]

@@ -1,9 +1,9 @@
-"""Composes a law without a name, where no effect of the library explains what is left.
+"""Composes a law as a sum of few terms of a fixed basis, where no effect of the library explains the residual.
 
-A law is a sum of few terms of a fixed basis. Terms are searched and weighed like effects (a sparse regression by
-forward selection with refits, FROLS: Chen, Billings & Luo 1989), but on signatures from simulation instead of
-derivatives. An atom is a term with the settings that shape it. The periods of periodic terms are peaks in the spectra
-of the residual along time, a wheel's angle and the position: no other period is tried.
+Terms are searched and weighed like effects: a sparse regression by forward selection with refits (FROLS: Chen, Billings
+& Luo 1989). It works on signatures (how a term changes the simulated signals), not on derivatives of measured signals.
+An atom is a term with the settings that shape it. A periodic term is tried only at periods near the peaks in the
+spectra of the residual along time, a wheel's angle and the position.
 """
 
 from __future__ import annotations
@@ -46,14 +46,14 @@ from brickpilot.vehicle.model import Model
 Array = NDArray[np.float64]
 
 _OUTPUTS = ("wheel_angle_left", "wheel_angle_right", "angle", "x", "position")
-_TINY = 1e-8  # step as a share of a coefficient's range: large against rounding errors, small enough to be linear
-_SIMULATED = 24  # number of atoms that are also simulated: the best ones by the linear screen
-_SIZES = (1.0, 0.3)  # shares of the linear estimate at which these atoms are simulated: few terms are linear
+_TINY = 1e-8  # small step of a coefficient, as a share of its maximum: far above rounding errors, yet still linear
+_SIMULATED = 24  # most atoms that are also simulated: those whose signatures explain the residual best
+_SIZES = (1.0, 0.3)  # an atom is simulated at these shares of its linear estimate: few terms are linear
 _NEARBY = 8  # most atoms that are fitted at a fitted period and at the periods next to it
 _ALIKE = 2  # most trials of the same terms with different settings
 _STRIP_TERMS = ("surge_loss_patch", "yaw_loss_patch", "floor_add_patch")
-_CELLS, _LEAST_CELL = 24, 4e-3  # number of cells of the travel in the search for strips, and least width of a cell, m
-_STRIPS = 2  # most strips that are tried
+_CELLS, _LEAST_CELL = 24, 4e-3  # cells into which the travel is cut to search for strips; least width of a cell, m
+_STRIPS = 2  # most strips that are tried for one term
 _MOST_TERMS = 3  # most terms of a law: the basis is large, and a reader can check only a short law
 _SLOWEST_SWING_HZ = 0.5  # frequency of a pendulum of one metre: no robot here carries a longer pendulum
 _SPRUNG_HZ = (1.0, 2.0, 4.0)  # frequencies tried for a sprung mass, in addition to the peaks of the spectrum
@@ -72,8 +72,8 @@ class Atom(Part):
     """One term, or the sine and the cosine of one period, with the settings that shape them.
 
     Attributes:
-        slowest: the least frequency, Hz. A slower term repeats less than once in a run, or more slowly than any load
-            swings, and could imitate any drift or loss.
+        slowest: the least frequency, Hz. A slower term would repeat less than once in a run, or swing more slowly than
+            any load; it could imitate any drift or loss.
     """
 
     terms: tuple[Basis, ...]
@@ -107,14 +107,14 @@ class Atom(Part):
         return tuple(name for name, _ in self.settings if name != "clock")
 
     def joins(self, table: Mapping[str, float]) -> bool:
-        """Returns whether `table` lacks the terms of this atom, and has no setting that differs from the atom's own."""
+        """Returns whether the atom can join `table`: its terms are not there, and settings in both are equal."""
         there = [term.basis for term in terms_of(table)]
         shaping = settings_of(there, table)
         lacks = not {term.name for term in there} & {*self.names}
         return lacks and all(shaping.get(name, value) == value for name, value in self.settings)
 
     def starting(self, base: Plan, values: Mapping[str, float]) -> Plan:
-        """Returns `base` with this atom at `values`. Parameters of the atom that are not free in `base` come last."""
+        """Returns `base` with this atom at `values`. Free parameters that `base` lacks come last."""
         present, table = {one.name for one in base.free}, {**dict(self.settings), **values}
         rows = [self._row(info, table) for info in parameters() if info.name in self.free]
         added = tuple(one for one in rows if one.name not in present)
@@ -135,7 +135,7 @@ class Atom(Part):
         return {name: model.effects[EFFECT][name] for name in (*self.names, *(one for one, _ in self.settings))}
 
     def _row(self, info: ParameterInfo, values: Mapping[str, float]) -> Free:
-        """Returns a free parameter. Its unit is the amplitude for a sine or cosine, the half width for a strip."""
+        """Returns a free parameter. Its unit is the starting amplitude of a term, or the half width of a strip."""
         name = f"{EFFECT}.{info.name}"
         if info.name in self.names:
             if len(self.names) == 1:
@@ -152,19 +152,19 @@ def atom(terms: tuple[Basis, ...], settings: Settings = (), slowest: float = 0.0
 
 
 def with_terms(model: Model, values: Mapping[str, float]) -> Model:
-    """Returns `model` with coefficients and settings of composed terms added to its own."""
+    """Returns `model` with `values` added: coefficients and settings of composed terms."""
     table = {**model.effects.get(EFFECT, {}), **values}
     return dataclasses.replace(model, effects={**model.effects, EFFECT: table})
 
 
 def find_atoms(vehicle: str, segments: Sequence[Segment], residual: Array) -> list[Atom]:
-    """Returns atoms of every term; periodic terms have the periods found in the projected `residual` (N,).
+    """Returns the atoms to try. Periodic terms get the periods of peaks in the spectra of `residual` (N,).
 
     Terms on a strip of the floor are left out: see `compose.TermSource`.
     """
     time, *others = axes(segments)
     clocks = [time, *(one for one in others if one.clock)]
-    # Names of settings -> settings that are tried, each with the least frequency.
+    # Names of settings -> the settings that are tried, each with its least frequency in a fit.
     tried: dict[tuple[str, ...], list[tuple[Settings, float]]] = {
         (): [((), 0.0)],
         ("clock",): [(one.clock, 0.0) for one in clocks],
@@ -179,7 +179,7 @@ def find_atoms(vehicle: str, segments: Sequence[Segment], residual: Array) -> li
 
 
 def family(near: Atom, settings: Mapping[str, float], vehicle: str, segments: Sequence[Segment]) -> list[Atom]:
-    """Returns all atoms with the settings of `near`, and `near` itself at neighbouring settings."""
+    """Returns atoms at the fitted `settings` of `near`, one for each term, and `near` at the periods beside its own."""
     kept = tuple((name, settings[name]) for name, _ in near.settings)
     groups = _visible_groups(vehicle, segments)
     found = [atom(terms, kept, near.slowest) for terms in groups if terms[0].tuned == near.terms[0].tuned]
@@ -190,13 +190,13 @@ def family(near: Atom, settings: Mapping[str, float], vehicle: str, segments: Se
 
 
 def strip_atom(name: str, middle: float, half_width: float) -> Atom:
-    """Returns the atom of a term that acts on a strip across x, m."""
+    """Returns the atom of a term that acts only on a strip of the floor: `middle` and `half_width` along x, m."""
     term = next(one for one in basis() if one.name == name)
     return atom((term,), (("patch_x", middle), ("patch_half_width", half_width)))
 
 
 def _visible_groups(vehicle: str, segments: Sequence[Segment]) -> list[tuple[Basis, ...]]:
-    """Returns the groups of terms that act on a part of this vehicle; for a sensor, only if it was logged."""
+    """Returns the groups of terms that act on this vehicle; terms of a sensor only if the sensor was logged."""
     if vehicle == "motor":
         return [terms for terms in _groups() if terms[0].place in OF_A_MOTOR and not terms[0].sided]
     signals = {segment.signal for segment in segments}
@@ -206,8 +206,8 @@ def _visible_groups(vehicle: str, segments: Sequence[Segment]) -> list[tuple[Bas
 def _groups() -> list[tuple[Basis, ...]]:
     """Returns every term alone, except the sine and the cosine of one period, which form one group.
 
-    Sine and cosine of the heading stand alone: their phase is known. Rotation sensors also get a group of two terms,
-    common and difference: a fault of one sensor is the sum of both terms, and neither term alone explains the fault.
+    Sine and cosine of the heading stand alone: their phase is known. Rotation sensors also get a group of two terms: of
+    equal errors on both sides, and of opposite errors. Only the sum of both terms is a fault of one sensor.
     """
     by_name = {term.name: term for term in basis()}
     found: list[tuple[Basis, ...]] = []
@@ -250,9 +250,9 @@ class Composed:
 
 
 def compose(prepared: Prepared, judge: Judge, verdict: Verdict, tell: Tell) -> Composed | None:
-    """Returns the law of few terms that explains the fit runs best, alone or beside the best named effects.
+    """Returns the law of few terms that explains the fit runs best, with or without the best named effects.
 
-    None if no term is sure: the terms must hold 95 % of the weight beside their base.
+    None if no term is sure: explanations with it must hold 95 % of the weight, against the same model without terms.
     """
     deadline = prepared.deadline.until(COMPOSED)
     if not deadline.allows("a composed term"):
@@ -275,7 +275,7 @@ def compose(prepared: Prepared, judge: Judge, verdict: Verdict, tell: Tell) -> C
 
 
 class TermSource:
-    """See `search.Source`. Holds the signature of each atom at the model that the search begins with."""
+    """The atoms, as a `search.Source`. All signatures are computed once, at the model where the search begins."""
 
     word, most, width = "term", _MOST_TERMS, Width(paired=0, swapped=0)
 
@@ -290,11 +290,11 @@ class TermSource:
         self._add_strips(projection, rest)
 
     def screened(self, problem: Problem, point: Array, deadline: Deadline) -> list[Trial]:
-        """Returns the atoms that reduce the residual most, few of them with the same terms."""
+        """Returns trials of the atoms that reduce the residual most; at most `_ALIKE` trials have the same terms."""
         return self._best(problem, point, list(self._changes))
 
     def nearby(self, problem: Problem, current: Explanation, fits: Sequence[Explanation]) -> list[Trial]:
-        """Returns the trials that are worth a fit, at the period of the best fit and at the periods beside it."""
+        """Returns trials that are worth a fit, at the period of the best of `fits` and at the periods next to it."""
         best = min(fits, key=lambda one: one.cost, default=None)
         if best is None or not isinstance(last := best.parts[-1], Atom) or not last.tuned:
             return []
@@ -305,7 +305,7 @@ class TermSource:
     def _best(self, problem: Problem, point: Array, atoms: Sequence[Atom]) -> list[Trial]:
         """Returns the atoms that could reduce the residual of `problem` at `point` most, the best first.
 
-        All atoms are compared by their signatures at the base model. The best are then simulated at `point`.
+        All atoms are compared by their signatures at the base model. The best atoms are then simulated at `point`.
         """
         model, projection = problem.plan.at(point), Projection(problem, point)
         table, linear = model.effects.get(EFFECT, {}), []
@@ -332,12 +332,12 @@ class TermSource:
         return _diverse(sorted((one for one in trials if np.isfinite(one.left)), key=lambda one: one.left))
 
     def _add(self, atoms: Sequence[Atom]) -> None:
-        """Simulates each term of the atoms that are new."""
+        """Computes the signatures of those `atoms` that have none yet."""
         table = self._base.effects.get(EFFECT, {})
         self._changes |= self._changes_by([one for one in atoms if one not in self._changes and one.joins(table)])
 
     def _add_strips(self, projection: Projection, rest: Array) -> None:
-        """Adds terms that act on a strip across x, for the strips that explain most of the residual."""
+        """Adds terms that act only on a strip of the floor, for the strips that explain most of the residual."""
         narrow = _cells(self._segments)
         for name in _STRIP_TERMS if narrow else ():
             alone = [strip_atom(name, *cell) for cell in narrow]
@@ -351,7 +351,7 @@ class TermSource:
                 self._add(family(strip, dict(strip.settings), self._base.vehicle, self._segments))
 
     def _changes_by(self, atoms: Sequence[Atom]) -> dict[Atom, Array]:
-        """Returns atom -> (samples, terms): the change of the simulated signals, in scales, per unit of coefficient."""
+        """Returns atom -> (samples, terms): the change of the residual, in scales, for a coefficient of 1."""
         own = [(one, term, _TINY * term.info.maximum) for one in dict.fromkeys(atoms) for term in one.terms]
         tiny = [with_terms(self._base, {**dict(one.settings), term.name: size}) for one, term, size in own]
         changes: dict[Atom, list[Array]] = {}
@@ -362,7 +362,7 @@ class TermSource:
 
 
 def _best_coefficients(candidate: Atom, signatures: Array, rest: Array, table: Mapping[str, float]) -> Array:
-    """Returns the coefficients within their ranges that remove most of `rest`; 0 for an atom without a signature."""
+    """Returns the coefficients within their ranges that remove most of `rest`; 0 if a term changes no signal."""
     strength = np.linalg.norm(signatures, axis=0)
     if not np.all(strength > 0):
         return np.zeros(len(candidate.terms))
@@ -372,7 +372,7 @@ def _best_coefficients(candidate: Atom, signatures: Array, rest: Array, table: M
 
 
 def _lowest(term: Basis, table: Mapping[str, float]) -> float:
-    """Returns the lowest coefficient of a term: 0 for dry friction, unless it reduces other dry friction."""
+    """Returns the least coefficient of a term: 0 for dry friction, unless it can reduce dry friction of `table`."""
     one_sign = term.kind == "dry" and not any(
         name.startswith(f"{term.place}_dry") and v > 0 for name, v in table.items()
     )
@@ -380,7 +380,7 @@ def _lowest(term: Basis, table: Mapping[str, float]) -> float:
 
 
 def _diverse(trials: Sequence[Trial]) -> list[Trial]:
-    """Returns each atom at its better size, and at most `_ALIKE` atoms that differ only in settings."""
+    """Returns the best (first) trial of each atom, for at most `_ALIKE` atoms that differ only in settings."""
     found: dict[Part, Trial] = {}
     for trial in trials:
         if sum(one.free == trial.part.free for one in found) < _ALIKE:
@@ -389,7 +389,7 @@ def _diverse(trials: Sequence[Trial]) -> list[Trial]:
 
 
 def _cells(segments: Sequence[Segment]) -> list[tuple[float, float]]:
-    """Returns middle and half width, m, of cells that divide the travel; no cells if the vehicle hardly moves."""
+    """Returns middle and half width, m, of the cells into which the travel is cut; none if the vehicle hardly moves."""
     travels = [segment.at[name] for segment in segments for name in ("x", "position") if name in segment.at]
     if not travels:
         return []
@@ -399,10 +399,10 @@ def _cells(segments: Sequence[Segment]) -> list[tuple[float, float]]:
 
 
 def _best_windows(slopes: Array, residual: Array) -> list[tuple[int, int]]:
-    """Returns the first and last cell of the strips that explain most; no strip overlaps a better one.
+    """Returns the first and last cell of the strips that explain most of `residual`; no strip overlaps a better one.
 
     Args:
-        slopes: (N, cells): the signature of each cell in `residual` (N,).
+        slopes: (N, cells): the change of `residual` (N,) by a term that acts on one cell alone.
     """
     own, along = slopes.T @ slopes, slopes.T @ residual
     gains = {
@@ -419,7 +419,7 @@ def _best_windows(slopes: Array, residual: Array) -> list[tuple[int, int]]:
 
 
 def segments(data: Residual, model: Model) -> list[Segment]:
-    """Returns the blocks of a residual, each with the outputs of `model` on which terms depend, at its times."""
+    """Returns the blocks of a residual, each with those simulated outputs of `model` on which terms depend."""
     outputs = data.replay.simulate([model], threads=data.threads)[0]
     runs = {run.name: (run.time, age) for run, age in data.replay.aged}
     found = []

@@ -34,20 +34,20 @@ from brickpilot.vehicle.composed_terms import PLACES, equation, legend
 from brickpilot.vehicle.model import Model, unit_on
 from brickpilot.vehicle.replay import RUN_KINDS, Replay
 
-_EFFECT_SHOWN = 1.0  # noise sd, rms over a tenth of a second: an effect larger than this shows in a signal
+_EFFECT_SHOWN = 1.0  # an effect shows where it moves a signal by more than this, noise sd, rms over 0.1 s
 _LAGS = 20  # longest lag of an autocorrelation, bins
-_BEYOND = 4  # a residual counts as white if at most this many lags are outside the bound
+_BEYOND = 4  # a residual is white if its autocorrelation exceeds the bound at this many lags or fewer
 _LARGEST_LOG = 700.0  # largest logarithm of a double
-_ERROR_SHOWN = 1.5  # as `_EFFECT_SHOWN`, for an unexplained error; noise is part of the error, and alone gives 1
+_ERROR_SHOWN = 1.5  # like `_EFFECT_SHOWN`, for an unexplained error, which contains noise; noise alone gives 1
 
 
 @dataclasses.dataclass(frozen=True)
 class Conclusion:
-    """What the stages found, for `conclude`.
+    """The results of all stages, from which `conclude` makes the finding.
 
     Attributes:
         steps: the stages that set or changed the verdict.
-        best: the best explanation after its last fit, claimed or not.
+        best: the best explanation after its last fit, whether the verdict claims it or not.
         written: the model that is written to model.toml.
         nominal: the calibrated nominal model after its last fit.
     """
@@ -80,7 +80,7 @@ class Conclusion:
         return {evidence.explanation.key: evidence.total for evidence in self.verdict.ranked}
 
     def removed(self, explanation: Explanation) -> float:
-        """Returns an explanation's evidence, scaled: the nominal model has 0, a residual of noise alone has 1."""
+        """Returns an explanation's evidence on a scale from 0 (the nominal model) to 1 (a residual of noise alone)."""
         nothing = self.totals[self.verdict.nominal.key]
         way, gone = self.judge.top - nothing, self.totals.get(explanation.key, nothing) - nothing
         return float(np.clip(gone / way, 0.0, 1.0)) if way > 0 else 0.0
@@ -140,7 +140,7 @@ def conclude(prepared: Prepared, found: Conclusion) -> Finding:
 
 
 def _whiteness(data: Residual, model: Model) -> dict[str, finding.Whiteness]:
-    """Returns signal -> the autocorrelation of a model's residual, in scales."""
+    """Returns signal -> the autocorrelation of a model's residual, and whether it is white."""
     left, found = data.scaled(model), {}
     for signal in data.signals:
         parts = [part - part.mean() for part in data.parts(left, signal) if len(part) > 2 * _LAGS]
@@ -166,7 +166,7 @@ def _mechanisms(explanation: Explanation) -> tuple[str, ...]:
 def _effects(found: Conclusion) -> tuple[finding.Effect, ...]:
     """Returns the effects of the best explanation, the effect with most weight first.
 
-    The effects are claimed if the written model has them: for `named`, `ambiguous`, and together with a composed term.
+    Effects are claimed if the verdict is `named` or `ambiguous`, or if a composed term stands beside them in the model.
     """
     beside = found.composed is not None and bool(found.written.explanation.effects)
     best = found.written if beside else found.best
@@ -192,7 +192,7 @@ def _effects(found: Conclusion) -> tuple[finding.Effect, ...]:
 
 
 def _shares(found: Conclusion) -> dict[str, float]:
-    """Returns part -> weight of the held explanations that say this part, as a share, 0..1, of all held weight."""
+    """Returns a part's name -> the weight of explanations with this part, as a share of all in `verdict.held`."""
     held = {one.explanation.key: one.weight for one in found.verdict.held}
     table = [one for one in found.verdict.ranked if one.explanation.key in held]
     weights = np.array([held[one.explanation.key] for one in table])
@@ -216,7 +216,7 @@ def _equivalents(found: Conclusion) -> tuple[finding.Equivalent, ...]:
 
 
 def _parameter(model: Model, effect: str, name: str, estimates: Mapping[str, Estimate]) -> Parameter:
-    """Returns a parameter of an effect, with its interval if estimated; `identified` gets the value's sign."""
+    """Returns a parameter of an effect, with its interval if known; `identified` gets the sign of the value."""
     known = estimates.get(f"{effect}.{name}")
     unit = unit_on(model, next(row for row in catalogue.effect(effect).parameters if row.name == name))
     if known is None:
@@ -228,7 +228,7 @@ def _parameter(model: Model, effect: str, name: str, estimates: Mapping[str, Est
 
 
 def _run_values(best: Settled) -> tuple[finding.RunValues, ...]:
-    """Returns the values that differ from run to run, for each kind that the best explanation holds."""
+    """Returns the values that differ from run to run, for each kind of such values in the best explanation."""
     made = []
     for part in best.explanation.parts:
         if isinstance(part, RunPart):
@@ -260,7 +260,7 @@ def _rank(one: Evidence, found: Conclusion) -> finding.Rank:
 
 
 def _places(prepared: Prepared, found: Conclusion) -> tuple[gap.Place, ...]:
-    """Returns where the added effects show; if no effect was added, where the nominal model leaves an error."""
+    """Returns the places where the added effects show, or where the nominal model errs if no effect was added."""
     dataset, noise_sd, proof = found.proof.opened.whole, prepared.fine.sample_noise, found.proof
     if found.kind == "none":
         return ()
@@ -280,7 +280,7 @@ def composed_file(dataset: Dataset) -> str:
 
 
 def _term(dataset: Dataset, found: Conclusion) -> finding.Term | None:
-    """Returns the composed term for the page and the files; None if the model holds none."""
+    """Returns the composed term for the report and the files; None if no term was composed."""
     composed, proved = found.composed, found.proof.evidence
     if composed is None:
         return None
@@ -308,11 +308,11 @@ def _nominal_changes(plan: Plan, model: Model) -> dict[str, finding.NominalChang
 
 
 def _nominal_findings(prepared: Prepared, found: Conclusion) -> tuple[finding.NominalFinding, ...]:
-    """Returns the identifiable nominal values that the fit had to move beyond the error stated for them.
+    """Returns the identifiable nominal values whose fit is further from the stated value than chance explains.
 
-    If claimed effects leave the values as stated, no value is a finding: the nominal model moved its values only to
-    stand in for these effects. A value is also no finding if the data determine only a combination with other values:
-    the combination moved, but the data do not tell which of its values moved.
+    If a fit with the claimed effects keeps a value as stated, the value is no finding: without these effects, the fit
+    changed it only to imitate them. A value is also no finding if the data determine only its combination with other
+    values: they do not tell which of these values is wrong.
     """
     verdict = found.verdict
     is_rival = verdict.nominal in verdict.rivals  # then either an effect is missing or a value is stated wrongly

@@ -23,12 +23,12 @@ that cannot be left out: the proof of the written model, intervals and the repor
 
 @dataclass(frozen=True)
 class Deadline:
-    """The time limit of a discovery. Stages ask it before work that can be left out.
+    """The time limit of a discovery. A stage asks `allows` before work that can be left out.
 
     Attributes:
         budget_s: the time limit, s; None: no limit.
         share: the share of the budget at which the stage must be finished.
-        began: the start by `time.perf_counter`, s.
+        began: the start of the discovery on the clock of `time.perf_counter`, s.
         left_out: the work for which there was no time, in order; all stages share this record.
     """
 
@@ -55,15 +55,15 @@ class Deadline:
 NO_LIMIT = Deadline()
 
 _COARSE, _FINE = 90, 300
-"""Simulations of all fit runs in one unit of work: per candidate on the coarse grid, and in all at the samples."""
+"""Simulations of all fit runs in one unit of work: for each candidate, in coarse bins; in total, at the samples."""
 
 _UNITS = ((1.3, 0.2, 0.5), (4.0, 0.4, 1.5), (math.inf, 1.5, 8.0))
-"""Each row: the largest ratio of the nominal model's cost to the noise's cost for which the row holds; the least and
-most units of work. If noise explains the residual, the search ends; otherwise it starts again in windows and with
-terms. The rows were set on fifteen data sets, seven of them measured; one data set took 16 units."""
+"""Rows (ratio, least, most): up to this ratio of the nominal model's cost to the cost of noise, a discovery takes about
+`least` to `most` units of work. If noise explains the residual, the search ends; otherwise it starts again in windows
+and with terms. The rows were set on fifteen data sets, seven of them measured; one data set took 16 units."""
 
 _YARDSTICK_S = (3.0, 12.0)
-"""Least and most processor time, s, of the black box that measures the attainable fit; one data set took 22 s."""
+"""Usual least and most processor time, s, of the black box that measures the attainable fit; one data set took 22 s."""
 
 _MOST_PASSED = 0.95  # largest share of the time that a progress report shows before the end
 
@@ -84,7 +84,7 @@ class Span:
 
 
 def estimate(prepared: Prepared, nominal: Explanation, *, times: float = 1.0) -> Span:
-    """Returns the time of a discovery, from simulations timed here and from the nominal model's error.
+    """Returns the expected time of a discovery, from simulations timed here and from the nominal model's error.
 
     Args:
         nominal: the calibrated nominal model.
@@ -93,7 +93,7 @@ def estimate(prepared: Prepared, nominal: Explanation, *, times: float = 1.0) ->
     models = [nominal.model] * 4
 
     def timed(predict: Callable[..., object]) -> float:
-        """Returns the time of one model, s. The first call fills caches."""
+        """Returns the time to simulate one model, s. The first call fills caches and is not timed."""
         predict(models)
         began = time.perf_counter()
         predict(models)
@@ -107,7 +107,7 @@ def estimate(prepared: Prepared, nominal: Explanation, *, times: float = 1.0) ->
 
 
 class Stages:
-    """Reports the start of each stage to `progress`, with the share of the time that has passed, in percent."""
+    """Reports the start of each stage to `progress`, with the passed share of the expected time, in percent."""
 
     def __init__(self, progress: Progress | None) -> None:
         self._progress, self._began, self._expected_s = progress, time.perf_counter(), math.inf
@@ -118,7 +118,7 @@ class Stages:
             self._progress(round(100 * share), 100, text)
 
     def expect(self, estimated: Span) -> None:
-        """Reports the estimated time, with 0 done of 0 in all, because the estimate is not a stage."""
+        """Reports the estimated time as step 0 of 0, because the estimate is not a stage."""
         self._expected_s = time.perf_counter() - self._began + estimated.middle
         if self._progress is not None:
             self._progress(0, 0, f"estimate: {estimated}")

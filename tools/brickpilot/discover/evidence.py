@@ -1,14 +1,14 @@
 """Evidence: how well an explanation predicts stretches of time that it was not fitted to. It ranks explanations.
 
-1. Each stretch is predicted by a fit without it: one Gauss-Newton step from the fit to all runs, with the stretch's
-   rows deleted (the infinitesimal jackknife; Giordano and others 2019, AISTATS). A step is too long if it leaves the
-   linear range or changes the stretch by more than its residual. Such a step is halved until it makes the other
-   stretches fit no worse.
-2. The residual has a hyperbolic density. For each signal, the other stretches set the scale. It is at least the floor
-   of noise and simulator error. A signal that no model explains down to noise has a larger scale.
+1. Each stretch is predicted by a fit to the other stretches: one Gauss-Newton step from the fit to all runs, with the
+   stretch's rows deleted (the infinitesimal jackknife; Giordano and others 2019, AISTATS). A step is too long if it
+   leaves the linear range or changes the predicted stretch by more than the stretch's residual. Such a step is halved
+   until the other stretches fit no worse than before it.
+2. The residual has a hyperbolic density. The scale of a signal in a stretch comes from its residual in the other
+   stretches, and is at least the floor of noise and simulator error. A signal that no model explains has a large scale.
 3. Values of a residual are not independent, and no law is exact. So `temperature` nats count as one nat.
-4. Weights are those of a Bayesian bootstrap over the stretches, times prior odds (BB-pseudo-BMA of Yao, Vehtari,
-   Simpson & Gelman 2018, Bayesian Analysis 13). A difference that comes from one stretch alone is not sure.
+4. The weights of explanations come from a Bayesian bootstrap over the stretches and from prior odds (BB-pseudo-BMA of
+   Yao, Vehtari, Simpson & Gelman 2018, Bayesian Analysis 13). A difference in one stretch alone is not sure.
 """
 
 from __future__ import annotations
@@ -30,21 +30,21 @@ from brickpilot.fit.robust import correlation_time, pseudo_huber_loss
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-_Moved = tuple[Indices, Array]  # indices of a stretch's values; the step to the fit without it, or its residual
+_Moved = tuple[Indices, Array]  # indices of a stretch's values; a step (parameters,), or the stretch's residual
 
 _LOG_NORM = float(np.log(2 * numbers.KNEE * k1e(numbers.KNEE**2)))
 _DRAWS = 1000  # number of draws of the bootstrap
-_ROUNDS, _SETTLED = 20, 1e-3  # most rounds of the search for the likeliest scale, and the relative change that ends it
+_ROUNDS, _SETTLED = 20, 1e-3  # search for the likeliest scale: most rounds, and the relative change that ends it
 _LEAST_STRETCHES = 10
-_LEAST_RUNS = 4  # least number of parts that are left out in turn for a predictor; fewer runs are cut into parts
+_LEAST_RUNS = 4  # least number of runs that are left out in turn for a predictor; fewer runs are cut into pieces
 _DAMPED = 4.0  # factor by which the damping grows until a step is short enough
 _HALVINGS = 5  # number of lengths at which a long step is tried, each half of the previous length
-_FAR = 3.0  # multiple of the robust scale: a residual is clipped to it before the correlation time is computed
+_FAR = 3.0  # multiple of the scale to which a residual is clipped before its correlation time is computed
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What the fit runs say about one explanation.
+    """How well one explanation predicts the fit runs, and how far its values are from their priors.
 
     Attributes:
         by_stretch: (stretches,) log density of each stretch, predicted by a fit without this stretch.
@@ -66,7 +66,7 @@ class Evidence:
             values.flags.writeable = False
 
     def __reduce__(self) -> tuple[type[Evidence], tuple[Any, ...]]:
-        """Returns what a pickle holds. Unpickling calls the constructor, so the arrays are read-only again."""
+        """Makes unpickling call the constructor, so that the arrays are read-only again."""
         return Evidence, tuple(getattr(self, one.name) for one in dataclasses.fields(self))
 
     @property
@@ -76,15 +76,15 @@ class Evidence:
     def log_weight(self, temperature: float) -> float:
         """Returns the log of the weight up to a constant: evidence, prior odds, and the cost of values far from priors.
 
-        A prior contains no law error, so its cost is not divided by the temperature. But a law error also moves the
-        fitted values. So the prior is evaluated at a fit in which the data's cost is divided by the temperature.
+        A wrong law weakens no prior, so the cost of a prior is not divided by the temperature. But a wrong law moves
+        the fitted values. So the prior is evaluated at a fit in which the data's cost is divided by the temperature.
         """
         return self.total / temperature + self.log_prior(temperature)
 
     def nat(self, temperature: float) -> float:
-        """Returns how much of `Explanation.cost` counts as one nat.
+        """Returns the amount of `Explanation.cost` that counts as one nat.
 
-        The cost is in the scales of the fit, but the density of a stretch is in scales found from the residual.
+        The cost uses the scales of the fit, but evidence uses the scales of the explanation's own residual.
         """
         return temperature * max(2 * self.explanation.cost / max(len(self.left_out), 1), 1.0)
 
@@ -100,12 +100,12 @@ class Evidence:
 
 @dataclass(frozen=True, eq=False)
 class Judge:
-    """Weighs explanations on one residual.
+    """Computes the evidence of explanations from their residuals on the same compared values.
 
     Attributes:
-        stretch: (values,) the stretch of each compared value.
+        stretch: (values,) the number of the stretch in which each compared value lies.
         top: the evidence of a residual that is noise alone.
-        shape: error that a law's wrong shape may leave, as a share of what the law removes; 0: the floors include it.
+        shape: error of a law's wrong shape, as a share of the squares that the law removes; 0: the floors include it.
     """
 
     data: Residual
@@ -116,7 +116,7 @@ class Judge:
 
     @classmethod
     def of(cls, data: Residual, seed: int, shape: float = numbers.LAW_SHAPE) -> Judge:
-        """Returns the judge of a residual. `seed`: seed of the noise whose evidence is `top`."""
+        """Returns the judge of a residual. `seed`: for the random noise whose evidence is `top`."""
         stretch, count = data.stretches(numbers.STRETCH_S, _LEAST_STRETCHES)
         noise = data.by_signal({signal: one.noise for signal, one in data.scales.items()})
         drawn = np.random.default_rng(seed).normal(size=len(data.measured)) * noise
@@ -124,15 +124,15 @@ class Judge:
         return cls(data, stretch, count, top, shape)
 
     def leaving_out_runs(self) -> Judge:
-        """Returns the judge that leaves out whole runs in turn; with fewer than four runs, quarters of the data."""
+        """Returns a judge whose stretches are whole runs, or quarters of the data if there are fewer than four runs."""
         stretch, count = self.data.stretches(np.inf, _LEAST_RUNS)
         return dataclasses.replace(self, stretch=stretch, count=count)
 
     def changes(self, before: Array, after: Array) -> Array:
-        """Returns (1 + draws,): the log of the ratio of rms, residual `after` to residual `before`, (values,) each.
+        """Returns (1 + draws,): log(rms of `after` / rms of `before`), two residuals (values,).
 
-        The result is the mean over the signals. Entry 0 weighs all stretches alike; the other entries use weights of a
-        Bayesian bootstrap. An rms below a signal's floor counts as the floor.
+        The result is the mean over the signals. Entry 0 gives equal weight to all stretches; each other entry uses one
+        draw of weights of a Bayesian bootstrap. An rms below a signal's floor counts as the floor.
         """
         weights = np.vstack([np.ones(self.count), bootstrap(self.count)])
         total = np.zeros(len(weights))
@@ -159,8 +159,8 @@ class Judge:
     def rises(self, before: Array, after: Array) -> Array:
         """Returns (stretches,): the rise of the log density from residual `before` to `after`, (values,) each.
 
-        Both densities use the scale of `before`. If a model predicts most stretches better, the scale of `after` is
-        smaller, and with it the other stretches would look worse.
+        Both densities use the scale of `before`. The scale of `after` is smaller if a model predicts most stretches
+        better; with this smaller scale, an unchanged error in the other stretches would look worse.
         """
         total = np.zeros(self.count)
         for signal in self.data.signals:
@@ -179,7 +179,7 @@ class Judge:
         count, moved = len(self.data.measured), problem.sensitivity(found.point)
         left_out = self.data.measured - problem.simulated(found.point)
         reach = np.array([one.reach for one in found.plan.free])
-        normal = slopes.T @ slopes + np.diag(1 / np.maximum(reach, 1e-12) ** 2)  # holds parameters without effect
+        normal = slopes.T @ slopes + np.diag(1 / np.maximum(reach, 1e-12) ** 2)  # holds parameters that move no signal
         bounds = np.array([one.bounds() for one in found.plan.free]).reshape(-1, 2)
         of_run = np.array([bool(one.run) for one in found.plan.free], dtype=bool)
         ends = np.cumsum(np.bincount(self.stretch, minlength=self.count))
@@ -187,7 +187,7 @@ class Judge:
         for here in np.split(np.argsort(self.stretch, kind="stable"), ends[:-1]):
             own = slopes[:count][here]
             matrix, pull = normal - own.T @ own, own.T @ rows[:count][here]
-            # A run value is fitted to its own run. If most of its information is in this stretch, it stays fixed.
+            # A value of one run stays fixed if most of its information is in this stretch: the rest tells little of it.
             alone = of_run & (np.square(own).sum(axis=0) > normal.diagonal() / 2)
             matrix[alone], matrix[:, alone], pull[alone] = 0.0, 0.0, 0.0
             step, is_long = _step(matrix, pull, reach, bounds.T - found.point)
@@ -206,12 +206,12 @@ class Judge:
     def _beyond(self, problem: Problem, point: Array, far: Sequence[_Moved]) -> Iterator[_Moved]:
         """Yields each stretch of `far` with its residual, simulated at the end of its step.
 
-        A step is halved while its end fits the other stretches worse: such a step has left a curved valley of the cost
-        that a fit without this stretch would follow. If the shortest step also fits worse, the stretch is not yielded.
-        The caller then keeps the linear prediction, or the fit's residual if the step's change is larger.
+        A step is halved while the other stretches fit worse at its end than at its start: such a step leaves a curved
+        valley of the cost, which a fit without this stretch would follow. If even the shortest step fits worse, the
+        stretch is not yielded: its linear prediction stays, or its residual at `point` if the step changes it by more.
 
         Args:
-            far: stretches, each with the step (parameters,) to the fit without it.
+            far: stretches, each with the step (parameters,) from `point` to the fit without this stretch.
         """
         weight, taus = self.data.weight(), self.data.taus()
 
@@ -234,7 +234,7 @@ class Judge:
                 break
 
     def correlation(self, evidence: Evidence) -> float:
-        """Returns the residual's correlation time, in compared values: the mean over signals, weighted by counts."""
+        """Returns the residual's correlation time, as a number of values: a mean over signals, weighted by `counts`."""
         total = 0.0
         for signal in self.data.signals:
             parts = self.data.parts(evidence.left_out, signal)
@@ -244,14 +244,14 @@ class Judge:
         return total / len(self.data.measured)
 
     def temperature(self, best: Evidence, nothing: Evidence) -> float:
-        """Returns the nats that count as one: the larger of the residual's correlation time and `law_error`."""
+        """Returns the nats that count as one nat: the larger of the residual's correlation time and `law_error`."""
         return max(self.correlation(best), self.law_error(best, nothing))
 
     def law_error(self, best: Evidence, nothing: Evidence) -> float:
-        """Returns the number of nats that count as one because no law is exact; at least 1.
+        """Returns the number of nats that count as one nat because no law is exact; at least 1.
 
-        A share of the best explanation's gain counts as the error of its own laws. Another law might remove a share of
-        the remaining squared error above noise, and so gain nats. A difference below either amount decides nothing.
+        A difference in evidence decides nothing if it is below one of two limits. One is a share of the best
+        explanation's gain over `nothing`. The other is the gain of a law that removes a share of the error above noise.
         """
         own_error, shared = numbers.LAW_ERROR * (best.total - nothing.total), 0.0
         for signal in self.data.signals:
@@ -260,9 +260,9 @@ class Judge:
         return max(1.0, own_error / numbers.CHANCE_NATS, shared / numbers.CHANCE_NATS)
 
     def excess(self, evidence: Evidence, least: float = 1.0) -> Array:
-        """Returns (signals,): the remaining squared error above noise, in squares of each signal's floor.
+        """Returns (signals,): each signal's remaining squared error above noise, in squares of the signal's floor.
 
-        `least`: the least scale, as a share of the floor. If it is below 1, a signal below its floor has a value < 0.
+        `least`: the least scale, as a share of the floor. Below 1: the result is < 0 for a signal below its floor.
         """
         squares = {one: self.squares(evidence, one, least) / self.data.floor(one) ** 2 for one in self.data.signals}
         return np.array([self.counts[signal] * (square - 1) for signal, square in squares.items()])
@@ -291,7 +291,7 @@ def _step(matrix: Array, pull: Array, reach: Array, room: Array) -> tuple[Array,
     while np.any(np.abs(step := _solved(matrix + damping * np.diag(reach**-2.0), pull)) > reach):
         damping, is_long = max(_DAMPED * damping, 1.0), True
     stopped = (step < room[0]) | (step > room[1])
-    if stopped.any():  # solve for the other parameters again: a stopped one moves less than its step
+    if stopped.any():  # solve again for the others: a parameter stopped by its range moves less than its step
         step = np.where(stopped, np.clip(step, *room), 0.0)
         others = ~stopped
         rest = pull[others] - matrix[others][:, stopped] @ step[stopped]
@@ -324,19 +324,19 @@ def weigh(table: Sequence[Evidence], temperature: float) -> Array:
 
 
 def bootstrap(count: int) -> Array:
-    """Returns (draws, stretches): weights of mean 1 (Rubin 1981, Annals of Statistics 9)."""
+    """Returns (draws, stretches): random weights with mean 1 in each draw (Rubin 1981, Annals of Statistics 9)."""
     return np.asarray(np.random.default_rng(0).dirichlet(np.ones(count), _DRAWS) * count)
 
 
 def held_by(table: Sequence[Evidence], weights: Array) -> dict[str, float]:
-    """Returns the name of a part -> the weight of all explanations that say this part: see `Explanation.says`."""
+    """Returns a part's name -> the summed weight of the explanations with this part: see `Explanation.says`."""
     parts = {part.name: part for one in table for part in one.explanation.parts}
     weighed = list(zip(table, weights.tolist(), strict=True))
     return {name: sum(weight for one, weight in weighed if one.explanation.says(part)) for name, part in parts.items()}
 
 
 def _weighted(residual: Array, size: float | Array) -> Array:
-    """Returns the squares of a residual, each with its weight under the hyperbolic density."""
+    """Returns the squares of a residual, each times its weight under the hyperbolic density: < 1 for large values."""
     return np.asarray(residual**2 / np.sqrt(1 + (residual / (numbers.KNEE * size)) ** 2))
 
 
@@ -351,7 +351,7 @@ def scale_of_rest(residual: Array, floor: float) -> float:
 
 
 def _density(residual: Array, stretch: Indices, count: int, floor: float) -> Array:
-    """Returns (stretches,): the log density of one signal; each stretch is scaled by the other stretches."""
+    """Returns (stretches,): the log density of one signal, with the scale of each stretch from the other stretches."""
     weighted = _weighted(residual, scale_of_rest(residual, floor))
     sums, sizes = np.bincount(stretch, weighted, count), np.bincount(stretch, minlength=count)
     others = (sums.sum() - sums) / np.maximum(sizes.sum() - sizes, 1)

@@ -1,4 +1,4 @@
-"""The next experiment: the manoeuvre that separates the rivals; and the smallest effect that the runs would show."""
+"""The next experiment: the manoeuvre in which rival explanations differ most. Also the smallest visible effects."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ from brickpilot.vehicle.plant import OpenLoopRun
 Array = NDArray[np.float64]
 
 _STEP_S = 0.01  # time between the samples of a simulated manoeuvre
-SEPARATES_NOISE_SD = 0.5  # rms difference of rivals, in noise sd, that ten seconds of samples show clearly
-_SEPARATES_SIGNAL_SHARE = 0.02  # rms difference of rivals, as a share of a signal's rms, that an ordinary sensor shows
-_NO_FLOOR = 1e-3  # least scale as a share of the floor, small enough that the floor has no effect
-_BLACK_BOX_FINDS = 0.5  # rough share of a law's squared signature that a black box predicts, near the named sizes
+SEPARATES_NOISE_SD = 0.5  # rms difference between rivals, in noise sd, that ten seconds of samples show clearly
+_SEPARATES_SIGNAL_SHARE = 0.02  # rms difference between rivals, share of a signal's rms, that a sensor shows
+_NO_FLOOR = 1e-3  # least scale of a residual, as a share of the floor: so small that the floor has no effect
+_BLACK_BOX_FINDS = 0.5  # rough share of a law's squared signature that a black box predicts, near the least size
 _CAN_MEASURE = frozenset(catalogue.outputs()) - {"x", "y", "surge", "sway", "force"}
 
 
@@ -54,7 +54,7 @@ def next_experiment(rivals: Mapping[str, Model], noise_sd: Mapping[str, float], 
     Args:
         rivals: name -> fitted model, two or more.
         noise_sd: measured signal -> noise sd of a sample, SI.
-        volts: the largest command of the measured runs.
+        volts: the largest command of the measured runs, V.
     """
     vehicle = next(iter(rivals.values())).vehicle
     measured: list[tuple[float, str, Manoeuvre]] = []
@@ -96,7 +96,7 @@ def as_run(manoeuvre: Manoeuvre, vehicle: str) -> OpenLoopRun:
 
 
 def rms_apart(outputs: Sequence[Mapping[str, Array]], sizes: Mapping[str, float]) -> tuple[float, str]:
-    """Returns the largest rms difference of the two nearest rivals, relative to `sizes`, and the signal that has it."""
+    """Returns (difference, signal): the largest rms difference of the two nearest rivals in any signal, in `sizes`."""
     return max(
         (
             (min(rms_of([one[name] - other[name]]) for one, other in combinations(outputs, 2)) / size, name)
@@ -108,11 +108,11 @@ def rms_apart(outputs: Sequence[Mapping[str, Array]], sizes: Mapping[str, float]
 
 
 def smallest_sizes(prepared: Prepared, judge: Judge, nominal: Explanation, best: Explanation) -> dict[str, Visible]:
-    """Returns effect -> the least size that would be named beside `best`. A verdict `none` rules out these sizes.
+    """Returns effect -> the least size that would be named beside `best`. A verdict `none` rules out larger ones.
 
-    An effect is named if it surely improves the prediction, despite its prior odds, and if it removes as much error as
-    it leaves or a black box predicts its share of a signal: see `verdict`. The size is extrapolated from the nearest
-    simulated size. Effects that the runs do not excite are left out.
+    A named effect surely improves the prediction, despite its prior odds. It also removes as much error as it leaves,
+    or is so large that a black box would predict it: see `verdict`. The size is extrapolated from the nearest simulated
+    size. Effects that the runs do not excite are left out.
 
     Args:
         judge: the judge of the coarse residual.
@@ -144,7 +144,7 @@ def _times(strength: Array, hidden: Array, needed: float) -> float:
 
 
 def size_named(part: Part, size: float, strength: float, temperature: float) -> float:
-    """Returns the size at which a part surely predicts better; at `size` the part gains `strength` nats."""
+    """Returns the size from which a part surely improves the prediction; at `size`, the part gains `strength` nats."""
     return size * math.sqrt(temperature * (numbers.CHANCE_NATS - part.log_odds) / max(strength, 1e-12))
 
 
@@ -154,7 +154,7 @@ def size_of(part: Part) -> ParameterInfo:
 
 
 def nearest_sizes(tried: Iterable[tuple[Part, float, float]]) -> list[tuple[Part, float]]:
-    """Returns each effect's part and needed size, from its (part, tried size, needed size) whose sizes are closest."""
+    """Returns (part, needed size) of each effect, from its (part, tried size, needed size) with the closest sizes."""
     found: dict[str, tuple[float, Part, float]] = {}
     for part, size, needed in tried:
         away = abs(math.log(needed / size)) if size > 0 and needed > 0 else math.inf

@@ -1,4 +1,4 @@
-"""An explanation: a set of parts with one fit. One optimiser in this module fits all explanations."""
+"""An explanation: a model with added parts (effects, composed terms, values of runs) after one fit of all values."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
 
 ROUGH, FINE = 1e-3, 1e-4
-"""Relative change of cost at which a descent ends: for a proposal, and for an explanation that is judged."""
+"""Relative change of cost below which a descent ends: for a proposed explanation, and for a judged one."""
 
-_DESCENTS, _LEAST_GAIN_SHARE = 6, 3e-4  # most descents of a fine fit; relative gain below which a descent is the last
-_AT_BOUND = 1e-3  # a parameter is at an end of its range if the distance is below this share of its value
-_WHOLE = (0, 1)  # ends of a range at which a value may be: a real machine may have none of an effect, or all of it
-_LIMIT_OVER_READING = 0.9  # least ratio of a limit to the largest reading: a reading above its limit is noise
-_LEAST_BASE_SHARE = 0.1  # least ratio of a parameter to its addition, such as dry friction to a breakaway torque
+_DESCENTS, _LEAST_GAIN_SHARE = 6, 3e-4  # most descents of a fine fit; a relative gain below this ends it
+_AT_BOUND = 1e-3  # a parameter is at an end of its range if it differs from the end by less than this share of itself
+_WHOLE = (0, 1)  # a value may be at these ends of a range: a real machine may have none of an effect, or all
+_LIMIT_OVER_READING = 0.9  # least ratio of a sensor's limit to its largest reading: noise may exceed the limit
+_LEAST_BASE_SHARE = 0.1  # least ratio of a parameter to one added to it: of dry friction to a breakaway torque
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,10 +41,10 @@ class Explanation:
     """One model fitted to the fit runs.
 
     Attributes:
-        parts: the parts that it adds to the nominal model.
+        parts: what it adds to the nominal model: effects, composed terms, and values of runs.
         plan: its free parameters, the nominal parameters first.
         point: the fitted coordinates of these parameters.
-        cost: half the sum of the squared residuals, in scales, and squared priors.
+        cost: half the sum of squares: of residuals, in scales, and of distances from priors, in sd.
     """
 
     parts: tuple[Part, ...]
@@ -90,7 +90,7 @@ class Explanation:
         return part.name in self._said or (bool(part.made_of) and self._said.issuperset(part.made_of))
 
     def contains(self, other: Explanation) -> bool:
-        """Returns whether this explanation says all that `other` says, with other laws and no fewer parts."""
+        """Returns whether this explanation covers every part of `other` with different laws, and has no fewer parts."""
         if self.laws == other.laws or len(self.parts) < len(other.parts):
             return False
         if len(self.parts) > len(other.parts):
@@ -99,14 +99,15 @@ class Explanation:
 
     @cached_property
     def _said(self) -> frozenset[str]:
-        """The names of its laws, and of the laws that they contain."""
+        """The names of its parts, and of the laws that its parts contain."""
         return self.key.union(*(part.contains for part in self.parts))
 
     @cached_property
     def laws(self) -> frozenset[str]:
-        """The names of its laws. A law made of other laws is replaced by these if one of these is also a part.
+        """The names of its laws. A law that equals several others is replaced by them if one of them is also a part.
 
-        For example, beside a constant offset, friction in one direction is replaced by dry friction and another offset.
+        For example, friction in one direction equals dry friction and a constant offset. If the explanation also has an
+        offset, friction in one direction is replaced by these two laws.
         """
         split = [part for part in self.parts if self.key.intersection(part.made_of)]
         return self.key.difference(part.name for part in split).union(*(part.made_of for part in split))
@@ -125,10 +126,9 @@ def fit(
 
 
 def refine(data: Residual, fits: Sequence[Explanation], jobs: int, deadline: Deadline = NO_LIMIT) -> list[Explanation]:
-    """Fits each explanation to the end, with its own sensitivities, and returns the fits, the least cost first.
+    """Fits each explanation until a descent gains almost nothing. Returns the fits, the least cost first.
 
-    Sensitivities of nominal parameters take most time. So each descent computes them only once, and descents are
-    repeated until a descent gains almost nothing.
+    Sensitivities to nominal parameters take most time, so each descent computes them only once, at its start.
     """
 
     threads = jobs if len(fits) == 1 else 1  # a single fit simulates in parallel; several fits run side by side
@@ -150,13 +150,13 @@ def refine(data: Residual, fits: Sequence[Explanation], jobs: int, deadline: Dea
 
 
 def joined(base: Explanation, part: Part, values: Mapping[str, float]) -> Explanation:
-    """Returns `base` with one more part at `values`, to be fitted."""
+    """Returns `base` with one more part at `values`; it is not fitted here."""
     plan = part.starting(base.plan, values)
     return Explanation((*base.parts, part), plan, np.concatenate([base.point, plan.start()[len(base.point) :]]))
 
 
 def without(found: Explanation, part: Part) -> Explanation:
-    """Returns `found` without one of its parts, at the same values of the other parts; it is not fitted again here."""
+    """Returns `found` without one of its parts, at the same values of the others; it is not fitted again here."""
     model = part.removed_from(found.plan.model)
     kept = [k for k, one in enumerate(found.plan.free) if _is_in(one, model)]
     plan = dataclasses.replace(found.plan, model=model, free=tuple(found.plan.free[index] for index in kept))
@@ -185,9 +185,9 @@ def before(
 def is_possible(found: Explanation, excitation: Excitation) -> bool:
     """Returns whether the fitted values are possible for the effects of the explanation.
 
-    They are possible if: no fitted parameter is at an end of its range, where the data ask for another law; a periodic
-    effect has at least about one period; no sensor reads beyond its limit; a parameter that adds to another one, as a
-    breakaway torque to dry friction, does not replace it; and no fitted size is below `least_of`.
+    There are five conditions. No fitted parameter is at an end of its range, where the data ask for another law. A
+    periodic effect has at least about one period in a run. No sensor reads far beyond its limit. No parameter replaces
+    the one that it adds to, as a breakaway torque adds to dry friction. No fitted size is below `least_of`.
     """
     tables = found.model.effects
     for part in found.effects:

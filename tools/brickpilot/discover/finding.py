@@ -38,8 +38,8 @@ class Parameter:
     """A fitted value, SI.
 
     Attributes:
-        ci95: (low, high); None if the data do not determine it.
-        identified: if `ci95` is None, a combination of values that the data do determine, such as the voltage that
+        ci95: (low, high), the 95 % interval; None if the data do not determine the value.
+        identified: if `ci95` is None: a combination of values that the data do determine, such as the voltage that
             overcomes a friction torque; it has the sign of `value`. None: there is no such combination.
     """
 
@@ -61,7 +61,7 @@ class Equivalent:
     Attributes:
         name: one effect, several effects joined by " + ", or `NOMINAL_VALUES`.
         parameters: parameter -> value; the key is "effect.parameter" if there are several effects.
-        worse_by: nats by which it predicts worse than the best explanation; 3 nats count as sure.
+        worse_by: how much worse it predicts than the best explanation, in nats; 3 nats count as sure.
         nominal, effects: every value of its model, SI, including those that the data set states.
     """
 
@@ -79,10 +79,10 @@ class Effect:
     Attributes:
         mechanism: the kind of cause; see `EffectInfo.mechanism`.
         law: the name of its law, as in "FAMILY, but DIFFERENCE"; see `catalogue.law`.
-        confidence: weight of the held explanations with this effect, as a share of all held weight, 0..1.
-        removed: the explanation's evidence, scaled: the nominal model has 0, a residual of noise alone has 1.
+        confidence: weight of those `Finding.explanations` with this effect, as a share, 0..1, of the weight of all.
+        removed: the explanation's evidence on a scale from 0 (the nominal model) to 1 (a residual of noise alone).
         claimed: whether the verdict claims the effect. False: the effect explains the fit runs best, without proof.
-        equivalents: the explanations that the data cannot tell from it.
+        equivalents: the explanations that the data cannot tell from the best one.
     """
 
     name: str
@@ -102,8 +102,8 @@ class Evidence:
 
     Attributes:
         kind: "held_out": the held-out runs confirm the model. "fitted_only": only fit runs show what the model adds.
-        removed_fit, removed_held_out: the share of the cost above noise that the model removes, at most 1; negative:
-            the model is worse. None: no such runs, or no cost above noise.
+        removed_fit, removed_held_out: the share of the nominal model's cost above noise that the model removes, at most
+            1; negative: the model is worse. None: no fit or held-out runs, or no cost above noise.
         draws: share, 0..1, of the bootstrap draws of stretches in which the model predicts the held-out runs better
             than the nominal model does; None: nothing is held out.
         contradicted: whether the held-out runs excite what the model adds, and contradict it.
@@ -150,12 +150,12 @@ class Step:
 
 @dataclass(frozen=True)
 class Predictor:
-    """The best predictor, if the user asked for it. A predictor is no explanation.
+    """The model that predicts best, if the user asked for it. It claims no cause.
 
     Attributes:
         model: the model that `--predictor` writes.
         parts: the names of its parts.
-        fit_percent: signal -> "fit", "held_out" -> fit in percent of free runs; None: no such runs.
+        fit_percent: signal -> "fit" or "held_out" -> fit of free runs, in percent; None: no such runs.
     """
 
     model: Model
@@ -168,7 +168,7 @@ class RunValues:
     """Values of one kind that differ from run to run.
 
     Attributes:
-        kind: its key in verdict.json.
+        kind: the name of this kind of value in verdict.json.
         words: the subject of `sentence`; it names what differs.
         unit: the SI unit; "1": the values are shares.
         runs: fit run -> value and its 95 % interval. The value of a held-out run is unknown: 0 is used.
@@ -185,7 +185,7 @@ class RunValues:
         return {"kind": self.kind, "unit": self.unit, "runs": runs, "sentence": self.sentence()}
 
     def sentence(self) -> str:
-        """Returns a sentence for a reader on the range of the values."""
+        """Returns a sentence that states the range of the values."""
         size, suffix = (100.0, " %") if self.unit == "1" else (1.0, f" {self.unit}")
         least = min(self.runs, key=lambda name: self.runs[name][0])
         most = max(self.runs, key=lambda name: self.runs[name][0])
@@ -219,8 +219,8 @@ class Rank:
     Attributes:
         names: its effects.
         parameters: "effect.parameter" -> value, SI.
-        prediction_error: ratio of error to noise on left-out stretches, computed from their density, not from an rms.
-        removed: its evidence, scaled: the nominal model has 0, a residual of noise alone has 1.
+        prediction_error: ratio of error to noise on left-out stretches, computed from the log density, not from an rms.
+        removed: its evidence on a scale from 0 (the nominal model) to 1 (a residual of noise alone).
         why: a sentence that says why it was chosen or not.
     """
 
@@ -237,7 +237,7 @@ class Whiteness:
 
     Attributes:
         correlation: autocorrelation at lags 1, 2, ... of `lag_s` seconds each.
-        bound: with 95 % probability, the correlation of white noise at one lag is within plus and minus this bound.
+        bound: the correlation of white noise at a lag is between -`bound` and `bound` with 95 % probability.
     """
 
     lag_s: float
@@ -276,7 +276,7 @@ class Visible:
 
 @dataclass(frozen=True)
 class NominalChange:
-    """A nominal value as stated and as fitted. `leaves_prior`: the value moved further than chance explains."""
+    """A nominal value as stated and as fitted. `leaves_prior`: whether they are further apart than chance explains."""
 
     before: float
     after: float
@@ -292,7 +292,7 @@ class NominalFinding:
     Attributes:
         stated, fitted: SI.
         sd_away: the distance between the two values, in sd of the stated value.
-        rivals: effects that explain the data as well with the stated value; several joined by " + ".
+        rivals: explanations that predict as well with the stated value; the effects of one are joined by " + ".
     """
 
     parameter: str
@@ -328,11 +328,11 @@ class Finding(Result):
     """All that discovery says about a data set.
 
     Attributes:
-        effects: for `named` the named effects; for `ambiguous` the best explanation's, with rivals in `equivalents`;
+        effects: for `named` the named effects; for `ambiguous` those of the best explanation, see `equivalents`;
             for `unknown` the best candidates (not claimed) or the effects that join a composed term (claimed).
         mechanism: the kind of cause that explains most; None if nothing is missing or no mechanism was found.
-        law_differs: whether the claimed effects leave more than noise in some signal: their laws are not quite right,
-            or something smaller is missing too. None: no effect is claimed, or a composed term joins them.
+        law_differs: True: the claimed effects leave more than noise in some signal, so their laws are not quite right,
+            or a smaller effect is missing too. None: no effect is claimed, or a composed term stands beside them.
         evidence: what proves the augmented model; None: no effect and no term was added.
         gap: "fit", "held_out" -> gap. `by_signal`: signal -> gap over all runs.
         nominal_model: the calibrated nominal model.
@@ -342,14 +342,14 @@ class Finding(Result):
         power: effect -> the smallest size that would have been named. Effects that the runs do not excite are absent.
         notes: sentences on what was assumed, left out or not identifiable.
         held_out_stretches: fit run -> first and last time of the samples held out of this run, s on the run's clock.
-        yardstick: fit in percent before, after and attainable.
+        yardstick: fit, in percent, of the nominal model and of the augmented model, and the attainable fit.
         explanations: the explanations that together hold 95 % of the weight, the heaviest first.
         steps: the stages that set or changed the verdict; the last step gives `verdict`.
         predictable_left: signal -> the share of the best explanation's squared residual that a black box predicts.
-        predictor: the best predictor; None: it was not asked for.
-        closed_loop: a feedback loop around the data; None: the commands follow no output.
-        disturbances: signal -> a disturbance with its own period in time; searched for only in a feedback loop.
-        run_values: the values that differ from run to run, each kind once.
+        predictor: the model that predicts best; None: the user did not ask for it.
+        closed_loop: the feedback loop in which the runs were recorded; None: no command depends on an output.
+        disturbances: signal -> a disturbance periodic in time; searched for only if there is a feedback loop.
+        run_values: the values that differ from run to run, one entry for each kind.
         spread: the joint uncertainty of all fitted parameters; None: nothing was fitted.
     """
 
@@ -433,7 +433,7 @@ def verdict_json(found: Finding) -> dict[str, Any]:
             "predictor": found.predictor and _without(found.predictor, "model"),
             "gap": {**found.gap, "unit": "residual rms / noise sd", "by_signal": found.by_signal},
             "data_faults": found.faults,
-            # The manoeuvre's name and break points stand at the top level, ready for a script.
+            # A script finds the manoeuvre's name and break points at the top level of `next_experiment`.
             "next_experiment": experiment
             and _without(experiment, "manoeuvre") | ({"name": None} if manoeuvre is None else vars(manoeuvre)),
             "term": found.term and _without(found.term, "law", "settings"),
