@@ -1,4 +1,4 @@
-"""The robot's own questions: missions that tell the possible explanations apart, flown until one is left."""
+"""Lets a robot fly missions that separate the possible explanations, until one explanation is left."""
 
 from brickpilot import make_callable
 

@@ -1,6 +1,6 @@
-"""Missions that a robot may fly in a limited space, and which of them separates rival explanations most.
+"""Missions that a robot may fly in a limited space, and the choice of the mission that separates rivals most.
 
-A course is a mission, so the brick's own autopilot drives it, and any brick that flies missions can be asked.
+A course is a mission: the brick's autopilot drives it, so any brick that flies missions can drive a course.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _FORMS: Mapping[str, Sequence[tuple[float, float]]] = {
 
 @dataclass(frozen=True)
 class Limits:
-    """What the user allows.
+    """The limits that the user sets.
 
     Attributes:
         space_m: largest distance from the start, m.
@@ -82,7 +82,7 @@ def courses(limits: Limits) -> list[Scenario]:
 
 
 def safe(chosen: Sequence[Scenario], models: Sequence[Model], sensors: str, limits: Limits) -> list[list[Flight]]:
-    """Returns for each course its flight under each model; no flight if one of them leaves the space or diverges."""
+    """Returns, for each course, a flight under each model; no flights if a flight leaves the space or diverges."""
     made = []
     for course in chosen:
         plans = [flight.plan(course, model, sensors=sensors, profile="coupled") for model in models]
@@ -95,7 +95,7 @@ def safe(chosen: Sequence[Scenario], models: Sequence[Model], sensors: str, limi
 def deciding(
     rivals: Sequence[Model], noise_sd: Mapping[str, float], chosen: Sequence[Scenario], sensors: str, limits: Limits
 ) -> tuple[Scenario, float, str] | None:
-    """Returns the course that separates the rivals most, the separation in noise sd, and the signal that has it.
+    """Returns the course that separates the rivals most, the separation in noise sd, and the signal that shows it.
 
     Each rival flies each course in simulation. All rivals are then simulated with the commands of that flight, because
     `discover` simulates them with the measured commands. None: no course separates the rivals clearly.

@@ -23,7 +23,7 @@ STOPPED: dict[Stopped, str] = {
     "link": "The link was lost, so the robot stopped.",
     "budget": "The number of missions or the battery's charge is used up.",
 }
-"""Why the questions ended -> the sentence for the user."""
+"""Why no further course is driven -> the sentence for the user."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Driven:
 
 @dataclass(frozen=True)
 class Answered:
-    """A driven course, and what the data of this course and of all earlier courses say.
+    """A driven course, and the result from the data of this course and of all earlier courses.
 
     Attributes:
         name: the title of the course.
@@ -139,7 +139,7 @@ def ask(
 def _next(
     finding: Finding, offered: Sequence[Scenario], driven: Sequence[str], sensors: str, limits: Limits
 ) -> tuple[Scenario, str] | None:
-    """Returns the next course: the one that separates the rivals most; without rivals, one that was not driven."""
+    """Returns the next course: the one that separates the rivals most; without rivals, one not yet driven."""
     new = [one for one in offered if one.title not in driven]
     rivals = rivals_of(finding)
     if len(rivals) < 2:

@@ -49,7 +49,7 @@ class Part:
 
     @property
     def infos(self) -> dict[str, ParameterInfo]:
-        """Parameter -> its row of the table, for all parameters of the effect."""
+        """Parameter -> its row of the effect table, for all parameters of the effect."""
         return {row.name: row for row in catalogue.effect(self.effect).parameters}
 
     def range_of(self, name: str) -> tuple[float, float]:
@@ -77,7 +77,7 @@ class Part:
         return info.made_of if self.free == (info.parameters[0].name,) else ()
 
     def starting(self, base: Plan, values: Mapping[str, float]) -> Plan:
-        """Returns `base` with this part at `values`. Its free parameters come last."""
+        """Returns `base` with this part at `values`. The part's free parameters come last."""
         table = {name: values.get(name, self.fixed.get(name, row.preset)) for name, row in self.infos.items()}
         model = dataclasses.replace(base.model, effects={**base.model.effects, self.effect: table})
         added = tuple(
@@ -88,7 +88,7 @@ class Part:
         return base.joined(model, added)
 
     def removed_from(self, model: Model) -> Model:
-        """Returns `model` without what `starting` added."""
+        """Returns `model` without this part."""
         effects = {name: table for name, table in model.effects.items() if name != self.effect}
         return dataclasses.replace(model, effects=effects)
 
@@ -103,7 +103,7 @@ class Part:
 
 @dataclass(frozen=True)
 class RunPart(Part):
-    """Values of one kind, one value for each fit run. `effect` is the kind; `free` lists the runs."""
+    """Run values of one kind, such as delays, one for each fit run. `effect` is the kind; `free` lists the runs."""
 
     @property
     def infos(self) -> dict[str, ParameterInfo]:
@@ -150,11 +150,11 @@ class RunPart(Part):
 
 
 def library_parts(base: Model, measured: Collection[str] | None = None) -> list[Part]:
-    """Returns every effect that `base` lacks, once for each set of parameters that is fitted together.
+    """Returns a part for each effect that `base` lacks and each set of its parameters that are fitted together.
 
     Args:
-        measured: the compared signals. A sensor effect that changes none of these signals is left out. If several
-            effects change these signals alike, only the one that changes most signals is a part. None: all are parts.
+        measured: the compared signals. A sensor effect that changes none of these signals is left out. Of effects that
+            change these signals in the same way, only the effect that changes most signals stays. None: all stay.
     """
     found, read = [], set[frozenset[tuple[str, bytes]]]()
     has_current_loop = any(base.parameters.get(name, 0.0) != 0.0 for name in ("force_per_volt", "torque_per_volt"))
@@ -180,14 +180,14 @@ def run_parts(runs: Sequence[str]) -> list[RunPart]:
 
 
 def _adds_something(row: ParameterInfo, base: Model) -> bool:
-    """Returns whether `base` has two sides, if the parameter needs them, and no parameter with the same action."""
+    """Returns whether `base` has the two sides that a parameter may need, and has no parameter with the same action."""
     sided = base.vehicle != "motor" or not row.odd
     return sided and not (row.same_as and base.parameters.get(row.same_as, 0.0) != 0)
 
 
 @cache
 def readings_of(effect: str, vehicle: str) -> Mapping[str, bytes]:
-    """Returns signal -> its samples in a lively run of the compiled plant, for each signal that `effect` changes."""
+    """Returns, for each signal that `effect` changes, signal -> its samples in a simulated run with fast motion."""
     time = np.arange(0.0, 1.0, 0.01)
     wave = 9.0 * np.sign(np.sin(9.0 * time))
     inputs = np.column_stack([wave, -0.3 * wave])[:, : 1 if vehicle == "motor" else 2]
@@ -204,8 +204,8 @@ def readings_of(effect: str, vehicle: str) -> Mapping[str, bytes]:
 def _sets_of_parameters(usable: list[ParameterInfo]) -> list[tuple[str, ...]]:
     """Returns the sets of an effect's parameters that are freed together.
 
-    An optional parameter is freed together with the main parameters, and alone if it needs none of them. If an effect
-    holds three laws, each law is tried alone.
+    An optional parameter is freed together with the main parameters, and also alone if it acts without them. If an
+    effect holds three laws, each law is freed alone.
     """
     main = tuple(one.name for one in usable if not one.optional and one.role != "switch")
     optional = [one.name for one in usable if one.optional]
@@ -222,7 +222,7 @@ def is_signed(row: ParameterInfo) -> bool:
 
 
 def least_of(info: ParameterInfo) -> float:
-    """Returns the least size that is named, SI: one simulation step for a delay or a lag, 0 for all other sizes.
+    """Returns the least size, SI, of a named effect: one simulation step for a delay or a lag, 0 for all other sizes.
 
     The models lack fast dynamics such as a tyre's compliance: a very short delay would stand in for these dynamics.
     """
@@ -259,7 +259,7 @@ def _natural_size(info: ParameterInfo, model: Model) -> float:
 
 
 def scale_of(unit: str, model: Model) -> float:
-    """Returns the ratio of a usual quantity in `unit` on this vehicle to that on the packaged robot.
+    """Returns the ratio of a usual quantity in `unit` on this vehicle to the same quantity on the packaged robot.
 
     The presets of the catalogue are sizes for the packaged robot.
     """
@@ -268,7 +268,7 @@ def scale_of(unit: str, model: Model) -> float:
 
 
 def _sizes(model: Model) -> dict[str, float]:
-    """Returns unit -> a large value in this unit for a vehicle: its value at stall or at no-load speed."""
+    """Returns unit -> a large value in this unit for a vehicle: the value at stall or at no-load speed."""
     known, robot = model.nominal, rcx().parameters
     volts = known["battery_voltage"] or robot["battery_voltage"]
     direct = known["force_per_volt"] or known["torque_per_volt"]
@@ -294,13 +294,13 @@ def _sizes(model: Model) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class Excitation:
-    """What the runs excite: commands, readings and periodic motion.
+    """The largest commands and readings of the runs, and the periodic motion of the wheels.
 
     Attributes:
-        largest: the largest command, under "voltage", and the largest reading of each signal.
+        largest: signal -> its largest reading, SI; and "voltage" -> the largest command, V.
         orders: orders (periods per turn) at which the wheels' acceleration repeats.
         least_order: the lowest order of a periodic effect; at a lower order the runs show less than about one period.
-        windowed: whether each short window is simulated from its measured state, so that wheels keep their phase.
+        windowed: whether short windows are simulated, each from its measured state, so that wheels keep their phase.
     """
 
     largest: Mapping[str, float]

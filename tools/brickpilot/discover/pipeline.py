@@ -2,38 +2,38 @@
 
 Each stage is a function in a module beside this one. It returns a frozen record that the next stages take.
 
-    with_known_timing -> Dataset      what the inputs do between two rows, if the data set does not say it
-    prepare          -> Prepared, Sealed   the fit runs and their residual; what is held out, sealed
+    with_known_timing -> Dataset      what the inputs do between two rows, if the data set does not state it
+    prepare          -> Prepared, Sealed   the fit runs and their residual; the held-out data, sealed
     calibrate        -> Explanation   the calibrated nominal model: the explanation without parts
     in_closed_loop   -> Prepared      innovations in place of the residual, if a feedback loop biases free runs;
                                       the noise may be known only after a first search
     Search.run       -> Found         every explanation that was fitted, with its evidence           (search.py)
     weigh            -> Verdict       none, named or ambiguous, by the evidence alone                (verdict.py)
-    adequate         -> Verdict       the same among those that leave little; if none: `unknown`     (verdict.py)
+    adequate         -> Verdict       the same among adequate explanations; if none: `unknown`       (verdict.py)
     prepare_windows  -> Prepared      for `unknown`: the search again in short windows, for periodic effects
     compose          -> Composed      still `unknown`: a law of few terms without a name             (compose.py)
     confirmed        -> Verdict       whether the measured samples confirm a name                    (verdict.py)
     settle           -> Settled       the last fit, with intervals, as read back from its file       (settle.py)
-    best_predictor   -> Settled       on request: the model that predicts best, claimed or not       (settle.py)
+    best_predictor   -> Settled       on request: the model that predicts best, without claims       (settle.py)
     prove            -> Proof         the seal is opened, once: held-out runs may withdraw the name  (seal.py)
     plan_experiment  -> Experiment    the manoeuvre that separates the rivals                        (experiment.py)
     measure          -> Yardstick     fit in percent before, after and attainable                    (yardstick.py)
     conclude         -> Finding       effects with intervals, gaps, places, ranking                  (conclude.py)
 
-`weigh` gives the first verdict. These functions may change it; `Finding.steps` lists each change by its stage:
+`weigh` gives the first verdict. The functions below may change it; `Finding.steps` lists each change by its stage:
 
     stage     function   verdict    if                                                     by (numbers.py)
     adequacy  adequate   another    a black box predicts the error that the best           SHARED_REST, UNEXPLAINED_NATS
-                                    explanation leaves, or it leaves more than it removes;
+                                    explanation leaves, or more error is left than removed;
                                     other explanations hold more than 5 % of the weight
                          unknown    the same, but no others hold more than 5 %             SURE
     budget    explain    unknown    time ran out before all was searched                   SEARCHED, in deadline.py
     runs      confirmed  none       only values of runs differ
-    samples   confirmed  unknown    the measured samples do not surely show the name       CHANCE_NATS
-                         none       the same, and little above noise is left without it    UNEXPLAINED_NATS
+    samples   confirmed  unknown    the measured samples do not surely show the effect     CHANCE_NATS
+                         none       the same, and the nominal error is near the noise      UNEXPLAINED_NATS
     seal      _prove     unknown    the error of held-out runs surely grows, or most       CHANCE_NATS, SURE
                                     draws of their stretches favour the nominal model
-                         ambiguous  held-out runs do not confirm: name or nominal model    SURE
+                         ambiguous  held-out runs neither confirm nor refute the name      SURE
 
 Every number that decides a verdict stands in numbers.py, with its reason. The sentences of a verdict are made in
 report/discover_text.py.
@@ -98,7 +98,7 @@ def discover(
         jobs: number of fits at the same time.
         budget_s: time after which the best answer so far is returned. Work that cannot be left out may take longer.
             None: no limit.
-        predictor: whether to find the best predictor too, `Finding.predictor`. Its parts are not claimed.
+        predictor: whether to also find the model that predicts best, `Finding.predictor`. Its parts are no findings.
         progress: called with (done, total, text).
 
     Raises:
@@ -161,10 +161,10 @@ def explain(prepared: Prepared, nominal: Explanation, tell: Stages, most: int = 
 
 
 def explain_in_loop(prepared: Prepared, nominal: Explanation, tell: Stages, most: int = MOST_PARTS) -> Explained:
-    """Explains free runs; if a feedback loop biases free runs, explains the data again by innovations.
+    """Explains free runs; if a feedback loop biases them, explains the data again by innovations: see `in_closed_loop`.
 
-    The noise is taken from the residual of the likeliest explanation: other residuals also contain a missing law. The
-    likeliest explanation has the best score, not the lowest cost, which depends on where each descent ends.
+    The residual of the explanation with the best score counts as noise: other residuals also contain a missing law. The
+    lowest cost does not choose this explanation, because a cost depends on where its descent ends.
     """
     free_runs = explain(prepared, nominal, tell, most)
     if prepared.loop is None or prepared.innovations:
@@ -177,10 +177,10 @@ def explain_in_loop(prepared: Prepared, nominal: Explanation, tell: Stages, most
 
 
 def _explain_in_windows(whole: Explained, tell: Stages) -> Explained:
-    """Explains the runs again, cut into short windows; returns `whole` unless a periodic effect is named in them.
+    """Explains the runs again in short windows; returns `whole` if no periodic effect is named there.
 
-    If an effect depends on a wheel's angle, the simulated angle drifts from the measured angle over a whole run, so no
-    phase fits. In a window of one or two turns that starts from the measured state, a phase does fit.
+    Over a whole run, a wheel's simulated angle drifts from the measured angle, so an effect that depends on the angle
+    fits at no phase. A window of one or two turns starts from the measured state, so one phase fits.
     """
     windows = prepare_windows(whole.prepared)
     if windows is None or not windows.deadline.until(SEARCHED).allows("the search in short windows"):
@@ -198,7 +198,7 @@ def _explain_in_windows(whole: Explained, tell: Stages) -> Explained:
 def _prove(
     explained: Explained, composed: Composed | None, sealed: Sealed, tell: Stages, *, predictor: bool
 ) -> Conclusion:
-    """Settles the model of the verdict, opens the seal, and returns the conclusion."""
+    """Makes the last fit of the verdict's model, opens the seal, and returns the conclusion."""
     tell("computing intervals and the next experiment")
     prepared = explained.prepared
     samples: Found = at_samples(prepared, explained.verdict.nominal, explained.verdict.best)

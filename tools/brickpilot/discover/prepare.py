@@ -1,4 +1,4 @@
-"""The first stage: makes a data set ready for fits, and seals what is held out.
+"""The first stage: makes a data set ready for fits, and seals the held-out data.
 
 Later stages get only the inputs of a held-out run or stretch. They need these inputs because heat and charge carry over
 from run to run. `prepare` also returns a `Sealed`, which keeps the measured values.
@@ -59,7 +59,7 @@ SD_SHARE = {
     "rolling_friction": numbers.GUESS,
     "drag_area": numbers.GUESS,
 }
-"""Nominal parameter -> default relative sd. Constants and a drive's force per volt are not listed."""
+"""Nominal parameter -> relative sd if none is stated. Constants and a drive's force per volt are not listed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,18 +70,18 @@ class Prepared:
         dataset: the fit runs, with averaged start states and an sd on every nominal value; held-out data keep only
             inputs.
         measured: the fit runs as measured; for a motor, `dataset` has the velocity in place of the position.
-        compared: the runs that are simulated and compared: the runs of `dataset`, or windows of these runs.
+        compared: the runs that are compared with their simulation: the runs of `dataset`, or windows of these runs.
         windows: the fit runs cut into short windows; None if no wheel was measured.
         roles: which runs are fitted and which are held out.
         plan: the nominal parameters that are fitted.
         coarse: the residual of the fit runs on a coarse time grid, for the search.
         fine: the residual of the fit runs at the measured samples.
-        excitation: what the runs excite.
+        excitation: the largest commands and readings of the runs, and their periodic motion.
         seed: seed of random starts.
         jobs: number of fits at the same time.
         deadline: the deadline of the whole discovery.
-        loop: a feedback loop around the data; None: the commands follow no output, or no loop was looked for.
-        innovations: whether the residuals are innovations of a noise model, because the loop biases free runs.
+        loop: the feedback loop by which commands follow a measured output; None: no loop was found or looked for.
+        innovations: whether residuals are innovations (without what their past predicts), as the loop biases free runs.
     """
 
     dataset: Dataset
@@ -108,7 +108,7 @@ class Prepared:
 def prepare(
     dataset: Dataset, model: Model | None, *, seed: int, jobs: int, deadline: Deadline = NO_LIMIT
 ) -> tuple[Prepared, Sealed]:
-    """Leaves out contradictory channels, assigns roles, seals what is held out, and sets up the residuals.
+    """Leaves out channels that contradict the model, assigns roles, seals held-out data, and sets up the residuals.
 
     Raises:
         InputError: the model gives none of the measured signals, every run is held out, or `model` is of another
@@ -153,7 +153,7 @@ def prepare(
 
 
 def prepare_windows(prepared: Prepared) -> Prepared | None:
-    """Returns the same data in short windows. Each starts from the measured state, so the wheels' phase is right.
+    """Returns the same data in short windows. A window starts from the measured state, so the wheels' phase is right.
 
     Returns None if the data are in windows already, no wheel was measured, or a window would hold too few samples.
     """
@@ -181,17 +181,17 @@ def _residuals(ready: Dataset, compared: Dataset, plan: Plan, jobs: int) -> tupl
 
 
 def _with_whole_inputs(data: Residual, ready: Dataset) -> Residual:
-    """Returns the residual of windows, with the inputs of their whole runs, which run values need."""
+    """Returns the residual of windows, with the inputs of whole runs: a run value changes the inputs of a whole run."""
     whole = {run.name: (run.time, motor_inputs(run, ready)) for run in ready.runs}
     of = {run.name: whole[run_of(run.name)] for run in data.replay.dataset.runs}
     return data.with_inputs(dataclasses.replace(data.replay, whole=of))
 
 
 def calibrate(prepared: Prepared) -> tuple[Prepared, Explanation]:
-    """Returns the prepared data with settled weights, and the calibrated nominal model.
+    """Returns the prepared data with final weights, and the calibrated nominal model.
 
-    The model is fitted from several starts if some nominal value is not stated. The noise floors of both residuals rise
-    to the bin-to-bin changes that the rough fit leaves.
+    The model is fitted from several starts if some nominal value is not stated. The rough fit leaves changes from bin
+    to bin; the noise floors of both residuals, coarse and fine, rise to the size of these changes.
 
     Raises:
         InputError: the plant diverges with the nominal values.
@@ -217,12 +217,12 @@ def in_closed_loop(prepared: Prepared, nominal: Explanation, best: Explanation |
 
     In a loop, a simulation from the commands alone is biased if the noise is correlated in time: the commands follow
     past noise, and so predict later noise. There is no bias if the noise is white (Ljung 1999, sec. 13.4), or if the
-    loop has little influence on the commands. Otherwise a noise model turns the residual into innovations, which all
-    later stages use: the direct method. Noise model and nominal model are fitted in turn.
+    loop has little influence on the commands. Otherwise a noise model removes what the residual's past predicts. All
+    later stages use the rest, the innovations: the direct method. Noise model and nominal model are fitted in turn.
 
     Args:
-        best: the explanation whose residual of the output that the commands follow is taken as noise. None: not known;
-            then only a disturbance with its own period, a fifth of the residual or more, is taken as noise.
+        best: the explanation whose residual counts as noise, in the output that the commands follow. None: not known;
+            then only a periodic disturbance counts as noise, if it has more than a fifth of the residual's power.
     """
     fitted, plain = tuple(run for run in prepared.dataset.runs if run.outputs), prepared.coarse
     loop = prepared.loop or follows_outputs(dataclasses.replace(prepared.dataset, runs=fitted), numbers.STRICT)
@@ -246,7 +246,7 @@ def in_closed_loop(prepared: Prepared, nominal: Explanation, best: Explanation |
 
 
 def disturbances(prepared: Prepared, model: Model) -> dict[str, periods.Period]:
-    """Returns signal -> a disturbance with its own period in the residual of free runs; {} without a feedback loop.
+    """Returns signal -> the periodic disturbance in its residual of free runs; {} without a feedback loop.
 
     Without a loop, the search would mistake periods of the commands for a disturbance.
     """
@@ -266,14 +266,14 @@ def disturbances(prepared: Prepared, model: Model) -> dict[str, periods.Period]:
 
 
 def _memory(left: Sequence[Array]) -> float:
-    """Returns the share of a signal's squared residual that its own past predicts, 0..1; 1 if the residual is 0."""
+    """Returns the share, 0..1, of a signal's squared residual that past residuals predict; 1 if the residual is 0."""
     parts, model = [one - one.mean() for one in left], noise_model(left, _HIGHEST_ORDER)
     new = sum(float(np.sum((whitening(model, len(one)) @ one) ** 2)) for one in parts)
     return 1 - new / max(sum(float(one @ one) for one in parts), 1e-300)
 
 
 def _innovations(data: Residual, models: Mapping[str, Array]) -> Residual:
-    """Returns the innovations of a residual by the noise models of its signals: signal -> (order,)."""
+    """Returns the innovations: what the noise models do not predict. `models`: signal -> its noise model (order,)."""
     filters = {
         (block.run, block.signal): whitening(models.get(block.signal, np.empty(0)), len(block.measured))
         for block in data.blocks
@@ -308,7 +308,7 @@ def _blind(dataset: Dataset, roles: holdout.Roles) -> Dataset:
 
 
 def _inputs_of(run: Run) -> Run:
-    """Returns a run without anything measured."""
+    """Returns a run with its inputs, without measured values."""
     return dataclasses.replace(run, outputs={}, raw_outputs={})
 
 
@@ -358,7 +358,7 @@ def _excitation(stated: Dataset, ready: Dataset, inputs: Mapping[str, Array], *,
 
 
 def _least_order(dataset: Dataset) -> float:
-    """Returns the lowest order that counts as periodic: per turn, or in rad/m if the drive commands a force."""
+    """Returns the lowest order of a periodic effect: periods per turn, or rad/m if the drive commands a force."""
     travels = [
         np.ptp(run.outputs["position"][np.isfinite(run.outputs["position"])])
         for run in dataset.runs

@@ -1,8 +1,8 @@
-"""Finds what a row of a log means, if the data set does not say: what inputs do between two rows, and whether an
+"""Finds what a row of a log means, if the data set does not state it: what inputs do between two rows, and whether an
 accelerometer gives the value at an instant or the mean over a sample. A sure answer is used, with a note.
 
-Between two rows, inputs are held or linear. The nominal model is fitted with both kinds, also with a delay or
-first-order lag of the inputs: held inputs resemble linear inputs that are half a row late, and a lag turns each step
+Between two rows, inputs are held or linear. The nominal model is fitted with held and linear inputs, also with a delay
+or first-order lag of the inputs: held inputs resemble linear inputs that are half a row late, and a lag turns each step
 into a slope. The test of Vuong (1989, Econometrica 57) gives the probability that one of two models is nearer to the
 truth: it compares the mean difference of their losses over stretches of time with the scatter of this difference.
 
@@ -41,7 +41,7 @@ TIMINGS: tuple[Timing, ...] = ("held", "linear")
 
 _FOLLOWABLE_ROW_S = 0.008  # shortest row that is searched, s: bins hide what inputs do between shorter rows
 _TOLERANCE = 1e-5  # relative change of cost at which a fit ends
-_ROWS: dict[Kind, tuple[float, ...]] = {"lag": (0.5, 1.0, 2.0, 4.0), "delay": (0.5, 1.0, 2.0)}  # of the first search
+_ROWS: dict[Kind, tuple[float, ...]] = {"lag": (0.5, 1.0, 2.0, 4.0), "delay": (0.5, 1.0, 2.0)}  # first tried, rows
 _LEAST, _MOST = 0.5, {"lag": 2.0, "delay": 1.5}  # bounds of the second search, as multiples of the best of `_ROWS`
 _TRIALS = 6  # most trials of the second search
 _SURELY = 0.999  # the largest certainty that a note states
@@ -51,7 +51,7 @@ def with_known_timing(dataset: Dataset, model: Model | None, *, seed: int, jobs:
     """Returns `dataset` with a known input timing: as stated, otherwise as found from its fit runs, with a note.
 
     Raises:
-        InputError: as `prepare` does.
+        InputError: in the same cases as `prepare`.
     """
     if dataset.input_timing != "unknown":
         return dataset
@@ -67,10 +67,10 @@ def with_known_timing(dataset: Dataset, model: Model | None, *, seed: int, jobs:
 
 
 def _found(prepared: Prepared, logged: Dataset, row_s: float) -> tuple[Timing, str]:
-    """Returns what the inputs do between rows ("held" if the runs do not tell) and the sentence for the user.
+    """Returns what the inputs do between rows ("held" if the runs do not decide it) and the sentence for the user.
 
     Args:
-        prepared: the fit runs of `logged`, with more rows.
+        prepared: the fit runs of `logged`, each row divided into several.
     """
     prepared, nominal = calibrate(prepared)
     stretch, _ = prepared.fine.stretches(CORRELATED_S)
@@ -97,7 +97,7 @@ def _found(prepared: Prepared, logged: Dataset, row_s: float) -> tuple[Timing, s
 
 @dataclass(frozen=True)
 class _Tried:
-    """How well inputs of one kind explain the runs.
+    """How well inputs of one kind, held or linear, explain the runs.
 
     Attributes:
         plain: (stretches,) the losses without delay or lag.
@@ -128,7 +128,7 @@ def _tried(losses: Callable[[Behind], Array], row_s: float) -> _Tried:
 
 
 def _certainty(first: Array, second: Array) -> float:
-    """Returns the probability that the model with the losses `first`, (stretches,), is nearer to the truth, 0..1."""
+    """Returns the probability, 0..1, that the model with losses `first` (stretches,) is nearer to the truth."""
     apart = second - first
     if not np.isfinite(apart).all() or np.ptp(apart) == 0:
         return 0.5
@@ -140,7 +140,7 @@ def _percent(sure: float) -> str:
 
 
 def _with_inputs(prepared: Prepared, logged: Dataset, timing: Timing, behind: Behind) -> Dataset:
-    """Returns the compared runs, or windows of runs, with inputs of one kind."""
+    """Returns the compared runs, or windows of runs, with inputs of the kind `timing` that are late by `behind`."""
     whole = {run.name: run for run in prepared.dataset.runs}
     acting = {run.name: inputs_acting(run, whole[run.name].time, timing, behind) for run in logged.runs}
     runs = []
@@ -153,13 +153,13 @@ def _with_inputs(prepared: Prepared, logged: Dataset, timing: Timing, behind: Be
 
 
 def with_known_sampling(dataset: Dataset, prepared: Prepared, nominal: Explanation) -> Dataset | None:
-    """Returns the data set with accelerometer readings stated as instantaneous; None: this is wrong or not sure.
+    """Returns the data set with accelerometer readings stated as instantaneous; None: not surely so, or stated already.
 
     Args:
         prepared: made of `dataset`.
         nominal: the calibrated nominal model.
 
-    If the data set does not state what a sample is, it counts as a mean unless the fit runs surely show an instant.
+    A sample that the data set does not describe counts as a mean unless the fit runs surely show an instant.
     """
     measured = {name for run in dataset.runs for name in run.outputs if name.startswith("accel_")}
     names = sorted(name for name in measured if name not in dataset.signals or dataset.signals[name].sampling is None)
@@ -183,7 +183,7 @@ def _sampled(dataset: Dataset, names: Sequence[str], kind: input_timing.Sampling
 
 
 def _sampled_losses(prepared: Prepared, nominal: Explanation, compared: Dataset) -> Array:
-    """Returns (stretches,): half the squared residuals at the samples, after one step of least squares.
+    """Returns (stretches,): half the sum of squared residuals at the samples, after one step of least squares.
 
     The step adapts the parameters to the kind of sample. Means over bins would hide a shift of half a sample.
     """

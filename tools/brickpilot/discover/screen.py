@@ -1,7 +1,7 @@
 """Screens parts: estimates how well each part could explain the residual, from few simulations and without a fit.
 
-A simulation shows the signature of a part: how it changes the residual. A projection removes from residual and
-signature all that the parameters of the model could still take up (a score test, Rao 1948).
+A simulation shows the signature of a part: how the part changes the residual. A projection removes from residual and
+signature all that the free parameters of the model can explain (a score test, Rao 1948).
 """
 
 from __future__ import annotations
@@ -61,13 +61,13 @@ _GRID_OF_PHASES = tuple(
 
 @dataclass(frozen=True)
 class Trial:
-    """One part, started from one size.
+    """The screen's estimate for one part with one start size.
 
     Attributes:
-        values: the start of a fit of the part.
-        left: half the least squared residual of the model with the part, priors included.
-        gain: the decrease of half the squared residual of the data.
-        prior_gain: the decrease of half the squares of the priors.
+        values: parameter -> the value from which a fit of the part starts.
+        left: half the sum of the squares, of residual and priors, that the model with the part leaves.
+        gain: how much the part decreases half the sum of the squared residuals of the data.
+        prior_gain: how much the part decreases half the sum of the squares of the priors.
     """
 
     part: Part
@@ -78,7 +78,7 @@ class Trial:
 
     @classmethod
     def of(cls, part: Part, values: Mapping[str, float], before: Array, after: Array, count: int) -> Trial:
-        """Returns a trial from the residuals without and with the part, (count values + parameters,)."""
+        """Returns a trial from the residuals `before` and `after` the part is added, (count values + parameters,)."""
         gains = (before**2 - after**2) / 2
         return cls(part, values, float(np.sum(after**2)) / 2, float(gains[:count].sum()), float(gains[count:].sum()))
 
@@ -91,13 +91,13 @@ def screen(
     excitation: Excitation,
     deadline: Deadline = NO_LIMIT,
 ) -> list[Trial]:
-    """Returns trials of every part at each of its sizes, the best first, except parts without a visible effect.
+    """Returns the trials of all parts at all their sizes, the best first; a part without visible effect has no trial.
 
     Args:
         problem: the plan of the model, with the model's sensitivities at `point`.
         point: the end of the fit of this plan.
-        excitation: how far the vehicle was driven.
-        deadline: parts that would be screened after it are left out.
+        excitation: the largest commands and readings of the runs, and their periodic motion.
+        deadline: the time after which no further part is screened.
     """
     here = _Here.of(problem, point)
 
@@ -114,7 +114,7 @@ def screen(
 def _of_runs(part: RunPart, tried: Sequence[tuple[Probe, Array]], residual: Array) -> tuple[Probe, Array]:
     """Combines the probes of one kind of run values into one probe, with each run at its best tried value.
 
-    A small value, such as a short late start, may have no visible effect: a fit cannot start from it.
+    A small value, such as a slightly late start, may change nothing visible, so that no fit can start from this value.
     """
     signatures = np.array([one for _, one in tried])
     along = np.maximum(residual @ signatures, 0.0)
@@ -126,7 +126,7 @@ def _of_runs(part: RunPart, tried: Sequence[tuple[Probe, Array]], residual: Arra
 def signature_strengths(
     problem: Problem, point: Array, chosen: Sequence[Part], *, excitation: Excitation
 ) -> list[tuple[Part, Mapping[str, float], Array]]:
-    """Returns parts with one free size, each with its values and (signals,) half its squared signature, in floors.
+    """Returns each part with one free size, its values, and (signals,) half its squared signature in squared floors.
 
     The arguments are those of `screen`. Parts with a scanned parameter are left out: their signature at one size does
     not show their signature at another size.
@@ -181,7 +181,7 @@ class _Here:
         return found
 
     def trial(self, probe: Probe, signatures: Array) -> Trial:
-        """Returns a probe's trial, at those amplitudes of its signatures (rows, simulations) that fit the residual."""
+        """Returns a probe's trial, at the amplitudes of its signatures (rows, simulations) that fit the residual."""
         amplitudes = _fit_amplitudes(probe, signatures, self.residual)
         after = self.residual - signatures @ amplitudes
         values = _values_at(probe, amplitudes.tolist())
@@ -193,9 +193,9 @@ class Probe:
     """Simulations of one part, whose signatures are combined linearly.
 
     Attributes:
-        values: the parameter values of each simulation k. Its signature is multiplied by an amplitude a_k.
+        values: the parameter values of each simulation k, whose signature is multiplied by an amplitude a_k.
         free_sign: whether a_k may be negative.
-        moved: the parameters that a_k multiplies, one for each of `values`; empty: a_k does not set a parameter.
+        moved: for each simulation k, the parameter that a_k multiplies; empty: amplitudes multiply no parameter.
     """
 
     part: Part
@@ -244,7 +244,7 @@ def _at_several_sizes(part: Part, natural: Values, infos: Mapping[str, Parameter
 
 
 def _periodic(part: Part, natural: Values, excitation: Excitation) -> list[Probe]:
-    """Returns probes at every order, combined linearly over phases; in windows also at large sizes, one per phase."""
+    """Returns a probe of all phases, combined linearly, for each order; in windows also probes with large sizes."""
     size, names = part.free[0], ("phase", "phase_difference")
 
     def at(order: float, share: float, phases: Sequence[tuple[float, float]]) -> tuple[Values, ...]:
@@ -281,7 +281,7 @@ def _fit_amplitudes(probe: Probe, signatures: Array, residual: Array) -> Array:
 
 
 def _values_at(probe: Probe, amplitudes: Sequence[float]) -> dict[str, float]:
-    """Returns the parameters that the amplitudes of a probe's signatures stand for, within their ranges."""
+    """Returns the part's parameter values at these amplitudes of the probe's signatures, clipped to their ranges."""
     values = dict(probe.values[0])
     if probe.part.is_periodic and probe.free_sign:
         phasors = _WHEELS[:, : len(amplitudes)] @ amplitudes

@@ -1,6 +1,6 @@
 """The seal: held-out runs are used once, after the last choice, to test the model as read back from its file.
 
-They may withdraw a name, or make a name ambiguous with the nominal model. They choose no value, effect or rival.
+Held-out runs may withdraw a name, or make it ambiguous: name or nominal model. They choose no value, effect or rival.
 """
 
 from __future__ import annotations
@@ -78,11 +78,11 @@ class Sealed:
 
 @dataclass(frozen=True)
 class Proof:
-    """What the held-out runs say about a model.
+    """The test of a model on the held-out runs.
 
     Attributes:
         opened: the whole data set.
-        evidence: what proves the model; None: nothing was added to the nominal model.
+        evidence: the evidence for the model; None: nothing was added to the nominal model.
         simulated: "nominal", "augmented" -> run -> outputs, over whole runs.
         gap: "fit", "held_out" -> gap. `by_signal`: signal -> gap over all runs.
     """
@@ -105,13 +105,13 @@ class Proof:
 def prove(
     prepared: Prepared, sealed: Sealed, nominal: Model, written: Model, by_run: Mapping[str, Mapping[str, float]]
 ) -> Proof:
-    """Opens the seal, and returns what the held-out runs say about the model.
+    """Opens the seal, and returns the test of the written model on the held-out runs.
 
     Args:
         nominal: the calibrated nominal model.
         written: the model of the last choice, as read back from its file.
-        by_run: the fitted values of single runs, as `Model.by_run`. No file holds them. They also apply to held-out
-            stretches of these runs; the value of a wholly held-out run is not known.
+        by_run: the fitted values of single runs, as `Model.by_run`. No file holds these values. They also apply to
+            held-out stretches of these runs; a wholly held-out run has no known value.
     """
     opened = sealed.open()
     outputs = Replay(opened.whole).simulate([nominal, written], threads=prepared.jobs)
@@ -134,7 +134,7 @@ def unproved(proof: Proof, nominal: Model) -> Proof:
 
 
 def _evidence(prepared: Prepared, opened: Opened, nominal: Model, written: Model, *, grows: bool) -> Evidence:
-    """Returns what proves the written model. `grows`: whether the gap of the held-out runs grows in free runs."""
+    """Returns the evidence for the written model. `grows`: whether its held-out gap is larger than the nominal one."""
     removed_fit = _removed(prepared.fine, nominal, written)
     held_out = _held_out(prepared, opened)
     if held_out is None:
@@ -156,7 +156,7 @@ def _evidence(prepared: Prepared, opened: Opened, nominal: Model, written: Model
 
 
 def _held_out(prepared: Prepared, opened: Opened) -> Residual | None:
-    """Returns the residual of the held-out data, weighed like the fit runs; None: nothing is held out."""
+    """Returns the residual of the held-out data, weighed like that of the fit runs; None: no data are held out."""
     tested = set(prepared.roles.tested())
     if not tested:
         return None
@@ -175,7 +175,7 @@ def _held_out(prepared: Prepared, opened: Opened) -> Residual | None:
 
 
 def _removed(data: Residual, nominal: Model, written: Model) -> float | None:
-    """Returns the share, at most 1, of the cost above noise that the written model removes; None: no such cost."""
+    """Returns the removed share, at most 1, of the nominal model's cost above noise; None: no cost is above noise."""
     before, after = (float(data.losses(model).sum()) for model in (nominal, written))
     noise = data.noise_cost()
     return min(1.0, (before - after) / (before - noise)) if before > noise else None

@@ -1,10 +1,10 @@
-"""Searches for explanations. The search proposes and decides nothing: `verdict` weighs all explanations that it fitted.
+"""Searches for explanations. The search only proposes explanations: `verdict` weighs all that were fitted.
 
-It fits single parts, pairs of the best parts, then adds one part to the best two explanations and to the best fit. It
-adds parts while they surely predict better, and while the best fit leaves more error than wrong shapes of its laws may
-leave. It replaces each part of the best fit once by other laws of the same mechanism. To find rivals, it forbids each
-part of the best explanation once, and searches again without this part. If an explanation fits worse than a smaller
-explanation that it contains, its fit has failed, and is repeated from the values of the smaller one.
+The search fits single parts, then pairs of the best parts. Then it adds one part to the best two explanations and to
+the best fit. It stops if no added part surely predicts better, or if the best fit leaves no more error than wrong
+shapes of its laws may leave. It replaces each part of the best fit once by other laws of the same mechanism. To find
+rivals, it searches again without each part of the best explanation in turn. If an explanation fits worse than a smaller
+one inside it, its fit has failed, and is repeated from the values of the smaller one.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from brickpilot.side_by_side import side_by_side
 Array = NDArray[np.float64]
 Tell = Callable[[str], None]
 
-_PROMISED = 0.3  # share of the needed gain at which a part is fitted; below 1, as the screen tries only a few sizes
+_PROMISED = 0.3  # least share of the needed gain for a fit of a part; below 1, as the screen tries only a few sizes
 _NEAR = 6.0  # a rough fit is refined if its cost is at most this much above the best cost; unit: `Evidence.nat`
 _STARTS = 3  # number of starts of a periodic part, each from another order
 _BEAM = 2
@@ -59,8 +59,8 @@ class Width:
     """How wide a search is.
 
     Attributes:
-        rough, fine, least: for one screen: most trials that are fitted, most and fewest fits that are refined.
-        paired: number of best single parts, all pairs of which are fitted; the best half of `fine` pairs are refined.
+        rough, fine, least: of one screen, the most fitted trials, the most refined fits and the fewest refined fits.
+        paired: number of the best single parts that are fitted in pairs; the best `fine` / 2 pairs are refined.
         swapped: the most library laws that are tried in place of one law; 0 if the parts are not laws of the library.
     """
 
@@ -72,7 +72,7 @@ class Width:
 
 
 class Source(Protocol):
-    """Where parts come from: the library and values of runs, or terms without a name.
+    """A source of parts for the search: the library and values of runs, or terms without a name.
 
     Attributes:
         word: the word for a part in messages.
@@ -87,7 +87,7 @@ class Source(Protocol):
         """Returns the trials that are worth a fit as additions to the model of `problem` at `point`, the best first."""
 
     def nearby(self, problem: Problem, current: Explanation, fits: Sequence[Explanation]) -> list[Trial]:
-        """Returns further trials that are worth a fit; `fits` are the fits of `current` with one more part so far."""
+        """Returns further trials that are worth a fit. `fits`: all fits so far of `current` with one more part."""
 
 
 class Library:
@@ -129,12 +129,12 @@ class Library:
 
 @dataclass
 class Found:
-    """Every explanation that was fitted to the end, each set of parts once, with its evidence.
+    """All explanations that were fitted to the end, one for each set of parts, with their evidence.
 
     Attributes:
         nothing: the calibrated nominal model.
         screens: explanation -> the trials that the screen proposed as additions to it.
-        tried: each explanation with each part that was fitted with it: a repeated fit would end at the same values.
+        tried: each explanation with each part that was added in a fit: a repeated fit would end at the same values.
     """
 
     judge: Judge
@@ -156,35 +156,35 @@ class Found:
 
     @property
     def temperature(self) -> float:
-        """The number of nats that count as one, from the best explanation so far."""
+        """The number of nats that count as one nat, computed from the best explanation so far."""
         return self.judge.temperature(max(self.table.values(), key=lambda evidence: evidence.total), self.nothing)
 
     def is_sure(self, explanation: Explanation) -> bool:
-        """Returns whether the data alone, without stated values and prior odds, surely support `one`."""
+        """Returns whether the data alone, without stated values and prior odds, surely support an explanation."""
         return self.table[explanation.key].total - self.nothing.total > self.temperature * numbers.CHANCE_NATS
 
     def keeps_stated(self, explanation: Explanation) -> bool:
-        """Returns whether an explanation keeps nominal values as stated, while the nominal model moves at least one."""
+        """Returns whether the nominal model needs a value far from its stated value, but the explanation needs none."""
         count = len(self.nothing.explanation.point)
         aways = [each.away[:count].tolist() for each in (self.nothing, self.table[explanation.key])]
         moves, still = (any(numbers.leaves_prior(away, count) for away in each) for each in aways)
         return moves and not still
 
     def without_laws(self, evidence: Evidence) -> Evidence:
-        """Returns the evidence of `one` with run values but no laws; if this was not fitted, of the nominal model."""
+        """Returns the evidence of an explanation's run values without its laws; if not fitted, of the nominal model."""
         laws = {part.name for part in evidence.explanation.effects} - self.nothing.explanation.key
         return self.table.get(evidence.explanation.key - laws) or self.table[self.nothing.explanation.key]
 
     def shape_error(self, evidence: Evidence) -> Array:
-        """Returns (signals,): the squared error that wrong shapes of the laws may leave; unit: the squared floor.
+        """Returns (signals,): the squared error that wrong shapes of the laws may leave, in squared floors.
 
-        It is a share of the error that the laws remove in addition to run values. It does not justify a further law.
+        This error is a share of the error that the laws remove in addition to run values. It justifies no further law.
         """
         excess = self.judge.excess
         return np.asarray(self.judge.shape * np.maximum(excess(self.without_laws(evidence)) - excess(evidence), 0.0))
 
     def ranked(self, parts: int | None = None, forbidden: Collection[str] = ()) -> list[Evidence]:
-        """Returns the explanations, the best score first: those of `parts` parts, without the `forbidden` ones."""
+        """Returns the explanations of `parts` parts (None: all) without `forbidden` parts, the best score first."""
         temperature = self.temperature
         chosen = [
             one for key, one in self.table.items() if (parts is None or len(key) == parts) and not key & set(forbidden)
@@ -197,7 +197,7 @@ class Search:
     """A search, with its data, its source of parts and its limits.
 
     Attributes:
-        base: the explanation that each explanation extends: the calibrated nominal model.
+        base: the explanation to which parts are added, usually the calibrated nominal model.
     """
 
     data: Residual
@@ -235,9 +235,9 @@ class Search:
         return found
 
     def _parents(self, found: Found, count: int) -> list[Evidence]:
-        """Returns the explanations of `count` parts to extend: the best scores, and the best fit whatever its odds.
+        """Returns the explanations of `count` parts to extend: the best by score, and the best fit at any odds.
 
-        If only three rare parts together explain a machine, the search must pass through two unlikely parts first.
+        If only three rare parts together explain a machine, the search must first keep two of these unlikely parts.
         """
         ranked = found.ranked(count)
         fitting = sorted(ranked, key=lambda one: _information(one.explanation))[:1]
@@ -248,8 +248,8 @@ class Search:
         """Returns the base at stated and usual values if its fitted values are far from these values, otherwise None.
 
         Far values may stand in for an effect: a resistance near 0 gives a lag, a huge yaw inertia keeps a robot from
-        turning. A descent from far values does not return to usual ones. Unstated values are fitted with a prior of one
-        decade about a usual value; the residual of the base sets the weights of the data.
+        turning. A descent from far values does not return to usual values. Unstated values are fitted with a prior of
+        one decade about a usual value; the residual of the base sets the weights of the data.
         """
         plan, fitted = self.base.plan, self.base.point
         stated = np.array([one.known is not None for one in plan.free], dtype=bool)
@@ -274,11 +274,11 @@ class Search:
         return most - fewer > found.temperature * numbers.CHANCE_NATS
 
     def _may_gain(self, found: Found) -> bool:
-        """Returns whether one more part could raise the best score if it left nothing but white noise.
+        """Returns whether a further part that leaves only white noise would raise the best score.
 
-        A part gains by the error that it removes, and by moving values of the model nearer to their priors. Error that
-        wrong shapes of the best explanation's laws may leave does not count: it justifies no further part. The priors
-        of run values do not count: a law that replaces run values is found without them.
+        A part gains by the error that it removes, and by moving values of the model nearer to their priors. The error
+        that wrong shapes of the best explanation's laws may leave does not count as removed. The priors of run values
+        do not count either: a law that replaces run values is found without them.
         """
         best = found.ranked()[0]
         temperature = found.judge.law_error(max(found.table.values(), key=lambda one: one.total), found.nothing)
@@ -292,9 +292,9 @@ class Search:
     def beside(
         self, found: Found, parent: Evidence, forbidden: Collection[str] = (), *, every: bool = False
     ) -> list[Explanation]:
-        """Returns the best fits of `parent` with one more part, for parts that may score better than the best so far.
+        """Returns the best fits of `parent` with one more part that may raise the score above the best score so far.
 
-        `every`: fits all such trials, not only the first: the screen is linear, and misleads far from a good fit.
+        `every`: fits all such trials, not only the first ones: far from a good fit, the linear screen misleads.
         """
         current, temperature, best = parent.explanation, found.temperature, found.ranked()[0]
         here = Problem(self.data, current.plan).keeping(current.point, len(current.point))
@@ -348,12 +348,12 @@ class Search:
         return sorted(self._possible(before(self.deadline, one, starts, self.jobs)), key=_information)
 
     def _pairs(self, singles: Sequence[Explanation]) -> list[Explanation]:
-        """Returns the best pairs of singles, started from both fits: otherwise a third part may imitate a pair."""
+        """Returns the best pairs of `singles`, started from both fits: a third part might imitate an unfitted pair."""
         pairs = [self._joined(*pair) for pair in itertools.combinations(singles, 2)]
         return self._refined(self._rough(pairs)[: self.source.width.fine // 2])
 
     def _joined(self, first: Explanation, second: Explanation) -> Explanation:
-        """Returns an explanation with the parts of both, and with the mean of both fits' nominal values."""
+        """Returns an explanation with the parts of `first` and `second`, and with the mean of their nominal values."""
         count, part = len(self.base.point), second.parts[-1]
         both = joined(first, part, part.values_in(second.model))
         point = np.array(both.point)
@@ -362,7 +362,7 @@ class Search:
         return Explanation(both.parts, both.plan, point)
 
     def _rivals(self, found: Found) -> None:
-        """Forbids, one at a time, each part that would be named, with the laws that contain it, and searches again."""
+        """For each part that would be named, searches again without this part and the laws that contain it."""
         best, ranked = found.ranked()[0].explanation, found.ranked()
         sure = evidence.held_by(ranked, evidence.weigh(ranked, found.temperature))
         for part in best.parts[len(self.base.parts) :]:
@@ -381,7 +381,7 @@ class Search:
                     found.add(self.beside(found, start, forbidden), self.jobs)
 
     def _prune(self, found: Found) -> None:
-        """Refits the best fit without one part, for each part: the smaller set may be unfitted or badly fitted."""
+        """Refits the best fit without each of its parts in turn: the smaller set may be unfitted or badly fitted."""
         best = min((one.explanation for one in found.table.values()), key=lambda one: one.cost)
         if len(best.parts) > len(self.base.parts) + 1:
             fewer = [without(best, part) for part in best.parts[len(self.base.parts) :]]
@@ -394,7 +394,7 @@ class Search:
         found.add(self._refined([one for one in swapped if one.cost < min(near, known.get(one.key, near))]), self.jobs)
 
     def _in_other_laws(self, best: Explanation) -> list[Explanation]:
-        """Returns `best` with one law replaced by a law of the same mechanism, or several by the law made of them."""
+        """Returns `best` with a law replaced by one of the same mechanism, or several laws by the law made of them."""
         added = {one.name: one for one in best.parts[len(self.base.parts) :]}
         swaps: dict[tuple[str, ...], list[Part]] = {}
         for part in library_parts(best.model, self.data.signals):
@@ -429,7 +429,7 @@ class Search:
         found.add(self._refined(again), self.jobs)
 
     def _at_better_order(self, found: Explanation) -> list[Explanation]:
-        """Returns `found`, which has a periodic effect, fitted from the best order nearby; [] if it has this order.
+        """Returns a fit of `found` from the best order near its own; [] if no order nearby costs clearly less.
 
         A descent can end in a local minimum beside the right order, where the travel holds one period more or less.
         """
@@ -443,9 +443,9 @@ class Search:
 
 
 def _different(ranked: Sequence[Evidence]) -> list[Evidence]:
-    """Returns `ranked` without explanations that contain a better one or vary its laws.
+    """Returns `ranked` without explanations that contain a better explanation or consist of variants of its laws.
 
-    The search would add the same parts to both.
+    The search would add the same parts to both explanations.
     """
     families = [frozenset(map(catalogue.family, one.explanation.names)) for one in ranked]
     return [
@@ -457,12 +457,12 @@ def _different(ranked: Sequence[Evidence]) -> list[Evidence]:
 
 
 def _information(explanation: Explanation) -> float:
-    """Returns the cost plus 1 for each parameter of its parts (Akaike 1974)."""
+    """Returns the cost plus 1 for each parameter of the explanation's parts (Akaike 1974)."""
     return explanation.cost + explanation.parameter_count
 
 
 def _from_part(smaller: Explanation, larger: Explanation) -> Explanation:
-    """Returns `larger` with the values of `smaller` for the parameters of both; `larger` contains `smaller`."""
+    """Returns `larger`, which has all parts of `smaller`, with the values of `smaller` for the shared parameters."""
     values = dict(zip((one.name for one in smaller.plan.free), smaller.point.tolist(), strict=True))
     point = [values.get(one.name, x) for one, x in zip(larger.plan.free, larger.point.tolist(), strict=True)]
     added = [part for part in larger.parts if part.name not in smaller.key]

@@ -1,11 +1,11 @@
-"""The last fit: the explanation that the verdict states, at the measured samples and over whole runs, with intervals.
+"""The last fit: fits the verdict's explanation to the measured samples and to whole runs, and computes intervals.
 
-The search compares short windows, and changes of a signal, because a wrong force shifts a velocity for seconds and a
+The search compares short windows, and changes of signals, because a wrong force shifts a velocity for seconds and a
 position for ever. But the written model must follow a whole run. So the same explanation is fitted again to free runs,
 without a new part. The new values are kept if they fit the fit runs better.
 
-On request, the best predictor is settled too: the explanation with every part, claimed or not, that surely improves the
-prediction of left-out whole runs. It is for users who want to predict, not to explain.
+On request, the best predictor is fitted too: the explanation with every part that surely improves the prediction of
+left-out whole runs, whether the verdict names the part or not. It serves users who want to predict, not to explain.
 """
 
 from __future__ import annotations
@@ -78,12 +78,12 @@ def settle(prepared: Prepared, found: Explanation) -> Settled:
 
 
 def _are_whole(prepared: Prepared) -> bool:
-    """Returns whether the residual at the measured samples compares whole runs, and no signal by its change."""
+    """Returns whether the residual at the measured samples compares whole runs, and values, not changes, of signals."""
     return prepared.dataset.vehicle != "motor" and SUMMED.isdisjoint(prepared.fine.signals)
 
 
 def at_samples(prepared: Prepared, nominal: Explanation, best: Explanation) -> Found:
-    """Returns the evidence of both explanations, and of `best` without each of its parts, at the measured samples.
+    """Returns the evidence, at the measured samples, of `nominal`, of `best`, and of `best` without each of its parts.
 
     The search compared explanations on a coarse grid. A second part may explain only the error of that grid.
     """
@@ -127,7 +127,7 @@ def whole_runs(prepared: Prepared) -> Residual | None:
 
 
 def follow(whole: Residual, found: Explanation, jobs: int) -> tuple[Residual, Explanation]:
-    """Returns whole runs weighed by the residual of each signal, and the explanation fitted to them.
+    """Returns `whole`, each signal weighed by the size of its residual, and the explanation fitted to `whole`.
 
     Raises:
         SimulationError: the plant diverges over whole runs.
@@ -156,15 +156,15 @@ def error_changes(prepared: Prepared, before: Model, after: Model) -> dict[str, 
 
 
 def _is_better(prepared: Prepared, model: Model, than: Model) -> bool:
-    """Returns whether a model has less error on the fit runs than another, by the mean log error over signals."""
+    """Returns whether `model` has less error than `than` on the fit runs: the mean log error over signals decides."""
     return sum(map(math.log, error_changes(prepared, than, model).values())) < 0
 
 
 def best_predictor(prepared: Prepared, start: Explanation, tell: Tell) -> Settled:
     """Returns `start` with the parts that reduce the error in whole left-out runs most: the best predictor.
 
-    Its parts are no findings: it may hold several parts that the evidence cannot tell apart, and prior odds do not
-    count. A feedback loop biases its values, but not its simulations. A periodic part joins only if the angle is
+    The predictor's parts are no findings: prior odds do not count, and the data may not tell some of its parts apart. A
+    feedback loop biases fitted values, but not simulations. A periodic part is added only if a wheel's angle is
     measured: otherwise the phase in a new run is not known.
     """
     whole = whole_runs(prepared)
@@ -195,9 +195,9 @@ def best_predictor(prepared: Prepared, start: Explanation, tell: Tell) -> Settle
 
 
 def better_predictor(prepared: Prepared, grown: Settled, explained: Settled) -> Settled:
-    """Returns the model with less error on the fit runs: the grown predictor or the settled explanation.
+    """Returns the model with less error on the fit runs: the predictor with added parts, or the written explanation.
 
-    The descent on whole runs may leave the grown predictor at worse values than the explanation has.
+    The descent on whole runs may leave the predictor at worse values than those of the explanation.
     """
     return grown if _is_better(prepared, grown.model, explained.model) else _as_predictor(explained)
 

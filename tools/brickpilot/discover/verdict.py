@@ -1,12 +1,12 @@
 """The verdict that the evidence gives on all explanations found. See `pipeline` for what may change it later.
 
-The explanations that hold 95 % of the weight are kept. If one of them contains another, the larger one adds nothing
-beyond the tolerance, so the simpler one stands for both. An effect is sure if explanations with it hold 95 % of the
-weight. The verdict is `named` for one minimal explanation of sure effects, `ambiguous` for several, `none` for the
-nominal model. An explanation that leaves too much error is refuted (see `adequacy`): it is no answer, and adds no
-weight to another. The verdict is `unknown` if all are refuted; measured samples (`confirmed`), held-out runs (`seal`)
-or a time limit may also turn it to `unknown`. An effect is not named if only stated values support it: they may be
-wrong.
+The explanations that hold 95 % of the weight are kept. If a kept explanation contains another, the larger one removes
+no error beyond the tolerance, so the simpler one stands for both. An effect is sure if the explanations with this
+effect hold 95 % of the weight. The verdict is `named` for one minimal explanation (it contains no other) of sure
+effects, `ambiguous` for several, `none` for the nominal model. An explanation that leaves too much error is refuted
+(see `adequacy`): it is no answer, and its weight supports no other. If all are refuted, the verdict is `unknown`.
+Measured samples (`confirmed`), held-out runs (`seal`) or a time limit may also turn it to `unknown`. If only stated
+values, which may be wrong, support an effect, it is not named.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _STATED = "Only what was stated of nominal values speaks for an effect: the data
 
 @dataclass(frozen=True, eq=False)
 class Weighed:
-    """An explanation of the set that holds 95 % of the weight."""
+    """One of the explanations that together hold 95 % of the weight, with its own weight."""
 
     explanation: Explanation
     weight: float
@@ -43,15 +43,15 @@ class Weighed:
 
 @dataclass(frozen=True, eq=False)
 class Verdict:
-    """What the fit runs say.
+    """The verdict of the fit runs.
 
     Attributes:
         nominal: the calibrated nominal model.
         best: the explanation that is reported; the nominal model if no part is needed.
-        rivals: the other minimal explanations, the heaviest first.
-        held: the set that holds 95 % of the weight, the heaviest first.
-        sure: the names of parts whose explanations hold 95 % of the weight.
-        temperature: the nats that count as one.
+        rivals: the other minimal explanations (none contains another), the heaviest first.
+        held: the explanations that together hold 95 % of the weight, the heaviest first.
+        sure: the names of the parts that are sure: all explanations with such a part together hold 95 % of the weight.
+        temperature: the number of nats that count as one nat.
         adequacy: the error that the best explanation leaves; None: not computed.
         ranked: the evidence of all weighed explanations, the heaviest first.
         steps: the stages that set or changed `kind`.
@@ -71,12 +71,12 @@ class Verdict:
     refuted: frozenset[frozenset[str]] = frozenset()
 
     def turned(self, by: Step, **changes: Any) -> Verdict:
-        """Returns the verdict as changed by the stage `by`, with the other fields in `changes`."""
+        """Returns the verdict after the step `by`, which sets its kind; `changes` sets other fields."""
         return dataclasses.replace(self, kind=by.verdict, steps=(*self.steps, by), **changes)
 
 
 def _said(one: Explanation, held: Sequence[Weighed]) -> float:
-    """Returns the weight of an explanation and of those that contain it."""
+    """Returns the weight of an explanation plus that of all explanations that contain it."""
     return sum(other.weight for other in held if other.explanation.key == one.key or other.explanation.contains(one))
 
 
@@ -96,7 +96,7 @@ def weigh(found: Found) -> Verdict:
 def adequate(found: Found, left_of: Callable[[Explanation], Adequacy]) -> Verdict:
     """Returns the verdict of the evidence among the explanations that are adequate by `left_of`.
 
-    An explanation whose residual a black box predicts is not the whole answer. It is refuted, and the other
+    If a black box predicts an explanation's residual, the explanation is not the whole answer and is refuted. The other
     explanations are weighed again if they hold more than 5 % of the weight. Otherwise the verdict is `unknown`.
     """
     first, refuted, fails = (verdict := weigh(found)), set[frozenset[str]](), None
@@ -119,7 +119,7 @@ def adequate(found: Found, left_of: Callable[[Explanation], Adequacy]) -> Verdic
 
 
 def _among(found: Found, refuted: Collection[frozenset[str]]) -> Verdict | None:
-    """Returns the verdict without refuted explanations and those inside them; None if these hold 95 % of the weight."""
+    """Returns the verdict without refuted sets of parts and their subsets; None if these hold 95 % of the weight."""
     temperature = found.temperature
     fails = {one for one in found.table if any(one <= key for key in refuted)}  # fewer parts leave more error
     needed = _needed(found.ranked(), found, fails)
@@ -135,11 +135,11 @@ def _among(found: Found, refuted: Collection[frozenset[str]]) -> Verdict | None:
     sure = frozenset(name for name, share in held_by.items() if share >= numbers.SURE)
     least, nothing = _least(held, held), found.nothing.explanation
     best = next((one for one in least if one.effects), least[0])  # run values are no missing law
-    # Held-out runs can confirm what the data support, but not what the stated values alone support.
+    # Held-out runs can confirm an effect that the data support, but not one that only stated values support.
     data_tell, called = found.is_sure(best), " + ".join(best.names)
     if any(one.key == nothing.key for one in least):
-        # The nominal model moved a stated value. Either it was stated wrongly or a law is missing: the data do not tell
-        # which.
+        # The nominal fit moved a value from its stated value. Either the stated value is wrong or a law is missing: the
+        # data do not tell which.
         least = [*_least([one for one in held if found.keeps_stated(one.explanation)], held), nothing]
         best = least[0]
         said = Step("weigh", "ambiguous", _STATED) if len(least) > 1 else Step("weigh", "none", _NOTHING)
@@ -153,11 +153,11 @@ def _among(found: Found, refuted: Collection[frozenset[str]]) -> Verdict | None:
 
 
 def confirmed(verdict: Verdict, samples: Found, enough: float) -> Verdict:
-    """Returns `verdict` as the measured samples confirm or change it.
+    """Returns `verdict`, changed if the measured samples do not confirm it.
 
     Args:
-        samples: evidence at the samples: of the best explanation, of it without one part each, of the nominal model.
-        enough: the most nats by which the evidence of noise alone may exceed that of the nominal model for `none`.
+        samples: evidence, at the samples, of nominal model, best explanation, and best explanation without each part.
+        enough: for `none`, noise alone may have at most this many nats more evidence than the nominal model.
     """
     if verdict.kind not in ("named", "ambiguous"):
         return verdict
@@ -180,7 +180,7 @@ def confirmed(verdict: Verdict, samples: Found, enough: float) -> Verdict:
 
 
 def best_so_far(found: Found) -> Explanation:
-    """Returns the explanation that is reported if something is missing but the weight supports no explanation.
+    """Returns the explanation to report if something is missing but no explanation has enough weight.
 
     It is the single part that predicts best, or the nominal model if no part surely predicts better.
     """
@@ -194,19 +194,19 @@ def best_so_far(found: Found) -> Explanation:
 def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozenset[str]]) -> dict[Evidence, Evidence]:
     """Returns the explanations that are weighed, each with the evidence that sets its weight.
 
-    A kept explanation with fewer parts leaves another explanation out in two cases:
+    A kept, simpler explanation leaves a larger one out in two cases:
 
-    - The other explanation contains it, but removes less of its error than it leaves itself. Error is the squared error
-      above noise plus the distance of fitted values from stated values.
-    - The other explanation has no better evidence and no better prior. Otherwise the many large sets of parts would
-      together outweigh a name.
+    - The larger one contains the simpler one, but removes less error than it leaves. Error is the squared error above
+      noise plus the distance of fitted values from stated values.
+    - The larger one has more parts, but no better evidence and no better prior. Without this rule, the many large sets
+      of parts would together outweigh a name.
 
-    Laws of a wrong shape may leave error in a signal: a share of what these laws remove in addition to run values. To
-    remove such error does not count. If an explanation does not surely remove more than such error, no part is missing,
-    and the simpler explanation gets the likelier evidence of both.
+    Laws of a wrong shape may leave error in a signal: a share of what these laws remove in addition to run values. A
+    larger explanation gains nothing if it removes such error. If it does not surely remove more, no part is missing,
+    and the simpler explanation gets the likelier evidence of the two.
 
-    A refuted nominal model leaves no explanation out, because a law is missing. An explanation of refuted laws leaves
-    others out until one of them removes enough: its laws may have a wrong shape, which an added law only imitates.
+    A refuted nominal model leaves no explanation out, because a law is missing. A refuted explanation with laws leaves
+    others out unless a larger one removes enough: its laws may have a wrong shape, which an added law only imitates.
     """
     temperature = found.temperature
     prior = {one: one.log_prior(temperature) for one in ranked}
@@ -219,20 +219,20 @@ def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozen
     contained = {one: sum(one in others for others in larger.values()) for one in ranked}
 
     def gain(simpler: Evidence, bigger: Evidence) -> float:
-        """Returns the error of `one` that `other` removes beyond what wrong shapes of the laws of `one` may leave."""
+        """Returns the error of `simpler` that `bigger` removes, without error that wrong shapes of laws may leave."""
         gone = excess[simpler] - excess[bigger]
         return float((gone - np.clip(gone, 0.0, shape[simpler])).sum()) / 2 + moved[simpler] - moved[bigger]
 
     def removes_enough(simpler: Evidence, bigger: Evidence) -> bool:
-        """Returns whether `other` removes at least as much error of `one` as it leaves, and surely some error."""
+        """Returns whether `bigger` removes at least as much error of `simpler` as it leaves, and surely some error."""
         return gain(simpler, bigger) >= max(float(excess[bigger].sum()) / 2 + moved[bigger], sure[simpler])
 
     def counts(simpler: Evidence) -> bool:
-        """Returns whether an explanation counts against those that contain it."""
+        """Returns whether `simpler` may leave out other explanations."""
         is_refuted, laws = simpler.explanation.key in refuted, simpler.explanation.laws
         return not is_refuted or (bool(laws) and not any(removes_enough(simpler, other) for other in larger[simpler]))
 
-    for other in sorted(ranked, key=lambda one: (len(one.explanation.parts), contained[one])):  # contained ones first
+    for other in sorted(ranked, key=lambda one: (len(one.explanation.parts), contained[one])):  # contained first
         for one in stands:
             if other in larger[one]:
                 if sure[one] and gain(one, other) < sure[one]:

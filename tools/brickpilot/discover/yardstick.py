@@ -1,8 +1,8 @@
-"""The yardstick for a model of a real machine: fit in percent before, after and attainable.
+"""The yardstick: how well the nominal, the augmented and the best attainable model fit a real machine, in percent.
 
 No simulator matches a real machine down to sensor noise, so multiples of noise say little about a model. The data give
-two other bounds: the share of the nominal model's error that the black box of `adequacy` predicts on unseen runs, and
-the difference between repeats of the same inputs. The yardstick comes after the seal, and decides nothing.
+two bounds of the fit: the share of the nominal model's error that the black box of `adequacy` predicts on unseen runs,
+and the difference between repeats of the same inputs. This stage runs after the seal is opened, and decides nothing.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from brickpilot.vehicle.model import Model
 Array = NDArray[np.float64]
 
 HORIZONS: Mapping[str, float] = {**AHEAD, "0.2_s": 0.2}
-"""Name -> prediction horizon, s. The free run has none and is not listed."""
+"""Name -> prediction horizon, s. The free run has no horizon and is not listed."""
 
 _NOTHING = together([])
 
@@ -40,12 +40,12 @@ _NOTHING = together([])
 class Fit:
     """How well one signal is simulated at one horizon, in percent of the signal: see `data.agreement`.
 
-    The fit is over all samples of all runs of a role. None: no such run, or the signal is not larger than its noise.
+    The fit counts all samples of the fit runs or of the held-out runs. None: no such run, or the signal is only noise.
 
     Attributes:
         before, after: the fit of the calibrated nominal model and of the augmented model.
-        attainable: a lower bound of the best possible fit: the fit of the nominal model plus a black box, on runs that
-            the black box has not seen; or `before` or `after` if larger.
+        attainable: a lower bound of the best possible fit: the largest of `before`, `after`, and the fit of the nominal
+            model plus a black box on runs that the black box has not seen.
         numbers_before, numbers_after: the other headline numbers of the two models.
     """
 
@@ -69,7 +69,7 @@ class Fit:
 
 @dataclass(frozen=True)
 class SignalFit:
-    """One signal at one horizon.
+    """The fit of one signal at one horizon, on the fit runs and on the held-out runs.
 
     Attributes:
         repeatability: fit in percent of a perfect model, from repeats of the same inputs: no model can predict the
@@ -86,11 +86,11 @@ class SignalFit:
 
 @dataclass(frozen=True)
 class Predictable:
-    """The nominal model's squared error in free runs: how much of it a black box predicts on runs it has not seen.
+    """How much of the nominal model's squared error in free runs a black box predicts on runs that it has not seen.
 
     Attributes:
         share, held_out: the predicted share, 0..1, on the fit runs and on the held-out runs; for held-out runs, the
-            black box is trained on the fit runs. Errors are in units of each signal's variance. None: no such runs.
+            black box is trained on the fit runs. Errors are in units of each signal's mean square. None: no such runs.
         removed, removed_held_out: the share of the predictable error that the augmented model removes; negative if the
             error grows, 1 if the model removes more than the black box. None: nothing is predictable.
     """
@@ -110,7 +110,7 @@ class Predictable:
 
 @dataclass(frozen=True)
 class Yardstick:
-    """The yardstick of two models of a real machine.
+    """How well the nominal and the augmented model fit a real machine.
 
     Attributes:
         signals: signal -> horizon -> fit.
@@ -139,7 +139,7 @@ class Yardstick:
 
 
 def measure(prepared: Prepared, proof: Proof, nominal: Model, augmented: Model) -> Yardstick:
-    """Returns the yardstick of the calibrated nominal model and the written model."""
+    """Returns how well the calibrated nominal and the augmented model fit the data."""
     plain = proof.opened.plain
     compared = track(plain, nominal, HORIZONS)
     simulated = simulated_at(compared, [nominal, augmented], threads=prepared.jobs, may_diverge=True)
@@ -171,7 +171,7 @@ def as_predictor(prepared: Prepared, proof: Proof, found: Settled) -> Predictor:
 
 
 def _fit(before: Agreement, after: Agreement, share: float) -> Fit:
-    """Returns the fit of a signal. `share`: the share of its squared error that the black box predicts."""
+    """Returns the fit of a signal. `share`: the share of the nominal squared error that the black box predicts."""
     known = [one.fit_percent for one in (before, after) if one.fit_percent is not None]
     if not known:
         return Fit(None, None, None)
@@ -181,7 +181,7 @@ def _fit(before: Agreement, after: Agreement, share: float) -> Fit:
 
 
 def _predictable(signals: Mapping[str, Mapping[str, SignalFit]]) -> Predictable:
-    """Returns the shares over all signals, from their fits. Each signal's error is in units of its own variance."""
+    """Returns the shares over all signals, from their fits. Errors are in units of a signal's mean square."""
     free = [one[FREE_RUN] for one in signals.values() if FREE_RUN in one]
     share, removed = _shares([one.fit for one in free])
     held_out, removed_held_out = _shares([one.held_out for one in free])
@@ -189,7 +189,7 @@ def _predictable(signals: Mapping[str, Mapping[str, SignalFit]]) -> Predictable:
 
 
 def _shares(fits: Sequence[Fit]) -> tuple[float | None, float | None]:
-    """Returns the predictable share of squared error, and the share of this part that the augmented model removes."""
+    """Returns the predictable share of squared error, and what share of this error the augmented model removes."""
     known = np.array([(one.before, one.after, one.attainable) for one in fits], dtype=np.float64).reshape(-1, 3)
     known = known[np.isfinite(known).all(axis=1)]
     if not len(known):
@@ -230,6 +230,6 @@ def _share(error: Array, predicted: Array) -> float:
 
 
 def _is_fit(prepared: Prepared, run: str, middle: Array) -> NDArray[np.bool_]:
-    """Returns (n,) whether a time of a run is fitted."""
+    """Returns (n,): whether each time of a run belongs to the fitted data."""
     first, last = prepared.roles.stretches.get(run, (np.inf, -np.inf))
     return (prepared.roles.by_run[run] == "fit") & ((middle < first) | (middle > last))
