@@ -1,4 +1,4 @@
-"""What changed, in terms of the machine: each difference with its sizes before and after, and with intervals."""
+"""Describes each difference of a machine as a quantity before and after, with an interval, and in words."""
 
 from __future__ import annotations
 
@@ -37,10 +37,9 @@ _COMBINATION = {"viscous_friction": "kV", "wheel_inertia": "kA", "mass": "kA"}
 
 @cache
 def combinations() -> Mapping[str, str]:
-    """Returns the combination in which the difference of a constant, or of a torque in volts, is reported.
+    """Returns constant or torque in volts ("effect.parameter") -> the combination that reports its difference.
 
-    The keys are constants, and "effect.parameter" for torques. The data may determine a combination but not the
-    constant or the torque alone.
+    The data may determine a combination although they do not determine the constant or the torque alone.
     """
     rows = ((effect.name, row) for effect in catalogue.effects() for row in effect.parameters)
     return {**_COMBINATION, **{f"{effect}.{row.name}": row.in_volts for effect, row in rows if row.in_volts}}
@@ -61,13 +60,13 @@ class Change:
     Attributes:
         recording: the name of the later recording that has the difference.
         what: an effect, a combination of constants (kV, kA, dry friction in volts) or a constant.
-        mechanism: the mechanism of the difference, as for an effect.
+        mechanism: the part of the machine that the difference stands for, such as "bearing".
         side: the side with the difference, "left" or "right"; None: both sides, or the whole machine.
-        parameter: the value of the model that differs.
+        parameter: the name of the model's value that differs.
         unit: the unit of `before`, `after` and `change`.
-        before, after: the values.
+        before, after: the value of `what` in the earlier and in the later recording.
         change: `after` minus `before`.
-        percent: `change` in percent of `before`; None if `before` is 0, or if the sign of `before` is not sure.
+        percent: `change` in percent of `before`; None if `before` is not above 0.
         since: when the difference begins; None: at the start of the recording, as far as the data show.
         rivals: the other explanations that the data do not rule out; each is given by the names of its differences.
         weight: the sum of the weights of the explanations with this difference, 0..1.
@@ -97,8 +96,8 @@ class FitPercent:
     """Fit in percent of one signal in free runs; None: the signal was not measured in this recording.
 
     Attributes:
-        old_model_before, old_model_after: the fit in BEFORE and in AFTER, by the model of BEFORE alone.
-        explained_after: the fit in AFTER, by the model with the changes.
+        old_model_before, old_model_after: the fit of the model without changes, in the earlier and the later recording.
+        explained_after: the fit of the model with the changes, in the later recording.
     """
 
     old_model_before: float | None
@@ -119,7 +118,7 @@ class Constant:
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """One signal in one run of a later recording, SI, (n,) each: measured, and by the models before and after."""
+    """One signal in one run of a later recording, SI, (n,) each: measured, and simulated without and with changes."""
 
     run: str
     signal: str
@@ -131,17 +130,17 @@ class Trace:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Changed(Result):
-    """What differs in later recordings from an earlier one.
+    """The differences of later recordings from an earlier recording.
 
     Attributes:
         before, after: the names of the recordings.
         dataset: the first later recording, which gives the vehicle and the units.
-        verdict: the strongest of the later recordings' verdicts.
-        verdicts: later recording -> its own verdict.
-        changes: the changes, from the most certain on.
+        verdict: the first of "changed", "ambiguous", "unknown" and "nothing" that is the verdict on a later recording.
+        verdicts: later recording -> the verdict on this recording.
+        changes: the changes of all recordings, the most certain change first.
         fits: later recording -> signal -> fit in percent.
-        constants: the combinations of constants that each recording alone determines.
-        traces: later recording -> traces of those runs and signals in which the changes are largest.
+        constants: the combinations of constants that a single recording determines.
+        traces: later recording -> traces of the runs and signals in which the changes explain most.
         steps: later recording -> the stages that set or changed its verdict.
         notes: sentences on what was assumed or left out.
         seed: the seed of the random starts.
@@ -214,7 +213,7 @@ class Quantity:
 
 
 def quantity_of(difference: Difference, vehicle: str) -> Quantity:
-    """Returns the quantity in which a difference is reported: the combination that the data determine, or the value."""
+    """Returns the quantity that reports a difference: a combination (see `combinations`) or the value itself."""
     name = difference.what
     formula = next((row for row in FORMULAS[vehicle] if row.name == combinations().get(name)), None)
     if formula is not None:
@@ -232,7 +231,7 @@ def quantity_of(difference: Difference, vehicle: str) -> Quantity:
 
 
 def in_model(formula: Formula, model: Model) -> float:
-    """Returns the value of a combination; 0 for friction that the model lacks, NaN if it is undefined."""
+    """Returns the value of a combination. Friction that the model lacks counts as 0; NaN: the value is undefined."""
     values = dict.fromkeys(combinations(), 0.0) | values_of(model)
     with np.errstate(divide="ignore", invalid="ignore"):
         try:
@@ -268,16 +267,15 @@ def change_of(
     difference: Difference, model: Model, spread: Spread | None, sd: float, before: str, after: str,
     alone: Mapping[str, tuple[Constant, Constant]], **other_fields: Any,
 ) -> Change:  # fmt: skip
-    """Returns a difference as a change.
+    """Returns the change that reports a difference.
 
     Args:
-        model: the model of the explanation that holds the difference.
+        model: the model of the explanation that contains the difference.
         spread: the uncertainty of the fitted values of `model`.
-        sd: sd of the difference's first value between recordings of an unchanged machine, in the value's own unit.
+        sd: sd of the difference's first value between recordings of an unchanged machine, in the value's unit.
         before, after: the names of the recordings.
         alone: combination -> its values (before, after), each determined by one recording alone. These values are
-            reported if they surely differ, because a difference too small to be named still shifts the values of
-            `model`.
+            reported if they surely differ: a difference that is too small to be named still shifts those of `model`.
         other_fields: the fields of `Change` that neither the difference nor the model gives.
     """
     quantity = quantity_of(difference, model.vehicle)
@@ -334,7 +332,7 @@ def is_sure(change: Sized) -> bool:
 
 
 def _apart(before: Constant, after: Constant, sd: float) -> tuple[Sized, Sized | None]:
-    """Returns the change of a value, and the change in percent; None in its place: the value before is not above 0.
+    """Returns the change of a combination, and the change in percent, or None if the value before is not above 0.
 
     `sd`: the sd of the change between recordings of an unchanged machine.
     """
@@ -372,7 +370,7 @@ def subject(what: str) -> str:
 def _described(
     difference: Difference, model: Model, recording: str, change: Sized, percent: Sized | None, unit: str
 ) -> tuple[Literal["left", "right"] | None, str, str]:
-    """Returns the side of a change, a sentence, and what to do about it."""
+    """Returns the side of a change, a sentence on the change, and advice."""
     name, effect = difference.what, difference.what.partition(".")[0]
     is_gone = difference.recording != recording
     table = in_recording(model, recording, ("",)).effects.get(effect, {})

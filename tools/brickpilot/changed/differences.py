@@ -1,6 +1,6 @@
 """What may differ between two recordings of one machine: differences as parts of an explanation, and their search.
 
-A difference belongs to one recording, AFTER. It is either a change of a value that the machine always has, such as its
+A difference belongs to one of the recordings. It is either a change of a value that the machine always has, such as its
 friction, its load or the delay of its link; or an effect of the library that the other recording does not show.
 """
 
@@ -28,11 +28,11 @@ from brickpilot.vehicle.model import Model
 from brickpilot.vehicle.replay import ADDED, RUN_KINDS, in_recording
 
 MOST_DIFFERENCES = 3  # largest number of differences in an explanation
-_NEW = 10  # number of effects of the library that are fitted in addition to the machine's own values
+_NEW = 10  # number of effects of the library that are fitted, besides the values that the machine always has
 _LEAST = 0.1  # least size at which a difference is tried, as a share of the usual size
-_MOST = 3.0  # largest change of a constant that hardly varies, in sd of the usual change; more means another machine
+_MOST = 3.0  # largest change of a constant with a usual change, in sd of this change; more means another machine
 _SHARES = (-0.95, 20.0)  # range of a constant's relative change: the value becomes 0.05 to 21 times as large
-_STARTS = (0.5, -0.5)  # start values of the fit of each of the machine's own values, as shares of the usual size
+_STARTS = (0.5, -0.5)  # start values of the change of a value that the machine always has, as shares of the usual size
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Constant:
     Attributes:
         odds: prior odds that the value changed.
         sd: sd of the usual change, as a share of the value; 0: the change may have any size.
-        mechanism: the mechanism of the change, as for an effect.
+        mechanism: the part of the machine that the change stands for, such as "bearing".
         words: the name of the value, as the subject of a sentence.
     """
 
@@ -63,7 +63,7 @@ CONSTANTS = {
 }
 """The constants of a machine that may change. A motor's windings and magnets do not change, so they are left out."""
 
-_OWN_OF_RUNS = ("supply_gain", "delay")  # a late start of a recording says nothing about the machine
+_OWN_OF_RUNS = ("supply_gain", "delay")  # without "start": a late start of a log is no difference of the machine
 
 
 @dataclass(frozen=True)
@@ -72,9 +72,9 @@ class Difference(Part):
 
     Attributes:
         recording: the recording that differs.
-        what: what differs: a nominal parameter, a kind of value of runs, an "effect.parameter" or an effect.
-        log_odds, mechanism, contains: as for other parts.
-        rows: key -> the row of its parameter, with the range of the difference.
+        what: the name of a nominal parameter, of a value of runs ("delay"), of an effect or of "effect.parameter".
+        log_odds, mechanism, contains: as for every `Part`.
+        rows: key -> the parameter's row of the catalogue, but with the range of the difference.
         known: key -> the prior of the difference.
     """
 
@@ -91,7 +91,7 @@ class Difference(Part):
 
     @property
     def is_new(self) -> bool:
-        """Whether the difference is an effect that no other recording has."""
+        """Whether the difference is an effect that the other recording does not have."""
         return bool(self.fixed)
 
     @property
@@ -120,7 +120,7 @@ class Difference(Part):
             key: {name: value for name, value in table.items() if name != self.recording or key not in self.free}
             for key, table in model.by_run.items()
         }
-        by_run = {key: table for key, table in by_run.items() if table}  # also of another recording
+        by_run = {key: table for key, table in by_run.items() if table}  # keeps values of another recording
         gone = {key.partition(".")[0] for key in self.fixed} - {key.partition(".")[0] for key in by_run}
         effects = {name: table for name, table in model.effects.items() if name not in gone}
         return dataclasses.replace(model, effects=effects, by_run=by_run)
@@ -133,7 +133,7 @@ class Difference(Part):
 
 
 def own_differences(model: Model, nominal: Collection[str], recording: str) -> Iterator[Difference]:
-    """Yields the possible differences in what a machine always has: constants, values of runs, and sizes of effects.
+    """Yields the possible differences in values that a machine always has: constants, values of runs, effects' sizes.
 
     Args:
         nominal: the nominal parameters that the vehicle's equations use.
@@ -143,7 +143,7 @@ def own_differences(model: Model, nominal: Collection[str], recording: str) -> I
         key: str, row: ParameterInfo, most: float, size: float, odds: float, mechanism: str, sd: float = 0.0,
         least: float | None = None,
     ) -> Difference:  # fmt: skip
-        """Returns a difference of one value, from `least` (None: -`most`) to `most`, tried at `size`."""
+        """Returns a difference in one value: its range is `least` (None: -`most`) to `most`, its usual size `size`."""
         info = dataclasses.replace(
             row, name=key, minimum=-most if least is None else least, maximum=most, preset=0.0, trial=size, role="size",
             scan=(), limits="", arm_of="", optional=False,
@@ -174,9 +174,9 @@ def own_differences(model: Model, nominal: Collection[str], recording: str) -> I
 
 
 def no_further(model: Model, recording: str) -> Model:
-    """Returns a model with each difference limited to the range of its size: a size of 0 cannot fall further.
+    """Returns a model whose differences stay in the ranges of their parameters: a size of 0 cannot fall further.
 
-    Beyond this bound a difference has no effect, so the data cannot determine it.
+    A larger difference has no further influence, so the data cannot determine it.
     """
     by_run = {key: dict(table) for key, table in model.by_run.items()}
     there = in_recording(model, recording, ("",))
@@ -200,8 +200,8 @@ def _brakes(model: Model) -> float:
 def new_differences(model: Model, measured: Collection[str], recording: str) -> Iterator[Difference]:
     """Yields the effects of the library that the machine may have in one recording alone.
 
-    Left out are laws whose phase a fit has to find, and laws that duplicate one of the machine's own values: a delay,
-    and a nominal parameter by another name.
+    Some effects are left out: those whose phase a fit has to find, and those that act like a value which the machine
+    always has (a delay, or a nominal parameter under another name).
     """
     for part in library_parts(model, measured):
         effect = catalogue.effect(part.effect)
@@ -221,14 +221,14 @@ def new_differences(model: Model, measured: Collection[str], recording: str) -> 
 
 @dataclass
 class Differences:
-    """All possible differences of a recording, as a `Source` of a search.
+    """All possible differences between two recordings, as a `Source` of a search.
 
-    All of the machine's own values are fitted, each from two starts, whatever the screening finds: the screening is
-    linear, but a value near 0 in one recording may be large in another.
+    Every value that the machine always has is fitted, from two starts, whatever the screening finds: the screening is
+    linear, but a value near 0 in one recording may be large in the other.
 
     Attributes:
         nominal: the nominal parameters that the vehicle's equations use.
-        recording: the later recording, in which the machine's own values may differ.
+        recording: the later recording, in which values that the machine always has may differ.
         new_in: the recordings that may have an effect that the other recording lacks.
         most: largest number of differences in an explanation.
     """
@@ -242,7 +242,7 @@ class Differences:
     word, width = "difference", Width(rough=40, fine=12, least=12, paired=12, swapped=0)
 
     def screened(self, problem: Problem, point: Array, deadline: Deadline) -> list[Trial]:
-        """Returns trials of the machine's own values, and then of the new effects that explain most in addition."""
+        """Returns trials of values that the machine always has, and then of the new effects that explain most."""
         base = problem.plan.at(point)
 
         def lacks(part: Difference) -> bool:

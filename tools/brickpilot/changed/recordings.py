@@ -1,9 +1,10 @@
-"""Recordings of one machine as one data set: the moment of a change in a recording, and how much its runs differ.
+"""Recordings of one machine as one data set: the moment of a change in a recording, and how much runs differ.
 
-The sum of gains from a moment to the end is largest at the moment at which losses turn into gains (Page 1954,
-Biometrika 41: the CUSUM of a change point). A first estimate takes the growth of the old model's error as the gain,
-because this model is right before the moment. The final estimate takes the gain of the differences that explain the
-data after the moment. Every model explains a machine at rest, so data at rest do not show when a difference began.
+A gain is how much better a value is predicted with a change than without. The sum of the gains from a moment to the end
+is largest at the moment of the change (Page 1954, Biometrika 41: the CUSUM of a change point). A first estimate of this
+moment takes the growth of the old model's error as the gain, because the old model is right before the change. The
+final estimate takes the gain of the model with the differences. Every model explains a machine at rest, so data at rest
+do not show when a difference began.
 """
 
 from __future__ import annotations
@@ -29,22 +30,22 @@ from brickpilot.fit.robust import correlation_time
 from brickpilot.vehicle.model import Model
 
 _SEP = ": "  # between the names of a recording and of its run
-_STEP_S = 0.1  # resolution of a moment
-_FAR = 5.0  # in scales: a larger error is clipped to this
+_STEP_S = 0.1  # resolution, s, of the moment of a change
+_FAR = 5.0  # in units of an error's scale: a larger error is clipped to this
 _LEAST_DEGREES = 2  # least degrees of freedom: the number of runs, less one for each recording
 
 
 def together(recordings: Mapping[str, Dataset]) -> Dataset:
     """Returns the runs of all recordings as fit runs of one data set, which is otherwise like the first recording.
 
-    A run's name begins with the name of its recording. Other nominal values of a later recording are not used, and a
-    note says so: the data have to show what differs.
+    A run's name begins with the name of its recording. If a later recording states other nominal values, these are not
+    used, and a note says so: the data have to show the difference.
 
     Args:
-        recordings: name -> data set. A name contains no "@" and no ": ", and no run has the same name.
+        recordings: name -> data set. A name contains no "@" and no ": ", and is not the name of a run.
 
     Raises:
-        InputError: a recording is of another vehicle, or has another input timing.
+        InputError: a later recording is of another vehicle than the first, or has another input timing.
     """
     first, *others = recordings.values()
     notes = []
@@ -67,14 +68,14 @@ def only(joint: Dataset, recording: str) -> Dataset:
 
 
 def own_name(run: str) -> str:
-    """Returns the name that a run has in its own recording."""
+    """Returns the name of a run without the name of its recording."""
     return run.partition(_SEP)[2]
 
 
 def since(joint: Dataset, before: str, after: str, run: str, at_s: float) -> Dataset:
-    """Returns the recordings, with all samples of `after` before a moment of `run` moved to `before`.
+    """Returns the recordings, but all samples of `after` up to the moment `at_s` of `run` now belong to `before`.
 
-    This run is cut in two. The second part starts from the measured state at the moment.
+    `run` is cut in two at this moment. The later piece starts from the measured state at the moment.
     """
     runs: list[Run] = []
     begun = False
@@ -99,7 +100,7 @@ class Onset:
     Attributes:
         run: the name of the run.
         at_s: the moment, s on the clock of the run.
-        ci95: the first and the last moment of this run that explain the data about as well, s.
+        ci95: the first and the last moment of this run that explain the data about as well as `at_s`, s.
     """
 
     run: str
@@ -108,10 +109,10 @@ class Onset:
 
 
 def suspected(data: Residual, old: Model, recording: str) -> Onset | None:
-    """Returns the moment from which on the old model leaves a larger error of a recording than usual; None: none.
+    """Returns the moment from which on the old model's error in a recording is larger than usual; None: no moment.
 
     Args:
-        data: its floors say how much error is usual.
+        data: the residual; an error as large as its floors is usual.
     """
     error, gains = data.error(old), np.zeros(len(data.measured))
     for signal in data.signals:
@@ -124,10 +125,10 @@ def suspected(data: Residual, old: Model, recording: str) -> Onset | None:
 
 
 def onset(data: Residual, old: Model, changed: Model, recording: str) -> Onset | None:
-    """Returns the moment from which on `changed` explains a recording better than `old`; None: from its start.
+    """Returns the moment from which on `changed` explains a recording better than `old`; None: from the start.
 
     Args:
-        data: its floors say how much error is usual.
+        data: the residual; an error as large as its floors is usual.
         changed: the model of the data after the change.
     """
     error = data.error(old)
@@ -137,9 +138,9 @@ def onset(data: Residual, old: Model, changed: Model, recording: str) -> Onset |
 
 
 def _correlated(data: Residual, error: Array, recording: str) -> float:
-    """Returns the correlation time, in values, of the old model's error outside a recording: the longest of signals.
+    """Returns the longest correlation time, in values, of any signal's error outside the recording `recording`.
 
-    Inside this recording, the change itself makes the error correlated.
+    Inside the recording, the change itself makes the error correlated.
     """
     outside = np.where(data.rows_of(recording), np.nan, error)
     longest = 1.0
@@ -152,7 +153,7 @@ def _correlated(data: Residual, error: Array, recording: str) -> float:
 
 
 def _onset(data: Residual, gains: Array, recording: str) -> Onset | None:
-    """Returns the moment from which on the sum of gains (values,) is largest, if this is surely not chance."""
+    """Returns the moment from which the sum of `gains`, (values,), to the end is largest; None: it may be chance."""
     stretch, count = data.stretches(_STEP_S)
     here = data.rows_of(recording)
     total = np.bincount(stretch[here], gains[here], count)
@@ -180,11 +181,12 @@ def _onset(data: Residual, gains: Array, recording: str) -> Onset | None:
 
 
 def sd_between_recordings(data: Residual, best: Explanation, part: Difference, correlated: float) -> float:
-    """Returns the sd of the difference of two recordings of one state, in the unit of the first value of `part`.
+    """Returns the sd of the difference of a value between two recordings of an unchanged machine, in the value's unit.
 
-    The value of each run is fitted on its own. The scatter of these values beyond their own uncertainty is the spread
-    between runs (random effects: DerSimonian & Laird 1986, Controlled Clinical Trials 7). The value of a recording is
-    the mean of its runs. The sd is 0 if there are too few runs, or if the value has one sign only.
+    The value is the first of `part`. It is fitted to each run separately. If the values of the runs scatter more than
+    their uncertainty explains, the rest is the spread between runs (random effects: DerSimonian & Laird 1986,
+    Controlled Clinical Trials 7). A recording's value is the mean over its runs. The sd is 0 if there are too few runs,
+    or if the value cannot be negative.
 
     Args:
         data: the residual of both recordings.
@@ -216,14 +218,14 @@ def sd_between_recordings(data: Residual, best: Explanation, part: Difference, c
 
 
 def _run_by_run(data: Residual) -> Residual:
-    """Returns the same values, with each run as a recording of its own, which has the name of the run."""
+    """Returns the same residual, but each run is a separate recording that has the name of the run."""
     runs = tuple(dataclasses.replace(run, recording=run_of(run.name)) for run in data.replay.dataset.runs)
     dataset = dataclasses.replace(data.replay.dataset, runs=runs)
     return data.with_inputs(dataclasses.replace(data.replay, dataset=dataset))
 
 
 def spread_of(groups: list[list[tuple[float, float]]]) -> float:
-    """Returns the sd of the difference of the means of two groups that are alike.
+    """Returns the sd of the difference between the means of two groups of runs of an unchanged machine.
 
     Args:
         groups: for each recording, the value and the information (1 / variance) of each run.

@@ -1,14 +1,14 @@
-"""`brickpilot changed`: from recordings of one machine to what is different in the later ones.
+"""`brickpilot changed`: from recordings of one machine to the differences of the later recordings.
 
-    _structure   -> Parts       what the engine names in the first recording: all share it
+    _structure   -> Parts       the effects that `discover` names in the first recording: all recordings have them
     _joint       -> Joint       both recordings as one data set, and one explanation of both without a difference
     _begun       -> Onset       the moment at which the later recording changes, if it does          (recordings.py)
-    _verdict     -> Verdict     the engine's verdict on explanations with differences: in what the machine always has;
-                                if one recording keeps more residual than the other, in new effects (differences.py)
-    _changes     -> Change      each difference in the machine's words, with its interval                 (change.py)
+    _verdict     -> Verdict     the verdict on differences in values that the machine always has, or in new effects if
+                                the residual of one recording stays larger than that of the other    (differences.py)
+    _changes     -> Change      each difference as a quantity of the machine, with its interval           (change.py)
 
-The criterion is that of `discover`, with its numbers. No run is held out: the evidence comes from stretches to which an
-explanation was not fitted. A change has to exceed the spread between runs of one recording.
+The criterion and its numbers are those of `discover`. No run is held out: the evidence comes from stretches of time to
+which an explanation was not fitted. A change has to exceed the spread between runs of one recording.
 """
 
 from __future__ import annotations
@@ -69,8 +69,8 @@ _LEFT = (
 )
 _RUNS = "Runs of one recording differ among themselves by as much."
 _DRAWN = 2  # number of signals with a plot
-_MOST_NAMED = 2  # largest number of effects that are named in BEFORE, without the dry friction of every machine
-_LITTLE = 0.03  # the fit of the friction that every machine has starts at this share of the friction's usual size
+_MOST_NAMED = 2  # largest number of effects named in BEFORE; the dry friction that every machine has does not count
+_LITTLE = 0.03  # start of the fit of the dry friction that every machine has, as a share of its usual size
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,10 +98,10 @@ class Joint:
     def rests(
         self, model_of: Mapping[str, Model], size: Callable[[Array, float], float]
     ) -> Mapping[str, Mapping[str, float]]:
-        """Returns recording -> signal -> the size of a model's residual, SI.
+        """Returns recording -> signal -> the size of the residual, SI.
 
         Args:
-            model_of: recording -> model.
+            model_of: recording -> the model that leaves the residual.
             size: takes an error (values,) and its floor, SI, and returns the size of the error, at least the floor.
         """
         data, by_recording = self.data, dict[str, dict[str, float]]()
@@ -114,7 +114,7 @@ class Joint:
         return by_recording
 
     def worse(self, model_of: Mapping[str, Model]) -> dict[str, float]:
-        """Returns recording -> the largest excess of a signal's residual over the other recording's, nats per value."""
+        """Returns recording -> the largest log ratio of a signal's residual to the other recording's, in nats."""
         rests = self.rests(model_of, scale_of_rest)
         worse = {}
         for name, other in zip(rests, reversed(list(rests)), strict=True):
@@ -128,17 +128,17 @@ class Joint:
 
     @cached_property
     def left_more(self) -> tuple[str, ...]:
-        """The recordings whose own explanation leaves a surely larger residual than that of the other recording."""
+        """The recordings with a surely larger residual than the other recording, if each is explained alone."""
         worse = self.worse(self.models_alone)
         return tuple(name for name, nats in worse.items() if nats > numbers.UNEXPLAINED_NATS)
 
     def usual(self) -> dict[str, float]:
-        """Returns signal -> the usual error, SI: the residual of recordings that are explained well alone."""
+        """Returns signal -> the usual error, SI: the residual of a recording that is explained well by itself."""
         rests = self.rests(self.models_alone, _robust)
         return _largest([rest for name, rest in rests.items() if name not in self.left_more] or list(rests.values()))
 
     def weighed(self, floors: Mapping[str, float]) -> Joint:
-        """Returns these recordings with `floors`, signal -> SI: an error below the floor of its signal is no change."""
+        """Returns these recordings with `floors`, signal -> SI: an error below a signal's floor shows no change."""
         noise = {name: max(floors.get(name, 0.0), scale.noise) for name, scale in self.data.scales.items()}
         coarse = self.data.with_floors(noise)
         base = (refine(coarse, [self.base], self.prepared.jobs) or [self.base])[0] if self.base.plan.free else self.base
@@ -163,12 +163,12 @@ def what_changed(
     before: Dataset | Model, after: Mapping[str, Dataset], *, seed: int = 0, jobs: int = 2,
     progress: Progress | None = None,
 ) -> Changed:  # fmt: skip
-    """Finds what differs in later recordings of a machine from an earlier one.
+    """Finds the differences of later recordings of a machine from an earlier recording.
 
     Args:
-        before: the earlier recording; or a model, from which the recordings then differ.
+        before: the earlier recording, or a model of the machine before the change.
         after: name -> a later recording. No name is "before" or contains "@".
-        seed: seed of the random starts of the fits; these starts are used for nominal values that are not given.
+        seed: seed of the random starts from which nominal values that are not given are fitted.
         jobs: number of fits at the same time.
         progress: called with (done, total, text).
 
@@ -186,7 +186,7 @@ def what_changed(
 
 
 def _structure(dataset: Dataset, seed: int, jobs: int) -> Parts:
-    """Returns the effects that the engine names in a recording, each with its values; empty if it names none."""
+    """Returns the effects, with their values, that `discover` names in a recording; empty: it names no effect."""
     known = with_known_timing(recordings.together({BEFORE: dataset}), None, seed=seed, jobs=jobs)
     prepared, _ = prepare(known, None, seed=seed, jobs=jobs)
     prepared, nominal = calibrate(prepared)
@@ -200,12 +200,12 @@ def _structure(dataset: Dataset, seed: int, jobs: int) -> Parts:
 def _compared(
     before: Dataset | Model, name: str, after: Dataset, parts: Parts, seed: int, jobs: int, tell: Stages
 ) -> Compared:
-    """Compares two recordings. If the later one changes at a moment, both are cut at this moment and compared again."""
+    """Compares two recordings. If the later one changes at a moment, its data before this moment count as BEFORE."""
     model = before if isinstance(before, Model) else None
     both = {name: after} if isinstance(before, Model) else {BEFORE: before, name: after}
     dataset = with_known_timing(recordings.together(both), None, seed=seed, jobs=jobs)
     joint = _joint(dataset, name, model, parts, seed, jobs)
-    if model is not None:  # a given model leaves no residual
+    if model is not None:  # without a recording of BEFORE, nothing shows how much error is usual
         return Compared(joint, weigh(_search(joint, (name,), tell)))
     begun = _begun(joint, parts, seed, jobs, tell)
     if begun is None:
@@ -222,7 +222,7 @@ def _compared(
 
 
 def _begun(joint: Joint, parts: Parts, seed: int, jobs: int, tell: Stages) -> tuple[recordings.Onset, Joint] | None:
-    """Returns the moment at which the later recording changes, and both recordings cut there; None: no change."""
+    """Returns the moment of a change in the later recording, and the recordings with a cut there; None: no moment."""
     usual = joint.weighed(joint.usual())
     first = recordings.suspected(usual.data, joint.old, joint.recording)
     if first is None:
@@ -240,7 +240,7 @@ def _begun(joint: Joint, parts: Parts, seed: int, jobs: int, tell: Stages) -> tu
         return None
     cut = at(moment)
     whole, longer = (both.rests({BEFORE: both.models_alone[BEFORE]}, scale_of_rest)[BEFORE] for both in (joint, cut))
-    # If the data before the moment do not fit as well as BEFORE, they belong to the change, too.
+    # If BEFORE fits worse together with the data before the moment, these data belong to the change, too.
     grown = max(math.log(longer[signal] / size) for signal, size in whole.items())
     return (moment, cut) if grown <= numbers.UNEXPLAINED_NATS else None
 
@@ -249,11 +249,11 @@ def _joint(
     dataset: Dataset, recording: str, model: Model | None, parts: Parts, seed: int, jobs: int,
     innovations: bool | None = None,
 ) -> Joint:  # fmt: skip
-    """Returns two recordings ready for fits, with the explanation that both share.
+    """Returns two recordings ready for fits, with the explanation that both recordings share.
 
     Args:
         innovations: whether a feedback loop biases free runs. None: yes, if the noise of both recordings is correlated
-            in time. If only one recording has such noise, it may be a new effect.
+            in time. If the noise of only one recording is correlated, the cause may be a new effect.
     """
     prepared, _ = prepare(dataset, model, seed=seed, jobs=jobs)
     # Each constant may differ by itself, so no constant is held.
@@ -261,7 +261,7 @@ def _joint(
     prepared, nominal = calibrate(dataclasses.replace(prepared, plan=plan))
     if model is not None:
         prepared, _ = in_closed_loop(prepared, nominal, nominal)
-        torques = [key.split(".") for key in combinations() if "." in key]  # of the dry friction of every machine
+        torques = [key.split(".") for key in combinations() if "." in key]  # of the dry friction that all machines have
         effects = {**{effect: {name: 0.0} for effect, name in torques}, **model.effects}
         base = Explanation((), Plan(dataclasses.replace(model, effects=effects), (), ()), np.empty(0))
         return Joint(dataset, prepared, base, {}, recording, model)
@@ -297,14 +297,14 @@ def _alone(dataset: Dataset, base: Explanation, seed: int, jobs: int) -> tuple[P
 
 
 def _verdict(joint: Joint, tell: Stages) -> tuple[Joint, Verdict]:
-    """Returns the recordings with the floors that were used, and the engine's verdict on what differs.
+    """Returns the recordings with the floors that were used, and the verdict on the differences.
 
-    The residual that a recording's own explanation leaves is no change: it counts as noise. If this residual is surely
-    larger in one recording than in the other, the recording with more may have a new effect, and only the residual of
-    the other recording counts as noise. If no new effect is found, the answer is a difference in the machine's own
-    values. If several of these values differ, one new effect may explain all differences. For example, a gyro that
-    reads 10 % more looks like a narrower robot that turns more easily. The new effect is the answer if it has the best
-    score. The verdict is "unknown" if the residual stays too large.
+    Each recording is first explained alone. The residual of this explanation is no change: it counts as noise. If this
+    residual is surely larger in one recording than in the other, the recording with the larger residual may have a new
+    effect, and only the other recording's residual counts as noise. If no new effect is found, the answer is a
+    difference in values that the machine always has. If several of these values differ, one new effect may explain all
+    differences. For example, a gyro that reads 10 % more looks like a narrower robot that turns more easily. The new
+    effect is the answer if it has the best score. The verdict is "unknown" if the residual stays too large.
     """
     ready, verdict = joint, None
     if joint.left_more:
@@ -331,7 +331,7 @@ def _robust(error: Array, floor: float) -> float:
 
 
 def _largest(rests: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    """Returns signal -> the largest of its residuals."""
+    """Returns signal -> the largest size of the signal's residual in `rests`."""
     signals = dict.fromkeys(signal for rest in rests for signal in rest)
     return {signal: max(rest.get(signal, 0.0) for rest in rests) for signal in signals}
 
@@ -377,7 +377,7 @@ def _result(before: Dataset | Model, pairs: Sequence[Compared], seed: int) -> Ch
 
 
 def _steps(compared: Compared) -> tuple[Step, ...]:
-    """Returns the stages that set or changed a verdict, without the parts that both recordings share."""
+    """Returns the stages that set or changed a verdict; their texts omit the effects that both recordings share."""
     shared = "".join(f"{name} + " for name in compared.joint.base.names)
     return tuple(
         dataclasses.replace(step, why=step.why.replace(shared, "").replace("@", " of "))
@@ -389,7 +389,7 @@ _KINDS: Mapping[str, Answer] = {"none": "nothing", "named": "changed", "ambiguou
 
 
 def _changes(compared: Compared, alone: Mapping[tuple[str, str], Constant]) -> list[Change]:
-    """Returns the differences of the best explanation, each with its alternatives in the rivals."""
+    """Returns the differences of the best explanation as changes, each with the differences of the rivals."""
     joint, verdict = compared.joint, compared.verdict
     if verdict.kind not in ("named", "ambiguous"):
         return []
@@ -422,7 +422,7 @@ def _differences(explanation: Explanation) -> list[Difference]:
 
 
 def _fits(compared: Compared) -> dict[str, FitPercent]:
-    """Returns signal -> how much of it free runs explain before and after."""
+    """Returns signal -> how much of the signal the models before and after the change explain in free runs."""
     joint, recording = compared.joint, compared.joint.recording
     sets = {name: recordings.only(joint.dataset, name) for name in (BEFORE, recording)}
     after = in_recording(compared.verdict.best.model, recording, [run.name for run in sets[recording].runs])
@@ -436,7 +436,7 @@ def _fits(compared: Compared) -> dict[str, FitPercent]:
 
 
 def _traces(compared: Compared) -> list[Trace]:
-    """Returns the traces of the runs in which the changes explain most, at most one trace of each signal."""
+    """Returns traces of the signals that the changes explain best, each in the run where the changes explain most."""
     joint, name = compared.joint, compared.joint.recording
     later = recordings.only(joint.dataset, name)
     after = in_recording(compared.verdict.best.model, name, [run.name for run in later.runs])

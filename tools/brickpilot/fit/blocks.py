@@ -21,8 +21,8 @@ from brickpilot.vehicle.replay import Replay
 
 Array = NDArray[np.float64]
 
-_JUMP = 0.05  # share of the largest command: a smaller change from sample to sample is a ramp
-_LONGEST_HOLE = 3.0  # longest hole, in usual bin distances, that a change may span; a held-out stretch is longer
+_JUMP = 0.05  # as a share of the largest command: a smaller change from one sample to the next is a ramp, not a jump
+_LONGEST_HOLE = 3.0  # longest hole that a change may span, in median distances of bins; a held-out stretch is longer
 
 
 @dataclass(frozen=True)
@@ -30,11 +30,11 @@ class Block:
     """One signal of one fit run.
 
     Attributes:
-        place: its part of the stacked residual.
+        place: where this block's values stand in the stacked residual.
         measured: the compared values, SI.
         middle: (values,) the time of each value, s on the run's clock.
-        picked: (values, simulated samples): the matrix that takes the simulated signal to these values.
-        count: the average number of samples in a value.
+        picked: (values, simulated samples): the matrix that takes the simulated signal to the compared values.
+        count: the average number of samples in a compared value.
     """
 
     run: str
@@ -66,8 +66,8 @@ class Bins:
     """How the values of blocks are averaged: over bins of `width` s from each run's start.
 
     Attributes:
-        width: 0: samples are compared as they are.
-        grids: run -> time of the simulated samples, s, if they differ from the measured samples.
+        width: the width of a bin, s; 0: samples are compared as they are.
+        grids: run -> times of the simulated samples, s; without runs that are simulated at the measured samples.
         changes: signals that are compared by their change from bin to bin.
         as_measured: whether a motor's position or angle is compared, and not its derivative.
     """
@@ -88,7 +88,7 @@ def blocks(dataset: Dataset, model: Model, fitted: set[str], bins: Bins = SAMPLE
         fitted: names of the fit runs.
 
     Raises:
-        InputError: the fit runs hold nothing that the model gives.
+        InputError: the fit runs hold no signal that the model gives.
     """
     names = compared_signals(dataset, model).names
     found: list[Block] = []
@@ -133,7 +133,7 @@ def _means(
     """Returns the matrix (values, samples) of means over bins, the time of each value, and the samples per value.
 
     Args:
-        covers: time before a sample, s, over which the sample is a mean; its middle decides the bin of the sample.
+        covers: time, s, before a sample over which the sample is a mean. The middle of this time decides the bin.
         change: whether a value is the change from bin to bin.
     """
     time, rows = run.time[samples], np.arange(len(samples))
@@ -175,10 +175,10 @@ def _jumps(run: Run) -> NDArray[np.bool_]:
 
 
 def _instants(time: Array, simulated: Array, jumps: NDArray[np.bool_] | None = None) -> csr_array:
-    """Returns (times, simulated): accelerations at `time` from those of the plant, which are means over each step.
+    """Returns (times, simulated): the matrix that takes the plant's accelerations, means over steps, to times.
 
-    A mean holds at the middle of its interval. Between two middles the acceleration is taken as linear, which is exact
-    to the second order. `jumps`: (simulated,) whether a command jumps at a sample. This sample gets the mean before.
+    A mean holds at the middle of its step. Between two middles, the acceleration is taken as linear: this is exact to
+    second order. `jumps`: (simulated,) whether a command jumps at a sample: it gets the mean of the step before it.
     """
     middles = simulated - np.append(0.0, np.diff(simulated)) / 2
     if jumps is None:
@@ -190,7 +190,7 @@ def _instants(time: Array, simulated: Array, jumps: NDArray[np.bool_] | None = N
 
 
 def _overlap(time: Array, span: float, grid: Array) -> csr_array:
-    """Returns (times, grid): means over the last `span` s, from the means over the grid's steps.
+    """Returns (times, grid): the matrix from means over the grid's steps to means over the `span` s before each time.
 
     The value of the first point also holds before this point.
     """
@@ -225,15 +225,15 @@ def _frozen(known: Array, rate: Array | None) -> bool:
 
 
 _STEPS_PER_BIN = 3
-_LEAST_STEP = 0.05  # in steps of the grid: a jump of a command nearer than this to a row gets no row of its own
+_LEAST_STEP = 0.05  # in steps of the grid: a command's jump gets no further row if a row is nearer than this
 
 
 def on_coarse_grid(dataset: Dataset, width_s: float) -> tuple[Replay, Bins]:
-    """Returns the runs on a grid of a third of a bin, and bins that compare its simulation with the measured samples.
+    """Returns the runs on a grid of a third of a bin, and bins that compare their simulation with measured samples.
 
     A simulation on this grid is about three times as fast as at the measured samples, and exact enough for a search. In
-    each step an input has its mean. If a command jumps and then stays, the grid has a further row at the jump: the mean
-    of the two commands would be a third command to a drive with a dead band, or to a drive that coasts at zero.
+    each step an input has its mean. If a command jumps and then stays, the grid has a further row at the jump. A mean
+    of both commands would act as a third command on a drive that has a dead band, or that coasts at zero.
     """
     step = width_s / _STEPS_PER_BIN
     runs, grids = [], {}
@@ -258,7 +258,7 @@ def _coarse_grid(run: Run, step: float) -> Array:
 
 
 def with_inputs_of(coarse: Replay, dataset: Dataset) -> Replay:
-    """Returns the replay on the same grid with the inputs of `dataset`, which has the same runs."""
+    """Returns the replay `coarse` with the inputs of `dataset`, which has the same runs; the grid stays."""
     return dataclasses.replace(coarse, inputs=_inputs_on(dataset, coarse.dataset))
 
 

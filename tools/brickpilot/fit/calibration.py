@@ -49,7 +49,7 @@ class Gap:
         before, after: ratio of the error's norm to the signal's norm: 1 - `fit_percent` / 100 (see `data.agreement`).
             None if `fit_percent` has no value; `before` is also None if the plant diverges at the start values.
         time: (n,) s.
-        measured, simulated, unfitted: (n,) SI, for a plot. `unfitted`: simulated before the fit; None if it diverges.
+        measured, simulated, unfitted: (n,) SI, for a plot. `unfitted`: before the fit; None if the plant diverges.
     """
 
     run: str
@@ -77,11 +77,11 @@ class Calibration(Result):
         combinations: identifiable combinations that have a physical meaning.
         scales: signal -> its weights in the fit.
         before, after: how much of each signal the model explains with the start values, and with the fitted values;
-            `before` is empty if the plant diverges.
+            `before` is empty if the plant diverges with the start values.
         units: signal -> the unit in which the data set states it.
         frame: the coordinate frame of the data set, in words; empty for a motor.
         notes: sentences on what was assumed, what was left out, and what is not identifiable.
-        stated: what the data set states about the fitted parameters.
+        stated: fitted parameter -> its value and sd in the data set; without parameters that are not stated there.
         spread: the joint uncertainty of the fitted parameters; None if nothing was fitted.
     """
 
@@ -104,7 +104,7 @@ class Calibration(Result):
 
     @property
     def correlation(self) -> tuple[tuple[float, ...], ...]:
-        """(parameters, parameters): correlation of the fitted parameters, in their order; empty: none was fitted."""
+        """(parameters, parameters): correlation of the fitted parameters, in their order; empty: nothing was fitted."""
         return () if self.spread is None else tuple(tuple(row) for row in self.spread.correlation.tolist())
 
     def to_frame(self) -> pandas.DataFrame:
@@ -211,7 +211,7 @@ def calibrate(
 
 
 def _residual(ready: Comparable, fitted: Plan, threads: int, motor_step: float = 0.0) -> Residual:
-    """Returns the residual of the fit: measured samples minus runs that are simulated from their estimated starts."""
+    """Returns the residual of the fit: measured samples minus runs simulated from their estimated start states."""
     replay = Replay(ready.started, motor_step=motor_step)
     return of_samples(replay, fitted.model, ready.roles.fit(), measured=ready.part("fit"), threads=threads)
 
@@ -219,9 +219,9 @@ def _residual(ready: Comparable, fitted: Plan, threads: int, motor_step: float =
 def _coarse_fit(
     ready: Comparable, nominal: Plan, tried: Sequence[Plan], random: np.random.Generator, threads: int, count: Count
 ) -> tuple[Plan, Array, tuple[Start, ...]]:
-    """Fits with a coarse motor step: first the nominal plan, then each plan of `tried` if these have more parameters.
+    """Fits with a coarse motor step: first the plan `nominal`, then the plans `tried` if they have more parameters.
 
-    Returns the best plan, its best point and the starts that were followed.
+    Returns the best plan, its best point, and the starts of its descents.
     """
     rough = _residual(ready, nominal, threads, _COARSE_STEP)
     best, starts, chosen = np.empty(0), tuple[Start, ...](), tried[0]

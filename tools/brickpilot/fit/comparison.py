@@ -43,7 +43,7 @@ class RunComparison:
 
     Attributes:
         signals: measured signal -> its error over the whole run.
-        windows: rate -> its error over open-loop windows; empty without windows.
+        windows: motor velocity -> its error over open-loop windows; empty without windows.
         traces: signal -> its trace, for plots.
     """
 
@@ -78,7 +78,7 @@ class Comparison(Result):
 
     @property
     def horizon(self) -> str:
-        """The name of the horizon of a motor's open-loop windows in `headline`."""
+        """The name that the horizon of a motor's open-loop windows has in `headline`."""
         return horizon_name(self.window_s)
 
     def share(self, role: str, signal: str, *, windows: bool = False) -> float | None:
@@ -91,7 +91,7 @@ class Comparison(Result):
     def to_frame(self) -> pandas.DataFrame:
         """Returns a row for each signal of each run at each horizon: what the model explains, and its error in SI.
 
-        `horizon` is "free_run" for the whole run, or "1_s". `fit_percent` and `r2` are NaN for a signal that is zero.
+        `horizon` is "free_run" or a length, as "1_s". `fit_percent` and `r2` are NaN for a signal that is zero.
         """
         import pandas
 
@@ -140,17 +140,17 @@ def compare(
     Args:
         model: the model. None: the data set's nominal values, after a fit of absent parameters on the fit runs.
         window_s: length, s, of open-loop windows in which a motor's velocity is also compared. Each window restarts
-            from the measured state, because the position sums up the velocity's error. 0: no windows; None: 1 s, for
-            runs at least three times as long.
+            from the measured state, because the position sums up the velocity's error. 0: no windows. None: windows of
+            1 s if all runs last at least 3 s.
         seed: the seed of the fit's random starts.
 
     Raises:
         InputError: the model is of another vehicle than the data, or gives none of the measured signals; `window_s` is
-            not a number, negative, below `LEAST_WINDOW_S` or `LEAST_WINDOW_SAMPLES`, longer than every run, or no motor
-            velocity was measured; parameters have to be fitted but every run is held out.
+            not a number, negative, below `LEAST_WINDOW_S` or `LEAST_WINDOW_SAMPLES`, longer than every run, or given
+            without a measured motor velocity; parameters have to be fitted but every run is held out.
         SimulationError: the plant diverges with this model.
 
-    A motor with 3 rad/s for each V after 0.15 s, compared with itself, and with a model that is 20 % too inert:
+    A motor with 3 rad/s for each V after 0.15 s, compared with itself, and with a model of 20 % too much inertia:
 
     >>> import brickpilot as bp, numpy as np, pandas as pd
     >>> time = np.arange(0.0, 2.0, 0.01)

@@ -18,13 +18,13 @@ Progress = Callable[[int, int, str], None]
 Count = Callable[[str], None]
 
 _SCREENED = 32  # number of random starts at which only the cost is evaluated
-FOLLOWED = 2  # number of best random starts from which a descent starts, in addition to both systematic starts
-_EVALUATIONS = 20  # most evaluations of the residual in one descent
-ROUGH, FINE = 1e-4, 1e-7  # tolerance: the relative change of cost at which a descent ends
-_STEP_TOLERANCE = 1e-2  # relative step length at which a descent ends, as a share of the tolerance
+FOLLOWED = 2  # number of descents from the best random starts; both systematic starts have a descent, too
+_EVALUATIONS = 20  # largest number of evaluations of the residual in one descent
+ROUGH, FINE = 1e-4, 1e-7  # tolerances: a descent ends if a step changes the cost by less than this share
+_STEP_TOLERANCE = 1e-2  # a descent also ends at a relative step length below this share of the tolerance
 _SPREAD = 1.5  # sd of the random starts, in coordinates
-VISIBLE = (0.03, 0.1, 0.3)  # relative changes of the signals at the starting sizes of an effect
-_SIZES = 21  # number of sizes tried to find these changes, from `_DECADES` below the preset to as many above
+VISIBLE = (0.03, 0.1, 0.3)  # shares of the signals' rms by which an effect's start sizes change the signals
+_SIZES = 21  # number of sizes tried to find the start sizes, up to `_DECADES` decades below and above `Free.size`
 _DECADES = 5.0
 
 
@@ -37,12 +37,12 @@ class Start:
 
 
 def most_starts(added: int) -> int:
-    """Returns the largest number of descents in `search` and `added` later calls of `search_sizes`."""
+    """Returns the largest number of descents in one `search` and in `added` calls of `search_sizes` after it."""
     return 2 + FOLLOWED + 2 * len(VISIBLE) * added
 
 
 def counted(progress: Progress | None, total: int) -> Count:
-    """Returns a function that counts the `total` stages of a fit, and reports each start to `progress`."""
+    """Returns a function to call when one of `total` stages of a fit begins: it reports the stage to `progress`."""
     done = itertools.count()
     return lambda text: progress(next(done), total, text) if progress is not None else None
 
@@ -60,7 +60,7 @@ def natural_start(problem: Problem) -> Array:
 
 
 def search(problem: Problem, random: np.random.Generator, count: Count) -> tuple[Array, tuple[Start, ...]]:
-    """Returns the best end of descents from two systematic starts and the best of many random starts nearby."""
+    """Returns the end of the best descent, and all starts: two systematic starts and the best of many random starts."""
     starts = np.array([problem.plan.start(), natural_start(problem)])
     spread = np.array([_SPREAD if parameter.known is None else 0.0 for parameter in problem.plan.free])
     between = random.uniform(size=(_SCREENED, len(spread)))
@@ -76,8 +76,8 @@ def search(problem: Problem, random: np.random.Generator, count: Count) -> tuple
 def search_sizes(problem: Problem, nominal: Array, count: Count) -> tuple[Array, tuple[Start, ...]]:
     """Adds effects to a fitted nominal model.
 
-    Few effects are smooth at zero. So descents start from the sizes at which an effect changes the signals by the
-    shares in `VISIBLE`, and from both signs if an effect may have either sign.
+    Few effects are smooth at size 0. So descents start from the sizes at which an effect changes the signals by the
+    shares in `VISIBLE`. If an effect may have either sign, descents start from both signs.
     """
     added = problem.plan.free[len(nominal) :]
     base = np.concatenate([nominal, [one.to_coordinate(one.info.preset) for one in added]])
@@ -93,7 +93,7 @@ def search_sizes(problem: Problem, nominal: Array, count: Count) -> tuple[Array,
 
 
 def _visible_sizes(problem: Problem, base: Array, index: int) -> list[float]:
-    """Returns the sizes of one effect's parameter at which it changes the signals by each share of `VISIBLE`."""
+    """Returns, for each share in `VISIBLE`, the size of one parameter at which it changes the signals by this share."""
     parameter = problem.plan.free[index]
     sizes = parameter.size * np.logspace(-_DECADES, _DECADES, _SIZES)
     sizes = sizes[(sizes >= parameter.info.minimum) & (sizes <= parameter.info.maximum)]

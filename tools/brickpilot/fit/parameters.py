@@ -22,18 +22,18 @@ from brickpilot.vehicle.model import Model, of_dataset, with_values
 Array = NDArray[np.float64]
 
 WIDE_SD = 3.0
-"""Prior sd of an unstated parameter's logarithm, for intervals only: a factor of e^3 = 20 up and down."""
+"""Prior sd, for intervals only, of the logarithm of a parameter that is not stated: a factor of e^3 = 20 up or down."""
 
 DECADE = 10.0
-"""Prior sd of an effect's parameter, as a factor up and down from its usual size on the vehicle."""
+"""Prior sd of an effect's parameter, as a factor on the parameter's usual size on the vehicle."""
 
-# Relative sd below which a parameter is fixed: such a narrow prior would outweigh all data.
+# Relative sd of a stated value below which the parameter is fixed: the narrow prior would outweigh all data.
 _EXACT = 1e-6
 
-# Share of the natural size that stands for zero in the logarithmic coordinate of a parameter that may be zero.
+# Value that stands for zero in a logarithmic coordinate, which has no zero; as a share of `Free.size`.
 _FLOOR = 1e-9
 
-# Reach of parameters that are multiplied by path or time to give a phase: a small change adds up to whole turns.
+# `Free.reach` of parameters that set a phase over a path or a time: a small change adds up to whole turns.
 _TURNING = {"order": 1e-2, "frequency": 1e-2, "wavelength": 1e-2}
 
 
@@ -43,14 +43,14 @@ class Free:
 
     Attributes:
         name: "mass", "effect.parameter", or "kind@run" for a value of a single run.
-        known: its value and sd in the data set; None: not stated, and the prior is wide.
-        unit: unit of its coordinate, SI, if the caller knows a better unit than the stated value or preset; else 0.
-        keeps_sign: whether its coordinate is the logarithm of its ratio to `unit`, so that its sign stays. If the data
-            do not determine a vehicle's mass, forces grow with the mass; this valley of the cost is straight only in
-            logarithms.
-        centred: whether the values of its kind, one value for each run, have a mean of about 0.
-        natural: a usual size on this vehicle, SI, for an unstated parameter. The prior of a logarithm has the mean
-            `natural` and the sd of a decade; the prior of a value has the mean 0 and the sd 10 `natural`. 0: no prior.
+        known: the parameter's value and sd in the data set; None: the data set states no value, so the prior is wide.
+        unit: unit of the parameter's coordinate, SI; 0: `size` chooses the unit.
+        keeps_sign: whether the coordinate is log(value / `unit`), so that the value keeps the sign of `unit`. If the
+            data do not determine a vehicle's mass, the cost has a valley along which mass and forces grow together.
+            This valley is straight only in logarithms.
+        centred: for a value of a single run: whether a prior holds the mean of this value over all runs near 0.
+        natural: a usual size on this vehicle, SI, of a parameter that is not stated; 0: no prior. A logarithm's prior
+            has the mean log(`natural`) and the sd log(10); a value's prior has the mean 0 and the sd 10 `natural`.
     """
 
     name: str
@@ -68,7 +68,7 @@ class Free:
 
     @cached_property
     def run(self) -> str:
-        """The run to which the value belongs; empty: it belongs to the model."""
+        """The run to which the value belongs; empty for a parameter of the whole model."""
         return self.name.partition("@")[2]
 
     @property
@@ -77,21 +77,21 @@ class Free:
 
     @cached_property
     def size(self) -> float:
-        """The unit of the coordinate: `unit`, the stated value, the preset or 1: the first that is not 0."""
+        """The unit of the coordinate: the first of `unit`, the stated value, the preset and 1 that is not 0."""
         stated = abs(self.known.value) if self.known is not None else 0.0
         return abs(self.unit) or stated or abs(self.info.preset) or 1.0
 
     @property
     def reach(self) -> float:
-        """The change of the coordinate over which signals are about linear."""
+        """The change of the coordinate up to which the simulated signals change about linearly."""
         return _TURNING.get(self.info.name, 1.0) if self.effect else 1.0
 
     @cached_property
     def load(self) -> str:
-        """The load, as "effect.parameter", whose lever arm this parameter is; empty: it is no lever arm.
+        """The load, as "effect.parameter", whose lever arm this parameter is; empty: the parameter is no lever arm.
 
-        Masses and torques are linear in a load and its moments, not in its arms. So the coordinate is the moment. With
-        arms as coordinates, if the vehicle's own mass and motors are also free, a descent stays in a curved valley.
+        Masses and torques are linear in a load and in its moment (load times arm), but not in the arm. So the moment is
+        the coordinate. With the arm as coordinate, a descent stays in a curved valley if mass and motors are also free.
         """
         return f"{self.name.partition('.')[0]}.{self.info.arm_of}" if self.info.arm_of else ""
 
@@ -100,7 +100,7 @@ class Free:
         return self.signed or self.name in catalogue.loads()
 
     def away(self, coordinate: float) -> float | None:
-        """Returns the distance, in sd, of a coordinate from the parameter's prior; None if it has no prior."""
+        """Returns the distance, in prior sd, of a coordinate from the prior's centre; None: there is no prior."""
         if self.known is not None and self.known.sd is not None:
             return (self.to_value(coordinate) - self.known.value) / self.known.sd
         if self.natural == 0.0:
@@ -133,8 +133,8 @@ class Plan:
     Attributes:
         model: every fixed value, and the start of every free value.
         notes: sentences on choices that a user should know of.
-        held: parameters that the measured signals cannot tell from the free parameters. They get no coordinates,
-            because a fit would drift along these coordinates; their values are as uncertain as the free values.
+        held: parameters that the measured signals cannot tell from the free parameters. They have no coordinates,
+            because a fit would drift. Their values are as uncertain as those of the free parameters.
     """
 
     model: Model
@@ -148,7 +148,7 @@ class Plan:
         return (*self.free, *self.held)
 
     def joined(self, model: Model, added: Sequence[Free]) -> Plan:
-        """Returns the plan of another model, with more free parameters."""
+        """Returns the plan with another model, and with the free parameters `added` at the end."""
         return dataclasses.replace(self, model=model, free=(*self.free, *added), notes=())
 
     def at(self, coordinates: Array) -> Model:
@@ -172,7 +172,7 @@ class Plan:
 
 
 def value_of(model: Model, name: str) -> float:
-    """Returns the value of "mass", "effect.parameter" or "kind@run"."""
+    """Returns the value of "mass", of "effect.parameter" or, for a value of a single run, of "kind@run"."""
     if "@" in name:
         kind, _, run = name.partition("@")
         return float(model.by_run[kind][run])
@@ -188,14 +188,14 @@ def values_of(model: Model) -> dict[str, float]:
 
 
 def plan(dataset: Dataset, *, effects: Sequence[str] = (), free: Sequence[str] = ()) -> Plan:
-    """Decides what is fitted.
+    """Decides which parameters are fitted.
 
     A plain value of [nominal] is fixed, and so is {value, sd} with an sd below 1e-6 of the value. Any other {value, sd}
-    is fitted with this prior. An absent parameter that enters this vehicle's equations is fitted with a wide prior, or
-    held if the measured signals do not tell it from other absent parameters.
+    is fitted with this prior. An absent parameter of this vehicle's equations is fitted with a wide prior. It is left
+    out of the fit (`Plan.held`) if the measured signals cannot tell it from other absent parameters.
 
     Args:
-        effects: effects to switch on, with all their parameters free except switches: see `settings`.
+        effects: effects to switch on; all their parameters are free, except switches (see `settings`).
         free: nominal parameters to fit although the data set gives them as plain values.
 
     Raises:
@@ -232,10 +232,10 @@ def plan(dataset: Dataset, *, effects: Sequence[str] = (), free: Sequence[str] =
 
 
 def stated_beside(chosen: Plan, model: Model, dataset: Dataset) -> tuple[Free, ...]:
-    """Returns the nominal parameters that are stated with an sd and enter only with the effects of `model`.
+    """Returns the nominal parameters with a stated sd that influence the signals only through the effects of `model`.
 
-    They are not fitted, but the size of an effect may be relative to them: the loss of a drive is stated relative to
-    the battery's voltage, which has no influence without such an effect. Their sd widens the effect's interval.
+    They are not fitted, but their sd widens an effect's interval, because the effect's size may be relative to them.
+    The loss of a drive, for example, is relative to the battery's voltage, which has no influence without this effect.
     """
     known = {one.name for one in chosen.uncertain}
     infos = {info.name: info for info in catalogue.parameters()}
@@ -249,7 +249,7 @@ def stated_beside(chosen: Plan, model: Model, dataset: Dataset) -> tuple[Free, .
 
 
 def settings(chosen: Plan, dataset: Dataset) -> list[Plan]:
-    """Returns a copy of the plan for every setting of its effects' switches that the data set does not state."""
+    """Returns copies of the plan, one for each combination of switch positions that the data set does not state."""
     switches = {
         f"{name}.{info.name}": (info.minimum, info.maximum)
         for name in chosen.model.effects
@@ -261,7 +261,7 @@ def settings(chosen: Plan, dataset: Dataset) -> list[Plan]:
 
 
 def _is_open(known: Nominal, info: ParameterInfo) -> bool:
-    """Whether a stated value has an sd wide enough to be fitted."""
+    """Whether a stated value is fitted, because it has an sd that is not negligible."""
     size = abs(known.value) or abs(info.preset) or 1.0
     return known.sd is not None and known.sd > _EXACT * size
 

@@ -16,12 +16,12 @@ from brickpilot.fit.residual import Residual
 Array = NDArray[np.float64]
 
 _EFFECT_STEP, _NOMINAL_STEP = 1e-2, 1e-4  # steps of finite differences, in coordinates
-_ANCHOR_SD = 30.0  # sd, in coordinates, of a prior so weak that it fixes only what the data do not determine
-_COMMON_SD = 0.01  # prior sd, in coordinates, of the mean over runs of one kind of run value
+_ANCHOR_SD = 30.0  # sd, in coordinates, of a weak prior: it fixes only coordinates that the data do not determine
+_COMMON_SD = 0.01  # prior sd, in coordinates, of the mean over all runs of a value of runs, such as the delay
 
 
 def _kind(free: Free) -> str:
-    """Returns the kind of a run value as "kind@", which differs from a nominal parameter of the same name."""
+    """Returns the name of a value of runs as "kind@"; the "@" tells it from a nominal parameter of the same name."""
     return "".join(free.name.partition("@")[:2])
 
 
@@ -29,12 +29,12 @@ def _kind(free: Free) -> str:
 class Problem:
     """Least squares of a residual in the coordinates of `plan.free`, priors included.
 
-    If the plant diverges, the residual is NaN. If it diverges only at the end of a step, the derivative is 0.
+    If the plant diverges, the residual is NaN. If it diverges only after a finite difference's step, the slope is 0.
 
     Attributes:
-        holds_priors: whether priors count. False while the scale of the residual is unknown: the error that priors
-            leave in the data would count as the model's error.
-        kept: coordinate -> (values,) its sensitivity at the point of the last computation.
+        holds_priors: whether priors count in the cost. False while the residual's scale is unknown: priors enlarge the
+            residual, and so the scale would come out too large.
+        kept: number of a coordinate -> (values,) the fixed sensitivity to this coordinate; see `keeping`.
     """
 
     data: Residual
@@ -45,16 +45,16 @@ class Problem:
     def keeping(self, point: Array, count: int) -> Problem:
         """Returns the problem with the sensitivities of the first `count` coordinates fixed at their values at `point`.
 
-        Sensitivities to nominal parameters take most time of a descent, and change little between candidates if the
-        values are stated. The sensitivity to a parameter without a prior may change much: it is computed again if some
-        parameters are held.
+        Sensitivities to nominal parameters take most of the time of a descent, and change little between candidates if
+        the values are stated. If the plan has held parameters, sensitivities to parameters that are not stated are not
+        fixed, because they may change much.
         """
         few = bool(self.plan.held)
         which = [k for k, one in enumerate(self.plan.free[:count]) if one.known or one.effect or not few]
         return dataclasses.replace(self, kept=dict(zip(which, self.columns(point, which).T, strict=True)))
 
     def of(self, plan: Plan, threads: int = 1) -> Problem:
-        """Returns the problem of a longer plan on `threads` threads, with the kept sensitivities."""
+        """Returns the problem of a plan with more parameters, on `threads` threads; fixed sensitivities stay fixed."""
         return dataclasses.replace(self, data=self.data.on_threads(threads), plan=plan)
 
     def residual(self, point: Array) -> Array:
@@ -72,7 +72,7 @@ class Problem:
         return robust.pseudo_huber((self.data.measured - self.simulated(point)) * self.data.weight())
 
     def cost(self, point: Array) -> float:
-        """Returns half the sum of squares; infinite if the plant diverges."""
+        """Returns half the sum of squares of `residual`; infinite if the plant diverges."""
         return self.costs([point])[0]
 
     def costs(self, points: Sequence[Array]) -> list[float]:
@@ -88,7 +88,7 @@ class Problem:
         return np.asarray(self.data.predict([self.plan.at(point)])[0])
 
     def sensitivity(self, point: Array) -> Array:
-        """Returns (values, parameters): the change of the simulated signals per coordinate, in their SI units."""
+        """Returns (values, parameters): the derivatives of the simulated values, SI, by the coordinates."""
         fresh = [k for k in range(len(point)) if k not in self.kept]
         slopes = np.empty((len(self.data.measured), len(point)), order="F")
         slopes[:, fresh] = self.columns(point, fresh)
@@ -97,10 +97,10 @@ class Problem:
         return slopes
 
     def columns(self, point: Array, which: Sequence[int]) -> Array:
-        """Returns (values, which): finite differences of the simulated signals along some coordinates.
+        """Returns (values, which): finite differences of the simulated signals along the coordinates `which`.
 
-        A run's own value changes only the samples of this run. So one simulation, with all values of one kind changed,
-        gives the slopes along all these values.
+        A value of a single run, such as its delay, changes only the samples of this run. So one simulation with all
+        delays changed gives the slopes along the delays of all runs.
         """
         moves: dict[str, tuple[Array | None, Array]] = {}
         for index in which:
@@ -126,7 +126,7 @@ class Problem:
         return np.where(np.isfinite(slopes), slopes, 0.0)
 
     def _all_of_kind(self, point: Array, kind: str) -> Array:
-        """Returns `point` with the values of all runs of one kind moved."""
+        """Returns `point` with one kind of value, such as the delay, changed by a step in all runs."""
         moved = np.array(point)
         for index, free in enumerate(self.plan.free):
             if free.run and _kind(free) == kind:
@@ -134,10 +134,10 @@ class Problem:
         return moved
 
     def prior(self, point: Array) -> Array:
-        """Returns (parameters + kinds,): the distance of each parameter from its prior, in sd.
+        """Returns (parameters + kinds,): the distance of each parameter from its prior's centre, in prior sd.
 
-        The run values of one kind have a mean of about 0: their mean belongs to the model, and only the mean applies to
-        a held-out run.
+        For each kind of value of a run, such as the delay, a last row holds the mean over all runs near 0. The mean
+        belongs to the model, because only the model applies to a held-out run.
         """
         centre = self.plan.start()
         terms = []
@@ -148,7 +148,7 @@ class Problem:
         return np.array([*terms, *common])
 
     def prior_slopes(self, point: Array) -> Array:
-        """Returns (parameters + kinds, parameters), stored column by column like the sensitivities."""
+        """Returns (parameters + kinds, parameters): derivatives of `prior`, stored by columns like sensitivities."""
         count, centred = len(point), self._centred()
         own = np.diag(((self.prior(point + _NOMINAL_STEP) - self.prior(point)) / _NOMINAL_STEP)[:count])
         rows = np.zeros((len(centred), count))
@@ -157,7 +157,7 @@ class Problem:
         return np.asfortranarray(np.vstack([own, rows]))
 
     def _centred(self) -> list[list[int]]:
-        """Returns the coordinates of each kind of run values that are centred at 0."""
+        """Returns the numbers of the coordinates that are `Free.centred`: a list for each kind of value."""
         kinds: dict[str, list[int]] = {}
         for index, free in enumerate(self.plan.free):
             if free.centred:
@@ -165,10 +165,10 @@ class Problem:
         return list(kinds.values())
 
     def _difference_ends(self, point: Array, index: int) -> tuple[Array | None, Array]:
-        """Returns the two points of one coordinate's finite difference; None is `point` itself.
+        """Returns the two points of a finite difference along one coordinate; None stands for `point` itself.
 
-        An effect's step is long, because a simulation resolves the crossing of a backlash only to a time step. Its
-        difference is central, because with a slightly wrong slope a descent does not follow a narrow valley.
+        The step of an effect's parameter is long, because a simulation resolves the crossing of a backlash only to a
+        time step. Its difference is central: with a slightly wrong slope, a descent does not follow a narrow valley.
         """
         free = self.plan.free[index]
         length = _EFFECT_STEP * free.reach if free.effect is not None else _NOMINAL_STEP
@@ -183,9 +183,9 @@ class Problem:
 
 
 class Projection:
-    """Removes from a scaled residual all that a problem's parameters can explain, priors included.
+    """Removes from a scaled residual everything that changes of the problem's parameters can explain.
 
-    The problem is linearised at `point`. Source: score test, Rao 1948.
+    The problem, with its priors, is linearised at `point`. Source: score test, Rao 1948.
     """
 
     def __init__(self, problem: Problem, point: Array) -> None:
@@ -194,11 +194,11 @@ class Projection:
         self._basis, _ = np.linalg.qr(np.vstack([whitened, problem.prior_slopes(point)]))
 
     def remainder(self, residual: Array) -> Array:
-        """Returns the projected residual (values + parameters,) of (values,). The rows of the priors come last."""
+        """Returns (values + parameters,): the remainder of a scaled residual (values,), then the rows of the priors."""
         return self._project(np.concatenate([residual, self._prior]))
 
     def signatures(self, changes: Sequence[Array] | Array) -> Array:
-        """Returns (values + parameters, changes) from changes of the simulated signals, (values,) each, in scales."""
+        """Returns (values + parameters, changes): the remainders of changes of the scaled signals, (values,) each."""
         return np.array([self._project(np.append(one, np.zeros(len(self._prior)))) for one in changes]).T
 
     def _project(self, rows: Array) -> Array:

@@ -1,16 +1,16 @@
-"""The residual of all fit runs, measured minus simulated from the inputs alone, with its weights.
+"""The residual of all fit runs, measured minus simulated, with its weights. Simulations use the inputs alone.
 
 The residual of signal s at sample k is e = (measured - simulated) / scale_s. Least squares use phi(e) / sqrt(tau_s):
 
 - phi^2 / 2 is the pseudo-Huber loss (`robust`), so the influence of a collision or a dropout is at most the Huber
   threshold.
-- scale_s is the unit of the error. At samples it is the size of the residual, at least the noise. For bins it is the
-  noise of a mean plus a share of the signal, as no simulator matches a real machine better.
-- tau_s is the correlation time of the residual, samples: n samples of a slow model error count as n / tau_s.
+- scale_s is the unit of the error. For samples, it is the size of the residual, at least the noise. For bins, it is the
+  noise of a bin's mean plus the least error of any simulator, a share of the signal's rms.
+- tau_s is the correlation time of the residual, in samples: n samples with a slow error count as n / tau_s samples.
 
-The same runs are compared in two ways: at the measured samples, and by means over bins of time. Fast dynamics such as
-tyres, compliance and vibration, which no model here has, would dominate a test over the full band; bins keep the band
-below about 15 Hz. A `Residual` never changes: a change of weights makes a new one.
+Runs are compared in two ways: at the measured samples, and by means over bins of time. No model here has fast dynamics,
+such as tyres, compliance and vibration. Their errors would dominate a test over all frequencies; bins keep frequencies
+below about 15 Hz. A `Residual` never changes: a change of weights makes a new `Residual`.
 """
 
 from __future__ import annotations
@@ -39,16 +39,16 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 MODEL_ERROR_SHARE = 0.004
-"""Share of a signal's rms in the scale of its bins: no simulator matches a real machine better."""
+"""Least error of any simulator of a real machine, as a share of a signal's rms: it is part of the scale of bins."""
 
 MOTOR_STEP_S = 0.003
 """Longest motor step, s, of a simulation that is compared with bins."""
 
 LEAST_NOISE_SHARE = 1e-3
-"""Least noise of a sample, as a share of the signal's rms: a smoother signal was filtered together with its noise."""
+"""Least noise sd of a sample, as a share of the signal's rms: a signal that looks smoother was filtered."""
 
-_LEAST_KEPT, _KEPT_VALUES = 32, 2_000_000  # least number of models kept, and most values kept of all models
-_CHUNK = 24  # number of models that are simulated at once: their outputs take memory
+_LEAST_KEPT, _KEPT_VALUES = 32, 2_000_000  # least number of kept simulations, and most values of all simulations
+_CHUNK = 24  # largest number of models that are simulated at once, as their outputs take memory
 _FIRST_SCALE = 0.2  # scale of samples before any residual is known, as a share of the signal's rms
 _LEAST_RMS = 1e-30  # least rms, SI: a signal with a smaller rms counts as zero
 
@@ -58,9 +58,9 @@ class Scale:
     """How one signal is weighed.
 
     Attributes:
-        size: scale of its residual, SI.
-        tau: correlation time of its residual, in samples or bins.
-        noise: sd of the noise of a compared value, SI, the lower bound of `size`.
+        size: scale of the signal's residual, SI.
+        tau: correlation time of the signal's residual, in samples or bins.
+        noise: sd, SI, of the noise of a compared value (a sample, a mean or a change of means), the least `size`.
         sample_noise: sd of the noise of a single sample, SI.
     """
 
@@ -105,15 +105,15 @@ class Residual:
     """Measured runs with a simulator, and the weight of each compared value. See the module's docstring.
 
     Attributes:
-        replay: the runs as simulated.
+        replay: the simulator of the runs.
         runs: the names of the compared runs.
-        blocks: one signal of one run each, in the order of the stacked values.
+        blocks: the places of the compared values: a block is one signal of one run.
         measured: (values,) the compared values, SI.
         picked: (values, simulated samples) the matrix that takes a row of `Replay.stacked` to the compared values.
-        scales: signal -> weights.
+        scales: signal -> how it is weighed.
         rms: signal -> rms of its compared values, 1 for a signal that is zero.
         notes: a sentence for each signal that was left out.
-        matched: the least relative sd of a fitted value, even with little noise; 0: no limit.
+        matched: least relative error of any simulator, a lower limit of scales and of a fitted value's sd; 0: no limit.
     """
 
     replay: Replay
@@ -178,11 +178,11 @@ class Residual:
         return np.asarray(self.measured - self.predict([model])[0])
 
     def scaled(self, model: Model) -> Array:
-        """Returns (values,): the residual of `model`, in scales."""
+        """Returns (values,): the residual of `model`, in units of each signal's scale."""
         return self.error(model) * self.weight()
 
     def scaled_by(self, models: Sequence[Model]) -> Iterator[Array]:
-        """Yields (values,): the residual of each model, in scales. Simulates while it is iterated."""
+        """Yields each model's residual, (values,), in units of each signal's scale; simulates while it is iterated."""
         for first in range(0, len(models), _CHUNK):
             yield from (self.measured - self.predict(models[first : first + _CHUNK])) * self.weight()
 
@@ -191,7 +191,7 @@ class Residual:
         return robust.pseudo_huber_loss(self.scaled(model))
 
     def weight(self) -> Array:
-        """Returns (values,): 1 / scale."""
+        """Returns (values,): 1 divided by the scale of the value's signal."""
         return 1 / self.by_signal({signal: scale.size for signal, scale in self.scales.items()})
 
     def taus(self) -> Array:
@@ -206,24 +206,24 @@ class Residual:
         return result
 
     def parts(self, values: Array, signal: str) -> list[Array]:
-        """Returns the values of a signal, run by run, from (values,)."""
+        """Returns the entries of `values`, (values,), that belong to a signal: one array for each run."""
         return [values[block.place] for block in self.blocks if block.signal == signal]
 
     def noise_cost(self) -> float:
-        """Returns the cost of a residual of white noise at the noise floors."""
+        """Returns the cost of a residual that is white noise with the sd `Scale.noise` in each signal."""
         return sum(
             len(block.measured) * (self.scales[block.signal].noise / self.scales[block.signal].size) ** 2 / 2
             for block in self.blocks
         )
 
     def floor(self, signal: str) -> float:
-        """Returns the least scale of a signal's residual, SI, from noise and from the error of every simulator."""
+        """Returns the least scale of a signal's residual, SI, from the noise and the least error of any simulator."""
         return float(np.hypot(self.scales[signal].noise, self.matched * self.rms[signal]))
 
     def weighed_by_size(self, model: Model, *, correlated: bool = False) -> Residual:
-        """Returns the residual, each signal weighed by its robust size under `model`, so that no signal dominates.
+        """Returns the residual with a new scale for each signal: the robust size of its error under `model`.
 
-        `correlated`: whether each signal is also weighed by its correlation time.
+        So no signal dominates. `correlated`: whether each signal's correlation time is also computed from this error.
         """
         error, scales = self.error(model), {}
         for signal, scale in self.scales.items():
@@ -238,14 +238,14 @@ class Residual:
         return dataclasses.replace(self, scales=scales)
 
     def with_floors(self, noise: Mapping[str, float]) -> Residual:
-        """Returns the residual weighed by its floors; `noise`: signal -> noise sd of a value, SI."""
+        """Returns the residual with each signal's floor as its scale; `noise`: signal -> sd of a value's noise, SI."""
         noisy = {signal: dataclasses.replace(scale, noise=noise[signal]) for signal, scale in self.scales.items()}
         found = dataclasses.replace(self, scales=noisy)
         sizes = {signal: dataclasses.replace(scale, size=found.floor(signal)) for signal, scale in noisy.items()}
         return dataclasses.replace(found, scales=sizes)
 
     def with_raised_floors(self, model: Model) -> Residual:
-        """Returns bins whose noise includes the bin-to-bin changes left by `model`: no effect models vibration."""
+        """Returns the residual with `model`'s error from bin to bin as least noise: no effect models vibration."""
         error, noise = self.error(model), {signal: scale.noise for signal, scale in self.scales.items()}
         for signal in self.signals:
             changes = [np.diff(part, 2) for part in self.parts(error, signal) if len(part) > 3]
@@ -255,15 +255,15 @@ class Residual:
         return self.with_floors(noise)
 
     def weighed_like(self, other: Residual) -> Residual:
-        """Returns the residual with the weights of `other` for the signals that both compare."""
+        """Returns the residual with the weights of `other` for the signals that both residuals compare."""
         scales = {name: other.scales.get(name, scale) for name, scale in self.scales.items()}
         return dataclasses.replace(self, scales=scales)
 
     def coloured(self, filters: Mapping[tuple[str, str], csr_array]) -> Residual:
-        """Returns the innovations: each block passes a filter of its own, (run, signal) -> (values, values).
+        """Returns the innovations: each block's values after its filter. `filters`: (run, signal) -> (values, values).
 
-        Measured and simulated values pass the same filter, so every method of a residual also works on innovations.
-        White noise also passes the filter, and its sd grows by the norm of the filter.
+        Measured and simulated values pass the same filter, so every method of `Residual` also works on innovations.
+        The filter multiplies the sd of white noise by the filter's norm.
         """
         whole = csr_array(block_diag([filters[block.run, block.signal] for block in self.blocks], format="csr"))
         measured, picked = np.asarray(whole @ self.measured), csr_array(whole @ self.picked)
@@ -277,15 +277,15 @@ class Residual:
         return found.with_floors(noise)
 
     def with_inputs(self, replay: Replay) -> Residual:
-        """Returns the same measured values and weights, simulated from the inputs of `replay`, on the same samples."""
+        """Returns the residual with another `replay` (other inputs, same samples); measured values and weights stay."""
         return dataclasses.replace(self, replay=replay, _memory=_Memory())
 
     def influence(self, model: Model) -> tuple[Array, Array]:
         """Returns the pull psi(e) / (scale tau) and the stiffness psi'(e) / (scale^2 tau) at `model`, (values,) each.
 
-        psi is the derivative of the loss. Pull times sensitivity is a value's score; stiffness weighs its information.
-        The rms of a signal's residual is raised to at least its scale: the scale includes model error, which the fit
-        moves into the parameters, so that the residual does not show it.
+        psi is the derivative of the loss. A value's score is its pull times its sensitivity; its information is weighed
+        by the stiffness. If the rms of a signal's residual is below the scale, the pull is raised by their ratio: the
+        scale includes a model error that the residual does not show, because the fit moved it into the parameters.
         """
         size, tau = 1 / self.weight(), self.taus()
         scaled = self.error(model) / size
@@ -296,10 +296,10 @@ class Residual:
         return raised * scaled / root / (size * tau), root**-3 / (size**2 * tau)
 
     def stretches(self, length_s: float, least: int = 1) -> tuple[Indices, int]:
-        """Cuts the runs into stretches of `length_s` s, or into at least `least` shorter stretches.
+        """Returns (values,) the number of the stretch of time that holds each value, and the count of stretches.
 
-        Windows of one run share its clock. Returns (values,) the number of each value's stretch, the same for all
-        signals, and the count of stretches.
+        A stretch is `length_s` s of all signals; it is shorter if the runs would give fewer than `least` stretches.
+        Windows of one run are cut by the clock of this run.
         """
         starts: dict[str, float] = {}
         whole = 0.0
@@ -320,7 +320,7 @@ class Residual:
         return numbers, len(first)
 
     def start_errors(self, model: Model) -> Array:
-        """Returns (signals, values): the change of the simulation if a run's first sample is off by one noise sd."""
+        """Returns (signals, values): the change of simulated values if a run's first sample is wrong by a noise sd."""
         base = self.predict([model])[0]
         moved = []
         for signal, scale in self.scales.items():
@@ -329,7 +329,7 @@ class Residual:
         return np.array(moved)
 
     def rows_of(self, run: str, signal: str = "") -> NDArray[np.bool_]:
-        """Returns (values,) whether a value is of `run`, a window of `run` or a recording. `signal` "": any signal."""
+        """Returns (values,): whether a value is of `run` (a run, window or recording) and of `signal` ("": of any)."""
         rows = np.zeros(len(self.measured), dtype=np.bool_)
         recordings = {one.name: one.recording for one in self.replay.dataset.runs}
         for block in self.blocks:
@@ -349,11 +349,11 @@ class Residual:
 def of_samples(
     replay: Replay, model: Model, runs: Sequence[str], *, measured: Dataset | None = None, threads: int = 2
 ) -> Residual:
-    """Returns the residual at the measured samples, each signal first weighed by a fifth of its rms.
+    """Returns the residual at the measured samples. Its first scales are a fifth of each signal's rms.
 
     Args:
         runs: names of the runs that are compared.
-        measured: the measured data, if `replay` has other samples than were measured.
+        measured: the measured data; None: the data set of `replay`.
 
     Raises:
         InputError: the runs have no signal that the model gives.
@@ -378,7 +378,7 @@ def of_bins(
     as_measured: bool = False,
     threads: int = 2,
 ) -> Residual:
-    """Returns the residual of means over bins of `width_s` s, weighed by the noise of a mean and by the model's error.
+    """Returns the residual of means over bins of `width_s` s, weighed by a mean's noise and any simulator's error.
 
     Args:
         coarse: whether to simulate on a grid of a third of a bin, with the mean of the inputs over each step. This grid
@@ -400,7 +400,7 @@ def of_bins(
 def _weighed(
     replay: Replay, bins: Bins, runs: Sequence[str], found: Sequence[Block], notes: Sequence[str], threads: int
 ) -> Residual:
-    """Returns the residual of some blocks, each signal weighed by the noise of a compared value."""
+    """Returns the residual of the blocks `found`; the scale of a signal is the noise sd of its compared values."""
     scales, rms, dataset = {}, {}, replay.dataset
     for signal in dict.fromkeys(block.signal for block in found):
         own = [block for block in found if block.signal == signal]
@@ -418,7 +418,7 @@ def _weighed(
 
 
 def _noise(dataset: Dataset, own: Sequence[Block], rms: float) -> tuple[float, float]:
-    """Returns the noise sd of a sample and of a compared value, SI. The second depends on the noise's colour."""
+    """Returns the noise sd, SI, of a sample and of a bin's mean. The mean's sd depends on the noise's correlation."""
     fitted, signal = {block.run for block in own}, own[0].signal
     described = dataset.signals.get(signal)
     stated = (described.noise_sd if described is not None else None) or 0.0
@@ -440,7 +440,7 @@ def _compared_by_change(dataset: Dataset) -> frozenset[str]:
     """Returns the signals that are compared by their change from bin to bin.
 
     These are the signals that integrate a rate, and velocities derived from a position. A wrong force on a heavy load
-    shifts the velocity for seconds, and each bin would count this error again. A change counts it once.
+    shifts the velocity for seconds, and each bin would count this error again. The change counts this error once.
     """
     derived = {name for run in dataset.runs for name in run.outputs if name not in dataset.signals}
     return SUMMED | (derived & set(MOTOR_RATE_OF.values()))

@@ -19,19 +19,19 @@ HUBER_THRESHOLD = 2.0
 """Residual, in units of its scale, beyond which the loss grows linearly instead of quadratically."""
 
 _SIZE_THRESHOLD = 2.5  # threshold of Huber's proposal 2, in units of the size
-_SIZE_EFFICIENCY = 0.9775  # mean square of a normal residual that is limited to this threshold
+_SIZE_EFFICIENCY = 0.9775  # mean square of a standard normal residual that is clipped at this threshold
 
 
 @dataclass(frozen=True)
 class RobustResidual:
-    """The residual phi, with phi^2 / 2 the pseudo-Huber loss, and its slope d phi / d e; (n,) each."""
+    """The residual phi, (n,), and its slope d phi / d e, (n,). The pseudo-Huber loss is phi^2 / 2."""
 
     value: Array
     slope: Array
 
 
 def pseudo_huber(scaled: Array) -> RobustResidual:
-    """Returns phi of the residuals e, (n,), in units of their scale (Charbonnier 1997).
+    """Returns phi and its slope for residuals e, (n,), in units of their scale (Charbonnier 1997).
 
     phi^2 / 2 = h^2 (sqrt(1 + (e / h)^2) - 1), with the Huber threshold h.
     """
@@ -60,10 +60,10 @@ def robust_size(error: Array) -> float:
 def correlation_time(parts: Sequence[Array], *, about_mean: bool = True) -> float:
     """Returns 1 + 2 times the sum of the autocorrelation up to its first zero, in samples (Geyer 1992, simplified).
 
-    Each part is one run; parts are not correlated with each other.
+    Each of `parts` is one run; different runs count as independent.
 
     Args:
-        about_mean: whether the mean of each part is removed. False: nothing is removed, so a constant is correlated.
+        about_mean: whether the mean of each run is removed first. False: a constant error counts as correlated.
     """
     longest = max(len(part) for part in parts)
     total = np.zeros(longest)
@@ -78,15 +78,15 @@ def correlation_time(parts: Sequence[Array], *, about_mean: bool = True) -> floa
 
 
 def noise_model(residuals: Sequence[Array], highest_order: int) -> Array:
-    """Returns (p,): c of r[t] = c[0] r[t-1] + ... + c[p-1] r[t-p] + innovation; BIC sets p, 0..`highest_order`.
+    """Returns (p,): c of r[t] = c[0] r[t-1] + ... + c[p-1] r[t-p] + innovation; BIC chooses p, 0..`highest_order`.
 
     In a feedback loop the input depends on past noise, but output error assumes that noise and input are independent.
-    With the right noise model, the one-step prediction error is independent of the input in any loop. So the
-    innovations are fitted (the direct method, Ljung 1999, sec. 13.4). Burg's recursion (1975), with sums over all runs,
-    gives a stable model even from short runs.
+    With the right noise model, the innovation (the one-step prediction error) is independent of the input in any loop.
+    So the innovations are fitted (the direct method, Ljung 1999, sec. 13.4). Burg's recursion (1975), with sums over
+    all runs, gives a stable model even from short runs.
 
     Args:
-        residuals: of one signal, (n,) for each run: evenly sampled, without NaN. Their means are removed.
+        residuals: the residual of one signal in each run, (n,), evenly sampled, without NaN. Run means are removed.
     """
     forward = [part - part.mean() for part in residuals if len(part) > highest_order]
     backward, samples = list(forward), sum(len(part) for part in forward)
@@ -113,11 +113,11 @@ def noise_model(residuals: Sequence[Array], highest_order: int) -> Array:
 def whitening(coefficients: Array, length: int) -> csr_array:
     """Returns a matrix (n, n), lower banded, that turns a residual (n,) into innovations of equal variance.
 
-    Lower orders of the same model (Levinson's recursion backwards) predict the first p samples, scaled to the variance
-    of the later samples: this is exact for a stationary residual, and no row is zero.
+    Lower orders of the model (Levinson's recursion backwards) predict the first p samples. Their innovations are scaled
+    to the variance of the later innovations. This is exact for a stationary residual, and no row is zero.
 
     Args:
-        coefficients: (p,), of `noise_model`; |reflection| < 1.
+        coefficients: (p,), from `noise_model`; every reflection coefficient lies between -1 and 1.
         length: n, samples of the run.
     """
     order = len(coefficients)

@@ -1,9 +1,9 @@
-"""The uncertainty of a fit: intervals, unidentifiable parameters, and identifiable combinations of these.
+"""The uncertainty of a fit: intervals, unidentifiable parameters, and identifiable combinations of parameters.
 
 The problem is linearised at the estimate. The covariance is the sandwich of M-estimators (Huber 1967) over stretches of
-time, plus the noise of the sample that each run starts from. Each parameter is scaled, so that one threshold fits all:
-a parameter far above zero by its logarithm, other parameters by their natural size, which is the change that moves the
-simulated signals by their rms.
+time, plus the covariance from the noise of each run's first sample. Parameters are scaled, so that one threshold fits
+all. A parameter far above zero is scaled by its value, and so counts as a logarithm. Other parameters are scaled by
+their natural size: the step of the parameter that changes the simulated signals by their rms.
 """
 
 from __future__ import annotations
@@ -29,20 +29,20 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_KNOWN_SD = 0.5  # largest sd, in scaled parameters, of an identifiable direction
-_SMALL_SD = 0.05  # sd, as a share of the natural size, below which a parameter that may be zero is known to be small
+_KNOWN_SD = 0.5  # largest sd of an identifiable direction, which is a combination of scaled parameters
+_SMALL_SD = 0.05  # sd, as a share of the natural size, up to which a parameter near zero is identifiable
 _NARROWED = 0.9  # an sd below this share of the prior's sd shows information from the data
 _FAR = 0.3  # share of the natural size above which a parameter is far above zero
-_MEMBER = 0.02  # least share in unidentifiable directions that makes a parameter a member of a group
+_MEMBER = 0.02  # a parameter with more than this share in unidentifiable directions is a member of a group
 _STEP = 3e-3  # step up and down, as a share of a parameter: dry friction and backlash are not smooth on smaller steps
 _SLOPE_ERROR = 1e-2  # relative error of finite differences for a plant with dry friction
 _LARGEST_LOG = 700.0  # largest logarithm of a double; an interval is clipped to the parameter's range anyway
-_FORMULA_STEP = 1e-4  # step as a share of a parameter in a formula, which is smooth
-_LEAST_REST = 1e-3  # least share of a direction's information that remains without a stretch: less may be rounding
+_FORMULA_STEP = 1e-4  # step of finite differences of a formula, as a share of a parameter: a formula is smooth
+_LEAST_REST = 1e-3  # least share of information that is taken to remain if a stretch is left out: less may be rounding
 _STRETCHES = 20  # least number of stretches of time whose scatter gives the intervals
 
 CORRELATED_S = 1.0
-"""Time, s, over which residuals count as correlated: about one part of a manoeuvre. It makes intervals wider."""
+"""Time, s, over which residuals count as correlated: about one section of a manoeuvre. This widens intervals."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class Estimate:
     Attributes:
         ci95: (low, high); None if the parameter is neither identifiable nor stated.
         basis: "data", "data and prior", "prior alone" (the data add nothing), or "not narrowed by the data".
-        identified: if the data do not determine an effect's parameter, a combination that the data determine; or None.
+        identified: a combination that the data determine, if they do not determine an effect's parameter; or None.
     """
 
     value: float
@@ -75,7 +75,7 @@ class Estimate:
 
 
 def estimates_frame(estimates: Mapping[str, Estimate]) -> pandas.DataFrame:
-    """Returns a row for each parameter, in SI; the ends of its 95 % interval are NaN if it has no interval."""
+    """Returns a row for each parameter, in SI; the ends of a 95 % interval are NaN if the parameter has none."""
     import pandas
 
     rows = [
@@ -92,7 +92,7 @@ class Uncertainty:
 
     Attributes:
         groups: groups of parameters of which only combinations are identifiable.
-        traceless: parameters without any effect on the data.
+        traceless: parameters without any influence on the data.
     """
 
     estimates: Mapping[str, Estimate]
@@ -106,7 +106,7 @@ NOTHING_FITTED = Uncertainty({}, (), (), (), None)
 
 
 def assess(data: Residual, model: Model, fitted: tuple[Free, ...], beside: tuple[Free, ...] = ()) -> Uncertainty:
-    """Returns the intervals at `model`, the fit's result. `data.matched` is the least relative sd.
+    """Returns the uncertainty of `fitted` at `model`, the fit's result. `data.matched` is the least relative sd.
 
     Args:
         beside: parameters with a stated sd that were not fitted. Their sd widens the intervals; they get no estimate.
@@ -168,14 +168,14 @@ def _assessed(
 
 
 def _natural_sizes(data: Residual, free: tuple[Free, ...], slopes: Array) -> Array:
-    """Returns (parameters,) SI: the change that moves the signals by their rms, at most the parameter's range."""
+    """Returns (parameters,) SI: the step that changes the signals by their rms, at most the parameter's range."""
     share = np.sqrt(np.mean((slopes / data.by_signal(data.rms)[:, np.newaxis]) ** 2, axis=0))
     spans = np.array([one.info.maximum - one.info.minimum for one in free])
     return np.where(share * spans > 1, 1 / np.maximum(share, 1e-300), spans)
 
 
 def _without_errors(slopes: Array, stiffness: Array) -> Array:
-    """Returns `slopes` (samples, parameters) without the directions that errors of finite differences may have made.
+    """Returns `slopes` (samples, parameters) without the directions that may be mere errors of finite differences.
 
     If the signals depend only on a combination of parameters, the slopes of these parameters cancel along one
     direction. With dry friction, finite differences do not cancel exactly. Over many samples, the remainder looks like
@@ -194,9 +194,9 @@ def _scatter(
     """Returns the covariance of the estimate's scatter, in scaled parameters, and its degrees of freedom.
 
     The scatter comes from sums over stretches of time, so the residual may be correlated in time and between signals.
-    Each stretch counts by how far the estimate shifts without the stretch (the jackknife CV3 of MacKinnon, Nielsen &
-    Webb 2023, J. Econometrics 232(2)). The residual of the stretch would count too little: if one stretch alone
-    determines a parameter, the fit follows this stretch.
+    A stretch counts by the shift of the estimate if the stretch is left out (the jackknife CV3 of MacKinnon, Nielsen &
+    Webb 2023, J. Econometrics 232(2)). The stretch's residual would count too little: if one stretch alone determines a
+    parameter, the fit follows this stretch, and the residual is small.
     """
     parameters = scores.shape[1]
     numbers, count = data.stretches(CORRELATED_S, _STRETCHES + 2 * parameters)
@@ -275,7 +275,7 @@ def _combination(
     if not np.isfinite(value) or value <= 0:
         return None
     gradient = np.array([_log_slope(formula, known, one, float(s)) for one, s in zip(free, sizes, strict=True)])
-    sd = float(np.sqrt(max(gradient @ covariance @ gradient, 0.0)))  # rounding may make it negative
+    sd = float(np.sqrt(max(gradient @ covariance @ gradient, 0.0)))  # rounding may make the variance negative
     if np.count_nonzero(gradient) <= 1 or sd > _KNOWN_SD:
         return None
     factor = float(np.exp(quantile * sd))
