@@ -1,10 +1,10 @@
-"""Speed compared with a peer in the same process, because on a shared machine absolute times mean little.
+"""Measures a speed and a peer's speed in one process, because on a shared machine absolute times mean little.
 
-One peer is the packaged robot as a text-book ODE for SciPy's `solve_ivp`, at equal accuracy. The equations
-are those of the plant's profile `coupled` (eq. 2, 5, 12 to 14), written here from the paper. `loosest` finds the
-largest tolerance at which SciPy is as accurate as the plant with its steps of 0.3 ms and 3 ms. `METHODS` are SciPy's
-fastest methods for this robot. If inputs are held, LSODA is at least 1.6 times as fast as the other methods. If the
-solver restarts in each step, RK23 needs half of RK45's evaluations.
+A peer is another library that does the same work. One peer is SciPy's `solve_ivp`, which solves the packaged robot as a
+text-book ODE at equal accuracy. The equations are those of the plant's profile `coupled` (eq. 2, 5, 12 to 14), written
+here from the paper. `loosest` finds the largest tolerance at which SciPy is as accurate as the plant with its steps of
+0.3 ms and 3 ms. `METHODS` are SciPy's fastest methods for this robot. If inputs are held, LSODA is at least 1.6 times
+as fast as the other methods. If the solver restarts in each step, RK23 needs half of RK45's evaluations.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ _LANES = {"alone": 1, "many": plant.MOST_LANES}
 class Figure:
     """One speed: ``value`` in ``unit``, which is ``ratio`` times the speed of ``peer`` in the same process.
 
-    If the unit is a cost, such as cycles/step, the ratio is the peer's cost divided by ours: above 1, we are faster.
-    ``machine`` is the machine on which both ran.
+    If the unit is a cost, such as cycles/step, the ratio is the peer's cost divided by our cost. So a ratio above 1
+    always means that we are faster. We and the peer ran on ``machine``.
     """
 
     value: float
@@ -61,8 +61,8 @@ class LawFigure(Figure):
     """A step of the control law on a brick's processor; ``value`` and ``ratio`` are those of a typical step (median).
 
     Attributes:
-        most, peer_most: the worst step, in the same unit.
-        flash_bytes, peer_flash_bytes: code and constants of the law, with the routines of its arithmetic.
+        most, peer_most: the cost of the most expensive step, ours and the peer's, in ``unit``.
+        flash_bytes, peer_flash_bytes: size of the law's code and constants, with the routines of its arithmetic.
         apart_v: the largest difference between the motor voltages of the two programs, in V.
     """
 
@@ -215,7 +215,7 @@ def _scipy(model: Model, manoeuvre: Manoeuvre) -> dict[str, Callable[[], float]]
 
 
 def control_law() -> tuple[dict[str, LawFigure], list[str]]:
-    """Returns the control law's cost on each brick's processor, compared with its peers, and why bricks are missing.
+    """Returns the control law's cost on each brick's processor, compared with peers, and why some bricks are missing.
 
     In a checkout, `tests/lab/control_peers.py` measures the cost.
     """
@@ -230,7 +230,7 @@ def control_law() -> tuple[dict[str, LawFigure], list[str]]:
 
 
 def lines(figures: Mapping[str, Figure], laws: Mapping[str, LawFigure]) -> Iterator[str]:
-    """Yields both tables as text: first the machine, then each ratio, followed by its measured values."""
+    """Yields the speeds and the laws' costs as text: first the machine, then each ratio with its measured values."""
     yield f"on {next(iter(figures.values())).machine}; both sides of a ratio were measured in this run"
     for name, figure in figures.items():
         yield f"{figure.ratio:8.1f} x  {name}: {figure.value:.0f} {figure.unit}, beside {figure.peer}"
@@ -249,7 +249,7 @@ VOLTAGES = ((4.5, 3.0), (-3.0, 6.0), (6.0, 6.0))
 """Voltages (left, right) in V, each held for `HELD` steps: a curve, nearly a turn on the spot, a straight drive."""
 
 HELD = 333
-_FIRST_STEP = STEP_S / 5  # SciPy's first step within a control step; of six tried values, this one is fastest
+_FIRST_STEP = STEP_S / 5  # SciPy's first step within a control step; of six tried values, this is the fastest
 STATES = 7
 
 
@@ -310,7 +310,7 @@ def solve(model: Model, manoeuvre: Manoeuvre, tolerance: float, method: Any) -> 
     """Returns the robot's states after each step, shape (steps, `STATES`), SI units.
 
     Args:
-        tolerance: rtol; atol is a thousandth of it.
+        tolerance: rtol; atol is a thousandth of rtol.
         method: a method of `solve_ivp`.
     """
     slope = slope_of(model)
@@ -357,7 +357,7 @@ class SolverSetting:
 
 
 def loosest(model: Model, manoeuvre: Manoeuvre) -> list[SolverSetting]:
-    """Returns, for each of `METHODS`, the largest of `TOLERANCES` whose position error does not exceed the plant's.
+    """Returns, for each of `METHODS`, the largest of `TOLERANCES` with a position error up to the plant's error.
 
     An error is the largest difference over the manoeuvre from a solution at a tolerance of 1e-10.
 

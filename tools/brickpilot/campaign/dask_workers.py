@@ -1,4 +1,4 @@
-"""The workers of a Dask scheduler, which call a function on parts.
+"""The workers of a Dask scheduler. They call a function on parts, which are pieces of work.
 
 If a worker dies, Dask gives its part to another worker. A worker may join at any time, so each worker compares its
 versions with those of this process before each part.
@@ -41,7 +41,7 @@ def dask_workers(function: Function, scheduler: str) -> Iterator[Results]:
     """Yields the workers of the scheduler at this address, which call `function`.
 
     Raises:
-        InputError: the library is not installed, no scheduler answers, no worker comes, or its version differs.
+        InputError: the library is not installed, no scheduler answers, no worker comes, or a worker's version differs.
     """
     try:
         import distributed  # noqa: F401  (makes the loggers that `_quiet` silences)
@@ -57,7 +57,7 @@ def dask_workers(function: Function, scheduler: str) -> Iterator[Results]:
 
 
 class DaskWorkers(Futures):
-    """The workers of a scheduler; made by `dask_workers`. The scheduler drops their parts when its client closes."""
+    """The workers of a scheduler; made by `dask_workers`. When the client closes, the scheduler drops the parts."""
 
     def __init__(self, function: Function, scheduler: str, client: Any) -> None:
         super().__init__(function)
@@ -71,7 +71,7 @@ class DaskWorkers(Futures):
         return max(_AHEAD * self._threads, 1)
 
     def submit(self, key: str, task: bytes) -> Any:
-        # The task is bytes, so that Dask does not inspect the argument and the scheduler need not import its module.
+        # The task is bytes, so that Dask does not inspect the argument, and the scheduler need not import the function.
         name = f"{self._name}-{key}"
         return self._client.submit(_called, store.versions_here(), self._scheduler, task, key=name, pure=False)
 
@@ -94,7 +94,7 @@ class DaskWorkers(Futures):
         """Counts the workers every `CHECK_S`; their number may change at any time.
 
         Raises:
-            WorkFailedError: the scheduler is gone, or there was no worker for a long time.
+            WorkFailedError: the scheduler does not answer any more, or there was no worker for a long time.
         """
         if time.monotonic() - self._checked >= CHECK_S:
             self._count()
@@ -179,7 +179,7 @@ def _check_versions(worker: str, versions: Versions, wanted: Versions, scheduler
 
 
 def _called(wanted: Versions, scheduler: str, task: bytes) -> Any:
-    """Returns what the function of a pickled task returns. Runs on the worker."""
+    """Calls the function of a pickled task and returns its result. Runs on the worker."""
     versions = store.versions_here()
     if versions != wanted:
         from distributed import get_worker
@@ -203,7 +203,7 @@ def _quiet() -> Iterator[None]:
         logger.setLevel(logging.CRITICAL + 1)
     try:
         with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", module="distributed")  # it warns of versions, which are compared here
+            warnings.filterwarnings("ignore", module="distributed")  # this module compares versions itself
             yield
     finally:
         for logger, level in zip(loggers, levels, strict=True):

@@ -27,7 +27,7 @@ MORRIS_EDGE = 0.025
 def drawn_shares(campaign: Campaign) -> Callable[[int, int], Array]:
     """Returns a function that gives the shares of the runs start..stop - 1, (runs, inputs drawn), each 0..1.
 
-    The designs monte_carlo and grid draw run by run. For other designs, this function draws all runs.
+    The designs monte_carlo and grid draw a run when it is asked for. For other designs, all runs are drawn at once.
     """
     if campaign.design == "monte_carlo":
         return partial(_independent, campaign)
@@ -71,9 +71,9 @@ def _independent(campaign: Campaign, start: int, stop: int) -> Array:
 
 
 def _grid(campaign: Campaign, start: int, stop: int) -> Array:
-    """Returns the middle of the level on each axis; inputs that are no axis are drawn for each run.
+    """Returns, for each axis, the share in the middle of a run's level; all other inputs are drawn for each run.
 
-    The repeats of a point follow each other; then the level of the last axis changes.
+    The runs that repeat a grid point follow each other; then the level of the last axis changes.
     """
     shares = _independent(campaign, start, stop)
     levels = {column: input_.levels for column, input_ in enumerate(campaign.drawn) if input_.distribution.listed}

@@ -89,12 +89,12 @@ class Box:
 
 @dataclass(frozen=True)
 class Campaign:
-    """A campaign file with all that it names.
+    """A campaign file, with the content of all files that it names.
 
     Attributes:
         count: the number of runs, repeats, samples or trajectories: see COUNTS.
-        inputs: all inputs of runs, in the file's order, including fixed ones.
-        faults: name -> the fixed part of a fault.
+        inputs: all inputs of runs, in the file's order, including inputs with a fixed value.
+        faults: name -> a fault, with the values that all runs have in common.
         box: the box of drawn routes; None: the routes are those of the scenarios.
         robots: the robots from which each run draws one; None: all runs have the model's values.
     """
@@ -137,7 +137,7 @@ class Campaign:
         return bool(self.faults) or any(scenario_.faults for scenario_ in self.scenarios)
 
     def identity(self) -> str:
-        """Returns a hash that differs if the results may differ; it covers the files' contents, not their names."""
+        """Returns a hash that differs if the results may differ, made from the files' contents and not their names."""
         allowed = "" if self.robots is None else self.robots.identity()
         return hashlib.sha256(f"{__version__} {self!r} {allowed}".encode()).hexdigest()
 
@@ -149,7 +149,7 @@ def load(
 
     Args:
         count, seed: values that replace those of the file.
-        shares: the sd of nominal values that nobody measured, see `robots.Allowed`; `robots = "data"` needs them.
+        shares: relative sd of nominal values that nobody measured, see `robots.Allowed`; `robots = "data"` needs them.
 
     Raises:
         InputError: the message names the file, line and key.
@@ -196,7 +196,7 @@ def load(
 def _robots(
     toml: TomlFile, head: Mapping[str, Any], model: Model, file: Path | None, shares: Mapping[str, float] | None
 ) -> Allowed | None:
-    """Returns the robots that the data allow; None: the campaign file does not ask for them; `file`: the model's."""
+    """Returns the robots that the data allow; None: the campaign file does not ask for them. `file`: model.toml."""
     if toml.choice(("campaign", "robots"), head.get("robots", ROBOTS[0]), ROBOTS) == ROBOTS[0]:
         return None
     if file is None:

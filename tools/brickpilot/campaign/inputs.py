@@ -38,7 +38,7 @@ NUMBERS = {
 
 DISTRIBUTIONS = (*NUMBERS, "choice", "fixed")
 
-_LEAST_KEPT = 0.01  # least probability within the limits: with a smaller one, the file is probably wrong
+_LEAST_KEPT = 0.01  # least probability within the limits: with a smaller probability, the file is probably wrong
 
 
 @dataclass(frozen=True)
@@ -339,7 +339,7 @@ def _effects(toml: TomlFile, entries: Mapping[str, Any]) -> list[Input]:
 
 
 def faults(toml: TomlFile, duration: float) -> tuple[dict[str, Fault], list[Input]]:
-    """Reads `[[faults]]`: name -> the fixed part of a fault, and the inputs of the faults.
+    """Reads `[[faults]]`. Returns name -> the fault with its fixed values, and the inputs that belong to faults.
 
     A fault's name is its kind, with a number if the kind occurred before: drop, drop_2.
 
@@ -366,7 +366,7 @@ def faults(toml: TomlFile, duration: float) -> tuple[dict[str, Fault], list[Inpu
                 inputs.append(_input(toml, (*key, number), f"{name}.{number}", table[number], physical))
                 drawn = inputs[-1].distribution
                 low, high = (min(drawn.values), max(drawn.values)) if drawn.values else (drawn.low, drawn.high)
-                table[number] = high if number == "from_s" else low  # every drawn end has to be after the latest start
+                table[number] = high if number == "from_s" else low  # checks the latest start with the earliest end
         fixed.append(table)
     return dict(zip(names, parse_faults(toml, fixed, duration), strict=True)), inputs
 

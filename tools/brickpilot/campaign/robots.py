@@ -1,4 +1,4 @@
-"""Draws robots that the data allow, according to the files that `calibrate` and `discover` write beside model.toml.
+"""Draws robots with values that the data allow. A file of `calibrate` or `discover` beside model.toml states them.
 
 - Fitted parameters are drawn jointly about their estimates, with the fit's covariance. The covariance is that of a
   linearised fit, so along a direction that the data do not determine, the sd is limited to `VAGUE_SD`.
@@ -32,7 +32,7 @@ from brickpilot.vehicle.spread import from_json as spread_of
 Array = NDArray[np.float64]
 
 VAGUE_SD = 0.2
-"""Largest sd of a coordinate: a logarithm, or a value in units of the change that moves the signals by their rms."""
+"""Largest sd of a fitted coordinate: a logarithm, or a value over the change that moves the signals by their rms."""
 
 EFFECT_SHARE = 0.1
 """Relative sd of an effect's size that has no interval; discovery uses the same value for a model of other data."""
@@ -57,12 +57,12 @@ class Explanation:
 
 @dataclass(frozen=True)
 class Allowed:
-    """The robots that the data allow.
+    """The robots that the data allow: those with values that agree with the data.
 
     Attributes:
         explanations: the explanations of the data, the best one first; only an ambiguous verdict has several.
         spread: the spread of the fitted parameters; None: no parameter was fitted.
-        shares: nominal parameter -> relative sd, used if no parameter was fitted.
+        shares: nominal parameter -> relative sd, used if this parameter was not fitted.
         devices: the robot's sensors, as in `flight.Plan.devices`; None: those of the packaged robot.
         source: the source of the spread, in words.
     """
@@ -75,7 +75,7 @@ class Allowed:
 
     @property
     def open(self) -> tuple[str, ...]:
-        """The values in which robots differ, "mass" or "effect.parameter"; an explanation may lack some of them."""
+        """The values in which robots differ, by name ("mass" or "effect.parameter"); an explanation may lack some."""
         best = self.model.parameters
         rivals = [rival.model.parameters for rival in self.explanations[1:]]
         names = dict.fromkeys(name for name in best if any(rival.get(name) != best[name] for rival in rivals))
@@ -144,7 +144,7 @@ def read(model: Model, path: Path, shares: Mapping[str, float]) -> Allowed:
 
 
 def _rivals(model: Model, given: Mapping[str, Any]) -> list[Explanation]:
-    """Returns the explanations that an ambiguous verdict lists beside the best one."""
+    """Returns the explanations that an ambiguous verdict lists in addition to the best explanation."""
     if given.get("verdict") != "ambiguous":
         return []
     explanations = []
@@ -166,7 +166,7 @@ def draw(allowed: Allowed, seed: int, stream: int, places: Sequence[int]) -> lis
     """Returns the robots at `places` of a stream; robots of two streams are independent.
 
     Raises:
-        InputError: the data allow no robot within the physical ranges.
+        InputError: no drawn robot has all its values within the physical ranges.
     """
     return [_draw(allowed, np.random.SeedSequence(seed, spawn_key=(stream, place)), place) for place in places]
 
@@ -192,7 +192,7 @@ def _powered_on(devices: Mapping[str, float], random: np.random.Generator) -> di
 
 
 def _fitted(allowed: Allowed, model: Model, random: np.random.Generator) -> dict[str, float]:
-    """Returns a draw of this explanation's fitted parameters about its own values."""
+    """Returns fitted parameters, drawn about the values of `model`, which is an explanation's model."""
     if allowed.spread is None:
         return {}
     own = values(model)
@@ -205,13 +205,13 @@ def _fitted(allowed: Allowed, model: Model, random: np.random.Generator) -> dict
 
 
 def _root(spread: Spread) -> Array:
-    """Returns the root of the covariance, limited to `VAGUE_SD` in each direction."""
+    """Returns a square root of the covariance, with an sd of at most `VAGUE_SD` in each direction."""
     values, axes = np.linalg.eigh(spread.covariance)
     return np.asarray(axes * np.sqrt(np.clip(values, 0.0, VAGUE_SD**2)))
 
 
 def _unmeasured(allowed: Allowed, model: Model, random: np.random.Generator) -> dict[str, float]:
-    """Returns a draw of each value with a usual spread; draws of fitted parameters later replace these draws."""
+    """Returns values drawn with their usual relative sd; the caller replaces those of fitted parameters."""
     shares, own = _usual(allowed, model), values(model)
     draws = random.normal(size=len(shares))
     return {name: own[name] * math.exp(share * x) for (name, share), x in zip(shares.items(), draws, strict=True)}

@@ -31,7 +31,7 @@ TABLE, SUMMARY, PAGE = "runs.parquet", "summary.json", "report.html"
 def run_campaign(
     campaign: Campaign, folder: Path, workers: Workers, show: Callable[[int, int, str], None], command: str
 ) -> dict[str, Any]:
-    """Flies the runs that `folder` does not hold, writes its files, and returns the content of `summary.json`.
+    """Flies the runs that `folder` does not hold yet, writes its files, and returns the content of `summary.json`.
 
     Args:
         show: called with (parts done, all parts, text).
@@ -39,7 +39,7 @@ def run_campaign(
 
     Raises:
         InputError: the folder holds another campaign, or the workers cannot be reached.
-        WorkFailedError: the disk is full, or no worker is left. Finished parts stay, and the same command resumes.
+        WorkFailedError: the disk is full, or all workers have ended. Finished parts stay, so the same command resumes.
     """
     keys = [part.key for part in runs.parts(campaign)]
     identity = {"campaign": campaign.identity(), "runs": campaign.runs, "design": designs.made_by(campaign)}
@@ -109,7 +109,7 @@ MOST_DOTS = 1500
 """Largest number of runs in a scatter plot; more points would overlap and take long to draw."""
 
 STRONGEST = 3
-"""Each figure is drawn against this number of its strongest inputs."""
+"""Each figure is drawn against this number of inputs: those on which the figure depends most."""
 
 _DRAWN_OUT = (0.001, 0.999)  # range of a histogram, in quantiles; runs beyond this range count in the end bars
 _BARS = 40
@@ -133,7 +133,7 @@ def histograms(table: Table, figures: Mapping[str, Mapping[str, Any]]) -> list[H
 
 
 def scatters(campaign: Campaign, table: Table, sensitivity: Mapping[str, Any] | None) -> list[Scatter]:
-    """Returns each figure against its strongest inputs, for the first `MOST_DOTS` runs."""
+    """Returns plots of each figure against its strongest inputs, for the first `MOST_DOTS` runs."""
     if sensitivity is None:
         return []
     units = {input_.name: input_.unit for input_ in campaign.drawn}

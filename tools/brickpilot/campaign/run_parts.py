@@ -1,4 +1,4 @@
-"""Runs a function over many parts, on the processes of this machine or on a Dask cluster.
+"""Calls a function on many arguments, in processes of this machine or on a Dask cluster. A part is one call.
 
     def flown(seed: int) -> dict[str, float]: ...            # at the top of a module
 
@@ -40,15 +40,15 @@ class Part:
 Results = Callable[[Iterable[Part]], Iterator[tuple[Part, Any]]]
 """Takes parts one by one, and yields each part with its result, in the order in which the parts finish.
 
-It begins a part again if the part's worker dies. It raises WorkFailedError if a part ends each worker that gets it, or
-if no worker is left; and every error that the function raises."""
+If a worker dies, another worker begins its part again. If a part ends each worker that gets it, or if all workers have
+ended, the function raises WorkFailedError. It also raises every error of the called function."""
 
 
 class Workers(Protocol):
-    """The place where a campaign runs."""
+    """The processes that do the parts of a campaign."""
 
     def started(self, function: Function) -> AbstractContextManager[Results]:
-        """Returns the workers that call `function`. At the end of the `with`, the workers stop or forget `function`.
+        """Returns the workers that call `function`. After the `with`, the workers stop or forget `function`.
 
         Raises:
             InputError: the workers cannot be reached, or have another version.
@@ -67,7 +67,7 @@ class Futures(ABC):
 
     @abstractmethod
     def most(self) -> int:
-        """Returns the largest number of parts that may be begun and not finished now; at least 1."""
+        """Returns the largest number of parts that may be in progress at this moment; at least 1."""
 
     @abstractmethod
     def submit(self, key: str, task: bytes) -> Any:
@@ -79,7 +79,7 @@ class Futures(ABC):
 
     @abstractmethod
     def check(self) -> None:
-        """Raises WorkFailedError if the workers are gone. It is called at least every `CHECK_S`."""
+        """Raises WorkFailedError if the workers do not answer any more. It is called at least every `CHECK_S`."""
 
     def results(self, parts: Iterable[Part]) -> Iterator[tuple[Part, Any]]:
         """Yields each part with its result: see `Results`."""
@@ -126,7 +126,7 @@ class PartProgress:
     what: str = "parts"
 
     def after(self, finished: int) -> None:
-        """Shows that `finished` parts are done, in addition to those that were done before."""
+        """Shows that `finished` parts are done, in addition to the parts that were done before."""
         done = self.done + finished
         self.show(done, self.total, f"{done} of {self.total} {self.what}")
 
@@ -148,8 +148,8 @@ def run_parts(
         workers: `workers.Local`, `workers.Cluster` or `workers.Here`.
 
     Raises:
-        InputError: the workers cannot be reached, or are not of this version.
-        WorkFailedError: a part ends each worker that gets it, or no worker is left.
+        InputError: the workers cannot be reached, or have another version of this program.
+        WorkFailedError: a part ends each worker that gets it, or all workers have ended.
         Exception: the error that the function or `keep` raised. No further part is begun.
     """
     progress.after(0)

@@ -1,4 +1,4 @@
-"""The runs of a campaign: the plan of each run, its flight by the engine, and its row of figures."""
+"""The runs of a campaign: the plan of each run, its flight, and its row of figures."""
 
 from __future__ import annotations
 
@@ -75,9 +75,9 @@ def row(plan: flight.Plan) -> Row:
 
 
 def rows(plans: Sequence[flight.Plan]) -> list[Row]:
-    """Flies missions and returns the figures of each. If a scenario has faults, a link is between plant and brick.
+    """Flies missions and returns each mission's figures. If a scenario has faults, a link is between plant and brick.
 
-    Missions without faults fly in the lanes of the plant, which takes less time and changes no byte.
+    Missions without faults fly side by side in the plant's lanes. This takes less time and gives the same figures.
 
     Keys are those of `UNITS`. `success` means that every waypoint was reached without a fault; `cause` says why a
     mission failed, and is empty otherwise. `time_s` is the time of the last waypoint, `closest_approach_max_m` the
@@ -138,7 +138,7 @@ def figures(flown: flight.Flight) -> Row:
 
 
 def over_a_link(flown: HilFlight) -> Row:
-    """Returns the row of a flight over a link. The flight also fails if the link ends it."""
+    """Returns the row of a flight over a link. A flight that the link ended counts as failed."""
     row = figures(flown.flight)
     if flown.broke_off is None:
         return row
@@ -161,10 +161,10 @@ def _cause(reached_all: bool, end: Mapping[str, Any]) -> str:
 
 PART_RUNS = 100
 LINK_PART_RUNS = 10
-"""The largest number of runs in a part, a few seconds of work; a flight over a link takes about fifty times as long."""
+"""Largest number of runs in a part, without and with a link. A flight over a link takes about fifty times as long."""
 
 _LEAST_PARTS = 20
-"""The least number of parts of a campaign, so that all workers get some."""
+"""The least number of parts of a campaign, so that all workers get parts."""
 
 _TRIES = 1000
 
@@ -191,7 +191,7 @@ class RunsOfPart:
 
 @dataclass(frozen=True)
 class Run:
-    """One run: its number, its inputs, the plan of its flight, and its robot; None: that of the campaign's model."""
+    """One run: its number, its inputs, its flight's plan, and its robot; None: the values of the campaign's model."""
 
     index: int
     drawn: Drawn
@@ -200,7 +200,7 @@ class Run:
 
 
 def part_size(campaign: Campaign) -> int:
-    """Returns the number of runs in a part. It depends only on the campaign, and so do the bytes of the table."""
+    """Returns the number of runs in a part. It depends only on the campaign, so the table's bytes do, too."""
     most = LINK_PART_RUNS if campaign.over_a_link else PART_RUNS
     return min(most, -(-campaign.runs // _LEAST_PARTS))
 
@@ -229,7 +229,7 @@ def fly(part: RunsOfPart) -> pa.Table:
 
 
 def single_run(campaign: Campaign, index: int) -> Run:
-    """Returns the run of this number. Its whole part is drawn, so the run equals the campaign's to the last bit."""
+    """Returns the run of this number. Its whole part is drawn, so the run is that of the campaign to the last bit."""
     place = index % part_size(campaign)
     part = _runs_of_part(campaign, index - place, designs.drawn_shares(campaign))
     return list(planned(part))[place]
@@ -240,13 +240,13 @@ def planned(part: RunsOfPart) -> Iterator[Run]:
     campaign = part.campaign
     for index, given in enumerate(drawn(campaign, part.shares), part.start):
         robot = None
-        if campaign.robots is not None:  # the runs of a design's block have one robot
+        if campaign.robots is not None:  # the runs of a block share one robot
             [robot] = robots.draw(campaign.robots, campaign.seed, _STREAM, [designs.block(campaign, index)])
         yield Run(index, given, _plan(campaign, index, given, robot), robot)
 
 
 def drawn(campaign: Campaign, shares: Array) -> list[dict[str, inputs.Value]]:
-    """Returns the inputs of runs, including fixed ones; `shares`: (runs, drawn inputs) the drawn numbers, 0..1."""
+    """Returns the inputs of runs, including fixed inputs; `shares`: (runs, drawn inputs) the drawn numbers, 0..1."""
     varying, fixed = iter(shares.T), np.zeros(len(shares))
     columns = {}
     for input_ in campaign.inputs:
@@ -303,7 +303,7 @@ def _inputs(campaign: Campaign, run: Run) -> dict[str, Any]:
 
 
 def of_robot(campaign: Campaign, run: Run) -> dict[str, Any]:
-    """Returns the values of the run's robot that the data do not determine, without those that `[vary]` states."""
+    """Returns the values of the run's robot that the data do not determine, but not values that `[vary]` states."""
     if run.robot is None:
         return {}
     own = robots.values(run.plan.model)

@@ -1,4 +1,4 @@
-"""The folder of a campaign: each part as a file, until all of them are merged into one table.
+"""The folder of a campaign: each part (some runs) is a file, until all parts are merged into one table.
 
 A part is written beside its final place and then renamed, so that a part is never incomplete. The part's name,
 KEY.CRC32.parquet, holds the checksum of its bytes. So a part that a power cut has damaged is found, and its runs are
@@ -54,7 +54,7 @@ class Versions:
     pyarrow: str
 
     def differences(self, other: Versions) -> str:
-        """Returns the differences in words, own version first: "brickpilot 0.1.0, not 0.2.0"; empty: no difference."""
+        """Returns the differences in words, this version first: "brickpilot 0.1.0, not 0.2.0"; empty: no difference."""
         mine, theirs = dataclasses.asdict(self), dataclasses.asdict(other)
         return "; ".join(f"{name} {mine[name]}, not {theirs[name]}" for name in mine if mine[name] != theirs[name])
 

@@ -37,7 +37,7 @@ Array = NDArray[np.float64]
 EXPLAINED_FIGURES = ("success", "cross_track_rms_m", "position_estimate_error_m", "time_s")
 
 LEAST_RUNS = 100
-"""Least number of runs with a known figure for RBD-FAST; with fewer runs, its ten harmonics give mostly bias."""
+"""Least number of runs with a known figure for RBD-FAST; with fewer runs, the ten harmonics give mostly bias."""
 
 METHODS = {
     "saltelli": "Sobol indices: the share of the figure's variance that the input explains alone, and with all others "
@@ -53,7 +53,7 @@ class Index:
 
     Attributes:
         value, half: the index, and half the width of its 95 % interval.
-        total, total_half: the same for the total index, which only `saltelli` has.
+        total, total_half: the total index, and half the width of its 95 % interval; only `saltelli` has a total index.
     """
 
     input: str
@@ -82,9 +82,10 @@ def sensitivity_indices(campaign: Campaign, inputs: Mapping[str, Array], figure:
     """Returns the indices of one figure, from the largest on; empty: the figure is constant, or too few runs have it.
 
     Args:
-        inputs: drawn input -> its values (runs,); a text is a number, and NaN means that the run lacks the input's
-            effect or fault.
-        figure: (runs,); NaN where a run does not have the figure. A block that lacks a figure is left out.
+        inputs: drawn input -> its values (runs,); a text is coded as a number, and NaN means that the run lacks the
+            input's effect or fault.
+        figure: (runs,); NaN where a run does not have the figure. A block is left out if one of its runs lacks the
+            figure.
 
     Raises:
         InputError: SALib is not installed.
@@ -106,7 +107,7 @@ def sensitivity_indices(campaign: Campaign, inputs: Mapping[str, Array], figure:
 def _analysed(campaign: Campaign, inputs: Mapping[str, Array], kept: NDArray[np.bool_], values: Array) -> list[Index]:
     problem = designs.problem(campaign)
     names = problem["names"]
-    seed = 1 + campaign.seed % (2**32 - 1)  # SALib takes 0 as no seed, and some of its versions take 32 bits alone
+    seed = 1 + campaign.seed % (2**32 - 1)  # SALib takes 0 as no seed; some of its versions take only 32 bits
     if campaign.design == "saltelli":
         keys: tuple[str, ...] = ("S1", "S1_conf", "ST", "ST_conf")
         analysis = designs.salib("analyze.sobol").analyze(problem, values, calc_second_order=False, seed=seed)
@@ -148,7 +149,7 @@ class Table:
         return pq.read_table(self._path, columns=[name]).column(0)
 
     def numbers(self, name: str) -> Array:
-        """Returns a column as numbers (runs,): NaN for a missing value, 1 for true; texts count by first appearance."""
+        """Returns a column as numbers (runs,): NaN: missing, 1: true; texts are numbered by first appearance."""
         column = self.column(name)
         if pa.types.is_string(column.type):
             codes: Array = pc.dictionary_encode(column).combine_chunks().indices.to_numpy(zero_copy_only=False)
@@ -244,7 +245,7 @@ def _figures(table: Table) -> dict[str, dict[str, Any]]:
 
 
 def _worst(table: Table) -> list[dict[str, Any]]:
-    """Returns the worst runs: failed runs first, then by fewest waypoints, then by largest closest approach."""
+    """Returns the `WORST` worst runs. They are sorted by failure, fewest waypoints and largest closest approach."""
     order = np.lexsort(
         (-np.nan_to_num(table.numbers("closest_approach_max_m"), nan=np.inf), table.numbers("waypoints_reached"),
          table.numbers("success"))

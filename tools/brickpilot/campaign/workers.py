@@ -1,8 +1,8 @@
 """The workers of a campaign: processes of this machine, a Dask cluster, or this process itself.
 
 Each process of this machine has its own pipe and shares no lock with the others, so if a process is killed, only its
-part is lost. A `ProcessPoolExecutor` cannot do this: one dead process breaks the whole pool and its part is not known,
-and the processes stay if this process is killed.
+part is lost. In a `ProcessPoolExecutor`, one dead process would break the whole pool, and the pool would not name the
+part of the dead process. Also, the pool's processes would go on if this process were killed.
 """
 
 from __future__ import annotations
@@ -121,7 +121,7 @@ class _Process:
         theirs.close()  # so that this process notices when the worker closes the pipe
 
     def call(self, task: bytes) -> Any:
-        """Returns whether the function of a task returned, and what it returned or raised.
+        """Has the process do a task. Returns (True, the function's result) or (False, the function's error).
 
         Raises:
             EOFError, OSError: the process ended, perhaps in the middle of an answer.
@@ -190,7 +190,7 @@ class _Processes(Futures):
             process.close()
 
     def _called(self, key: str, task: bytes) -> Any:
-        """Returns what the function of a task returns. If the process ends, another process begins the task again."""
+        """Returns the result of a task's function. If the process ends, another process begins the task again."""
         how = ""
         for _ in range(DEATHS):
             process = self._taken()
@@ -222,9 +222,10 @@ class _Processes(Futures):
 
 @contextmanager
 def _sigterm_as_exception() -> Iterator[None]:
-    """SIGTERM ends this block by an exception, so that each `with` closes; the exit status is that of a shell.
+    """Makes SIGTERM raise an exception in this block, so that each `with` closes; the exit status is that of a shell.
 
-    Without a handler, SIGTERM would end only this process, and the workers would go on. A caller's handler stays.
+    Without a handler, SIGTERM would end only this process, and the workers would go on. A handler that the caller has
+    set stays.
     """
     is_main = threading.current_thread() is threading.main_thread()
     if not is_main or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL:
@@ -238,8 +239,8 @@ def _sigterm_as_exception() -> Iterator[None]:
 
 
 def _block_ctrl_c() -> None:
-    """Processes that this thread starts ignore Ctrl-C, which the main thread handles: they keep the thread's mask."""
-    if hasattr(signal, "pthread_sigmask"):  # Windows has none
+    """Blocks Ctrl-C in this thread and in the processes that it starts; only the main thread handles Ctrl-C."""
+    if hasattr(signal, "pthread_sigmask"):  # Windows has no such mask
         resource_tracker.ensure_running()  # otherwise the first process starts the tracker, which unblocks Ctrl-C again
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
 
@@ -265,7 +266,7 @@ def _serve(pipe: Connection) -> None:
 
 
 def _answer(task: bytes) -> bytes:
-    """Returns, pickled, whether the function of a task returned, and what it returned or raised.
+    """Does a task. Returns, pickled, (True, the function's result) or (False, the function's error).
 
     A note of the error has the worker's traceback, because a traceback cannot be pickled.
     """

@@ -1,11 +1,11 @@
 """`brickpilot check`: what a data set is worth before a discovery, and which manoeuvre to drive next.
 
 The check needs one fit of the nominal model; if there are many runs, the fit uses some of them. For each parameter, the
-check gives the interval of this fit. For each effect, it gives the smallest size that would be named.
+check gives the interval of this fit. For each effect, it gives the smallest size that discovery would name.
 
-To advise the next manoeuvre, the check simulates each manoeuvre with the fitted nominal model, with each parameter
-slightly changed and with each effect. The manoeuvre's information is added to that of the runs (Atkinson, Donev &
-Tobias 2007, Optimum experimental designs, ch. 9).
+To advise the next manoeuvre, the check simulates each manoeuvre with the fitted nominal model, then with each parameter
+slightly changed, and then with each effect. The manoeuvre's information on parameters and effects is added to the
+information of the runs (Atkinson, Donev & Tobias 2007, Optimum experimental designs, ch. 9).
 """
 
 from __future__ import annotations
@@ -49,10 +49,10 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_WINDOW_S = 1.0  # length of a motor's windows, as in `prepare`
+_WINDOW_S = 1.0  # s: length of the windows into which runs of a motor are cut, as in `prepare`
 _MANOEUVRES = 3  # largest number of advised manoeuvres
 _UNKNOWN = 0.1  # sd of a parameter's logarithm, or relative sd: a parameter with a larger sd counts as unknown
-_SHARPER = 0.5  # a manoeuvre is advised for an unknown parameter if it narrows the sd by this factor or more
+_SHARPER = 0.5  # a manoeuvre is advised for an unknown parameter if (sd with it) / (sd without it) is below this
 _OF_SOME = "Intervals, the sizes of effects that show and the advice are those of these runs."
 
 
@@ -61,8 +61,8 @@ class Advice:
     """One manoeuvre that would give more information.
 
     Attributes:
-        effects: effects of a usual size that the manoeuvre would show, but that the runs and earlier advice do not
-            show.
+        effects: effects of a usual size that this manoeuvre would show, but neither the runs nor the manoeuvres advised
+            before.
         parameters: parameters whose intervals the manoeuvre would narrow to less than half.
     """
 
@@ -80,13 +80,14 @@ class Check(Result):
         explained: how much of each signal the model with the fitted `parameters` explains.
         units: signal -> its unit in the data set.
         parameters: the fitted nominal parameters, with 95 % intervals.
-        cannot_tell_apart: groups of parameters of which only combinations are identifiable; `combinations` has those
-            with a physical meaning.
-        visible: effect -> the smallest size that would be named.
+        cannot_tell_apart: groups of parameters that the data determine only in combination; `combinations` has the
+            combinations with a physical meaning.
+        visible: effect -> the smallest size of the effect that discovery would name.
         invisible: effects that the data would not show at any size within the effect's range.
         advice: manoeuvres that would give more information, the best one first.
-        discover_s: estimate of the time that `discover` will take, s: the geometric mean of the ends of the range.
-        discover_range_s: the shortest and the longest time, s; it depends on the error that is left to explain.
+        discover_s: estimate of the time that `discover` will take, s: the geometric mean of `discover_range_s`.
+        discover_range_s: the shortest and the longest time that `discover` may take, s; the time depends on the nominal
+            model's error.
         notes: sentences on what was assumed or left out.
     """
 
@@ -209,13 +210,13 @@ def _advise(
 ) -> tuple[tuple[Advice, ...], tuple[str, ...]]:
     """Returns the manoeuvres that add most information, and the effects that the runs would not show at any size.
 
-    An effect is left out if it changes the measured signals neither in the runs nor in any manoeuvre: it belongs to
-    another vehicle or another sensor.
+    An effect is not listed if it changes the measured signals neither in the runs nor in any manoeuvre, because the
+    effect belongs to another vehicle or another sensor.
 
     Args:
         nominal: the nominal model, fitted to the fit runs.
         visible: effect -> the smallest size that the runs show.
-        temperature: the number of nats that count as one nat.
+        temperature: the number of nats that count as one nat, see `Judge.temperature`.
     """
     problem = Problem(prepared.coarse, nominal.plan)
     asked = _Asked.of(prepared, nominal, problem.prior_slopes(nominal.point), temperature)
@@ -253,10 +254,10 @@ class _Asked:
     change of the residual due to one parameter or one probe. The information of several runs is the sum over the runs.
 
     Attributes:
-        probes: the probes of all effects with a single size that can be extrapolated.
+        probes: the probes of all effects whose only free parameter is a size that can be extrapolated.
         usual: (effect, parameter) -> the usual size in the catalogue, scaled to this vehicle.
         prior: (parameters, parameters) information of the parameters' priors.
-        temperature: the number of nats that count as one nat.
+        temperature: the number of nats that count as one nat, see `Judge.temperature`.
     """
 
     plan: Plan
@@ -291,7 +292,7 @@ class _Asked:
         return np.asarray(moved.T @ moved)
 
     def shown(self, known: Array) -> set[str]:
-        """Returns the effects whose signature at a usual size is large enough after projection."""
+        """Returns the effects that discovery would name at their usual size, from data with the information `known`."""
         count = len(self.prior)
         cross = known[:count, count:]
         taken = np.linalg.solve(known[:count, :count] + self.prior, cross)

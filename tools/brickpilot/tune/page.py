@@ -1,4 +1,4 @@
-"""The page of `tune`: flights with the old and the new gains, by the same robots, which the search did not use."""
+"""The page of `tune`: it compares flights of the same robots, which the search did not use, with old and new gains."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _SHOWN_S = 1.0  # time in s that a track shows after the last movement
 
 
 def page(tuned: Tuned, command: str) -> str:
-    """Returns the page as one self-contained HTML text; `command` repeats the tuning."""
+    """Returns the page as one self-contained HTML text; `command`: the command line that repeats the tuning."""
     judged = tuned.judged
     return render(
         "tune",
@@ -203,7 +203,7 @@ def _track(tuned: Tuned, place: int, why: str) -> dict[str, Any]:
 
 
 def _apart(track: Array, samples: int) -> Array:
-    """Returns the thinned track; its number of samples differs from `samples`, the number of the played track."""
+    """Returns the thinned track; its number of points is not `samples`, the number of points of the played track."""
     kept = track[:, :: max(track.shape[1] // 1000, 1)]
     return kept[:, :-1] if kept.shape[1] == samples else kept
 

@@ -1,8 +1,8 @@
-"""The tuning problem: one robot's controller, tested on one mission in flights of the robots that the data allow.
+"""The tuning problem: one robot's controller, tested on one mission by robots with values that the data allow.
 
 The search has one coordinate for each tuned gain. A coordinate is log(raw + offset), because ratios of gains matter;
-with the offset, a gain of 0 has a finite coordinate and can grow. The search stays within a factor of the start and
-within the format, and scores the rounded integers.
+with the offset, a gain of 0 has a finite coordinate and can grow. The search keeps each gain within a factor of its
+value at the start and within the range of its format. It scores gains that are rounded to integers.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ TUNED = PIDS + GUIDANCE
 """The gains that are tuned: those of both PIDs, and those of the line-of-sight guidance."""
 
 FACTOR_PID, FACTOR_GUIDANCE = 10.0, 3.0
-"""Largest ratio, up or down, of a gain to its start; a larger ratio would change the kind of control."""
+"""Largest ratio, up or down, of a gain to its value at the start; a larger ratio would change the kind of control."""
 
 OFFSET = 0.02
 """Offset as a share of the packaged robot's raw value; a gain below the offset counts as off."""
@@ -51,7 +51,7 @@ class Space:
         return np.asarray(np.log(np.array([float(raw[name]) for name in self.names]) + self.offset))
 
     def raw(self, coordinates: Array) -> dict[str, int]:
-        """Returns the raw integers at these coordinates, rounded, within the ranges and without contradicting pairs."""
+        """Returns the raw integers at these coordinates: rounded, within the ranges and in agreement with `AT_MOST`."""
         values = np.clip(np.exp(coordinates) - self.offset, self.low, self.high)
         raw = {name: int(value) for name, value in zip(self.names, np.rint(values), strict=True)}
         for less, more in AT_MOST:
@@ -66,7 +66,7 @@ class Space:
 
 
 def around(start: Mapping[str, int], firmware: Mapping[str, int]) -> Space:
-    """Returns the search space about a start.
+    """Returns the search space about the gains at the start.
 
     Args:
         start: raw integers of `TUNED`.
@@ -99,9 +99,10 @@ class Problem:
     """The tuning problem of one robot; small, and picklable for workers.
 
     Attributes:
-        plan: the plan of a flight of the best explanation with the firmware's own gains; `loop` makes its `firmware`.
+        plan: the plan of a flight of the best explanation with the firmware's own gains; `planned` sets the plan's
+            `firmware` from `loop`.
         loop: the robot's own firmware; None: the packaged firmware.
-        allowed: the robots that the data allow.
+        allowed: the robots whose values the data allow.
         firmware: the present values of all settings.
         seed: seed of the drawn robots.
     """
@@ -119,7 +120,7 @@ class Problem:
 
     def planned(self, robot: robots.Robot, gains: Raw) -> flight.Plan:
         """Returns the plan of a flight of the drawn `robot` with `gains`."""
-        scenario = self.plan.scenario  # values of the plant that the scenario states hold for every robot
+        scenario = self.plan.scenario  # the scenario's values of the plant replace those of each robot
         model = dataclasses.replace(
             robot.model,
             parameters={**robot.model.parameters, **scenario.parameters},
@@ -204,12 +205,13 @@ class Scale:
 
 MISSED, TIME, WEAR = 100.0, 0.5, 0.1
 """Weights of the score. A waypoint missed by one robot of a hundred costs more than any observed change of the other
-terms. A cross-track error of one radius costs as much as twice the start's time or ten times the start's wear."""
+terms. A cross-track error of one acceptance radius costs as much as twice the start's time, or as ten times the start's
+wear."""
 
 _LEAST = 0.1  # a fault after the last waypoint counts as this share of missed waypoints
 
 UNKNOWN_RADII = 5.0
-"""Cross-track error of a robot that never drove, in radii."""
+"""Cross-track error of a robot that never drove, in acceptance radii."""
 
 
 def scale(outcomes: Sequence[Outcome], problem: Problem) -> Scale:

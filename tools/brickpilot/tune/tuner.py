@@ -2,11 +2,11 @@
 
 Workers load only the module `task`, so a worker needs none of the libraries that links need.
 
-The search is CMA-ES (Hansen, 2016, arXiv 1604.00772) by pycma, on flights of drawn robots by the workers of a campaign.
-All gain sets of a generation are flown by the same robots with the same noise (common random numbers), so that chance
-does not affect the ranks of the sets; CMA-ES uses only these ranks. The next generation uses other robots, so that no
-set is overfitted to a few robots. The answer is the centre of the last distribution: scores are noisy, so the best set
-so far may be best by chance.
+The search is CMA-ES (Hansen, 2016, arXiv 1604.00772) by pycma, on flights of drawn robots; the workers of a campaign
+fly them. All gain sets of a generation are flown by the same robots with the same noise (common random numbers), so
+that chance does not affect the ranks of the sets; CMA-ES uses only these ranks. The next generation uses other robots,
+so that no set is overfitted to a few robots. The answer is the centre of the last distribution: scores are noisy, so
+the gain set with the best score may be best by chance.
 
 The judge flies the old and the new gains with the same new robots and the same noise.
 """
@@ -45,10 +45,10 @@ Each robot also has a place in its stream, so it shares no random numbers with a
 SCALE_ROBOTS = 64
 
 STEP = 0.3
-"""First step size of the search: the sd of a gain's logarithm, about a third more or less."""
+"""First step size of the search, the sd of a gain's logarithm: gains change by about a third, up or down."""
 
 FLIGHTS = 8
-"""Number of flights in a part. More would let workers wait at the end of a generation; fewer cost more overhead."""
+"""Number of flights in a part. With more flights, workers wait at a generation's end; with fewer, overhead grows."""
 
 LEVEL = 0.95
 RESAMPLES = 4000
@@ -151,7 +151,7 @@ class Judged:
 
     @property
     def better(self) -> bool:
-        """Whether the new gains give significantly more success, or a better score with no significant loss of it."""
+        """Whether success is significantly higher, or the score is better and success is not significantly lower."""
         if self.is_worse_in_success:
             return False
         return (self.gained > self.lost and self.p < SIGNIFICANT) or self.changes[0].high < 0
@@ -165,7 +165,7 @@ def rate(outcomes: Sequence[Outcome]) -> Rate:
 
 
 def judge(before: Sequence[Outcome], after: Sequence[Outcome], by: Scale, seed: int) -> Judged:
-    """Compares two flights of each robot; both lists have the robots in the same order.
+    """Compares each robot's flights with old and new gains; `before` and `after` have the robots in the same order.
 
     Args:
         by: the units of the score.
@@ -231,14 +231,14 @@ class Tuned:
 def tune(problem: Problem, workers: Workers, *, robots: int, judges: int, budget: Budget, show: Show) -> Tuned:
     """Tunes gains for the robots that the data allow, and judges the gains on robots that the search did not fly.
 
-    With a budget in gain sets, the result depends only on the problem and the numbers, not on the workers.
+    With a budget in gain sets, the result depends only on the problem and the arguments, not on the workers.
 
     Args:
         robots: number of robots that fly each gain set of the search.
         judges: number of robots that fly the old and the new gains.
 
     Raises:
-        InputError: the data allow no robot, or a library is missing.
+        InputError: no drawn robot is within the physical ranges, or a library is missing.
         SimulationError: a flight cannot begin.
     """
     space = around(problem.start, problem.firmware)
@@ -330,7 +330,7 @@ class Generation:
 
     Attributes:
         sets: number of gain sets flown until the generation's end.
-        best, middle: the least and the median of the sets' mean scores.
+        best, middle: the least and the median of the gain sets' mean scores over robots.
         success: share of successful flights, among the flights of all sets.
         step: the step size of the search: an sd of the logarithm of the gains.
     """

@@ -1,9 +1,9 @@
-"""Finds whole channels that contradict the nominal model; needed if a data set has only one channel of a kind.
+"""Finds channels whose sign or unit contradicts the nominal model, for data sets with only one channel of a kind.
 
 A nominal value may be wrong and an effect may be missing. So only gross contradictions count: a motion whose sign is
-opposite to the model's, or whose size another unit explains. Friction may make a motion too small. So a too small
-motion counts only if its factor is the same in all moving runs. If all moving runs have the same fault, the runs that
-hardly move are assumed to have this fault, too.
+opposite to the model's, or whose size another unit explains. Friction may make a measured motion smaller than the
+simulated motion. So a smaller motion counts only if (measured / simulated) is about the same in all moving runs. If all
+moving runs have the same fault, the runs that hardly move are assumed to have this fault, too.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from brickpilot.data.audit.fault import FACTORS, Fault, channel_note, usual_fact
 from brickpilot.data.audit.view import EQUAL, LEAST_SAMPLES, Vector, Windows, cut, ratio_of
 from brickpilot.data.dataset import Dataset, Run
 
-_LEAST = 9.0  # smallest factor of a unit that counts
-_FITS = (0.45, 1.6)  # limits of (ratio / factor of a unit): nominal values are inexact, friction may be missing
-_MOVES = 0.3  # share of the motion in the run with most motion: a run with more than this counts as moving
-_ALIKE = 2.0  # limit of (largest ratio / smallest ratio) of runs with one fault, for ratios above 1
-_ALIKE_SMALL = 1.3
+_LEAST = 9.0  # smaller factors between two units are ignored
+_FITS = (0.45, 1.6)  # a unit explains a ratio if (ratio / its factor) is within these limits; the model is inexact
+_MOVES = 0.3  # a run is moving if its simulated motion is at least this share of the largest of all runs
+_ALIKE = 2.0  # runs share a fault only if (largest / smallest ratio) is below this; median ratio above 1
+_ALIKE_SMALL = 1.3  # the same limit if the median ratio is 1 or less
 
 
 @dataclass(frozen=True)
@@ -149,7 +149,7 @@ def _gross(signal: str, ratio: float) -> float | None:
 
 
 def _ratio(run: Run, signal: str, simulated: Vector) -> _Ratio | None:
-    """Returns the ratio of measured to simulated motion; None: the two are not correlated, or nothing moves."""
+    """Returns the ratio of measured to simulated motion; None: these motions are not correlated, or nothing moves."""
     if len(run.time) < LEAST_SAMPLES or not np.isfinite(run.outputs[signal]).any():
         return None
     measured, model = (cut(run.time, {signal: values}) for values in (run.outputs[signal], simulated))
@@ -159,6 +159,6 @@ def _ratio(run: Run, signal: str, simulated: Vector) -> _Ratio | None:
 
 
 def _motion(windows: Windows, signal: str) -> Vector:
-    """Returns the motion in each window. The mean of an acceleration, caused by a bias or a slope, is removed."""
+    """Returns the motion in each window. The mean of an acceleration is removed, because a bias may cause it."""
     moved = windows.of(signal)
     return windows.unbiased(moved) if signal.startswith("accel_") else moved

@@ -210,7 +210,7 @@ class _Search:
 
 
 def _columns(names: Sequence[str], inputs: Mapping[str, Vector]) -> tuple[str, ...]:
-    """Returns the data set's signals for the channels `names`; for a drive, the inputs that make it up."""
+    """Returns the data set's signals for the channels `names`; for a drive, the inputs of its motors."""
     found: dict[str, None] = {}
     for name in names:
         _, is_drive, side = name.partition("drive_")
@@ -255,7 +255,7 @@ def _loss(view: RunView, name: str, rate: Vector, fastest: float) -> int | None:
 
 
 def _settled(view: RunView, name: str) -> Mask:
-    """Returns the samples before which no command changes for `_SETTLED_S`, and whose own drive is not 0."""
+    """Returns the samples at which the channel's drive is not 0 and no command has changed for `_SETTLED_S`."""
     settled = np.ones(len(view.time), dtype=bool)
     rows = max(1, round(_SETTLED_S / view.interval))
     for drive in (drive for which, drive in view.drives.items() if which != "yaw"):

@@ -2,8 +2,9 @@
 
 No model is needed and no parameter is fitted, because only relations that hold for any machine are used (`relations`).
 A trial corrects one channel of a broken relation by a factor, in one run or in all runs. The trial that repairs most
-relations and breaks none is accepted. If two trials repair equally many relations, a comparison with the gains per
-drive of the other runs decides, and then a comparison with a typical small machine.
+relations and breaks none is accepted. If two trials repair equally many relations, the trial with the lower cost is
+accepted. The cost says how unusual the corrected channels still are, compared with the other runs and with a typical
+small machine.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from brickpilot.data.audit.relations import WHEEL_KINDS, Alike, Driven, Geometry
 from brickpilot.data.audit.view import LEAST_SAMPLES, RunView, Vector, Windows, cut, driven_by, ratio_of, typical_motion
 
 _MOST = 8  # a search stops after this number of contradictions
-_INTERVAL_RATIO = 1.4  # a factor explains the ratio of two intervals if it is off by less than this factor
+_INTERVAL_RATIO = 1.4  # a factor explains the ratio of two sampling intervals if (ratio / factor) is below this
 _UNSATURATED = 0.8  # share of the fastest turn of all runs: the geometry is estimated from slower turns only
 _TURNS = 0.3  # rad/s: the geometry is estimated only if the rms turn rate is at least this
 _TURN_PER_METRE = (0.5, 50.0)  # 1 / (2 b): b from 1 cm to 1 m
@@ -27,8 +28,8 @@ _TURN_PER_RADIAN = (0.03, 1.2)  # r / (2 b)
 _LEVEL = 0.4  # share of the strongest drive of any run: with a weaker drive, other causes may move the machine
 _WITH_DRIVE = 0.8  # least correlation of a motion with its drive, for the motion to have a gain
 _LARGE = 9.0  # a comparison with the other runs finds only factors above this
-_GAINS_FIT, _NOISE_FIT = 1.3, 2.0  # a factor explains a ratio of gains or noise if off by less than this factor
-_GAINS_ALIKE = 2.0  # gains agree if their ratio is smaller; the gains of most other runs have to agree
+_GAINS_FIT, _NOISE_FIT = 1.3, 2.0  # a factor explains a ratio of gains or noise if (ratio / factor) is below this
+_GAINS_ALIKE = 2.0  # two gains agree if their ratio is below this; the gains of most other runs have to agree
 _WORST = 6.0  # a larger logarithm of a ratio counts as this value
 _TYPICAL_INTERVAL_S = 0.005
 _TYPICAL_BATTERY, _HIGHEST_BATTERY = 9.0, 500.0  # V
@@ -137,7 +138,7 @@ def _is_near(ratio: float, factor: float, by: float) -> bool:
 
 
 def _beside_others(values: Mapping[int, float], factors: Sequence[float], by: float) -> dict[int, float]:
-    """Returns run -> the factor that explains the ratio of its value to the median of the other runs' values.
+    """Returns run -> the factor of `factors` that explains (its value / the median of the other runs' values).
 
     Runs without such a factor have no entry. `by`: as in `_is_near`.
     """
@@ -162,7 +163,7 @@ def _clocks_in_other_units(windows: dict[int, Windows]) -> list[Contradiction]:
 
 
 def _search(windows: dict[int, Windows], names: Sequence[str], geometry: Geometry) -> list[Contradiction]:
-    """Returns contradictions, the most likely first; each is corrected in `windows` before the next is sought."""
+    """Returns contradictions, the most likely first; each one is corrected in `windows` before the next search."""
     found: list[Contradiction] = []
     while len(found) < _MOST:
         best = _most_likely(RunSet(windows, names, geometry))
@@ -214,7 +215,7 @@ def _gain(runs: RunSet, number: int, trial: Trial) -> int:
 
 
 def _may_share(runs: RunSet, number: int, trial: Trial, mended: tuple[int, ...]) -> bool:
-    """Whether a run may share the fault of the `mended` runs: not if its noise is like their corrected noise."""
+    """Whether a run may share the fault of the `mended` runs: not if its noise is like their noise after correction."""
     if abs(trial.factor) == 1.0 or trial.group == ("time",) or len(mended) > 1:
         return True
     own, shown = runs.windows[number].roughness, runs.windows[mended[0]].roughness
@@ -271,7 +272,7 @@ def _log_ratio(one: float, other: float) -> float:
 def _gain_of(windows: Windows, name: str, *, surely: float = 0.0) -> float | None:
     """Returns a channel's motion per drive, by least squares.
 
-    Returns None if either is unknown or zero, or if their correlation is below `surely`.
+    Returns None if motion or drive is unknown or zero, or if their correlation is below `surely`.
     """
     motion, drive = windows.of(name), windows.of(f"drive_{driven_by(name)}")
     known = np.isfinite(motion) & np.isfinite(drive)
@@ -294,11 +295,11 @@ def _fastest(windows: Windows, name: str) -> float:
 
 
 def _turned(windows: Mapping[int, Windows], names: Iterable[str], geometry: Geometry) -> dict[tuple[str, str], float]:
-    """Returns the yaw per difference of the wheels in most runs, for a data set that does not state the geometry.
+    """Returns (yaw channel, kind of wheel channel) -> median over the runs of the yaw per difference of the wheels.
 
-    An implausible value is divided by the first factor of a unit that makes the value plausible. Then the relation is
-    broken in all runs, and the search finds the fault. The fastest turns are left out, because a gyro at the end of its
-    range would bias the estimate.
+    Pairs for which the data set states the geometry have no entry. An implausible value is divided by the first factor
+    of a unit that makes the value plausible. Then the relation is broken in all runs, and the search finds the fault.
+    The fastest turns are left out, because a gyro at the end of its range would bias the estimate.
     """
     found: dict[tuple[str, str], float] = {}
     for kind in WHEEL_KINDS:
@@ -334,7 +335,7 @@ def _plausible(ratio: float, limits: tuple[float, float]) -> float:
 
 
 def _against_other_runs(runs: RunSet) -> list[Contradiction]:
-    """Returns channels whose gain per drive differs from the gain in the other runs by the factor of a unit.
+    """Returns channels whose gain (motion per drive) differs from the other runs' gain by the factor of a unit.
 
     A sticking wheel may make the gain too small. If another channel confirms a gain, the machine itself may have
     changed. In both cases the channel counts as wrong only if its noise has changed by the same factor.
@@ -376,7 +377,7 @@ def _is_confirmed(runs: RunSet, number: int, name: str) -> bool:
 
 
 def _wrong_batteries(views: Sequence[RunView], nominal: float | None) -> list[Contradiction]:
-    """Returns runs whose battery voltage is 100 or 1000 times off.
+    """Returns runs whose battery voltage is negative, or 100 or 1000 times too large or too small.
 
     The voltage is compared with the stated voltage, with the other runs, or with a typical battery's voltage.
     """

@@ -33,7 +33,7 @@ GRAVITY = 9.80665
 CLOCK_FACTORS = (1e3, 1e-3, 1e6, 1e-6)
 """Factors between units of time: ms or microseconds in place of s, and their inverses."""
 
-_SAME = 1e-9  # relative difference of two equal factors
+_SAME = 1e-9  # two factors are equal if their relative difference is below this
 
 
 @dataclass(frozen=True)

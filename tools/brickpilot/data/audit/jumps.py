@@ -1,7 +1,7 @@
 """Finds short jumps of a signal that go back at once: dropouts, and rows with two swapped cells.
 
-A sample is judged by its distance from the line through its neighbours in time (after the median filters of Hampel
-1974), so the sampling may be irregular.
+A sample is judged by its residual: its distance from the line through its neighbours in time. So the sampling may be
+irregular. The method follows the median filters of Hampel (1974).
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from brickpilot.data.description import Signal
 from brickpilot.data.signals import Frame, to_frd
 
 _DROPOUT_SAMPLES = 5
-_DROPOUT_SHARE = 0.02  # largest share of dropouts in a signal: more jumps are part of the signal
-_OUTLYING = 12.0  # in scales of the residual: least size of a jump
+_DROPOUT_SHARE = 0.02  # largest share of a signal's samples that are dropouts; more jumps belong to the motion
+_OUTLYING = 12.0  # least size of a jump, in usual sizes of the residual (`_scale`)
 _BACK = 0.2  # share of the jump's size: largest difference between the samples before and after the jump
 _BEYOND_REST = 5.0  # least ratio of a dropout's size to the largest residual of sound samples
-_BEYOND_ALL = 50.0  # impulsive signals: least ratio of the size to the span of all other samples; worn gears reach 20
+_BEYOND_ALL = 50.0  # the same for `_IMPULSIVE` signals and the span of all other samples; worn gears reach 20
 _IMPULSIVE = ("accel_", "current", "force")  # an impact or a switch of the motor's winding may last a single sample
 _INPUT_STEP = 0.1  # share of an input's largest value: a larger change is a step
-_SWAP_APART = 8.0  # in scales of the residual: least distance of both swapped cells from their lines
-_SWAP_MENDED = 0.2  # largest ratio of the distance after the exchange of the cells to the distance before
+_SWAP_APART = 8.0  # least distance of each swapped cell from its line, in usual sizes of the residual
+_SWAP_MENDED = 0.2  # largest ratio of a cell's distance from its line after the exchange to the distance before
 
 
 def jumps(view: RunView, signals: Mapping[str, Signal], frame: Frame) -> dict[Kind, dict[str, Mask]]:
@@ -54,7 +54,7 @@ def _bridge(time: Vector, values: Vector, length: int) -> tuple[Vector, Vector]:
 
 
 def _scale(residual: Vector, resolution: float) -> float:
-    """Returns the usual size of a residual from noise, motion and resolution, by its median and 90 % quantile."""
+    """Returns the usual size of a residual: the largest of the resolution and of sds from median and 90 % quantile."""
     return max(1.4826 * float(np.median(residual)), float(np.quantile(residual, 0.9)) / 1.6449, resolution)
 
 
@@ -85,7 +85,7 @@ def _dropout(view: RunView, name: str, signal: Signal) -> Mask:
 
 
 def _events(time: Vector, level: Vector, scale: float) -> list[tuple[float, int, int]]:
-    """Returns stretches that jump away and back, (jump, start, length). A sample is in the shortest of these only."""
+    """Returns stretches that jump away and back, (jump, start, length); if some overlap, only the shortest."""
     events: list[tuple[float, int, int]] = []
     taken = np.zeros(len(level), dtype=bool)
     for length in range(1, min(_DROPOUT_SAMPLES, len(level) - 2) + 1):
@@ -131,7 +131,7 @@ def _swapped(view: RunView, signals: Mapping[str, Signal], frame: Frame) -> dict
 
 
 def _near_input_step(view: RunView) -> Mask:
-    """Returns the samples next to a step of an input, where a sound signal may leave its neighbours' line."""
+    """Returns the samples next to a step of an input. There, sound samples may be off their neighbours' line."""
     step = np.zeros(len(view.time) + 1, dtype=bool)
     for values in view.inputs.values():
         driven = np.nan_to_num(values)
@@ -143,7 +143,7 @@ def _near_input_step(view: RunView) -> Mask:
 
 
 def _line(view: RunView, name: str) -> tuple[Vector, Vector, float]:
-    """Returns the line through each sample's neighbours, the samples' distances from it, and the distances' scale.
+    """Returns the line through each sample's neighbours, the samples' distances from this line, and their usual size.
 
     Line and distance are NaN in blank rows, in rows beside a blank, and in rows that repeat a sample.
     """

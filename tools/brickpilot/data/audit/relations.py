@@ -2,7 +2,8 @@
 
 A relation compares two motions over windows. It holds if the two motions are equal within the limits of slip, inexact
 lengths and lags. It is broken if the motions are correlated, but have opposite signs or a ratio that another unit
-explains. Otherwise it is silent. The signals of a data set and the known geometry determine which relations exist.
+explains. Otherwise the relation is silent. The signals of a data set and the known geometry determine which relations
+exist.
 """
 
 from __future__ import annotations
@@ -23,12 +24,12 @@ Motions = Callable[[Windows], tuple[Vector, Vector]]
 
 WHEEL_KINDS = ("travel", "velocity", "angle", "speed")
 
-_PHYSICAL = 5.0  # largest ratio, up or down, that is possible without another unit
-_ONE_SENSOR, _TWO_SENSORS = 1.15, 1.6  # a unit explains a ratio if its factor is off by less, up or down
+_PHYSICAL = 5.0  # largest ratio of two motions, up or down, that is possible without another unit
+_ONE_SENSOR, _TWO_SENSORS = 1.15, 1.6  # a unit explains a ratio if (ratio / its factor) is below this, up or down
 _MOVES = 0.3  # rad/s or m/s^2: least motion that is evidence on a relation of two sensors
 _WITH = 0.8  # least ratio of |sum of motion x drive| to the sum of |motion x drive| that is evidence
 _DRIVEN = 0.4  # share of the stronger side's drive: a weaker drive is no evidence
-_APART = 0.5  # ratio of left less right to their mean: a smaller ratio may come from unequal wheels or motors
+_APART = 0.5  # (left less right) / their mean: unequal wheels or motors may cause a smaller ratio
 _AS_HARD = 1.5  # the two sides are compared only if the ratio of their drives is smaller than this, up or down
 _WIDE = 0.2  # m: least radius of a turn that counts, well above a sensor's distance from the centre
 
@@ -63,8 +64,8 @@ class Alike:
     """Two motions that should be equal.
 
     Attributes:
-        over, under: groups of channels. A common factor of a group in `over` multiplies the ratio; a factor of a group
-            in `under` divides it.
+        over, under: groups of channels that may be wrong by one factor. The factor of a group in `over` multiplies the
+            ratio of the two motions; the factor of a group in `under` divides this ratio.
         motions: function that returns the two motions, (w,) each.
         fits: a factor explains a ratio if ratio / factor is between 1 / `fits` and `fits`.
         floor: least rms per second of the larger motion; with less motion, the relation is silent.
@@ -177,7 +178,7 @@ def relations(names: Iterable[str], geometry: Geometry, least: Mapping[str, floa
 
 
 def _yaw_groups(name: str, present: set[str]) -> tuple[Group, ...]:
-    """Returns groups that may be wrong together: one channel, all yaw channels, all that the frame reverses."""
+    """Returns groups that may be wrong together: the channel, all yaw channels, all channels that a frame reverses."""
     both = tuple(sorted(present & {"yaw_rate", "yaw_angle"}))
     return tuple(dict.fromkeys([(name,), both, tuple(sorted({*both, *(present & {"accel_sway"})}))]))
 
@@ -241,7 +242,7 @@ def _of_two_wheels(kind: str, present: set[str], geometry: Geometry) -> list[Rel
 
 
 def _turning(yaw: str, kind: str, per: float | None) -> Motions:
-    """Returns the yaw, and the wheels' difference times `per`; `per` None: scaled so that only the sign counts."""
+    """Returns the yaw, and the wheels' difference times `per`; `per` None: only the sign counts."""
 
     def motions(windows: Windows) -> tuple[Vector, Vector]:
         turn, left, right = windows.of(yaw), windows.of(f"wheel_{kind}_left"), windows.of(f"wheel_{kind}_right")
@@ -268,7 +269,7 @@ def _surging(kind: str, metres: float) -> Motions:
 
 
 def _swaying(yaw: str, kind: str, metres: float) -> Motions:
-    """Returns the integral of the sway acceleration, and that of speed times yaw rate."""
+    """Returns the integral of the sway acceleration, and the integral of speed times yaw rate."""
 
     def motions(windows: Windows) -> tuple[Vector, Vector]:
         turn = windows.of(yaw)
@@ -281,7 +282,7 @@ def _swaying(yaw: str, kind: str, metres: float) -> Motions:
 
 
 def _left_and_right(left: str, right: str, least: Mapping[str, float]) -> Relation:
-    """Returns the relation of both sides; evidence needs similar drives, too strong for friction to stop one side."""
+    """Returns the relation of left to right; silent unless both drives are strong and similar."""
 
     def sides(windows: Windows) -> tuple[Vector, Vector]:
         one, other = windows.of(left), windows.of(right)

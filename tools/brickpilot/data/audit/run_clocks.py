@@ -1,9 +1,9 @@
-"""Finds runs whose clock is fast or slow, drifts or jumps; finds also rates that lag behind their sensor's angle.
+"""Finds runs with a wrong clock, and rates that lag behind the angle or travel of the same sensor.
 
-Three tests find a wrong clock. The first finds a jump of the clock during which no sum of motion grows. The second
-compares a run's sampling interval with the interval of the other runs, if the other runs' interval is constant to a
-fraction of a percent. The third uses the ratio of an angle's growth to the integral of its
-rate; this ratio depends on the sensors and is equal in all runs.
+A wrong clock is fast or slow, drifts or jumps. Three tests find it. The first test finds a jump of the clock during
+which no sum (an angle or a travel) grows. The second test compares a run's sampling interval with that of the other
+runs, if the other runs' interval is constant to a fraction of a percent. The third test uses the ratio of a sum's
+growth to the integral of its rate: this ratio depends only on the sensors, so it is equal in all runs.
 
 A rate that lags is not a fault, because motor controllers report an averaged velocity.
 """
@@ -23,27 +23,27 @@ from brickpilot.data.signals import RATE_OF
 
 _BLOCKS = 20
 _LEAST_SAMPLES = 60
-_STEADY = 0.002  # largest relative spread of an interval, in a run or between runs, and of a sensor's ratio
-_OFF = 0.008  # relative difference of intervals: a smaller difference is no fault
-_ON_PURPOSE = 0.15  # relative difference of intervals: a larger difference is a sampling rate chosen on purpose
-_ALIKE = 2 / 3  # share of the runs that must have the usual interval
-_SMOOTH = 0.15  # share of the size of a drift: largest residual of a fitted parabola
-_ROUND = 3e-4  # largest relative difference between a value and its rounded value
+_STEADY = 0.002  # largest relative spread at which sampling intervals, or a sensor's ratio, count as equal
+_OFF = 0.008  # relative difference of a run's interval from the other runs': a smaller difference is no fault
+_ON_PURPOSE = 0.15  # the same difference: a larger one is a sampling rate chosen on purpose
+_ALIKE = 2 / 3  # least share of the runs that have the usual interval
+_SMOOTH = 0.15  # largest residual of the parabola fitted to a drift, as a share of the drift's size
+_ROUND = 3e-4  # a value counts as round if rounding changes it by less than this share
 _WINDOWS = 24
-_BOUNDED = 0.5  # factor on the sd, because the residuals of a summed signal are not independent
+_BOUNDED = 0.5  # factor on a ratio's sd, because the residuals of a summed signal are not independent
 _RATIO_OFF, _DRIFTS = 0.012, 0.02  # largest deviation and trend of a ratio that bias and slip may cause
 _SURE = 5.0  # in standard errors: a larger deviation is certain
-_WANDER = {"yaw_angle"}  # integrals of rates whose bias changes slowly, which looks like a wrong clock
-_AGREE = 0.4  # relative difference: deviations that differ by less agree
-_JUMP = 8.0  # in usual intervals: a longer step is a jump or lost rows
+_WANDER = {"yaw_angle"}  # angles whose rate has a slowly changing bias, which looks like a wrong clock
+_AGREE = 0.4  # two deviations agree if their relative difference is below this
+_JUMP = 8.0  # in median sampling intervals: a longer step of the time is a clock's jump or lost rows
 _STOOD = 0.35  # share of the motion expected during a jump: with less motion, the vehicle stood still
 _LOCAL = 10  # number of samples before and after a jump from which the speeds there are computed
-_STEPS = 10.0  # in resolutions: if less motion is expected during a jump, it is no evidence
+_STEPS = 10.0  # in resolutions: a jump during which less motion is expected is no evidence
 _LONGEST_S = 0.2  # longest delay that is tried, s; no sensor has a longer delay
 _SPAN_S = 0.04  # the span over which a summed signal is differenced, and over which a rate is averaged
-_CLEARER = 0.8  # a delay is clear if it reduces the residual at least to this share of the residual without a delay
+_CLEARER = 0.8  # a delay is clear if (residual with the delay) / (residual without a delay) is at most this
 _TRIED = 20  # number of delays that are tried in each direction, up to the longest delay
-_AGREES = 0.5  # share of the runs' median delay: largest spread of their delays
+_AGREES = 0.5  # largest spread of the runs' delays, as a share of their median delay
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class ClockFault:
 
 @dataclass(frozen=True)
 class _Ratio:
-    """`value`: ratio of a sum's growth to the integral of its rate in one run; `trend`: the ratio's relative trend."""
+    """`value`: (growth of an angle or travel) / (integral of its rate) in a run; `trend`: its relative change."""
 
     value: float
     sd: float
@@ -116,7 +116,7 @@ def _spread(values: Vector) -> float:
 
 
 def _usual_interval(intervals: list[float]) -> float | None:
-    """Returns the interval of most runs; of two runs, the interval with fewer digits in ms or Hz; None: not known."""
+    """Returns the interval that most runs have; of two runs, the rounder interval in ms or Hz; None: not known."""
     for one in intervals:
         alike = sum(abs(other / one - 1.0) < _STEADY for other in intervals)
         if alike >= max(2.0, _ALIKE * len(intervals)) or len(intervals) == 1:
@@ -144,7 +144,7 @@ def _drifts(blocks: Vector, usual: float) -> bool:
 
 
 def _ratios(views: Sequence[RunView]) -> list[dict[str, _Ratio]]:
-    """Returns for each run: name of a sum -> the ratio of its growth to its rate's integral."""
+    """Returns for each run: sum (angle or travel) -> ratio of the sum's growth to its rate's integral."""
     present = set().union(*(view.outputs for view in views))
     pairs = [(sums, rate) for sums, rate in (*RATE_OF.items(), ("yaw_angle", "yaw_rate")) if {sums, rate} <= present]
     found: list[dict[str, _Ratio]] = [{} for _ in views]
@@ -200,7 +200,7 @@ def _solve(columns: NDArray[np.float64], values: Vector) -> tuple[Vector, Vector
 
 
 def _usual(ratios: Sequence[Mapping[str, _Ratio]]) -> dict[str, tuple[float, float]]:
-    """Returns sum -> median and spread of its ratio over the runs, if at least three runs have the ratio."""
+    """Returns sum (angle or travel) -> median and spread of its ratio in the runs, if three or more runs have one."""
     found: dict[str, tuple[float, float]] = {}
     for name in dict.fromkeys(name for one in ratios for name in one):
         values = np.array([one[name].value for one in ratios if name in one and np.isfinite(one[name].sd)])
@@ -244,7 +244,7 @@ def _agree(offs: Sequence[tuple[float, float]], least: float) -> bool:
 
 
 def _jumps(views: Sequence[RunView]) -> list[ClockFault]:
-    """Finds clocks that jump ahead while no sum grows. If rows were lost instead, the sums would grow in the gap."""
+    """Finds clocks that jump ahead while no angle or travel grows. If rows were lost, angle and travel would grow."""
     found: list[ClockFault] = []
     for number, view in enumerate(views):
         steps = np.diff(view.time)
@@ -258,7 +258,7 @@ def _jumps(views: Sequence[RunView]) -> list[ClockFault]:
 
 
 def _stood(view: RunView, at: int) -> bool:
-    """Whether no sum moved during the jump after sample `at`, although it moved before and after."""
+    """Whether all angles and travels stood still during the jump after sample `at`, but grew before and after it."""
     time, votes = view.time, []
     for name in {*RATE_OF, "yaw_angle"} & view.outputs.keys():
         sums = view.outputs[name]
@@ -271,7 +271,7 @@ def _stood(view: RunView, at: int) -> bool:
 
 
 def delays(views: Sequence[RunView]) -> dict[str, float]:
-    """Returns rate -> its delay behind the derivative of its sum, s, if the delay is clear and alike in all runs."""
+    """Returns rate -> its delay behind the derivative of angle or travel, s, if clear and similar in all runs."""
     found: dict[str, float] = {}
     for sums, rate in RATE_OF.items():
         each = [one for view in views if (one := _delay(view, sums, rate)) is not None]

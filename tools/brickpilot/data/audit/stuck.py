@@ -15,26 +15,26 @@ import numpy as np
 from brickpilot.data.audit.view import LEAST_SAMPLES, Held, Mask, RunView, Vector, driven_by, stretches
 from brickpilot.data.signals import RATE_OF, SUMMED
 
-_ANALOGUE = ("accel_", "yaw_rate", "current", "force", "battery")  # signals constant only if their resolution is coarse
-_LEAST_CLIPPED = 8  # least number of samples at an extreme of a run that counts as clipped
-_CLIPPED_BEYOND = 5.0  # least ratio of a clipped extreme's frequency to that of any other value
+_ANALOGUE = ("accel_", "yaw_rate", "current", "force", "battery")  # they repeat values only at a coarse resolution
+_LEAST_CLIPPED = 8  # an extreme of a run with fewer samples than this does not count as clipped
+_CLIPPED_BEYOND = 5.0  # a clipped extreme is at least this many times as frequent as any other value
 _EDGE_STEPS = 3.0  # in resolutions: least jump to and from a plateau
 _DITHERS = 0.6  # largest share of repeats in a signal whose noise is at least half a resolution
 _BLOCK = 50  # number of samples from which one share of repeats is computed
-_QUIET_BLOCKS = 0.9  # quantile over blocks of the share of repeats: the quietest tenth of blocks is left out
-_UNLIKELY = 4.0  # least ratio of a frozen stretch's length to the length expected once, or to the longest elsewhere
+_QUIET_BLOCKS = 0.9  # quantile of the blocks' shares of repeats: the tenth of blocks with most repeats is ignored
+_UNLIKELY = 4.0  # a frozen stretch is at least this many times as long as the longest expected constant stretch
 _LEAP = 8.0  # least ratio of the jump at a frozen stretch's end to the signal's largest other change
-_NEAR = 4.0  # in usual changes between samples: a sample counts as near an extreme if it is closer than this
-_FEW = 0.2  # ratio of samples near an extreme to samples at it: above this, the sensor froze at a steady level
-_STALE = 0.75  # share of repeats: with more, the sum or rate of the same sensor stands, too, and is no evidence
+_NEAR = 4.0  # in usual changes between samples: a sample that is closer to an extreme counts as near it
+_FEW = 0.2  # (samples near an extreme) / (samples at the extreme): above this, the sensor froze in steady motion
+_STALE = 0.75  # share of repeats in the same sensor's other channel: with more, that channel is no evidence
 _FAR = 0.25  # share of the stated range: a value farther outside counts as far beyond the range
 _NOW_AND_THEN = 0.02  # share of samples far beyond the range: if it is larger, clipping is not the cause
 _BATTERY = "battery_voltage"
-_GROWS = 1.25  # a shaft starts if the ratio of its second speed to its first speed is larger
+_GROWS = 1.25  # a shaft starts if (second speed / first speed) is larger than this
 _STARTS = 0.2  # share of the fastest speed: a slower shaft may begin or end a standstill
-_OFF_RATE = 0.1  # share of the fastest motion: allowed difference between a rate and its sum's growth
+_OFF_RATE = 0.1  # share of the fastest motion: allowed difference between a rate and the growth of its angle or travel
 _RATE_STEPS = 3.0  # in resolutions: allowed error of a difference of two samples
-_DRIVEN = 0.5  # share of the usual drive: with a stronger drive, a constant sum is frozen
+_DRIVEN = 0.5  # share of the usual drive: with a stronger drive, a constant angle or travel is frozen
 _PACE_S, _PACE_SAMPLES = 0.03, 10
 _STEADY = 0.3  # largest change of a steady rate or drive, as a share of the largest rate or drive
 _FAST = 0.3  # share of the fastest motion: a faster motion cannot stop within one sample
@@ -50,8 +50,8 @@ class AcrossRuns:
         views: the views of all runs.
         noise: the channels that change direction so often that noise must be the cause.
         fastest: motion channel -> its largest mean rate over one fortieth of a run.
-        usual_drive: sum -> mean size of its drive while the sum moves; 0 if values repeat outside long stretches of one
-            value, too.
+        usual_drive: sum (angle or travel) -> mean size of its drive while the sum moves; 0: not known, because values
+            repeat in motion, too.
     """
 
     def __init__(self, views: Sequence[RunView]) -> None:
@@ -65,7 +65,7 @@ class AcrossRuns:
         self.usual_drive = {name: self._drive_while_moving(name) for name in names if name in SUMMED}
 
     def _drive_while_moving(self, name: str) -> float:
-        """Returns an entry of `usual_drive`; it is 0 if values repeat outside long stretches of one value, too."""
+        """Returns the entry of `usual_drive` for one sum. Long constant stretches do not count as motion."""
         repeats = samples = 0
         level = 0.0
         for one in self.views:
@@ -136,9 +136,9 @@ def _plateau(values: Vector, resolution: float) -> Mask:
 
 
 def frozen(view: RunView, name: str, across: AcrossRuns) -> tuple[Mask, Mask]:
-    """Finds stretches of one value that noise, rate or a jump at the end show to be wrong.
+    """Finds frozen stretches: one value, contrary to the noise, the drive, other channels or a jump at the end.
 
-    Returns the frozen samples, and the samples of such stretches that are clipped and not frozen.
+    Returns the frozen samples, and the samples that are not frozen but clipped.
     """
     values = view.outputs[name]
     found = np.zeros(len(values), dtype=bool)
@@ -166,8 +166,8 @@ def _stands(view: RunView, name: str, start: int, stop: int) -> bool:
     """Whether a rate is zero, and near zero just before and after, because its shaft stands.
 
     An encoder's speed has no noise at standstill. At the start of a run the first speed after zero may be large if the
-    next one is larger still: the shaft starts. A sensor that starts late instead jumps to the present speed and stays
-    there.
+    second speed is larger still: the shaft starts. A sensor that starts late instead jumps to the present speed and
+    stays there.
     """
     values = view.outputs[name]
     if name not in RATE_OF.values() or values[start] != 0.0:
@@ -179,10 +179,11 @@ def _stands(view: RunView, name: str, start: int, stop: int) -> bool:
 
 
 def _at_extreme(view: RunView, name: str, stands: Mask) -> Mask:
-    """Finds samples at an extreme of the run that the stretches `stands` reach: the sensor is at the end of its range.
+    """Finds samples at an extreme of the run, if a stretch of `stands` is there: the sensor is at its range's end.
 
-    Four cases are excluded: a sum, which may stop at its extreme; zero, the value of a dead sensor; a stretch up to the
-    run's end, as after a sensor failure; and an extreme with many samples near it, as after a freeze in steady motion.
+    Four cases are excluded: an angle or travel, which may stop at its extreme; zero, the value of a dead sensor; a
+    stretch up to the run's end, as after a sensor failure; and an extreme with many samples near it, as after a freeze
+    in steady motion.
     """
     values = view.outputs[name]
     found = np.zeros(len(values), dtype=bool)
@@ -199,7 +200,7 @@ def _at_extreme(view: RunView, name: str, stands: Mask) -> Mask:
 
 
 def _repeats(values: Vector) -> Mask:
-    """Returns (n,): whether the next sample repeats a sample."""
+    """Returns (n,): whether the next sample has the same value."""
     return np.append(values[1:] == values[:-1], False)
 
 
@@ -230,7 +231,7 @@ def _too_long(view: RunView, name: str, start: int, stop: int, across: AcrossRun
 
 
 def _expected_once(pieces: Sequence[Vector], least: float) -> float:
-    """Returns the length of a constant stretch that is expected once; infinite: values repeat too often.
+    """Returns the length, in samples, of a constant stretch that is expected once; infinite: values repeat too often.
 
     `least`: only values of this size or more count. If `least` is above 0, the longest stretch found is returned
     instead of the expected length, because a wheel may turn slowly for a while.
@@ -246,7 +247,7 @@ def _expected_once(pieces: Sequence[Vector], least: float) -> float:
 
 
 def _jumps(view: RunView, name: str, start: int, stop: int) -> bool:
-    """Whether the change at the stretch's end is by far the largest; for a rate, also the change at its start."""
+    """Whether the change at the stretch's end is by far the run's largest; for a rate, also the change at its start."""
     values = view.outputs[name]
     edges = [stop] if name in SUMMED else [start, stop]
     if name.startswith(_ANALOGUE) or not all(0 < edge < len(values) for edge in edges):
@@ -280,7 +281,7 @@ def _contradicts_partner(view: RunView, name: str, start: int, stop: int, across
 
 
 def _never_stands(view: RunView, name: str, start: int, stop: int, across: AcrossRuns) -> bool:
-    """Whether a sum stands although its drive, in both directions, is as strong as usually in motion.
+    """Whether an angle or travel stands although its drive, in both directions, is about as strong as in motion.
 
     A machine that is driven in one direction only may be at its end stop. A yaw angle has no end stop, so for it one
     direction is enough.
@@ -294,7 +295,7 @@ def _never_stands(view: RunView, name: str, start: int, stop: int, across: Acros
 
 
 def _stops_alone(view: RunView, name: str, start: int, stop: int, across: AcrossRuns) -> bool:
-    """Whether a sum in motion stops within one sample while its drive and other channels continue."""
+    """Whether an angle or travel stops within one sample while its drive and the other channels continue."""
     reach = max(_PACE_SAMPLES, int(_PACE_S / view.interval))
     if name not in SUMMED or start < reach or stop - start < 2 * reach:
         return False
@@ -316,7 +317,7 @@ def _stops_alone(view: RunView, name: str, start: int, stop: int, across: Across
 
 
 def _pace(view: RunView, name: str, part: slice = slice(None)) -> float:
-    """Returns the mean rate of a channel over a part of the run; for a sum, the growth per time."""
+    """Returns the mean rate of a channel over a part of the run; for an angle or travel, its growth per time."""
     values, time = view.outputs[name][part], view.time[part]
     known = np.flatnonzero(np.isfinite(values))
     if known.size < 2:
@@ -336,8 +337,8 @@ def _fastest(view: RunView, name: str) -> float:
 _LEAST_CHANGES = 20
 _LEAST_ROWS = 1.5  # least mean number of rows for each sample
 _ROW = 1.1  # in rows: the largest delay with which a change is logged
-_REGULAR = 0.9  # a larger share of the changes has to be whole beats apart
-_STEPS = 2.5  # in resolutions: smaller changes give no beat, as those of a coarse channel at constant speed
+_REGULAR = 0.9  # more than this share of the changes has to be whole beats (sampling times) apart
+_STEPS = 2.5  # in resolutions: smaller changes give no beat; a coarse channel steps regularly at constant speed
 _TOGETHER = 0.9  # a larger share of a coarse channel's changes has to be in rows where another channel changes
 
 
@@ -378,7 +379,7 @@ def _row(time: Vector, values: Vector) -> float:
 
 
 def held_note(runs: Sequence[str], of: int, beats: Mapping[str, float], row: float) -> str:
-    """Describes the held channels of some runs: `beats`: channel -> beat, s; `row`: time between rows, s."""
+    """Describes the held channels of some runs. `beats`: channel -> time between samples, s; `row`: between rows, s."""
     where = "all runs" if len(runs) == of else f"run {runs[0]}" if len(runs) == 1 else f"{len(runs)} runs"
     low, high = 1e3 * min(beats.values()), 1e3 * max(beats.values())
     every = f"{low:.3g} ms" if high < 1.1 * low else f"{low:.3g} to {high:.3g} ms"

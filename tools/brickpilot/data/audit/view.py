@@ -1,4 +1,4 @@
-"""One run under audit: its channels, its drives, its motion in windows, and how all runs together behave."""
+"""One run under audit: its channels, its drives, and its motion in windows."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LEAST_WINDOWS = 4
 """Least number of windows that count as evidence."""
 
 EQUAL = 2.5
-"""Largest ratio, up or down, of two measurements of one motion that lags, wrong lengths and unequal wheels explain."""
+"""Lags, wrong lengths and unequal wheels change the ratio of two measurements of one motion by at most this factor."""
 
 _FEWEST, _MOST = 8, 32  # number of windows of a run
 _WINDOW_S = 0.25  # s: longer than the delays and lags of sensors, shorter than a manoeuvre
@@ -63,7 +63,7 @@ class Channels:
 
 @dataclass(frozen=True)
 class Held:
-    """How a channel that is logged faster than it is sampled holds its samples.
+    """The samples of a channel that is logged faster than it is sampled, so that several rows repeat each sample.
 
     Attributes:
         beat: time between two samples, s.
@@ -85,7 +85,7 @@ class RunView(Channels):
 
     Attributes:
         resolution: signal -> its resolution, SI.
-        held: the channels that hold each sample for several rows (`held`).
+        held: channel -> its `Held`, for channels that repeat each sample in several rows.
     """
 
     outputs: dict[str, Vector]
@@ -125,7 +125,7 @@ def driven_by(name: str) -> str:
 
 
 def typical_motion(name: str) -> float:
-    """Returns the fastest motion that a channel of a small machine usually measures, SI; 0: nothing is usual."""
+    """Returns the fastest motion that a channel of a small machine usually measures, SI; 0: not known."""
     return next((value for start, value in _TYPICAL.items() if name.startswith(start)), 0.0)
 
 
@@ -164,7 +164,7 @@ class Windows:
         return float(np.sqrt(np.mean((values[known] / self.seconds[known]) ** 2))) if known.any() else 0.0
 
     def unbiased(self, values: Vector) -> Vector:
-        """Returns (w,) values less their mean rate, because a bias or a slope changes this mean."""
+        """Returns (w,) values less their mean rate, because a bias or a slope adds a constant rate."""
         known = np.isfinite(values)
         return values - self.seconds * (np.sum(values[known]) / max(float(np.sum(self.seconds[known])), 1e-300))
 

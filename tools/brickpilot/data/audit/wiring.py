@@ -28,7 +28,7 @@ _SIDES_FREE = 2.5  # largest ratio of two motors' gains that a weak motor explai
 _UNITS = tuple(one for by in (180 / pi, 30 / pi, 1000.0) for one in (by, 1 / by))
 _STEPS_S = (1e-4, 0.5)  # shortest and longest plausible time between samples in a robot's log
 COUNTS_A_TURN = " counts a turn"
-"""The end of a guess that states the counts per turn of an encoder."""
+"""The end of a text in `Dataset.guessed` that states the counts per turn of an encoder."""
 
 _FULL = (100.0, 255.0, 1000.0, 1023.0, 4095.0, 32767.0)
 
@@ -54,7 +54,7 @@ def miswired(runs: Sequence[Channels], nominal: Mapping[str, float]) -> tuple[Mi
 
 
 def with_counts(found: Sequence[Miswired], guessed: Sequence[str]) -> tuple[tuple[Miswired, ...], tuple[str, ...]]:
-    """Returns the faults and the guesses. Guessed counts per turn are replaced by counts that fit the stated lengths.
+    """Returns `found` and `guessed`, with guessed counts per turn replaced by counts that fit the stated lengths.
 
     Args:
         guessed: as in `Dataset.guessed`, such as "960 counts a turn".
@@ -141,7 +141,7 @@ def _of_yaw(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[Misw
 
 
 def _of_drives(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[Miswired]:
-    """Returns the inputs of one motor, if only another unit explains the ratio of the two motors' gains."""
+    """Returns the inputs of the stronger motor, if the two motors' gains differ by more than a weak motor explains."""
     motion = Motion(runs)
     fits = [fit for number in range(len(LAGS)) if (fit := motion.driven(number)) is not None]
     if not fits:
@@ -149,7 +149,7 @@ def _of_drives(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[M
     fit = min(fits, key=lambda one: one.sd)
     ratio = log(fit.gains[0] / fit.gains[1])
     sure = _beyond(abs(ratio), log(_SIDES_FREE), fit.sd)
-    is_unit = any(abs(abs(ratio) - abs(log(one))) < log(1.2) for one in _UNITS)  # one wheel's unit: the audit finds it
+    is_unit = any(abs(abs(ratio) - abs(log(one))) < log(1.2) for one in _UNITS)  # a wheel's unit, which the audit finds
     if sure < 0.9 or is_unit:
         return []
     weak, strong = ("right", "left") if ratio > 0 else ("left", "right")
@@ -160,7 +160,7 @@ def _of_drives(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[M
 
 
 def _apart_from_unit(ratio: float) -> tuple[float, float]:
-    """Returns the factor of a unit nearest to a ratio, or 1, and the logarithm of ratio / factor."""
+    """Returns the factor between units that is nearest to a ratio (1: the same unit), and log(ratio / factor)."""
     if 1 / UNIT_FITS < ratio < UNIT_FITS:
         return 1.0, log(ratio)
     unit = min(_UNITS, key=lambda one: abs(log(ratio / one)))

@@ -1,4 +1,4 @@
-"""The motion of drives, wheels and yaw in short windows, and hypotheses on how these are wired.
+"""The motion of drives, wheels and yaw in short windows, and hypotheses on how their channels are wired.
 
 The model: the wheels follow their drives with positive gains and a lag, in straight motion and in turns; the yaw
 follows the difference of the wheels. Each way to swap and reverse channels is a hypothesis, and explains a share of the
@@ -27,7 +27,7 @@ WHEEL_KINDS = ("angle", "travel", "speed", "velocity")
 
 _WINDOW_S = 0.1
 _PER_SECOND = 4.0  # number of independent windows in a second
-_MOST = 60.0  # largest number of independent windows that count, because the model is rough
+_MOST = 60.0  # a larger number of independent windows counts as this number, because the model is rough
 _FLOOR = 0.02  # share of the motion that even the right hypothesis leaves unexplained
 _EXPLAINED = 0.4  # share of the motion: a hypothesis that explains less gets no credit
 _PER_FAULT = 6.0  # natural logarithm of the prior odds against each fault
@@ -37,11 +37,11 @@ LAGS = (
     0.25,
     0.1,
 )  # lags that are tried, each as the share of a step response that is reached after one window
-_DEAD = 0.01  # share of the larger wheel motion: a wheel with no more motion stands still
-_APART = 0.3  # share of the drives' rms: a still wheel with a weaker drive does not mean a dead encoder
+_DEAD = 0.01  # a wheel stands still if its motion is at most this share of the other wheel's motion
+_APART = 0.3  # share of the drives' rms: if a still wheel's drive is weaker, its encoder does not count as dead
 FREE = 1.33  # largest factor, up or down, by which slip and inexact lengths may change a ratio
-UNIT_FITS = 3.0  # a unit explains a ratio if its factor is off by less than this factor, up or down
-_ONE_RUN = 30.0  # times the usual motion of all runs: more motion in one run means another unit in this run
+UNIT_FITS = 3.0  # a unit explains a ratio if (ratio / the unit's factor) is below this, up or down
+_ONE_RUN = 30.0  # times the runs' median motion: a run with more motion has another unit
 _ONE_NUMBER = 0.93  # least share of the yaw that two wheels without slip explain
 _COLLINEAR = 1e4  # largest condition number of the normal equations at which left and right can be told apart
 
@@ -181,7 +181,7 @@ class Motion:
         return [*first, replace(last, text=last.text + (f", or as well {', '.join(rivals)}" if rivals else ""))]
 
     def turning(self) -> Gains | None:
-        """Returns the gains from the left and the right wheel to the yaw; None: not measured, or no constant gains."""
+        """Returns the gains from the left and the right wheel to the yaw; None: missing, or not constant."""
         if self.yaw is None or len(self.moving) < 2:
             return None
         left, right = (self.at[name] for name in self.wheels)
@@ -209,7 +209,7 @@ class Motion:
         return _gains(x, np.concatenate([self.at[name] for name in self.wheels]), seconds)
 
     def geometry(self, nominal: Mapping[str, float]) -> float | None:
-        """Returns the yaw per motion of a wheel, from the stated lengths; None: not all are stated."""
+        """Returns the yaw per motion of a wheel, from the stated lengths; None: a length is not stated."""
         stated = Geometry(nominal.get("wheel_radius"), nominal.get("half_track"), {})
         return stated.turn("", self.kind or "")
 
@@ -335,7 +335,7 @@ _WAYS = [_Way(drives, wheels, yaw) for drives, wheels, yaw in product(_ALL_SIDES
 
 
 def _share_left(y: Vector, x: Vector, least: float = 0.0) -> float:
-    """Returns minus the log of the share of `y` that `x`'s columns leave unexplained, with gains from `least` on."""
+    """Returns -log(share of `y` that the columns of `x` do not explain), with gains of at least `least`."""
     known = np.isfinite(y) & np.isfinite(x).all(axis=1)
     y, x = y[known], x[known]
     power = float(y @ y)
@@ -363,7 +363,7 @@ class Gains:
 
 
 def _gains(x: Vector, y: Vector, seconds: float, least: float = _EXPLAINED) -> Gains | None:
-    """Returns the gains from the columns of `x` to `y`; None: collinear, not positive, or too little explained.
+    """Returns the gains from the columns of `x` to `y`; None: they are not unique or positive, or explain little.
 
     `least`: the least share of `y` that the gains have to explain.
     """
