@@ -1,4 +1,4 @@
-"""Vehicles and runs for other programs: FMU, MJCF, URDF, MCAP, Parquet."""
+"""Writes models and runs as files for other programs: FMU, MJCF, URDF, MCAP, Parquet."""
 
 from brickpilot import make_callable
 

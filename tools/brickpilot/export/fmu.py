@@ -28,7 +28,7 @@ from brickpilot.export.fmu_description import Variable, variables
 from brickpilot.vehicle.model import Model
 
 VERSIONS = ("2.0", "3.0")
-_EARLIEST = (1980, 1, 1, 0, 0, 0)  # time of all files, the earliest in a zip file; so equal models give equal bytes
+_EARLIEST = (1980, 1, 1, 0, 0, 0)  # time stamp of all files, the earliest in zip: equal models give equal bytes
 
 
 def archive(model: Model, version: str, *, binary: bool = True) -> bytes:
@@ -163,9 +163,9 @@ def compile_library(sources: Path, library: Path) -> None:
     """Compiles every C file below `sources` into a library, with the system's compiler.
 
     Raises:
-        WorkFailedError: there is no compiler, or it fails.
+        WorkFailedError: there is no compiler, or the compiler fails.
     """
-    of_python = (sysconfig.get_config_var("CC") or "").split()[:1]  # the compiler without its options
+    of_python = (sysconfig.get_config_var("CC") or "").split()[:1]  # Python's compiler, without options
     known = (name for name in [*of_python, "cc", "gcc", "clang"] if shutil.which(name))
     compiler = os.environ.get("CC") or next(known, None)
     if compiler is None:

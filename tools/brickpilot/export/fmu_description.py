@@ -100,7 +100,7 @@ class Variable:
 
 
 def variables(model: Model) -> list[Variable]:
-    """Returns every variable of the model's FMU. The first one is time.
+    """Returns every variable of the model's FMU. The first variable is the time.
 
     Raises:
         InputError, SimulationError: the plant refuses the model.

@@ -35,12 +35,12 @@ class Machine:
         gain: factor on each commanded voltage.
         limit: V, the largest voltage that a drive reaches; None: no limit.
         delay, lag: s, dead time and time constant of the command.
-        dry, viscous: N m and N m s/rad at each wheel, in addition to the nominal losses.
+        dry, viscous: dry friction in N m and drag in N m s/rad at each wheel, in addition to the nominal losses.
         load: N m, constant torque at each wheel against forward motion.
-        body_drag, air: N s/m and N s^2/m^2 on the body.
-        yaw_drag, yaw_dry: N m s/rad and N m on the body.
+        body_drag, air: linear drag in N s/m and quadratic drag in N s^2/m^2 on the body's motion.
+        yaw_drag, yaw_dry: linear drag in N m s/rad and dry friction in N m on the body's yaw.
         slope: sine of the angle by which the floor falls along x and along y.
-        imu: m, place of the accelerometers.
+        imu: m, position of the accelerometers ahead and to the right of the axle's middle.
         late: s, the delay of the sensors.
     """
 
@@ -99,9 +99,9 @@ def losses(machine: Machine) -> Pair:
 
 
 def chassis(machine: Machine, wheel: float, across: float = 0.0) -> tuple[float, Pair, float]:
-    """Returns mass, centre of mass and yaw inertia of the chassis, so that chassis and wheels have the robot's values.
+    """Returns mass, centre of mass and yaw inertia of the chassis, so that chassis plus wheels have the robot's values.
 
-    The centre of mass is ahead and to the left of the axle's middle. If the wheels alone have at least the robot's
+    The centre of mass is given as (ahead, left) of the axle's middle. If the wheels alone have at least the robot's
     inertia, the inertia of the chassis is 0 or negative.
 
     Args:

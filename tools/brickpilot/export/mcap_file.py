@@ -1,6 +1,6 @@
 """A run or a link's traffic in the format MCAP: the messages are JSON, and each channel has its JSON schema.
 
-The topics of a run are its logged signals, and its poses in Foxglove's form. Signals are in the run's own frame,
+The topics of a run are its logged signals, and its poses in Foxglove's form. Signals are in the run's frame, with
 y to the right and yaw clockwise. Foxglove's 3D panel has z up, so in poses and transforms y is to the left and yaw
 counter-clockwise. A layout for Foxglove, with panels for the topics, is written beside the file.
 """
@@ -28,7 +28,7 @@ from brickpilot.link.messages import book
 
 @dataclass(frozen=True)
 class Topic:
-    """One channel of the file.
+    """One channel of an MCAP file.
 
     Attributes:
         schema: JSON schema of a message; its title is the schema's name.
@@ -50,7 +50,7 @@ class Sample:
 
 
 def signals(name: str, fields: Mapping[str, str]) -> Topic:
-    """Returns a topic of plain numbers, from field -> unit. An unknown number is null."""
+    """Returns a topic of plain numbers; `fields`: field -> unit. In a message, an unknown number is null."""
     kinds = {field: {"type": ["number", "null"], "description": unit} for field, unit in fields.items()}
     return Topic(name, _schema(f"brickpilot{name.replace('/', '.')}", kinds), fields)
 
@@ -212,9 +212,9 @@ _UNKNOWN_SCHEMA = {"title": "brickpilot.link.unknown", "type": "object", "proper
 
 
 def read_traffic(file: Path) -> tuple[list[Topic], list[Sample]]:
-    """Returns the topics and the messages of a recording. Times count from its first message, in ns.
+    """Returns the topics and the messages of a recording. Times count from the first message, in ns.
 
-    If the clock was set back, the last time is repeated until it is passed.
+    If the clock was set back, messages get the latest time so far until the clock passes this time.
 
     Raises:
         InputError: the file cannot be read, is no log of CAN traffic, or holds no message.
@@ -273,7 +273,7 @@ def run_layout(topics: Sequence[Topic]) -> str:
 
 
 def traffic_layout(topics: Sequence[Topic]) -> str:
-    """Returns the layout of a link's traffic: one plot for each message, of its fields."""
+    """Returns the layout of a link's traffic: one plot for each kind of message, with its fields."""
     panels = {
         f"Plot!{topic.name.rpartition('/')[2].lower()}": _plot(
             topic.name, [f"{topic.name}.{field}" for field in topic.units]
@@ -326,7 +326,7 @@ def _layout(panels: Mapping[str, Any]) -> str:
 
 
 def _split(names: Sequence[str], direction: str) -> Any:
-    """Returns nested halves down to single panels, alternately side by side and one above the other."""
+    """Returns the panels as nested pairs; from level to level, pairs are side by side or one above the other."""
     if len(names) <= 1:
         return names[0] if names else ""
     half = max(1, len(names) // 2) if direction == "column" else 1 if names[0].startswith("3D") else len(names) // 2

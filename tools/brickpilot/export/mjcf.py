@@ -1,7 +1,8 @@
 """A model as MJCF, the file format of MuJoCo: the same robot as far as MuJoCo can represent it.
 
-The robot moves on a plane: it slides along x, y and z and turns about z, and its wheels roll on the floor by the
-firmest contacts that MuJoCo allows. MuJoCo's frame has y to the left and z up, so y and yaw have the opposite sign.
+The robot moves on a plane: it slides along x, y and z and turns about z, and its wheels roll on the floor with
+the stiffest contacts that MuJoCo allows. MuJoCo's frame has y to the left and z up, so y and yaw have the opposite sign
+of Brickpilot's.
 """
 
 from __future__ import annotations
@@ -16,8 +17,8 @@ from brickpilot.export.machine import SIDES, Machine, RobotFile, bench, chassis,
 from brickpilot.vehicle.model import Model
 
 _HEAD = "Made by Brickpilot. It needs MuJoCo 3.8 or newer. y is to the left, yaw counter-clockwise."
-_AIR_M = 1e-3  # m: radius of the ball on which the air's drag acts, so small that it has no added mass
-_WHEEL_SHARE = 1e-4  # mass of a wheel's body as a share of the robot's; its inertia is the joint's armature
+_AIR_M = 1e-3  # m: radius of the ball on which the air's drag acts; so small a ball has no added mass
+_WHEEL_SHARE = 1e-4  # mass of a wheel as a share of the robot's mass; the joint's armature is the wheel's inertia
 _FIRM = "0.9999 0.9999 0.001"
 _GRIP = 100.0
 _FLOATS = "a motor that floats: a control is a voltage, and 0 V shorts the motor"
@@ -51,7 +52,7 @@ def write(model: Model) -> RobotFile:
 
 
 def _combinations(model: Model, machine: Machine) -> list[str]:
-    """Returns the parts of this robot that MuJoCo cannot represent together with other parts of it."""
+    """Returns a line for each property of the robot that MuJoCo cannot represent together with another property."""
     left_out = []
     if machine.lag > 0 and machine.values["inductance"] > 0:
         left_out.append("inductance, because the command has a lag and a motor of MuJoCo has only one state")
@@ -166,15 +167,15 @@ def _actuators(root: Xml.Element, machine: Machine, sides: Sequence[str]) -> Non
 
 
 def _delay(delay: float) -> dict[str, str]:
-    """Returns the delay rounded to steps, minus half a step, so that rounding in MuJoCo never adds a step."""
+    """Returns a delay in s as attributes: whole steps minus half a step, so that rounding never adds a step."""
     steps = round(delay / MOTOR_STEP_S)
     return {"delay": _text((steps - 0.5) * MOTOR_STEP_S), "nsample": str(steps + 1)} if steps > 0 else {}
 
 
 def _motor(actuator: Xml.Element, head: dict[str, str], machine: Machine, k: int) -> None:
-    """Adds a direct-current motor. MuJoCo has one constant for torque and back EMF. A motor with two constants is
-    equivalent to a motor with K_e for both and K_e / K_t times the resistance and inductance. All these values are
-    divided by the gain of the voltage."""
+    """Adds a direct-current motor. MuJoCo has one constant for torque and back EMF. A motor with K_t and K_e equals a
+    motor with K_e for both constants, and K_e / K_t times the resistance and inductance. A gain of the voltage divides
+    the constant once, and resistance and inductance twice."""
     values = machine.values
     per_volt = values["force_per_volt"] or values["torque_per_volt"]
     torque, emf = values["torque_constant"] * machine.flux[k], values["emf_constant"] * machine.flux[k]

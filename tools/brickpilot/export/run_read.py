@@ -29,8 +29,8 @@ class Run:
     """The contents of a run folder.
 
     Attributes:
-        log: column -> (rows,), as in log.csv.
-        ticks: column -> (rows,), as in ticks.csv; empty: the run was not flown over a link.
+        log: column -> its values (rows,), as in log.csv.
+        ticks: column -> its values (rows,), as in ticks.csv; empty: the run was not flown over a link.
         summary: the text of summary.json.
     """
 
@@ -69,7 +69,7 @@ def _check_whole(path: Path, content: bytes) -> None:
     """Raises InputError if a line has another number of cells than the header, or the last line has no line end.
 
     The check is needed: pandas fills a short line with NaN, and uses the first column as an index if all lines are
-    longer.
+    longer than the header.
     """
     *lines, rest = content.split(b"\n")
     for number, line in enumerate(lines, 1):
@@ -103,7 +103,7 @@ def _table(path: Path) -> dict[str, Array]:
 
 
 def parquet_tables(run: Run) -> dict[str, bytes]:
-    """Returns suffix of the file's name -> Parquet file: "" for the log, `-ticks` for the ticks of a linked flight.
+    """Returns suffix of a file's name -> Parquet file: "" for the log, "-ticks" for the ticks of a flight over a link.
 
     A column's metadata contain its `unit`; the metadata of the log's table contain `summary.json`.
     """

@@ -33,7 +33,7 @@ class Option:
         choices: the allowed values; empty: any text.
         default: the value if the user does not give the option. False: the option is a switch.
         repeatable: whether the importers get a tuple of all values given.
-        required: whether each importer that takes this option needs it.
+        required: whether the user must give the option to every importer that takes it.
         unless: the keyword of another option; if that option is given, this one is not required.
     """
 
@@ -63,7 +63,7 @@ class Importer:
             ``metadata.yaml``.
         example: the arguments of one call, after ``brickpilot import``.
         options: the options that the importer takes besides ``--out``, ``--nominal`` and ``--name``.
-        reports_progress: whether ``import_KIND`` also takes `progress`, which it calls with (done, total, text).
+        reports_progress: whether ``import_KIND`` also takes a function `progress`, called with (done, total, text).
     """
 
     kind: str
@@ -82,7 +82,7 @@ class Importer:
         """Reads a whole file, and returns a list of its contents.
 
         Raises:
-            InputError: the file cannot be read, or this kind of log has no list.
+            InputError: the file cannot be read, or the importer cannot list this kind of log.
         """
         from brickpilot.importers.channels import contents
 
@@ -92,7 +92,7 @@ class Importer:
         return contents(module.read(file))
 
     def maker(self) -> Callable[..., NewDataset]:
-        """Returns the function that makes a data set of (files, **options)."""
+        """Returns the function that makes a data set; its arguments are (files, **options)."""
         from brickpilot.importers.chosen import channels_dataset
 
         module = self._functions()
@@ -107,9 +107,9 @@ class Importer:
         Args:
             files: the logs.
             out: the new folder.
-            nominal: parameter -> value in SI; it replaces the importer's own value.
+            nominal: parameter -> value in SI; this value replaces the importer's value.
             name: the data set's name; None: the name of the folder.
-            options: `options_taken`.
+            options: the result of `options_taken`.
 
         Raises:
             InputError: the message names file, line and field, or the option. Nothing is written then.
@@ -261,10 +261,10 @@ def kind_of(file: Path, importers: Iterable[Importer]) -> str | None:
 def importer_and_files(
     words: Sequence[str], kind: str | None, importers: Sequence[Importer]
 ) -> tuple[Importer, list[Path]]:
-    """Returns the importer of the kind that the user names, or else that the first file's ending shows; and the files.
+    """Returns the importer and the files. The user names the kind of log, or the first file's ending shows the kind.
 
     Raises:
-        InputError: the kind is neither named nor known by the ending, or no file is given.
+        InputError: the user names no kind of log and the ending shows none, or no file is given.
     """
     rows = {row.kind: row for row in importers}
     files = [Path(word) for word in words]
@@ -291,8 +291,8 @@ def kinds_with(option: Option, importers: Iterable[Importer]) -> str:
 def options_taken(importer: Importer, importers: Sequence[Importer], given: Mapping[str, Any]) -> dict[str, Any]:
     """Returns keyword -> value, for the options that `importer` takes; options that are not given have their defaults.
 
-    If the importer does not take a given option, the option is refused when it is a switch or has no default, and
-    ignored otherwise.
+    A given option that the importer does not take is refused if the option is a switch or has no default. Otherwise
+    the option is ignored.
 
     Raises:
         InputError: a given option belongs to other kinds of log, a needed option is missing, or there is no such

@@ -1,6 +1,6 @@
-"""The result of each reader of a log with channels, and functions that all these readers need.
+"""Defines `Log`, which each function that reads a log returns, and functions that several of these readers use.
 
-A listing describes each channel: type, unit, samples, rate, times and range.
+`brickpilot import --list` shows of each channel: type, unit, samples, rate, times and range.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ Vector = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Channel:
-    """A quantity of a log.
+    """One quantity over time in a log.
 
     Attributes:
         name: the channel's name in ``--map``, e.g. ``/drive/left``, ``IMU.GyrZ`` or ``/joint_states.velocity[left]``.
         type: the type's name in the file, e.g. ``double`` or ``sensor_msgs/msg/Imu``.
-        time: s since the log began, for each value; None: the channel is a column of a table, and another column is the
-            time.
+        time: the time of each value in s since the log began; None: the channel is a column of a table, and another
+            column is the time.
         values: the values as written in the file; NaN: blank.
         unit: the unit that the file states; None: the file states no unit.
     """
@@ -46,12 +46,12 @@ class Log:
     Attributes:
         file: the path as the user gave it.
         channels: name -> channel, in the order of the file.
-        aliases: second name of a channel -> its name, e.g. ``/joint_states.velocity[0]`` for the first joint's.
+        aliases: second name of a channel -> its name, e.g. ``/joints.velocity[0]`` -> ``/joints.velocity[left]``.
         notes: sentences for the user.
         cut: whether the file ends inside a record, as after a loss of power.
-        of: what the log consists of: ``channel``, or ``column`` or ``variable`` of a table, whose channels have no
-            times.
-        others: name of a column that is no channel -> the reason, for an error that begins with the name.
+        of: what the log consists of: ``channel``; or ``column`` or ``variable``, if the log is a table, whose
+            channels have no times.
+        others: name of a column that cannot be a channel -> the reason, which follows the name in an error.
     """
 
     file: Path
@@ -69,7 +69,7 @@ def by_name(channels: Iterable[Channel]) -> dict[str, Channel]:
 
 
 Reader = Callable[[Path, Collection[str] | None], Log]
-"""Reads a file: (file, texts). It may leave out a channel that no text names (`is_wanted`). No texts: it reads all."""
+"""Reads a log: (file, texts) -> log. It may read only channels that a text names (`is_wanted`); texts None: all."""
 
 
 @contextmanager
@@ -101,7 +101,7 @@ def check_file(file: Path, start: bytes = b"", kind: str = "") -> None:
 
 
 def is_wanted(group: str, texts: Collection[str] | None) -> bool:
-    """Returns whether one of the texts, which name the needed channels, contains `group`: a topic, message or array."""
+    """Returns whether a text, such as a formula, contains `group`: a topic, message or array. No texts: always true."""
     return texts is None or any(group in text for text in texts)
 
 
@@ -121,7 +121,7 @@ class Listed:
         name, type, unit: the channel's name, type and unit; None: the file states no unit.
         samples: number of values without blanks.
         rate: samples per second, from the median time step; None: fewer than two samples, or no times.
-        first, last: s, the times of the first and the last sample; None: no times.
+        first, last: the times of the first and the last sample in s; None: no times.
         lowest, highest: the lowest and the highest value; None: all values are blank.
     """
 
@@ -138,7 +138,7 @@ class Listed:
 
 @dataclass(frozen=True)
 class Contents:
-    """The content of a file: its channels in the file's order, notes, and whether it ends inside a record."""
+    """The content of a file: its channels in the file's order, notes, and whether the file ends inside a record."""
 
     channels: list[Listed]
     notes: tuple[str, ...]
@@ -148,7 +148,7 @@ class Contents:
 def contents(log: Log) -> Contents:
     """Returns the contents of a log.
 
-    The columns of a table have no times of their own. The first column that only increases is used as their times.
+    The columns of a table have no times. The first column that only increases is used as the time of all columns.
     """
     clock = _clock(log.channels)
     notes = [*log.notes]

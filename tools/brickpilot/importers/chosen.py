@@ -1,6 +1,6 @@
-"""Makes a data set of the signals that the user chose from logs. All readers except text and JSON use this module.
+"""Makes a data set of the signals that the user chose from logs. An importer without ``import_KIND`` uses this module.
 
-Channels with different times are put on the rows of one table.
+Channels with different times are put into the rows of one table.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from brickpilot.importers.split import parse_split, runs_of
 from brickpilot.importers.writer import NewDataset, NewRun, run_names
 
 _NEAREST = 4  # largest number of names that an error proposes
-_ALIKE = 0.4  # least similarity by difflib of a name that an error proposes
+_ALIKE = 0.4  # least similarity by difflib of a proposed name to the wrong name
 
 
 def channels_dataset(
@@ -54,10 +54,10 @@ def channels_dataset(
         files: logs with the same channels, columns or variables.
         mapping: ``SIGNAL=CHANNEL[:UNIT]``, or a formula of channels; the default unit is the file's unit, or else the
             SI unit. The module for this kind of log describes the channels' names.
-        vehicle, frame: as in a data set; the default frame is the frame that wheels and yaw show.
+        vehicle, frame: the kind of vehicle, and the data set's frame; frame None: to be found from wheels and yaw.
         as_wired: whether channels that look swapped, reversed or scaled wrongly are left as they are.
         rate: rows per second, for channels with times; None: a row for each sample of the fastest output.
-        split: ``rests``, or ``FROM,TO`` in s of the log's clock, repeatable; each part becomes a run. Empty: a new run
+        split: ``rests``, or ``FROM,TO`` in s of the log's clock, repeatable; each piece becomes a run. Empty: a new run
             begins after each pause between rows. None: a file is always one run.
         cut: whether a file that ends inside a record is read without that record.
 
@@ -143,7 +143,7 @@ def _formulas(log: Log, read: Reader, sources: Mapping[str, Source]) -> dict[str
 
 
 def _unknown(place: str, log: Log) -> str:
-    """Returns why a log has no such channel, column or variable."""
+    """Returns the message that a log has no channel, column or variable `place`, with advice."""
     if log.of == "channel":
         near = difflib.get_close_matches(place, list(log.channels), _NEAREST, _ALIKE)
         advice = f"the nearest are {', '.join(near)}" if near else f"`brickpilot import --list {log.file}` shows them"
@@ -175,7 +175,7 @@ def _unit(file: Path, signal: str, formula: Formula, channel: Channel, source: S
     """Returns the unit that the user states; else the file's unit, if the channel is not scaled; else the SI unit.
 
     Raises:
-        InputError: the file states a unit that does not fit the signal, or the formula scales or joins channels.
+        InputError: the file's unit does not fit the signal, or the formula changes the unit by scaling or joining.
     """
     if source.states_unit or channel.unit is None:
         return source.unit
@@ -191,20 +191,20 @@ def _unit(file: Path, signal: str, formula: Formula, channel: Channel, source: S
     return channel.unit
 
 
-_SAME = 0.01  # least shift with a note, as a share of a row's duration
+_SAME = 0.01  # a note names a larger shift of samples than this share of a row's duration
 _ROWS = 10_000_000  # a table with more rows is refused: --rate is too high
 
 
 def columns(channels: Mapping[str, Channel], rate: float | None) -> tuple[dict[str, Vector], list[str]]:
     """Returns signal -> values on common rows, with `time`, and notes for the user.
 
-    The rows are the times of the output with most samples, or follow `rate`. A sample of an output is put into the row
+    The rows are at the times of the output with most samples, or at `rate`. A sample of an output is put into the row
     nearest to its time, at most half a row away; the other rows are blank, because nothing is interpolated. An input is
     held until it changes. Without `rate`, a row is added where an input changes between two rows; measured signals are
-    blank there. With `rate`, an input changes in the nearest row. The first row is the first with all inputs known.
+    blank there. With `rate`, an input changes in the nearest row. In the first row, all inputs are known.
 
     Args:
-        channels: signal -> channel with times, and with at least one output.
+        channels: signal -> channel with times; at least one signal is an output.
         rate: rows per second; None: a row for each sample of the fastest output.
 
     Raises:
@@ -239,7 +239,7 @@ def columns(channels: Mapping[str, Channel], rate: float | None) -> tuple[dict[s
 
 
 def _changes(inputs: Mapping[str, tuple[Vector, Vector]], rows: Vector, late: float) -> Vector:
-    """Returns the times at which an input changes between two rows, if they are more than `late` s from both rows."""
+    """Returns the times at which an input changes between two rows, without times within `late` s of a row."""
     times = [np.empty(0)]
     for time, values in inputs.values():
         same = (values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))
@@ -255,7 +255,8 @@ def _changes(inputs: Mapping[str, tuple[Vector, Vector]], rows: Vector, late: fl
 def aligned(channels: Sequence[Channel], held: bool) -> tuple[Vector, list[Vector], float]:
     """Returns the times of the fastest channel, each channel's values at these times, and the largest shift in s.
 
-    A command is held. A measured value is put at the nearest time; at the other times it is blank.
+    `held`: a value, such as a command, is held until the next value. Otherwise a value is put at the nearest time, and
+    the other times are blank.
     """
     tracks = [_track(channel) for channel in channels]
     rows = max((time for time, _ in tracks), key=lambda time: time.size)
@@ -295,13 +296,13 @@ def _step(rows: Vector) -> float:
 
 
 def _held(time: Vector, values: Vector, rows: Vector, half: float) -> Vector:
-    """Returns a value for each row: each sample is held from the row nearest to its time on. Before it, NaN."""
+    """Returns a value for each row. A sample holds from the first row after (its time - `half`); before that, NaN."""
     last = np.searchsorted(time, rows + half, side="left") - 1
     return np.where(last >= 0, values[np.maximum(last, 0)], np.nan)
 
 
 def _placed(time: Vector, values: Vector, rows: Vector, half: float) -> tuple[Vector, float]:
-    """Puts each value into the row nearest to its time; returns these rows and the largest distance in s."""
+    """Returns a column with each value in the row nearest to its time, and the largest distance from a row in s."""
     column = np.full(rows.size, np.nan)
     right = np.clip(np.searchsorted(rows, time), 1, rows.size - 1)
     nearest = np.where(time - rows[right - 1] <= rows[right] - time, right - 1, right)

@@ -32,7 +32,7 @@ class _Message:
 
 
 def read(file: Path, texts: Collection[str] | None = None) -> Log:
-    """Reads the messages with a time. A field is ``MESSAGE.FIELD``; a field of a second sensor is ``MESSAGE[1].FIELD``.
+    """Reads the messages with a time. A channel is ``MESSAGE.FIELD``, or ``MESSAGE[1].FIELD`` for a second sensor.
 
     Raises:
         InputError: there is no such file, or it is no dataflash log.
@@ -55,7 +55,7 @@ def read(file: Path, texts: Collection[str] | None = None) -> Log:
 
 
 def _messages(reader: Any, texts: Collection[str] | None) -> tuple[dict[str, _Message], int]:
-    """Returns name -> messages, and the position of the byte at which the last message ends."""
+    """Returns name -> messages, and the byte position of the last message's end."""
     wanted = {name for name in reader.name_to_id if name not in _DEFINITIONS and is_wanted(name, texts)}
     messages: dict[str, _Message] = {}
     end = 0

@@ -25,8 +25,8 @@ from brickpilot.importers.writer import NewDataset, NewRun, run_names
 
 SUMMARY, LOG = "summary.json", "log.csv"
 
-_REST_S = 1.0  # s: time that is kept after the end of a mission, in which the robot rolls out
-_COUNTS = 65536  # number of values of the firmware's counters, which wrap
+_REST_S = 1.0  # s: time after a mission's end that is kept, while the robot rolls to rest
+_COUNTS = 65536  # the firmware's counters wrap after this number of counts
 _ALWAYS = {
     "time": "time_s",
     "duty_left": "left_duty",
@@ -42,16 +42,16 @@ _SENSED = {"imu": _ALWAYS, "imu+encoders": _ALWAYS | _WHEELS}
 
 
 def import_flight(folders: Sequence[Path]) -> NewDataset:
-    """Returns a data set of flights with the same sensors. A run is a flight until a second after its mission's end.
+    """Returns a data set of flights with the same sensors. Each flight becomes a run.
 
-    The nominal values are those of the packaged robot.
+    A run ends a second after the mission's end. The nominal values are those of the packaged robot.
 
     Args:
         folders: run folders.
 
     Raises:
-        InputError: a folder holds no flight of a mission, or a flight with another robot's image; the sensors of a
-            flight measure nothing, or differ from those of the first flight.
+        InputError: a folder holds no flight of a mission, or a flight with another robot's image; a flight has
+            sensors that no real robot has, or other sensors than the first flight.
     """
     summaries = [_summary(folder) for folder in folders]
     names = run_names(folders)
@@ -73,7 +73,7 @@ def import_flight(folders: Sequence[Path]) -> NewDataset:
 
 
 def _summary(folder: Path) -> Mapping[str, Any]:
-    """Returns a flight's sensors, its end in s, and its image (None: the packaged one).
+    """Returns a flight's sensors, the end of its mission in s, and its image (None: the packaged image).
 
     Raises:
         InputError: the folder holds no flight.
@@ -87,10 +87,10 @@ def _summary(folder: Path) -> Mapping[str, Any]:
 
 
 def _columns(folder: Path, summary: Mapping[str, Any]) -> dict[str, NDArray[np.float64]]:
-    """Returns signal -> (rows,), SI.
+    """Returns signal -> its values (rows,) in SI.
 
     Raises:
-        InputError: the log lacks a column, or belongs to a manoeuvre, which has no duty.
+        InputError: the log lacks a column, or no duty drives a motor, as in a manoeuvre.
     """
     values = read_columns(folder / LOG, _SENSED[summary["sensors"]], CsvFormat()).values
     if not any(np.any(values[signal]) for signal in ("duty_left", "duty_right")):

@@ -31,7 +31,7 @@ class Guess:
         sources: signal -> its formula over columns, and the unit.
         vehicle: the vehicle, stated or guessed.
         reasons: signal -> the reason for the guess.
-        notes: for the user, a sentence each.
+        notes: sentences for the user.
         guessed: assumed numbers that scale all speeds or voltages, such as "960 counts a turn"; the user did not state
             these numbers.
     """
@@ -48,11 +48,11 @@ def guess(table: TextTable, stated: Mapping[str, Source], vehicle: Vehicle | Non
 
     Args:
         table: a table with a header.
-        stated: signal -> its source that ``--map`` states, which is kept.
+        stated: signal -> the source that ``--map`` states; these sources are kept.
         vehicle: the vehicle; None: diff_drive if the log has a left or right column or a cmd_vel, else motor.
 
     Raises:
-        InputError: no header, or no time, input or output is found.
+        InputError: the table has no header, or no time, input or output is found.
     """
     if not table.header:
         raise InputError("needs a header that names the columns", file=table.file, field="--guess")
@@ -124,7 +124,7 @@ def _problem(taken: Taken, sources: Mapping[str, Source], vehicle: Vehicle) -> s
 
 
 def _one_input_set(sources: dict[str, Source], reasons: dict[str, str], vehicle: Vehicle) -> list[str]:
-    """Keeps one complete set of inputs in `sources`, removes the other inputs, and returns a note on each."""
+    """Keeps one complete set of inputs in `sources`, removes others, and returns a note on each removed input."""
     sets = INPUT_SETS[vehicle]
     stated = {signal for signal in sources if SIGNALS[signal].kind == "input" and reasons[signal] == "stated by --map"}
     complete = [names for names in sets if all(name in sources for name in names)]
@@ -136,7 +136,7 @@ def _one_input_set(sources: dict[str, Source], reasons: dict[str, str], vehicle:
 
 
 def _check_found(table: TextTable, sources: Mapping[str, Source], asked: Sequence[str]) -> None:
-    """Refuses a log without time, input or output; `asked`: messages on motor commands that the user has to state."""
+    """Refuses a log without time, input or output; `asked`: messages that ask the user to state motor commands."""
     known = ", ".join(table.names[:20])
     kinds = {SIGNALS[signal].kind for signal in sources}
     for kind, example in (("time", "time=COLUMN:ms"), ("input", "duty_left=COLUMN/255"), ("output", "yaw_rate=COLUMN")):
@@ -197,7 +197,7 @@ class Column:
 
     @property
     def largest(self) -> float:
-        """The largest magnitude."""
+        """The largest magnitude of the column's values."""
         return float(np.nanmax(np.abs(self.values), initial=0.0))
 
     @property
@@ -207,13 +207,13 @@ class Column:
         return bool(np.all(known == np.round(known)))
 
     def taken(self, signal: str, unit: str, reason: str = "") -> Taken:
-        """Returns the guess that the column is `signal` in `unit`; the default reason is the name or the range."""
+        """Returns the guess that this column is `signal` in `unit`; the default reason is its name or range."""
         seen = "its name, with its unit" if unit == self.unit else f"its name; values up to {self.largest:.4g}"
         return Taken(signal, self.name, unit, reason or seen)
 
 
 def column_of(name: str, values: Vector) -> Column:
-    """Returns a column with the words of its name: "encL [deg]" has enc and l, the side left and the unit deg."""
+    """Returns a column, from its name and values: "encL [deg]" has the words enc and l, side left and unit deg."""
     bracketed = re.search(r"[\[(]([^\[\]()]+)[\])]\s*$", name)
     bare = name[: bracketed.start()] if bracketed else name
     parts = re.findall(r"[A-Z]{2,}(?![a-z])|[A-Z]?[a-z]+|[A-Z]|\d+", bare.replace("µ", "u"))
@@ -240,12 +240,12 @@ def column_of(name: str, values: Vector) -> Column:
 
 
 def taken_for(column: Column, columns: Sequence[Column], driven: bool) -> Taken | str:
-    """Returns the guessed signal of a column, or why it is left out.
+    """Returns the guessed signal of a column, or the reason why the column is left out.
 
     Args:
         column: the column.
         columns: all columns of the log.
-        driven: whether the log has a duty; if it has, a column named "v" is not a commanded voltage.
+        driven: whether the log has a column of duty; if so, a column named "v" is not a commanded voltage.
     """
     if not np.isfinite(column.values).any():
         return "it holds no numbers"
@@ -310,7 +310,7 @@ def _time(column: Column) -> Taken | str:
 
 
 def _duty(column: Column, both: Sequence[Column]) -> Taken | str:
-    """Returns the guessed duty of a column. `both` columns have one full drive, as their motor drivers are equal."""
+    """Returns the guessed duty of a column. `both`: all columns of duty, which share one value of full drive."""
     signal = f"duty_{column.side}" if column.side else "duty"
     largest = max(other.largest for other in both)
     if all(_is_servo(other) for other in both):
@@ -333,7 +333,7 @@ def _is_servo(column: Column) -> bool:
 
 
 def _asked(both: Sequence[Column], look: str, formula: str) -> str:
-    """Returns a message with the options that the user has to give for motor commands that cannot be guessed."""
+    """Returns a message for motor commands that cannot be guessed, with the options that state these commands."""
     maps = [f"--map 'duty{other.side and '_'}{other.side}={formula.format(other.name)}'" for other in both]
     return f"{' and '.join(other.name for other in both)} {look}: state it, as {' '.join(maps)}"
 

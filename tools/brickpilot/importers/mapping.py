@@ -28,9 +28,9 @@ from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
 from brickpilot.importers.channels import Vector
 
-_LONGEST = 300  # characters: formulas are typed by hand, and Python's parser has a limited depth
+_LONGEST = 300  # most characters of a formula: formulas are typed by hand, and Python's parser has a limited depth
 _LONGEST_LIST = 200  # characters of the names that an error lists
-_NUMBER = NUMBER.removeprefix("[+-]?")  # a sign is an operator here
+_NUMBER = NUMBER.removeprefix("[+-]?")  # without a sign, because a sign is an operator here
 _IDENTIFIER = r"[^\W\d]\w*(?:\.\w+)*"
 _INDEX = r"(?:\[\d{1,5}\])?"
 _SIGNS: dict[type[ast.AST], Callable[..., Any]] = {
@@ -65,7 +65,7 @@ class Formula:
         text: the formula as the user wrote it.
         places: the columns that the formula uses, without repeats, in the order of the text. A column of a matrix is
             ``name[index]``, from 0.
-        scaling: the linear conversion, if the formula is linear in a single place; else None.
+        scaling: the linear conversion of a column's cells, if the formula is linear in one column; else None.
     """
 
     text: str
@@ -93,11 +93,11 @@ def parse_formula(text: str, names: Sequence[str]) -> Formula:
 
     Args:
         text: a name, ``name[index]``, or a formula of such names.
-        names: the columns of the log. A text that equals a column's name is that name. An unknown name is no error
-            here; `Formula.places` contains it.
+        names: the columns of the log. A text that equals a column's name means this column. An unknown name raises
+            no error here; `Formula.places` contains the name.
 
     Raises:
-        FormulaError: the text is no formula. The message names the character.
+        FormulaError: the text is no formula. The message names the wrong character.
     """
     text = text.strip()
     if text in names:
@@ -125,7 +125,7 @@ def unknown_name(kind: str, name: str, names: Iterable[str]) -> str:
 
 
 def _parsed(text: str, names: Sequence[str]) -> tuple[list[str], ast.expr]:
-    """Returns the places of a formula and its tree, in which place k is the name ``_k``."""
+    """Returns the columns of a formula, and its syntax tree, in which column k has the name ``_k``."""
     if len(text) > _LONGEST:
         raise FormulaError(f"is longer than {_LONGEST} characters")
     places: list[str] = []
@@ -151,7 +151,7 @@ def _parsed(text: str, names: Sequence[str]) -> tuple[list[str], ast.expr]:
 
 
 def _tokens(names: Sequence[str]) -> re.Pattern[str]:
-    """Returns the pattern of a name, a number or a sign. It tries the known names first, from the longest on."""
+    """Returns a pattern that matches a name, a number or a sign. Known names are tried first, the longest one first."""
     known = sorted((name for name in names if name and not re.fullmatch(_NUMBER, name)), key=len, reverse=True)
     edged = [
         ("(?<!\\w)" if name[0].isalnum() else "") + re.escape(name) + ("(?!\\w)" if name[-1].isalnum() else "")
@@ -179,7 +179,7 @@ def _evaluated(node: ast.expr, named: Mapping[str, Any]) -> Any:
     """Returns the value of a tree of `_ALLOWED` nodes: a float, or the type of the values in `named`.
 
     Raises:
-        FormulaError: it divides by the constant 0, or a number in it is too large.
+        FormulaError: the tree divides by the constant 0, or a number is too large.
     """
     match node:
         case ast.Name():
@@ -197,10 +197,10 @@ def _evaluated(node: ast.expr, named: Mapping[str, Any]) -> Any:
 
 
 def _scaling(tree: ast.expr, places: int) -> Scaling | None:
-    """Returns the linear conversion of a formula with one place; None: the formula has several, or is not linear.
+    """Returns the linear conversion of a formula; None: the formula has several columns, or is not linear.
 
     Raises:
-        FormulaError: the formula divides by the constant 0, has a too large number, or does not depend on its place.
+        FormulaError: the formula divides by the constant 0, has too large a number, or does not depend on its column.
     """
     named = [f"_{number}" for number in range(places)]
     with np.errstate(all="ignore"):
@@ -243,8 +243,8 @@ class Signals:
 
     Attributes:
         file: the log.
-        columns: signal, including the time -> its cells, NaN where blank. If a formula is linear in one column, these
-            are the cells as logged.
+        columns: signal or time -> its cells, NaN where blank. For a formula that is linear in one column, these are the
+            column's cells as logged.
         scalings: signal -> conversion of its cells to values in the signal's unit; signals with scale 1 and offset 0
             are left out.
         units: signal -> unit of the values.
@@ -270,7 +270,7 @@ def parse_mapping(entries: Sequence[str], *, needs_time: bool = True) -> dict[st
         needs_time: whether an entry has to name the time.
 
     Raises:
-        InputError: an entry of another form, an unknown signal or unit, a signal given twice, or no time.
+        InputError: an entry has another form or an unknown signal or unit, a signal is given twice, or time is missing.
     """
     sources: dict[str, Source] = {}
     for entry in entries:
@@ -295,7 +295,7 @@ def parse_mapping(entries: Sequence[str], *, needs_time: bool = True) -> dict[st
 
 
 def _unit_apart(text: str) -> tuple[str, str | None]:
-    """Returns formula and unit, split at the last colon. No unit begins with /: ``NT:/drive/left`` has no unit."""
+    """Returns formula and unit, split at the last colon. No unit begins with /, so ``NT:/drive/left`` has no unit."""
     head, colon, unit = text.rpartition(":")
     if not colon or unit.startswith("/"):
         return text, None
@@ -308,7 +308,7 @@ def read_formulas(sources: Mapping[str, Source], names: Sequence[str]) -> dict[s
     A formula may name an unknown column; the reader of the log refuses it later (`unknown_name`).
 
     Raises:
-        InputError: a text that is no formula.
+        InputError: a text is no formula.
     """
     formulas = {}
     for signal, source in sources.items():
@@ -322,15 +322,15 @@ def read_formulas(sources: Mapping[str, Source], names: Sequence[str]) -> dict[s
 def take(
     file: Path, formulas: Mapping[str, Formula], cells: Mapping[str, Vector]
 ) -> tuple[dict[str, Vector], dict[str, Scaling]]:
-    """Returns the columns and the scalings of `Signals`.
+    """Returns `Signals.columns` and `Signals.scalings`.
 
     Args:
         file: the log, which errors name.
         formulas: the result of `read_formulas`.
-        cells: place -> cells, NaN where blank, for all places of the formulas.
+        cells: column -> its cells, NaN where blank, for all columns of the formulas.
 
     Raises:
-        InputError: a formula that has no finite value in some rows.
+        InputError: a formula has no finite value in some rows.
     """
     columns = {}
     for signal, formula in formulas.items():
@@ -348,10 +348,10 @@ def scalings_of(formulas: Mapping[str, Formula]) -> dict[str, Scaling]:
 
 
 def common_scalings(logs: Sequence[Signals]) -> dict[str, Scaling]:
-    """Returns signal -> scaling of all the logs of a data set.
+    """Returns signal -> the scaling that all logs of a data set share.
 
     Raises:
-        InputError: a formula has another meaning in one log, because its columns have other names.
+        InputError: a formula has another meaning in one log, because the log's columns have other names.
     """
     for log in logs:
         if log.scalings != logs[0].scalings:
@@ -365,7 +365,7 @@ def parse_nominal(entries: Sequence[str]) -> dict[str, float]:
     Names and ranges are checked later, when the data set is written.
 
     Raises:
-        InputError: an entry that is not of this form; the message names it.
+        InputError: an entry has another form; the message names the entry.
     """
     nominal: dict[str, float] = {}
     for entry in entries:
@@ -408,5 +408,5 @@ def _times(text: str, factor: float) -> str:
 
 
 def units_of(sources: Mapping[str, Source]) -> dict[str, str]:
-    """Returns signal -> unit."""
+    """Returns signal -> the unit of its source."""
     return {signal: source.unit for signal, source in sources.items()}

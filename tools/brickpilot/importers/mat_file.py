@@ -1,7 +1,7 @@
 """Reads the variables of a .mat file.
 
-A separate process reads them, because a damaged file can crash scipy's reader. That process loads this module, so the
-module imports little.
+A separate process reads the file, because a damaged file can crash scipy's reader. That process loads this module, so
+the module imports little.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def load(file: Path) -> Mapping[str, Any]:
     scipy reads v4 to v7.2, h5py reads v7.3 (HDF5).
 
     Raises:
-        InputError: no such file, or the file cannot be read.
+        InputError: there is no such file, or the file cannot be read.
     """
     check_file(file)
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as child:
@@ -45,7 +45,7 @@ def parse(file: Path) -> dict[str, Any] | None:
     try:
         try:
             return dict(loadmat(str(file), simplify_cells=True))
-        except NotImplementedError:  # scipy raises it for v7.3
+        except NotImplementedError:  # scipy raises this error for v7.3
             with h5py.File(file, "r") as content:
                 return _tree(content)
     except Exception:  # the readers raise any kind of error on a damaged file

@@ -1,7 +1,7 @@
 """Turns MATLAB .mat files, v4 to v7.3, into a data set.
 
-A signal's place is ``VARIABLE``, or ``VARIABLE[COLUMN]`` for a column of a matrix, from 0; a field of a struct is
-``struct.field``.
+A channel is named ``VARIABLE``, or ``VARIABLE[COLUMN]`` for a column of a matrix, counted from 0; a field of a struct
+is ``struct.field``.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ def read(file: Path, texts: Collection[str] | None = None) -> Log:
     """Reads the vectors and the columns of matrices; a field of a struct is ``struct.field``.
 
     Raises:
-        InputError: there is no such file, or it cannot be read.
+        InputError: there is no such file, or the file cannot be read.
     """
     channels: dict[str, Channel] = {}
     aliases, others = {}, {}

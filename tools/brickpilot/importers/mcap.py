@@ -1,4 +1,4 @@
-"""MCAP files, which ROS 2 and Foxglove record, turned into a data set. mcap and mcap-ros2-support read them."""
+"""Turns MCAP files, which ROS 2 and Foxglove record, into a data set. mcap and mcap-ros2-support read the files."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ _MAGIC = b"\x89MCAP0\r\n"
 
 
 def read(file: Path, texts: Collection[str] | None = None) -> Log:
-    """Reads the topics whose messages are those of ROS 2 (CDR with .msg definitions) or JSON.
+    """Reads the topics with messages of ROS 2 (CDR with .msg definitions) or in JSON.
 
     Raises:
-        InputError: no such file, or no MCAP file.
+        InputError: there is no such file, or it is no MCAP file.
     """
     check_file(file, _MAGIC, "an MCAP file")
     with libraries("ros"):

@@ -1,7 +1,7 @@
 """Turns Parquet files into a data set; pyarrow reads them. Each file holds a table, like the text files of `table`.
 
-A field of a struct is ``column.field``. Time stamps become s since the earliest stamp in their column, durations also
-become s.
+A field of a struct is ``column.field``. Time stamps are converted to s since the earliest stamp of their column,
+and durations to s.
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ from brickpilot.importers.writer import NewDataset, NewRun
 from brickpilot.link import lnp
 from brickpilot.link.tower import BYTE_S, Tower
 
-PATIENCE = 4.0  # s: time for a reply; the brick may wait for a quiet line first
+PATIENCE = 4.0  # s: longest wait for a reply; the brick itself may wait first until the line is quiet
 TRIES = 8
 VERSION = 1
 BLOCK_SAMPLES, SAMPLE_SIZE = 20, 5
@@ -74,8 +74,8 @@ class Description:
         period_s: time between samples in s.
         samples: number of logged samples.
         late: number of samples that were taken late.
-        gyro: the gyro.
-        accelerometers: the accelerometers of surge and sway; None: rotation sensors were logged.
+        gyro: zero and scale of the gyro.
+        accelerometers: zero and scale of the accelerometers of surge and sway; None: rotation sensors were logged.
         reversed_wheels: whether the left and the right rotation sensor count backward.
         manoeuvres: the manoeuvres in order.
     """
@@ -163,7 +163,7 @@ def describe(block: bytes, port: Path) -> Description:
     """Reads block 0.
 
     Raises:
-        InputError: another version of the recorder wrote it, or a part is missing.
+        InputError: another version of the recorder wrote the block, or bytes are missing.
     """
     if block[:1] != bytes([VERSION]):
         message = f"recorder of version {block[:1].hex()}, not {VERSION:02x}: build it and load it again"
@@ -191,7 +191,7 @@ def describe(block: bytes, port: Path) -> Description:
 
 
 def unpack(content: bytes) -> NDArray[np.int64]:
-    """Returns (samples, 4): each 5 bytes hold four numbers of 10 bits, the first one in the lowest bits."""
+    """Returns the raw numbers, (samples, 4). 5 bytes hold four numbers of 10 bits, the first in the lowest bits."""
     packed = np.frombuffer(content, dtype=np.uint8).reshape(-1, SAMPLE_SIZE).astype(np.int64)
     whole: NDArray[np.int64] = (packed << np.arange(0, 8 * SAMPLE_SIZE, 8)).sum(axis=1)
     numbers: NDArray[np.int64] = (whole[:, None] >> np.arange(0, 40, 10)) & 1023
@@ -235,7 +235,7 @@ def _columns(description: Description, samples: NDArray[np.int64]) -> dict[str, 
 
 
 def _turned(raw: Vector, mirrored: bool) -> Vector:
-    """Returns the angle of a wheel in rad from the low 10 bits of its counts; it begins at 0."""
+    """Returns the angle of a wheel in rad from the low 10 bits of its counts; the angle begins at 0."""
     angle: Vector = np.unwrap(raw - raw[0], period=1024) * (2 * math.pi / COUNTS_PER_TURN)
     return -angle if mirrored else angle
 

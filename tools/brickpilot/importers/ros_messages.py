@@ -1,4 +1,4 @@
-"""Turns ROS messages into channels: ``TOPIC.FIELD.FIELD``, ``[INDEX]`` in an array, ``[JOINT]`` in a JointState."""
+"""Turns ROS messages into channels: ``TOPIC.FIELD``, with ``[INDEX]`` in an array and ``[JOINT]`` in a JointState."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _LARGEST = 64
 """Largest number of values in an array; a longer array, such as an image or a laser scan, is left out."""
 
 _SAME_EPOCH = 10.0
-"""In s. If stamps and log times differ by more, two clocks made them, because no message travels for so long."""
+"""In s. If stamps and log times differ by more, they come from two clocks: no message travels for so long."""
 
 _HEADER = frozenset({"header", "stamp"})
 _QUATERNION = {"x", "y", "z", "w"}
@@ -28,7 +28,7 @@ class Topic:
 
     Attributes:
         name, type: the topic's name, and the type of its messages.
-        log_ns, stamp_ns: the time at which each message was recorded; the stamp in its header, 0 if it has none.
+        log_ns, stamp_ns: the time in ns at which each message was recorded, and its header's stamp; 0: no stamp.
         values: field -> (number of the message, value) for each message that has the field.
         aliases: second name -> field, if the first message names the array's elements: ``velocity[0]`` ->
             ``velocity[left]``.
@@ -52,10 +52,11 @@ class Topic:
 
 
 def log_of(file: Path, topics: Iterable[Topic], others: Iterable[str] = (), *, cut: bool = False) -> Log:
-    """Returns the log of the topics. A message's time is the stamp in its header; without a stamp, it is the log time.
+    """Returns the log of the topics.
 
-    If the stamps follow another clock than the log, e.g. the clock of a simulation, the log times of other topics are
-    shifted to the stamps' clock by the median difference.
+    The times of a topic are the stamps in its headers, or the log times if a stamp is missing. If the stamps
+    follow another clock than the log, e.g. the clock of a simulation, the log times of other topics are shifted to the
+    stamps' clock by the median difference.
     """
     full = [topic for topic in topics if topic.log_ns]
     stamped = [topic for topic in full if all(topic.stamp_ns)]
@@ -91,14 +92,14 @@ def _channels(topic: Topic, time_ns: list[int], first: int) -> Iterator[Channel]
 
 
 def _stamp(message: Any) -> int:
-    """Returns the stamp in the header of a message in ns; 0: the message has none."""
+    """Returns the stamp in a message's header in ns; 0: there is no stamp."""
     stamp = _fields(_fields(_fields(message).get("header")).get("stamp"))
     nanoseconds = stamp.get("nanosec") or stamp.get("nsec") or 0
     return int(stamp.get("sec") or 0) * 10**9 + int(nanoseconds)
 
 
 def _fields(message: Any) -> Mapping[str, Any]:
-    """Returns field -> value of a message: a mapping, a dataclass, or an object with slots. Empty: no message."""
+    """Returns field -> value of a message (a mapping, a dataclass or an object with slots); else empty."""
     if isinstance(message, Mapping):
         return message
     names: Any = getattr(message, "__dataclass_fields__", None) or getattr(message, "__slots__", ())
@@ -138,7 +139,7 @@ def _are_names(joints: Any, values: Any) -> bool:
 
 
 def _aliases(message: Any, prefix: str) -> Iterator[tuple[str, str]]:
-    """Yields (``velocity[0]``, ``velocity[left]``) for each element of the arrays whose elements the message names."""
+    """Yields (name by index, name by joint), as (``velocity[0]``, ``velocity[left]``), for each named element."""
     fields = _fields(message)
     joints = fields.get("name")
     for name, values in fields.items():

@@ -1,4 +1,4 @@
-"""Bags of ROS 2 (a folder with metadata.yaml) and of ROS 1 (.bag), turned into a data set. rosbags reads them."""
+"""Turns bags of ROS 2 (a folder with metadata.yaml) and ROS 1 (.bag) into a data set. rosbags reads the bags."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from brickpilot.importers.ros_messages import Topic, log_of
 
 
 def read(file: Path, texts: Collection[str] | None = None) -> Log:
-    """Reads the topics of a bag: its folder, its metadata.yaml, a .db3 beside that, or a .bag.
+    """Reads the topics of a bag. `file`: the bag's folder, its metadata.yaml, its .db3 file, or a .bag file.
 
     Raises:
-        InputError: no such bag, or a bag that cannot be read.
+        InputError: there is no such bag, or the bag cannot be read.
     """
     bag = _bag(file)
     with libraries("ros"):

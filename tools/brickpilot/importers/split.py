@@ -21,12 +21,12 @@ from brickpilot.importers.mapping import Scaling, Signals
 from brickpilot.importers.writer import NewRun
 
 Spans = Sequence[tuple[float, float]] | None
-"""The times in s of `--split FROM,TO`; empty: the option is not given; None: `--split rests`."""
+"""The spans (from, to) in s of `--split FROM,TO`; empty: the option is not given; None: `--split rests`."""
 
 _SHORTEST_REST_S = 0.3
 _KEPT_S = 0.5  # s: a manoeuvre's run keeps this much of the rest before it and after it
 _SPAN_S = 0.1  # s: a rate is computed over this span on each side of a sample
-_PAUSE_S, _PAUSE_STEPS = 1.0, 20.0  # in s, and in 0.9-quantiles of the steps: a gap longer than both is a pause
+_PAUSE_S, _PAUSE_STEPS = 1.0, 20.0  # in s; in 0.9-quantiles of the steps: a pause is longer than both limits
 _STILL = 0.05  # motion slower than this share of the log's fastest motion counts as rest
 
 
@@ -34,7 +34,7 @@ def parse_split(entries: Sequence[str]) -> Spans:
     """Reads the values of `--split`.
 
     Raises:
-        InputError: an entry of another form, or both forms at once.
+        InputError: an entry has another form, or `rests` is not the only entry.
     """
     if "rests" in entries:
         if len(entries) > 1:
@@ -53,13 +53,13 @@ def parse_split(entries: Sequence[str]) -> Spans:
 
 
 def runs_of(logs: Sequence[Signals], spans: Spans, names: Sequence[str]) -> tuple[list[NewRun], list[str]]:
-    """Returns the runs of logs, and notes, each of which names its file.
+    """Returns the runs of the logs, and notes; each note names its file.
 
     Args:
         logs: the logs' signals.
         spans: the result of `parse_split`.
-        names: for each log, the name of the run of the whole log. With several logs, the names of a log's parts begin
-            with this name.
+        names: for each log, the name of its run if the log is not split. With several logs, the names of the runs of a
+            split log begin with this name.
 
     Raises:
         InputError: a span has fewer than two rows; spans are given and a log's clock starts again; or a log has no
@@ -75,7 +75,7 @@ def runs_of(logs: Sequence[Signals], spans: Spans, names: Sequence[str]) -> tupl
 
 
 def _runs_of(log: Signals, spans: Spans, whole: str, prefix: str) -> tuple[list[NewRun], list[str]]:
-    """Returns the runs of a log, and notes. `whole`: the name of the whole log; `prefix`: that of its parts' names."""
+    """Returns the runs of a log, and notes. `whole`: name of an unsplit log's run; `prefix`: start of other names."""
     scalings = {name: log.scalings.get(name, Scaling()) for name in log.columns}
     signals = {name: scalings[name].scale * cells + scalings[name].offset for name, cells in log.columns.items()}
     time = signals.pop("time") * si_factor(log.units["time"], "s")
@@ -132,7 +132,7 @@ def _parts(time: Vector, signals: Mapping[str, Vector], starts: Sequence[int], s
 def pauses(time: Vector) -> list[int]:
     """Returns the first row after each pause of the logger; in a pause the inputs are unknown. `time`: (n,), in s.
 
-    A log that has a row only where a signal changes has no pause if the gaps between its rows are about equally long.
+    A log that has a row only where a signal changes has no pause if its time steps are about equally long.
     """
     steps = np.diff(time)
     usual = float(np.quantile(steps[steps > 0.0], 0.9)) if np.any(steps > 0.0) else math.inf
@@ -195,7 +195,7 @@ def _with_rest(time: Vector, busy: slice, rests: Sequence[slice]) -> slice:
 
 
 def _moves(time: Vector, signals: Mapping[str, Vector], undriven: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Returns in which rows a wheel, the motor or the body moves; accelerations and currents are not used."""
+    """Returns for each row whether a wheel, the motor or the body moves; accelerations and currents are not used."""
     moves = np.zeros(time.size, dtype=bool)
     for name, values in signals.items():
         known = np.isfinite(values)

@@ -39,14 +39,14 @@ def import_table(
     Args:
         files: text files with the same columns.
         mapping: ``SIGNAL=COLUMN[:UNIT]`` or ``SIGNAL=FORMULA[:UNIT]``; COLUMN is a name, or a number from 0 on.
-        vehicle, frame: as in a data set; the default frame is the frame that wheels and yaw show.
+        vehicle, frame: the kind of vehicle, and the data set's frame; frame None: to be found from wheels and yaw.
         as_wired: whether channels that look swapped, reversed or scaled wrongly are left as they are.
-        delimiter: one of `data.rows.DELIMITERS`; ``tab`` and ``\\t`` (two characters) stand for a tab; None: searched.
+        delimiter: one of `data.rows.DELIMITERS`; ``tab`` and ``\\t`` (two characters) mean a tab; None: to be found.
         header: whether the first line names the columns even if it looks like numbers.
         guessed: whether signals that `mapping` does not name, and the vehicle, are guessed from the first file.
         split: ``rests``, or ``FROM,TO`` in s of the log's clock, repeatable.
-        inputs: a table of time and inputs, for a log with fewer samples than the commands.
-        input_timing: what an input does between two rows; if ``unknown``, `check` and `discover` estimate it.
+        inputs: a file with a table of time and inputs, for a log that is slower than its commands.
+        input_timing: how an input goes from one row to the next; if ``unknown``, `check` and `discover` find out.
 
     Raises:
         InputError: the message names file, line and column, or the option.
@@ -83,7 +83,7 @@ def _delimiter(text: str | None) -> str | None:
 
 
 def _joined_logs(tables: Sequence[TextTable], sources: Mapping[str, Source], inputs: TextTable) -> list[Signals]:
-    """Returns the logs with the inputs of a table of events."""
+    """Returns the log with its inputs taken from a table of events; there may be only one log."""
     if len(tables) > 1:
         raise InputError("belongs to one log; import one file at a time", field="--inputs")
     events = read_log(inputs, {name: source for name, source in sources.items() if SIGNALS[name].kind != "output"})
@@ -95,7 +95,7 @@ def read(file: Path) -> Log:
     """Reads the columns that hold numbers.
 
     Raises:
-        InputError: no such file, or no table in it.
+        InputError: there is no such file, or no table in the file.
     """
     table = read_table(file)
     channels: dict[str, Channel] = {}

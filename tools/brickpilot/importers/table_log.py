@@ -1,9 +1,9 @@
 """Reads the signals of one text file in order of time, and removes broken rows and overflows.
 
-The order of time is found in spite of overflows, repeated or misread time stamps, and restarts.
+Overflows and restarts of the clock are found, and so are repeated and misread time stamps.
 
-A jump of a counter is an overflow only if the jump plus the counter's range is as small as a usual step. Any other jump
-is kept, because it may be real.
+A jump of a counter is an overflow only if the jump, corrected by the counter's range, is as small as a usual step. Any
+other jump is kept, because it may be real.
 
 A log can be joined with a table of events at which its inputs change. A simulation holds an input from row to row. So
 the log gets a row at each event between two of its rows; measured signals are blank in this row.
@@ -112,7 +112,7 @@ def joined(log: Signals, events: Signals) -> Signals:
 
 
 def with_events(columns: Mapping[str, Vector], events: Mapping[str, Vector]) -> dict[str, Vector]:
-    """Returns a log whose inputs come from a table of events; the log gets a row at each event within its time.
+    """Returns a log whose inputs come from a table of events; the log gets a row at each event within the log's time.
 
     Args:
         columns: the log's time, outputs and inputs; the inputs are replaced.
@@ -134,14 +134,14 @@ def with_events(columns: Mapping[str, Vector], events: Mapping[str, Vector]) -> 
     return joined
 
 
-_STANDING = 0.5  # largest share of rows with a repeated time that are left out; if more rows repeat it, they are kept
-_FIRST_STEP = 100.0  # in usual steps: if the first row is farther from the second, its time has lost digits
+_STANDING = 0.5  # rows that repeat a time are left out if they are less than this share of all rows
+_FIRST_STEP = 100.0  # in usual steps: if the first step is longer, the first row's time has lost digits
 
 
 def ordered(
     cells: Vector, lines: NDArray[np.int64], cut_start: bool, notes: list[str]
 ) -> tuple[NDArray[np.int64], Vector]:
-    """Returns the rows of a log with a sound time, and the times of these rows, without overflows of the clock.
+    """Returns the rows of a log that have a sound time, and the times of these rows without overflows of the clock.
 
     Args:
         cells: the cells of the time, NaN where blank or broken.
@@ -185,17 +185,17 @@ def _count(notes: list[str], lines: NDArray[np.int64], rows: NDArray[np.int64], 
         notes.append(f"{rows.size} rows {what} and are left out, the first is line {lines[rows[0]]}")
 
 
-_BITS = ((16, 1), (32, 1), (12, 2), (14, 2))  # (bits, overflows needed as evidence); angle sensors have 12 or 14 bits
+_BITS = ((16, 1), (32, 1), (12, 2), (14, 2))  # (bits, overflows needed as a proof); angle sensors have 12 or 14 bits
 _NEAR = 20  # number of steps on each side that determine the usual step
 _USUAL = 3.0  # largest corrected step at an overflow, as a multiple of the largest step nearby
 _LATE = 50.0  # longest pause of a clock at an overflow, in usual steps
-_FAR_STEPS, _FAR_COUNTS = 10.0, 20.0  # least size of a jump to 0, in usual steps and in smallest steps
+_FAR_STEPS, _FAR_COUNTS = 10.0, 20.0  # a reset to 0 starts beyond this many usual plus smallest steps
 _RETURNS = 5  # number of samples within which a misread counter returns; a reset counter does not return
 
 
 @dataclass(frozen=True)
 class Unwrapped:
-    """A counter without overflows. `rows`: the row after each overflow; `kind`: such as "unsigned 16-bit"."""
+    """A counter after overflows were removed. `rows`: each row after an overflow; `kind`: such as "unsigned 16-bit"."""
 
     values: Vector
     rows: tuple[int, ...] = ()
@@ -237,7 +237,7 @@ def unturn(values: Vector, turn: float) -> Unwrapped:
 
 
 def _continued(values: Vector, known: NDArray[np.int64], steps: NDArray[np.int64], span: float, kind: str) -> Unwrapped:
-    """Returns a column without the overflows of the range `span` at some steps between its `known` rows."""
+    """Returns `values` without overflows by `span`, which happen at the `steps` between the `known` rows."""
     turns = np.zeros(known.size)
     turns[steps + 1] = -np.sign(np.diff(values[known])[steps])
     continued = values.copy()
@@ -246,7 +246,7 @@ def _continued(values: Vector, known: NDArray[np.int64], steps: NDArray[np.int64
 
 
 def _overflows(steps: Vector, span: float, clock: bool) -> NDArray[np.int64]:
-    """Returns which steps of a counter are overflows of the range `span`."""
+    """Returns the indices of those steps of a counter at which its range `span` overflows."""
     large = np.abs(steps) > span / 2
     overflows = []
     for index in np.flatnonzero(large):

@@ -45,7 +45,7 @@ class TextTable:
         header: whether the file names its columns.
         first_line: the 1-based line of the header, or of the first row.
         lines: the 1-based line of each row.
-        notes: sentences on what was left out.
+        notes: sentences for the user on the text that was left out.
     """
 
     file: Path
@@ -66,10 +66,10 @@ class TextTable:
         return [*map(str, numbers), *(f"c{number}" for number in numbers)]
 
     def column(self, signal: str, place: str) -> tuple[Vector, NDArray[np.bool_]]:
-        """Returns the numbers of a column, NaN where blank, and the rows whose cell is no number.
+        """Returns the numbers of a column, NaN where blank, and for each row whether its cell is no number.
 
         Raises:
-            InputError: no such column, or the column mostly holds text.
+            InputError: there is no such column, or too many of its cells hold text.
         """
         position = self._position(signal, place)
         cells = self._cells.column(position)
@@ -113,7 +113,7 @@ def read_table(file: Path, delimiter: str | None = None, header: bool = False) -
         header: whether the file must name its columns.
 
     Raises:
-        InputError: there is no such file or no table in it, two columns have one name, or too many lines are broken.
+        InputError: there is no such file or no table in it, two column names are equal, or too many lines are broken.
     """
     text = read_text(file, damaged=True)
     lines = text.split("\n")
@@ -142,7 +142,7 @@ def read_table(file: Path, delimiter: str | None = None, header: bool = False) -
 def _rows(
     lines: Sequence[str], layout: Layout, start: int, header: int | None
 ) -> tuple[NDArray[np.int64], pyarrow.Table, dict[str, list[int]]]:
-    """Returns the lines that are rows, the rows' cells, and the omitted lines, kind -> lines. Lines count from 0.
+    """Returns the rows' line numbers from 0, the rows' cells, and kind of omitted line -> line numbers from 0.
 
     A last line without a line end may be cut off, so it is no row.
     """
@@ -286,8 +286,8 @@ def is_row(layout: Layout, line: str) -> bool:
 def find_header(lines: Sequence[str], layout: Layout, needed: bool) -> tuple[int | None, tuple[str, ...]]:
     """Returns the line of the header, from 0, and the columns' names; without a header, None and the columns' numbers.
 
-    The header is the last line of names above the rows; a line of units below it does not count. If the logger started
-    again during a log, there are rows above the header.
+    The header is the last line of names above the rows; a line of units below it does not count. If no line of names is
+    above the rows, the first line of names after a row counts, because a logger may start again during a log.
 
     Args:
         lines: the file's lines.

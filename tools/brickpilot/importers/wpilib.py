@@ -1,4 +1,4 @@
-"""WPILib characterisation logs turned into a data set: frc-characterization JSON and SysId JSON.
+"""Turns WPILib characterisation logs, JSON files of frc-characterization and of SysId, into a data set.
 
 A file holds rows for each test, with positions in rotations and velocities in rotations/s. The length of a row shows
 which tool wrote it:
@@ -8,7 +8,8 @@ which tool wrote it:
     9 numbers, SysId drivetrain: time, V left, right, position left, right, velocity left, right, gyro rad, gyro rad/s
     4 numbers, SysId mechanism: time, V, position, velocity
 
-In rows of 10 numbers the voltages have no sign and lag by a sample, so the importer uses autospeed times battery.
+In rows of 10 numbers the voltages have no sign and lag by a sample. So the importer computes them as autospeed times
+battery voltage.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ class _Log:
     """The content of one file.
 
     Attributes:
-        signals: the signals of position and velocity; those of a drivetrain end in ``_left`` and ``_right``.
+        signals: names of the signals of position and velocity; for a drivetrain, without ``_left`` or ``_right``.
         per_rotation: m or rad per rotation.
         tests: name -> rows (n, width), in the order of time.
     """
@@ -56,8 +57,8 @@ def import_wpilib(files: Sequence[Path]) -> NewDataset:
     """Returns a data set of WPILib JSON files; each test becomes a run.
 
     With several files, the name of a run begins with the name of its file. Runs of one file are ordered by the robot's
-    clock, and ``gap_s`` is the pause between them. The wheels' turns give the gyro's sign, and so the frame of the data
-    set. Idle rows are kept; rows whose time does not increase are left out.
+    clock, and ``gap_s`` is the pause between two runs. A comparison with the wheels shows the gyro's sign, and so the
+    frame of the data set. Idle rows are kept; rows whose time does not increase are left out.
 
     Args:
         files: JSON files of one robot, all of a drivetrain or all of a mechanism.
@@ -191,8 +192,8 @@ def _columns(run: str, rows: Vector, log: _Log, notes: list[str]) -> dict[str, V
 def _signed(run: str, signal: str, voltage: Vector, turning: Vector, width: int, notes: list[str]) -> Vector:
     """Returns the voltage with the sign of its wheel's motion, if the log gives no sign.
 
-    In a turning test, autospeed does not tell which side is reversed; a converted log has only magnitudes. In a
-    converted log, a column with negative values is not changed.
+    In rows of 10 numbers, no column tells which side is reversed in a turning test. In other rows, a voltage without
+    negative values may be a magnitude; a voltage with negative values is not changed.
     """
     unsigned = width == 10 or not (voltage < 0.0).any()
     if unsigned and float(voltage @ turning) < 0.0:
@@ -202,7 +203,7 @@ def _signed(run: str, signal: str, voltage: Vector, turning: Vector, width: int,
 
 
 def _with_shared_columns(runs: list[NewRun], notes: list[str]) -> list[NewRun]:
-    """Returns the runs with the signals that all of them have, without a gyro that never moves."""
+    """Returns the runs with only the signals that all runs have; a gyro that never moves is left out."""
     shared = [name for name in runs[0].columns if all(name in run.columns for run in runs)]
     if "yaw_angle" in shared and all(np.ptp(run.columns["yaw_angle"]) == 0.0 for run in runs):
         shared = [name for name in shared if name not in {"yaw_angle", "yaw_rate"}]

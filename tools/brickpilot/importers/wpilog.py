@@ -1,6 +1,6 @@
 """Turns WPILOG files, which robots with WPILib record, into a data set.
 
-The format is WPILib's "Data Log File Format" of version 1.0. robotpy-wpiutil reads it.
+The format is WPILib's "Data Log File Format" of version 1.0. robotpy-wpiutil reads the files.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _GETTERS = _SCALARS | {f"{name}[]": f"{get}Array" for name, get in _SCALARS.item
 
 @dataclass
 class _Entry:
-    """The records of an entry while they are read. `samples`: a list of (µs, value) for each element of the arrays."""
+    """The records of a channel while they are read. `samples`: for each element of an array, a list of (µs, value)."""
 
     name: str
     type: str
@@ -38,7 +38,7 @@ class _Entry:
 
 
 def read(file: Path, texts: Collection[str] | None = None) -> Log:
-    """Reads the entries that hold numbers. An array becomes a channel for each place, ``NAME[0]``.
+    """Reads the entries that hold numbers. Each element of an array becomes a channel, as ``NAME[0]``.
 
     Raises:
         InputError: there is no such file, or it is no WPILOG file.

@@ -40,7 +40,7 @@ class Imported:
         folder: the data set's folder.
         runs: the runs' names in order.
         notes: sentences for the user.
-        wiring: a sentence on each fault of the wiring that all runs have.
+        wiring: a sentence on each wiring fault, such as swapped channels, that all runs have.
         mend: the options of `import` that correct the wiring; empty: there is no fault, or options cannot correct it.
     """
 
@@ -79,10 +79,10 @@ class NewDataset:
         notes: sentences for the user; the description begins with these sentences as comments.
         scalings: signal -> conversion of its cells to values; absent: the cells are the values.
         reasons: signal -> the reason for its guess, written as a comment after the signal's line.
-        input_timing: what an input does between two rows.
+        input_timing: how an input goes from one row to the next.
         sources: signal -> its source in the log, for the options that correct a wrong wiring.
         guessed: numbers that the importer assumed because the user did not state them, such as "960 counts a turn".
-        as_wired: whether the data set says that its wiring is not corrected.
+        as_wired: whether `dataset.toml` states that wiring faults are not corrected.
         name: the data set's name; empty: the name of its folder.
     """
 
@@ -186,9 +186,9 @@ def _described(new: NewDataset, folder: Path, out: Path) -> Dataset:
 def _framed(new: NewDataset, as_frd: Dataset, as_flu: Dataset | None) -> dict[str, Any]:
     """Returns the frame that the data show, and the notes, which include a note on the frame.
 
-    The data show a frame if the yaw contradicts wheels and drives in the other frame. A set point of the yaw rate has
-    the gyro's frame, so that a wrong frame exchanges the two sides. With such a set point, the frame with fewer wiring
-    faults is chosen.
+    The data show a frame if, in the other frame, the yaw contradicts wheels and drives. A set point of the yaw rate has
+    the gyro's frame, so a wrong frame exchanges left and right. With a set point of the yaw rate, the frame with fewer
+    wiring faults is chosen.
 
     Args:
         as_flu: the data set in the frame FLU, if there is a set point of the yaw rate.

@@ -1,4 +1,4 @@
-"""The answer of `brickpilot ask`, as text and as a page: what was driven, and how the weights of explanations moved."""
+"""The answer of `brickpilot ask`, as text and page: what was driven, and how the weights of explanations changed."""
 
 from __future__ import annotations
 

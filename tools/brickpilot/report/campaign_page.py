@@ -1,4 +1,4 @@
-"""The page of a campaign: success rates, causes, distributions, worst runs, and what the figures depend on."""
+"""The page of a campaign: success rates, causes of failure, distributions, worst runs, and what figures depend on."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _MOST_ROWS = 20  # largest number of inputs in a chart of sensitivity indices
 
 @dataclass(frozen=True)
 class Histogram:
-    """Numbers of succeeded and failed runs (bars,) whose figure lies between neighbouring `edges` (bars + 1,)."""
+    """The distribution of a figure: numbers of succeeded and failed runs (bars,) between `edges` (bars + 1,)."""
 
     figure: str
     unit: str
@@ -49,7 +49,7 @@ class Histogram:
 
 @dataclass(frozen=True)
 class Scatter:
-    """A figure (n,) of runs against one of their inputs (n,), in the order of the input."""
+    """The `values` (n,) of a figure in n runs against the runs' values `x` (n,) of an input; `x` does not decrease."""
 
     figure: str
     input: str

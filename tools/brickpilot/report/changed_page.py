@@ -39,7 +39,7 @@ class Said:
 
 
 def said(found: Changed) -> list[Said]:
-    """Returns the sentences on each later recording, in words that suit its vehicle."""
+    """Returns the sentences on each later recording, in words that suit the vehicle."""
     return [Said(name, *told(found.dataset, _sentences(found, name))) for name in found.after]
 
 

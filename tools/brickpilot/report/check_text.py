@@ -1,4 +1,4 @@
-"""The lines that `brickpilot check` prints on what a data set can tell."""
+"""The lines that `brickpilot check` prints: the content of a data set, and what discovery can find."""
 
 from __future__ import annotations
 

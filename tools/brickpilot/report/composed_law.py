@@ -1,4 +1,4 @@
-"""Writes a composed law as MathML, and as a C file: an effect that the simulator can include like any other effect."""
+"""Writes a composed law (terms that discovery adds to an equation) as MathML, and as a C file with an effect."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ from brickpilot.vehicle.composed_terms import (
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 _WORD = re.compile(r"(?<![>.\w])[A-Za-z_]\w*")
 
-# For each hook: symbol of an expression -> C code that computes it, in an order in which C can declare the symbols.
+# For each hook (a C function of an effect that the plant calls): symbol -> C code that computes it, in an order in
+# which C can declare the symbols.
 _STEPS, _AGE = "kept->time + 0.5 * vehicle->step", "vehicle->state.age - kept->start_age"
 _NOW = " + clock * kept->start_age"
 _VOLTS = "isnan(vehicle->voltage[k]) ? 0 : vehicle->voltage[k]"
@@ -74,16 +75,16 @@ _HOOKS = {
 }
 _KEEPING = frozenset({"wheel_loss", "surge_dry", "yaw_dry", "encoder_gain", "gyro_add"})
 _ACTS_ON = {"drive": "drive", "wheel": "wheel", "surge": "body", "yaw": "body", "floor": "body"}
-_ON_THE_FLOOR = frozenset({"body", "sensor"})  # sites where a slope of the floor acts
+_ON_THE_FLOOR = frozenset({"body", "sensor"})  # hooks on which a slope of the floor acts
 
 
 @dataclass(frozen=True)
 class _Hook:
-    """One hook of the effect.
+    """One hook of the effect, which is a C function that the plant calls.
 
     Attributes:
         locals: symbol -> the C code that computes it.
-        sums: place and kind, such as "surge_loss" -> the sum of their terms in C.
+        sums: place and kind of terms, such as "surge_loss" -> the sum of these terms in C.
         keeps: whether the hook uses the effect's memory.
     """
 
@@ -102,7 +103,7 @@ class _Hook:
 
 
 def of_finding(found: finding.Finding) -> dict[str, str]:
-    """Returns file name -> text: the C file of the composed term, or nothing."""
+    """Returns file name -> text of the C file of the composed term; empty: there is no composed term."""
     term = found.term
     if term is None:
         return {}
@@ -111,7 +112,7 @@ def of_finding(found: finding.Finding) -> dict[str, str]:
 
 
 def render(terms: Sequence[Term], settings: Mapping[str, float], *, name: str, vehicle: str) -> str:
-    """Returns the text of ``NAME.c``: an effect with exactly these terms, preset to their coefficients.
+    """Returns the text of ``NAME.c``: an effect with exactly these terms, whose coefficients are presets.
 
     Args:
         settings: name -> value of the other parameters of the composed effect, which shape the terms.
@@ -119,7 +120,8 @@ def render(terms: Sequence[Term], settings: Mapping[str, float], *, name: str, v
         vehicle: the only kind of vehicle that the effect acts on.
 
     Raises:
-        ValueError: no terms, no C identifier, a missing setting, or a term that does not act on this vehicle.
+        ValueError: no term is given, `name` is no C identifier, a setting is missing, or a term cannot act on
+            this vehicle.
     """
     if not terms or not _NAME.fullmatch(name):
         raise ValueError(f"no effect can be made of {len(terms)} terms and the name {name!r}")
@@ -179,7 +181,7 @@ def _hook(site: str, terms: Sequence[Term], settings: Mapping[str, float], *, mo
 
 
 def _sum(terms: Sequence[Term], kind: str) -> str:
-    """Returns the sum of the terms of one kind; terms that differ between left and right have their own bracket."""
+    """Returns the sum of the terms of one kind; terms of opposite sign left and right are in one bracket."""
     chosen = [term.basis for term in terms if f"{term.basis.place}_{term.basis.kind}" == kind]
     place = kind.split("_")[0]
 
@@ -239,7 +241,7 @@ def as_html(term: finding.Term) -> str:
 
 
 def mathml(terms: Sequence[Term], settings: Mapping[str, float]) -> str:
-    """Returns the sums that the terms add at their places, as presentation MathML, escaped."""
+    """Returns, as presentation MathML, what the terms add to each quantity, escaped."""
     out = _Math()
     return "".join(
         f'<math display="block"><mi>Δ</mi>{out.symbol(target)}<mo>=</mo>{added}</math>'

@@ -1,4 +1,4 @@
-"""The headline of discovery, its table and its chart: the fit before, the fit after and the attainable fit."""
+"""The fit before and after discovery, and the attainable fit, as a headline, a table and a chart."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def change(one: Headline) -> str:
 
 
 def shown(finding: Finding) -> dict[str, Any]:
-    """Returns the values for the yardstick's part of the page."""
+    """Returns the values for the part of the page that shows the fits."""
     return {
         "fit_definition": DEFINITION,
         "fits": [one for role in RUNS if (one := headline(finding, role)) is not None],
@@ -76,7 +76,7 @@ def shown(finding: Finding) -> dict[str, Any]:
 
 
 def sentences(one: Predictable) -> str:
-    """Returns the predictable share of the error, and how much of this share the model removes; empty if unknown."""
+    """Returns sentences on the predictable share of the error and the removed part of this share; empty: unknown."""
     if one.share is None and one.held_out is None:
         return ""
     known = _by_role(percent, one.share, one.held_out)
@@ -123,7 +123,7 @@ def _of(fit: SignalFit, role: str) -> Fit:
 
 
 def _by_role(text: Callable[[float], str], fit: float | None, held_out: float | None) -> list[str]:
-    """Returns the known shares as text, each with its runs."""
+    """Returns a text for each known share, with the name of the runs."""
     shares = {"fit": fit, "held_out": held_out}
     return [f"{text(share)} on {RUNS[role]}" for role, share in shares.items() if share is not None]
 

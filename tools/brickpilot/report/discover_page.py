@@ -39,7 +39,7 @@ from brickpilot.vehicle.replay import RUN_KINDS
 
 _NO_GAP = Gap(None, None)
 _UNDETERMINED = ("prior alone", "not narrowed by the data")
-"""The endings of a nominal parameter's basis in the model, if the data do not determine the parameter."""
+"""If the data do not determine a nominal parameter, its basis in the model ends with one of these texts."""
 
 
 def page(finding: Finding, command: str) -> str:
@@ -99,9 +99,9 @@ def page(finding: Finding, command: str) -> str:
 
 
 def write(finding: Finding, folder: Path, command: str, manoeuvre: Manoeuvre | None) -> Compensation | None:
-    """Writes the page, verdict.json, model.toml and the files below into `folder`.
+    """Writes the page, verdict.json and model.toml into `folder`.
 
-    These are the C source of a composed term, the next experiment and compensation.toml, each only if there is one.
+    The C source of a composed term, the next experiment and compensation.toml are written too, if they exist.
 
     Args:
         command: the command line that reproduces the result.
@@ -136,7 +136,7 @@ def _gap_chart(finding: Finding) -> Markup:
 
 
 def _voltages(finding: Finding) -> tuple[Markup | None, dict[str, tuple[tuple[float, float], ...]]]:
-    """Returns the chart of the next manoeuvre, if there is one, and motor -> the break points (s, V) of its voltage."""
+    """Returns the chart of the next manoeuvre or None, and motor -> the break points (s, V) of its voltage."""
     manoeuvre = None if finding.next_experiment is None else finding.next_experiment.manoeuvre
     if manoeuvre is None:
         return None, {}
@@ -189,7 +189,7 @@ def ranked_values(one: Rank, model: Model) -> list[tuple[str, Shown]]:
 
 
 def _labelled(names: Sequence[str], shown: Sequence[Shown]) -> list[tuple[str, Shown]]:
-    """Labels values of "effect.parameter" or "parameter". Several effects are each named once, a single one is not."""
+    """Returns (label, value). A name is "effect.parameter" or "parameter"; labels name effects if there are several."""
     effects = [name.rpartition(".")[0] for name in names]
     several = len(set(effects)) > 1
     labels = [

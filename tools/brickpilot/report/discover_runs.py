@@ -17,17 +17,18 @@ from brickpilot.report.discover_text import OVER_NOISE, gap_change
 from brickpilot.report.plot import Array, Simulated, points_for, superimposed
 from brickpilot.report.quantities import ROLES, gap_text, say
 
-_SHOWN = 4  # number of figures that are open; all others are folded
+_SHOWN = 4  # number of figures that the page shows at once; all others are folded
 
 
 @dataclass(frozen=True)
 class Compared:
-    """One signal of one run with its simulations and residuals, each of shape (n,); NaN is a dropout.
+    """One signal of one run, measured and simulated, in arrays of shape (n,); NaN is a dropout.
 
     Attributes:
         unit: the unit of all values; unit and sign are those of the data set.
-        measured, nominal, augmented: the values that are drawn; a position counts from its first sample.
-        noise_sd: the standard deviation of a sample.
+        measured: the measured values; a position counts from its first sample, here and in the simulations.
+        nominal, augmented: the values that the calibrated nominal model and the augmented model simulate.
+        noise_sd: the standard deviation of a measured sample's noise.
     """
 
     run: Run
@@ -47,7 +48,7 @@ class Compared:
 
 
 Key = tuple[str, str]
-"""Run and signal."""
+"""Names of a run and of a signal."""
 
 
 def compared_signals(finding: Finding) -> dict[Key, Compared]:
@@ -77,7 +78,7 @@ def _drawn(run: Run, signal: str, values: Array) -> Array:
 def figures(
     finding: Finding, compared: Mapping[Key, Compared]
 ) -> tuple[list[dict[str, Any]], list[tuple[str, str, list[dict[str, Any]]]]]:
-    """Returns the open figures, and the folded figures as (run, role, figures)."""
+    """Returns the figures that the page shows at once, and the folded figures as (run, role, figures)."""
     chosen = _chosen(finding, compared, _SHOWN)
     points = points_for(len(compared))
     folded = []
@@ -96,7 +97,7 @@ def telling_figures(finding: Finding, count: int) -> list[dict[str, Any]]:
 
 
 def _chosen(finding: Finding, compared: Mapping[Key, Compared], count: int) -> list[Key]:
-    """Returns the runs and signals whose gap falls most, or is largest; at least one of them is a held-out run's."""
+    """Returns the runs and signals whose squared gap falls most, with at least one held-out run if there is one."""
 
     def removed(key: Key) -> tuple[float, float]:
         before, after = compared[key].gaps
@@ -106,12 +107,12 @@ def _chosen(finding: Finding, compared: Mapping[Key, Compared], count: int) -> l
     chosen = _varied(by_gap, count)
     held_out = [key for key in by_gap if finding.roles[key[0]] == "held_out"]
     if held_out and not any(key in held_out for key in chosen):
-        chosen.append(held_out[0])  # at least one open figure shows the validation
+        chosen.append(held_out[0])  # at least one of the first figures shows a held-out run
     return chosen
 
 
 def _varied(order: Sequence[Key], count: int) -> list[Key]:
-    """Returns `count` keys of `order`, the first ones, but preferably of signals and runs that are not chosen yet."""
+    """Returns `count` keys of `order`. Keys of new signals and runs are preferred, then keys early in `order`."""
     chosen: list[Key] = []
     while len(chosen) < min(count, len(order)):
         runs, kinds = [run for run, _ in chosen], [_kind(signal) for _, signal in chosen]
@@ -123,7 +124,7 @@ def _varied(order: Sequence[Key], count: int) -> list[Key]:
 def _figure(finding: Finding, one: Compared, points: int) -> dict[str, Any]:
     """Returns the figure of one signal of one run, with its caption."""
     places = (place for place in finding.where if (place.run, place.signal) == (one.run.name, one.signal))
-    place = next(places, None)  # the largest part of the gap comes first
+    place = next(places, None)  # the place with the largest share of the gap comes first
     simulated: Simulated = {"before": ("orange", one.nominal), "after": ("blue", one.augmented)}
     if finding.verdict == "none":
         simulated = {"simulated": ("blue", one.augmented)}

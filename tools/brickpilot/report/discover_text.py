@@ -76,13 +76,13 @@ def sizes(parameters: Mapping[str, Parameter]) -> str:
 
 
 def shown_parameter(one: Parameter) -> Shown:
-    """Returns a size with its interval: the parameter's own value, or the combination that the data identify."""
+    """Returns a size with its interval: the parameter's value, or the combination that the data identify."""
     _, known = known_size("", one)
     return quantity(known.value, known.unit, known.ci95)
 
 
 def known_size(name: str, one: Parameter) -> tuple[str, Parameter | Combination]:
-    """Returns a parameter's name and size; "torque, as voltage" with the voltage if the data identify only this."""
+    """Returns name and size of a parameter, or of the combination that the data identify, as "torque, as voltage"."""
     if one.ci95 is None and one.identified is not None:
         return f"{name}, as {one.identified.name}", one.identified
     return name, one
@@ -101,7 +101,7 @@ def found_names(finding: Finding) -> list[str]:
 
 
 def one_mechanism(finding: Finding) -> str | None:
-    """Returns the only mechanism of all equivalent explanations; None if they have several."""
+    """Returns the mechanism that all equivalent explanations share; None: they have several mechanisms."""
     weighed = {frozenset(one.effects): one.mechanisms for one in finding.explanations}
     of_effects = {one.name: one.mechanism for one in catalogue.effects()}
     of_names = of_effects | {kind: one.mechanism for kind, one in RUN_KINDS.items()}
@@ -113,7 +113,7 @@ def one_mechanism(finding: Finding) -> str | None:
 
 
 def explanation_lines(finding: Finding) -> list[str]:
-    """Returns the explanations that hold 95 % of the weight, for a terminal; no lines if there is only one."""
+    """Returns the explanations that hold 95 % of the weight, for a terminal; empty if one holds them all."""
     if len(finding.explanations) < 2:
         return []
     head = f"{'weight':>8}  explanations that hold 95 % of the weight"
@@ -137,7 +137,7 @@ def left_predictable(finding: Finding) -> str:
 
 
 def verdict(finding: Finding) -> str:
-    """Returns the verdict in a few sentences that stand alone."""
+    """Returns the verdict in a few sentences that are clear without the page."""
     by_run = "".join(f" {one.sentence()}" for one in finding.run_values)
     own = shown_finding(finding)
     apart = contradiction(finding.dataset) if finding.verdict in ("none", "unknown") else None
@@ -152,8 +152,8 @@ def verdict(finding: Finding) -> str:
 def contradiction(dataset: Dataset) -> str | None:
     """Returns a sentence on how far the measured yaw and the wheels' yaw contradict each other; None: no contradiction.
 
-    A fit can hide a contradiction, because it may change the lengths within a ruler's error. If a larger sd of the
-    lengths is stated, a larger difference is allowed.
+    A fit can hide a contradiction, because the fit may change the lengths within a ruler's error. If a larger sd
+    of the lengths is stated, a larger difference is allowed.
     """
     ratio = yaw_over_wheels(dataset)
     lengths = [dataset.nominal[name] for name in ("wheel_radius", "half_track") if name in dataset.nominal]
@@ -254,7 +254,7 @@ def _unknown(finding: Finding) -> str:
 
 
 def _suspected(finding: Finding, unclaimed: Sequence[Effect]) -> str:
-    """Returns the effects that explain the fit runs best, and why they are not claimed."""
+    """Returns sentences on the effects that explain the fit runs best, and on why these effects are not proved."""
     names = listed([explanation(one.name) for one in unclaimed])
     return (
         f"Something is missing, most likely in the {finding.mechanism}. On the fit runs, {names} "
@@ -264,7 +264,7 @@ def _suspected(finding: Finding, unclaimed: Sequence[Effect]) -> str:
 
 
 def why_unclaimed(finding: Finding) -> str:
-    """Returns why the effects of the best explanation are not claimed."""
+    """Returns a sentence on why the effects of the best explanation are not proved."""
     if finding.term is not None:
         return "A term without a name explains more."
     if finding.evidence is not None and finding.evidence.kind == "fitted_only":

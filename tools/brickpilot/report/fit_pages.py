@@ -36,7 +36,7 @@ def calibrate_page(calibration: Calibration) -> str:
 
 
 def _comparisons(calibration: Calibration) -> list[tuple[str, str, list[Markup]]]:
-    """Returns (run, role, figures) of the drawn runs: all, or if there are many, those with the largest error."""
+    """Returns (run, role, figures) for all runs; if there are many, only for the runs with the largest errors."""
     worst: dict[str, float] = {}
     for gap in calibration.gaps:
         worst[gap.run] = max(worst.get(gap.run, 0.0), gap.after or 0.0)
@@ -60,7 +60,7 @@ def _superimposed(
     """Draws measured and simulated values in the unit and with the sign of the data set.
 
     Args:
-        one: the measured signal of a run, in SI, as are the values of `simulated`.
+        one, simulated: the measured and the simulated values of a run's signal, in SI.
         figures: the number of figures on the page.
     """
     factor, points = own.value(1.0), points_for(figures)
@@ -71,7 +71,7 @@ def _superimposed(
 
 
 def _stated(calibration: Calibration) -> Markup | None:
-    """Draws each fitted value's distance from the stated value, in stated sd, with its interval; None: none stated."""
+    """Draws (fitted - stated) / stated sd with its interval for each value; None: no value is stated with an sd."""
     labels, places, spans = [], [], []
     for name, one in calibration.parameters.items():
         stated = calibration.stated.get(name)
@@ -124,6 +124,6 @@ def compare_page(comparison: Comparison) -> str:
 
 
 def _rows(comparison: Comparison, run: RunComparison) -> list[tuple[str, str, str, SignalError]]:
-    """Returns (label, signal, horizon, error) for each signal of `run`, then for each signal in windows."""
+    """Returns (label, signal, horizon, error) for each signal in a free run, then in windows."""
     rows = [(name, name, "free_run", error) for name, error in run.signals.items()]
     return rows + [(f"{name} in windows", name, comparison.horizon, error) for name, error in run.windows.items()]

@@ -38,7 +38,7 @@ def figure_lines(figures: Mapping[str, Any]) -> Iterator[str]:
 
 
 def link_lines(figures: Mapping[str, Any]) -> Iterator[str]:
-    """Yields the further figures of a flight over a link."""
+    """Yields the figures that only a flight over a link has, each with its meaning."""
     yield f"link                {figures['link']} in {figures['pace']}"
     yield f"late ticks          {figures['late_ticks']} of {figures['steps']}: steps that began more than a step late"
     yield f"lost frames         {figures['lost_frames']}: messages that were damaged, or had no reply"

@@ -28,7 +28,7 @@ def horizon_text(name: str) -> str:
 
 
 def sentence(numbers: Headline) -> str:
-    """Returns a sentence with the headline of the runs with `numbers.role`; empty if there is no headline."""
+    """Returns a sentence with the mean fit on the runs with the role `numbers.role`; empty: no fit is known."""
     role = numbers.role
     whole, ahead = numbers.mean(role), numbers.mean(role, "1_s")
     if whole is None:

@@ -32,7 +32,7 @@ _LINES, _WIDE = 10, 110
 
 
 def to_html(result: Result) -> str:
-    """Returns the piece of HTML, complete in itself, that a notebook shows of a result.
+    """Returns a result as a self-contained piece of HTML, which a notebook shows.
 
     Raises:
         TypeError: `result` is no result of this package.

@@ -30,7 +30,7 @@ Shape = Literal["line", "step", "marks", "bars"]
 MOST_POINTS, _LEAST_POINTS = 2000, 300  # largest and smallest number of points that one figure draws
 _ROW = 26  # height of a row in pixels
 _PAGE_POINTS = 40_000  # number of points in all figures of a page, about 1.5 MB
-ACROSS, UP = 1e6, 2e4  # x values and curve values are rounded to steps of their range divided by this number
+ACROSS, UP = 1e6, 2e4  # x values and curve values are rounded to steps of (their range / this number)
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class Figure:
         link: name of the group of figures, such as a run's, that share cursor and zoom; empty: no group.
         stretch: (from, to) of the shaded part of `x`.
         lines: values of `x` at which a line crosses all panels.
-        reach: further values of `x` that the axis shows.
+        reach: further values of `x` that the axis has to include.
         log: whether the axis `x` is logarithmic.
     """
 
@@ -102,7 +102,7 @@ def points_for(figures: int) -> int:
 
 
 def thin(columns: Array, points: int) -> NDArray[np.intp]:
-    """Returns the indices of about `points` samples: the smallest and the largest of each column in each stretch.
+    """Returns the indices of about `points` samples: the smallest and largest of each column in each section.
 
     `columns` has the shape (columns, n). All peaks and the first and last sample are kept.
     """
@@ -259,7 +259,7 @@ def compact(values: Array, steps: float) -> list[float | None]:
 
 _ERROR_SD = 2.0  # half the width of the noise band, in standard deviations
 _ERRORS, _SMALL = 100, 110  # heights of the panel of residuals and of a small panel, in pixels
-_LEAST_GAP, _LEAST_FIT = 0.01, -20.0  # least gap and least fit that are drawn; a smaller value is drawn at this place
+_LEAST_GAP, _LEAST_FIT = 0.01, -20.0  # least gap and least fit on an axis; a smaller value is drawn at this limit
 _WHISKER = 120.0  # width of the drawing of an interval in a table, in pixels
 
 
@@ -271,7 +271,7 @@ def superimposed(
     time: Array, signal: str, unit: str, measured: Array, simulated: Simulated, *, run: str, title: str, points: int,
     noise_sd: float = 0.0, stretch: tuple[float, float] | None = None,
 ) -> Markup:  # fmt: skip
-    """Draws measured and simulated values in one panel, as in the paper's figs 4 and 5, and the residuals below.
+    """Draws measured and simulated values in one panel, as in the paper's figs 4 and 5, and below it the residuals.
 
     Args:
         time: the times of the run's samples in s, (n,); the axis counts from the first one.
@@ -280,7 +280,7 @@ def superimposed(
         run: the name of the run; all figures of a run are linked.
         title: accessible name of the chart.
         points: approximate number of points that are drawn.
-        noise_sd: standard deviation of a sample, in `unit`; the band of the lower panel is two sd on each side.
+        noise_sd: standard deviation of the noise, in `unit`; the band of the lower panel is two sd on each side.
         stretch: (from, to) of the shaded time, on the clock of `time`.
     """
     curves = [Curve(name, values, colour) for name, (colour, values) in simulated.items()]
@@ -316,7 +316,7 @@ def autocorrelation(one: Whiteness, *, title: str) -> Markup:
 _ROW_MARKS: tuple[tuple[str, Colour], ...] = (("before", "orange"), ("after", "blue"), ("attainable", "green"))
 
 Rows = Sequence[tuple[str, *tuple[float | None, ...]]]
-"""Rows of (label, value before, value after); with fits, also the attainable fit."""
+"""Rows of (label, value before, value after); a row of fits has the attainable fit as a fourth item."""
 
 
 def gaps(rows: Rows, *, single: bool, title: str) -> Markup:
@@ -333,9 +333,10 @@ def fits(rows: Rows, *, single: bool, title: str) -> Markup:
 
 
 def _joined_marks(rows: Rows, single: bool, least: float) -> tuple[Marks, list[tuple[float, float] | None]]:
-    """Returns the marks of a row chart, and for each row the line that joins them; values below `least` are raised.
+    """Returns the marks of a row chart, and for each row the line that joins them; values below `least` become `least`.
 
-    `single`: there is only one model, so the values before are not drawn, and those after are "simulated".
+    `single`: there is only one model, so the values before are not drawn, and the values after are named
+    "simulated".
     """
     drawn = [
         [None if value is None or not np.isfinite(value) else max(value, least) for value in values]
@@ -350,7 +351,7 @@ def _joined_marks(rows: Rows, single: bool, least: float) -> tuple[Marks, list[t
 
 
 def interval(low: float, value: float, high: float, *, inside: tuple[float, float]) -> Markup:
-    """Draws a value as a dot with its interval, and a line at 0, in the range `inside`; the numbers stand beside it."""
+    """Draws a value as a dot with its interval, and a line at 0, in the range `inside`; a table has the numbers."""
     share = (np.array([low, value, high, 0.0]) - inside[0]) / (inside[1] - inside[0])
     start, middle, end, zero = np.clip(4.0 + share * (_WHISKER - 8.0), 2.0, _WHISKER - 2.0)
     return Markup(

@@ -12,13 +12,13 @@ ROLES = {"fit": "fit run", "held_out": "held-out run"}
 """Role of a run -> its name on pages."""
 
 RUNS = {"held_out": "held-out runs", "fit": "fit runs"}
-"""Role -> the name of all runs that have it, in the order of pages."""
+"""Role -> the name of all runs with this role, in the order of pages."""
 
 _SPACE = "\N{NO-BREAK SPACE}"
 _MINUS = "\N{MINUS SIGN}"
 
 _PREFIXES = ((1e-9, "n"), (1e-6, "µ"), (1e-3, "m"), (1.0, ""), (1e3, "k"), (1e6, "M"))
-_TAKES_PREFIX = frozenset({"N", "V", "A", "H", "W", "Ω", "m", "s", "rad"})  # if it is the first factor of a unit
+_TAKES_PREFIX = frozenset({"N", "V", "A", "H", "W", "Ω", "m", "s", "rad"})  # as the first factor of a unit
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Output folders and files. Each one is written under another name and then renamed, so it is complete or absent."""
+"""Writes folders and files under another name, then renames them, so that each output is complete or absent."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ Array = NDArray[np.float64]
 def fresh_folder(out: Path, files: Collection[str]) -> Iterator[Path]:
     """Yields an empty folder beside `out` and renames it to `out` at the end; after an error, the folder is removed.
 
-    An older `out` is replaced only if it holds no files other than `files`, which the command writes. If an earlier run
-    with the same `out` was killed, the folder that it left is removed.
+    An older `out` is replaced only if it holds no files other than `files`, which the command writes. The function
+    also removes a folder that a killed run with the same `out` left behind.
 
     Raises:
         InputError: `out` is no folder, holds other files, or cannot be written.

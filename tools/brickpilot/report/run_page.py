@@ -31,7 +31,7 @@ Line = tuple[str, str, Colour]
 
 
 def samples(flight: Flight) -> int:
-    """Returns how many samples of the flight are drawn: until 1 s after the last motion of robot and motors."""
+    """Returns the number of samples to draw: all samples until 1 s after the last motion of robot or motors."""
     log = flight.log
     driven = np.nan_to_num(np.abs(log["left_voltage_v"]) + np.abs(log["right_voltage_v"])) > 0
     away = np.hypot(log["true_x_m"] - log["true_x_m"][-1], log["true_y_m"] - log["true_y_m"][-1])
@@ -171,7 +171,7 @@ def track_to_html(
     time: Array, heading: Array, lines: Sequence[Curve], circles: Sequence[tuple[float, float, float, bool]], *,
     link: str, title: str = "track over the waypoints, seen from above",
 ) -> Markup:  # fmt: skip
-    """Returns a track, seen from above, as an element of a page that can be played.
+    """Returns a track, seen from above, as an element of a page; the reader can play the track.
 
     Args:
         time, heading: the run's times in s, and its headings in rad, clockwise from straight up; (n,) each.
@@ -240,7 +240,7 @@ def link_figures(ticks: Mapping[str, Array], *, realtime: bool, replies: bool = 
 
 
 def trouble(ticks: Mapping[str, Array]) -> tuple[str, Markup | None]:
-    """Returns a time line of late ticks, lost and refused frames and safe stops."""
+    """Returns a sentence on late ticks, lost and refused frames and safe stops, and their time line."""
     counts = {name: int(ticks[name].sum()) for name in _KINDS}
     said = ", ".join(f"{count} {_KINDS[name][0]}{'' if count == 1 else 's'}" for name, count in counts.items())
     if not any(counts.values()):

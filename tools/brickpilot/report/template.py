@@ -13,7 +13,7 @@ from brickpilot.report import quantities
 from brickpilot.text_template import render_text
 
 _FILTERS = ("fit_number", "fit_text", "gap_text", "number", "percent", "plain", "quantity", "say", "signed")
-"""The functions of `quantities` that a page uses as filters; `role` beside them names the role of a run."""
+"""The functions of `quantities` that a page uses as filters; the further filter `role` names the role of a run."""
 
 _HERE = Path(__file__).parent
 _SCRIPTS = ("templates/figures.js", "templates/track.js", "templates/start.js")
@@ -22,7 +22,7 @@ _SCRIPTS = ("templates/figures.js", "templates/track.js", "templates/start.js")
 def render(name: str, folder: Path = _HERE / "templates", **content: object) -> str:
     """Returns the page `name`, a template of `folder`, as one self-contained HTML text.
 
-    Text is escaped; `Markup` is not escaped. A template in another folder may extend those of this package.
+    Text is escaped; `Markup` is not escaped. A template in another folder may extend the templates of this package.
     """
     environment = Environment(
         loader=ChoiceLoader([FileSystemLoader(folder), PackageLoader("brickpilot.report")]),
@@ -36,7 +36,7 @@ def render(name: str, folder: Path = _HERE / "templates", **content: object) -> 
 
 @cache
 def _inlined() -> dict[str, Markup]:
-    """Returns the parts of every page, which then needs no other file: the plot library, its licence and scripts."""
+    """Returns the plot library, its licence, and scripts, which every page contains: a page needs no other file."""
     library = _HERE / "uplot"
     texts = {
         "library": library / "uPlot.iife.min.js",

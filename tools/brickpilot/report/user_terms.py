@@ -74,7 +74,7 @@ def frames(dataset: Dataset) -> str:
 def shown_finding(finding: Finding) -> Finding:
     """Returns a finding whose effects, ranking and smallest visible sizes have the data set's sign and unit.
 
-    It is only for texts and tables. Values of the ranking stay in SI: they get the data set's sign alone.
+    The finding is only for texts and tables. Values of the ranking stay in SI and get only the data set's sign.
     """
     data = finding.dataset
 
@@ -139,7 +139,7 @@ def clauses(dataset: Dataset, effect: str, parameters: Mapping[str, Parameter]) 
 
 
 def _parts(name: str, key: str) -> tuple[str, str]:
-    """Returns effect and parameter; the key also names the effect if there are several."""
+    """Returns effect and parameter of a key "effect.parameter", or of a key "parameter" and the effect `name`."""
     effect, _, parameter = key.rpartition(".")
     return effect or name, parameter
 

@@ -59,7 +59,7 @@ class Constants:
 
 
 def constants_of(finding: Finding) -> Constants:
-    """Returns the constants of the robot that was found, relative to the stated radius and half track."""
+    """Returns the constants of the augmented model; the odometry is relative to the stated radius and half track."""
     return Constants(feed_forward(finding.augmented), odometry(finding.augmented, as_stated(finding).parameters))
 
 
@@ -88,7 +88,7 @@ class Why(Result):
 
     Attributes:
         finding: the result of discovery, from which the answer is made.
-        constants: the constants of the robot that was found, for other programs.
+        constants: the constants of the augmented model, for other programs.
         notes: sentences on how the log was read.
     """
 

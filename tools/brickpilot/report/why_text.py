@@ -38,7 +38,7 @@ from brickpilot.vehicle.model import Model
 Ending = Literal["nothing", "cause", "missing", "contradiction"]
 
 _ALL = 99.0  # fit in percent: from this value on, no error is left to explain
-_OF_WHEELS = 0.5  # share of a track's curvature due to unequal wheel angles: below it, these are not the cause
+_OF_WHEELS = 0.5  # unequal wheel angles are the cause if they give more than this share of the path's curvature
 _WORSE = 0.05  # percentage points of fit: an explanation that lowers the fit by more does not explain whole runs
 _VEERS = math.radians(1.0)  # rad/m: a smaller curvature is hardly visible
 _DIFFERS = 0.03  # share of a speed or a distance: a smaller difference is hardly visible
@@ -55,7 +55,7 @@ class Answer:
             `todo` begins with what to drive next; "contradiction": the data contradict each other.
         what, sure: sentences on what is wrong, and on how certain this is.
         todo: what to do, the first thing first.
-        symptoms: one sentence for each difference between the robot's drive and the simulation without the finding.
+        symptoms: one sentence for each difference in driving between the augmented model and the model as stated.
         next: the manoeuvre to drive next; None: no manoeuvre is needed.
     """
 
@@ -177,7 +177,7 @@ def _side(one: WeakerSide) -> str:
 
 
 def _either(finding: Finding) -> str:
-    """Returns the explanations that the data allow, each as the meaning of its values if the table states a meaning."""
+    """Returns the explanations that the data allow, as clauses on their values or, without a clause, as words."""
     rivals = {one.name: one.parameters for effect in finding.effects for one in effect.equivalents}
     if len(finding.effects) == 1:
         rivals[finding.effects[0].name] = finding.effects[0].parameters
@@ -221,7 +221,7 @@ def _what(finding: Finding) -> tuple[Ending, str]:
 
 
 def _cause(finding: Finding) -> str:
-    """Returns the named effects: as the meaning of their values if the table states it, else as words and sizes."""
+    """Returns the named effects as clauses on their values, or as words and sizes if the table has no clause."""
     said, named = [], []
     for one, shown in zip(finding.effects, shown_finding(finding).effects, strict=True):
         meant = clauses(finding.dataset, one.name, one.parameters)
@@ -236,7 +236,7 @@ def _cause(finding: Finding) -> str:
 
 
 def _visible(finding: Finding) -> str:
-    """Returns the smallest size that these data would have shown, for one common effect of each of a few mechanisms."""
+    """Returns a sentence on the smallest visible sizes of a few common effects, one for each mechanism."""
     common = {one.mechanism: one for one in catalogue.effects_of(finding.power) if one.prior == "common"}
     power, parts = shown_finding(finding).power, []
     for effect in list(common.values())[:_STATED]:
@@ -246,7 +246,7 @@ def _visible(finding: Finding) -> str:
 
 
 def _sure(finding: Finding, ending: Ending) -> str:
-    """Returns a sentence on what proves the finding, and on how much of the error the finding removes."""
+    """Returns sentences on what proves the finding, and on the share of the error that the finding removes."""
     found = finding.verdict != "none" and ending != "nothing"
     parts = [_proof(finding)] if found else []
     if (fit := discover_fit.headline(finding)) is not None:
@@ -358,7 +358,7 @@ def lines(found: Answer, notes: Sequence[str], guesses: Sequence[str], *, verbos
     Args:
         notes: sentences on how the log was read.
         guesses: the guesses in `Dataset.guesses`.
-        verbose: whether all actions, symptoms and notes are given; else four lines at most.
+        verbose: whether all actions, symptoms and notes are included; if not, there are at most four lines.
     """
     short = [f"what is wrong: {found.what}", f"how sure:      {found.sure}", f"what to do:    {found.todo[0]}"]
     if verbose:
