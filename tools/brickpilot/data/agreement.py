@@ -1,10 +1,10 @@
-"""The headline number, fit %: how much of a measured signal a model explains. Only this file defines it.
+"""The main result, fit %: the share of a measured signal that a model explains. Only this file defines fit %.
 
     fit % = 100 (1 - norm of the error / norm of the signal)
 
-The error of a sample is the measured less the simulated value. Every sample has the same weight. No mean is removed
-from the signal, so a model whose output is always 0 has 0 %. R2 compares the model with the signal's mean. The integral
-least squares (eq. 20) of the error and the rms of the error are in the signal's own unit.
+The error of a sample is the measured value minus the simulated value. Every sample has the same weight. No mean is
+removed from the signal, so a model whose output is always 0 has 0 %. R2 compares the model with the signal's mean. The
+rms of the error is in the signal's unit u, and the integral of its square (integral least squares, eq. 20) in u^2 s.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ class Agreement:
 
     Attributes:
         samples: number of compared samples.
-        error: sum of the squares of measured less simulated, in the squared SI unit of the signal.
-        signal: sum of squares of the measured signal, in the same unit.
+        error: sum of (measured - simulated)^2 over the samples, in the squared SI unit of the signal.
+        signal: sum of squares of the measured signal, in the unit of `error`.
         mean: mean of the measured signal, SI.
-        spread: sum of squares of the measured signal about `mean`.
+        spread: sum of (measured - `mean`)^2 over the samples, in the unit of `error`.
         noise_sd: sd of the measured signal's noise, SI.
     """
 
@@ -44,7 +44,7 @@ class Agreement:
     def fit_percent(self) -> float | None:
         """The explained share of the signal, in percent: at most 100 (perfect), without a lower limit.
 
-        None: the signal is zero or not larger than its noise, or the model gives no finite value.
+        None: the signal is zero, its rms is at most 3 sd of its noise, or the error is not finite.
         """
         return self.percent_of(self.error)
 
@@ -61,7 +61,7 @@ class Agreement:
 
     @property
     def r2(self) -> float | None:
-        """R2 about the mean: 1 is perfect, 0 is as good as the mean. None: `spread` does not exceed the noise."""
+        """R2: 1 is perfect; 0 is as good as the constant mean of the signal. None: `spread` is not above the noise."""
         if not self._exceeds_noise(self.spread):
             return None
         r2 = 1 - self.error / self.spread
@@ -69,12 +69,12 @@ class Agreement:
 
     @property
     def rms_error(self) -> float | None:
-        """rms of measured less simulated, in the signal's SI unit; None: nothing is compared."""
+        """rms of the measured minus the simulated values, in the signal's SI unit; None: no sample is compared."""
         return _rms(self.error, self.samples)
 
     @property
     def rms_signal(self) -> float | None:
-        """rms of the measured signal, in its SI unit; None: nothing is compared."""
+        """rms of the measured signal, in the signal's SI unit; None: no sample is compared."""
         return _rms(self.signal, self.samples)
 
     def to_json(self) -> dict[str, float | None]:
@@ -88,8 +88,9 @@ def agreement(error: Array, signal: Array, *, noise_sd: float = 0.0) -> Agreemen
     """Returns how well a signal is simulated.
 
     Args:
-        error, signal: (n,) measured less simulated values, and measured values, SI; samples that are NaN in either are
-            left out. A signal of arbitrary origin is relative to the first sample of its run or window.
+        error: (n,) measured minus simulated values, SI. A sample that is NaN here or in `signal` is left out.
+        signal: (n,) measured values, SI; a signal with an arbitrary origin is relative to the first sample of the run
+            or window.
         noise_sd: sd of the signal's noise, SI.
     """
     known = np.isfinite(error) & np.isfinite(signal)
@@ -103,7 +104,7 @@ def agreement(error: Array, signal: Array, *, noise_sd: float = 0.0) -> Agreemen
 
 
 def together(parts: Iterable[Agreement]) -> Agreement:
-    """Returns the agreement of several runs, or parts of runs, as of one run."""
+    """Returns one agreement over all samples of several runs, or of several parts of runs."""
     measured = [part for part in parts if part.samples]
     count = sum(part.samples for part in measured)
     if not count:
@@ -134,12 +135,12 @@ def _rms(squares: float, samples: int) -> float | None:
 
 @dataclass(frozen=True)
 class SignalError:
-    """The error of one signal of one run, in the signal's SI unit `u`.
+    """The error of one signal in one run; `u` is the SI unit of the signal.
 
     Attributes:
-        energy: integral of signal^2 dt, u^2 s. The mean is not removed; see `relative` of `signal_error`.
+        energy: integral of signal^2 dt, u^2 s. The signal's mean is not removed; see `relative` of `signal_error`.
         ils: integral of error^2 dt, u^2 s (eq. 20).
-        seconds: the time both integrals cover.
+        seconds: the time in s over which `ils` and `energy` are integrated.
     """
 
     ils: float
@@ -172,8 +173,9 @@ def signal_error(time: Array, simulated: Array, measured: Array, *, relative: bo
     """Integrates the error by the trapezoidal rule on the samples' own times, which may be irregular.
 
     Args:
-        time, simulated, measured: (n,); a NaN leaves out the two intervals beside it.
-        relative: whether the energy is that of the signal less its first known sample, for signals of arbitrary origin.
+        time, simulated, measured: (n,); the intervals before and after a NaN are left out.
+        relative: whether the first known sample is subtracted before `energy` is computed, for signals of arbitrary
+            origin.
     """
     known = np.isfinite(measured) & np.isfinite(simulated)
     error = np.where(known, simulated - measured, 0.0)

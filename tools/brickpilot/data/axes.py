@@ -16,10 +16,10 @@ Spectrum = NDArray[np.complex128]
 Settings = tuple[tuple[str, float], ...]
 """(name, value) of each setting that shapes a periodic term."""
 
-_NEIGHBOURS = (-1.0, -0.75, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0)  # offsets from a peak, in resolutions of its spectrum
-_LEAST_STEPS = 20  # a run's coordinate has to change by more than this number of its spectrum's steps
+_NEIGHBOURS = (-1.0, -0.75, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0)  # offsets from a peak, in units of `resolution`
+_LEAST_STEPS = 20  # number of sampling steps: a run is used if its coordinate changes by more
 
-# Setting that states a period -> (names of the coordinate; its step in a spectrum; the length of one turn or metre).
+# Setting that states a period -> (names of the coordinate; its sampling step; length of one turn or metre), rad or m.
 _COORDINATES = {
     "order": (("wheel_angle_left", "wheel_angle_right", "angle"), 2 * math.pi / 100, 2 * math.pi),
     "wavelength": (("x", "position"), 0.005, 1.0),
@@ -28,14 +28,15 @@ _COORDINATES = {
 
 @dataclass(frozen=True)
 class Segment:
-    """One signal of one run in the stacked residual.
+    """One signal of one run in the stacked residual (the residuals of all runs and signals in one array).
 
     Attributes:
         place: the segment's rows in the stacked residual.
         time: (n,) s since the run's first sample.
         age: s from power-on to the run's first sample.
-        at: name -> values from the base model at these rows; names: wheel angles, "x", or "angle" and "position" of a
-            motor. Terms that depend on a value missing here are not screened.
+        at: coordinate -> (n,) its values from the base model at `time`; the coordinates are wheel angles, "x", or
+            "angle" and "position" of a motor. A term is not screened if it depends on a coordinate that is missing
+            here.
     """
 
     run: str
@@ -52,11 +53,13 @@ class Axis:
 
     Attributes:
         setting: the setting that states a period: "frequency" in Hz, "order", or "wavelength" in m.
-        clock: ("clock", 0): time that counts from the start of each run; ("clock", 1): from power-on; empty: no time.
-        tracks: for each name of the coordinate, the segments with their coordinate (n,).
-        step: the coordinate's sampling step for a spectrum, in its unit.
-        turn: the length in which periods are counted, in the coordinate's unit.
-        extent: the longest span of the coordinate over which one phase holds.
+        clock: ("clock", 0): time counts from the start of each run; ("clock", 1): from power-on; empty: the axis is
+            not time.
+        tracks: for each name of the coordinate (such as each wheel's angle), pairs of a segment and its coordinate
+            (n,).
+        step: the sampling step for a spectrum, in the coordinate's unit.
+        turn: the length over which periods are counted (1 s, one turn or 1 m), in the coordinate's unit.
+        extent: the longest span of the coordinate over which a periodic term keeps its phase, in the coordinate's unit.
     """
 
     setting: str
@@ -68,12 +71,12 @@ class Axis:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names of the settings of a period along this axis."""
+        """The names of the settings that define a period along this axis."""
         return (self.setting, *(name for name, _ in self.clock))
 
     @property
     def resolution(self) -> float:
-        """The smallest difference, in periods per turn, m or s, that the runs resolve."""
+        """The smallest difference that the runs resolve, in periods per turn, per m or per s."""
         return self.turn / self.extent
 
     @property
@@ -82,7 +85,7 @@ class Axis:
         return self.resolution if self.clock else 0.0
 
     def peaks(self, residual: Array) -> list[float]:
-        """Returns the periods per turn, m or s at which `residual` (N,) is strongest along the axis."""
+        """Returns the highest peaks in the spectrum of `residual` (N,), in periods per turn, per m or per s."""
         peaks: set[float] = set()
         for track in self.tracks:
             places, power = _spectrum(track, residual, self.step, coherent=bool(self.clock))
@@ -94,11 +97,11 @@ class Axis:
         return sorted(peaks)
 
     def at(self, count: float) -> Settings:
-        """Returns the settings of `count` periods per turn, m or s."""
+        """Returns the settings of `count` periods per turn, per m or per s."""
         return ((self.setting, 1 / count if self.setting == "wavelength" else count), *self.clock)
 
     def beside(self, settings: Settings) -> list[Settings]:
-        """Returns settings with slightly longer and shorter periods, as further candidates for a fit."""
+        """Returns settings with slightly longer and shorter periods than `settings`, as candidates for a fit."""
         count = dict(settings)[self.setting]
         count = 1 / count if self.setting == "wavelength" else count
         near = [count + k * self.resolution for k in _NEIGHBOURS]
@@ -106,7 +109,7 @@ class Axis:
 
 
 def axes(segments: Sequence[Segment]) -> list[Axis]:
-    """Returns the known coordinates: time first, and the time from power-on if the runs differ in age."""
+    """Returns the axes: time from each run's start, time from power-on if the runs' ages differ, angle and position."""
     step = min(float(np.median(np.diff(segment.time))) for segment in segments if len(segment.time) > 1)
     known_axes = []
     for clock in (0.0, 1.0) if len({segment.age for segment in segments}) > 1 else (0.0,):
@@ -125,7 +128,7 @@ def axes(segments: Sequence[Segment]) -> list[Axis]:
 def _spectrum(
     track: Sequence[tuple[Segment, Array]], residual: Array, step: float, *, coherent: bool
 ) -> tuple[Array, Array]:
-    """Returns frequencies along the coordinate, and the power there; if not coherent, each run has its own phase."""
+    """Returns frequencies along the coordinate, and the power at each; `coherent`: all runs share one phase."""
     low = min(float(np.min(coordinate)) for _, coordinate in track)
     high = max(float(np.max(coordinate)) for _, coordinate in track)
     length = 2 ** math.ceil(math.log2(max(PADDING * (high - low) / step, 8)))

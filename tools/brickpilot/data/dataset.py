@@ -39,7 +39,7 @@ PRESET_BATTERY_VOLTAGE = catalogue.parameter("battery_voltage").preset
 
 _SHOWN_RUNS = 8  # largest number of runs that a printed data set lists
 
-_DROPOUT_SHARE = 0.25  # share of the running median: a larger deviation of the battery's voltage is a dropout
+_DROPOUT_SHARE = 0.25  # share of the running median: if the voltage deviates by more, it is a dropout
 _MEDIAN_SAMPLES = 5
 
 
@@ -51,14 +51,14 @@ class Run:
         name: the run's name, unique in its data set.
         file: the text file that the run is read from.
         role: "fit" or "held_out"; None: the program chooses the role.
-        time: s, strictly increasing, as logged; it may start at any value and have uneven steps. Rows faster than the
+        time: s, strictly increasing, as logged; it may start at any value and have uneven steps. Rows closer than the
             plant's motor step are merged (`reading.decimated`).
-        inputs: signal -> values; NaN where the cell is blank and so the motor floats.
+        inputs: signal -> values; NaN where the cell is blank: there the motor floats.
         outputs: signal -> values; NaN where the cell is blank or the sample is damaged (`Dataset.faults`).
         raw_outputs: as `outputs`, but with the damaged samples as measured.
         gap_s: pause in s between the end of the previous run in the file and the start of this run.
         replicate_of: name of the run that this run repeats.
-        initial: the stated values of the state at the start, by the names in `signals.INITIAL_UNITS`.
+        initial: name from `signals.INITIAL_UNITS` -> stated value of the vehicle's state at the start of the run.
         recording: name of the recording that the run belongs to; empty: there is only one recording.
     """
 
@@ -80,7 +80,7 @@ class Run:
             values.setflags(write=False)
 
     def rows(self, rows: slice, **changes: Any) -> Run:
-        """Returns a part of the run, with `replicate_of` None. `changes` replace further fields of the new run."""
+        """Returns a part of the run, with `replicate_of` None. `changes`: field -> its value in the new run."""
         tables = {
             table: {signal: values[rows] for signal, values in getattr(self, table).items()}
             for table in ("inputs", "outputs", "raw_outputs")
@@ -108,9 +108,9 @@ class Dataset(Result):
         gap_s: pause in s before a run that does not state its own pause.
         faults: the damaged samples, ordered by run and time; they are NaN in the runs' outputs (see `audit`).
         notes: sentences for the user about presets, repaired readings and damaged samples.
-        input_timing: what an input does between two rows. With "linear", rows without outputs are added where an input
-            changes, so that rows are at most 5 ms apart; "unknown" is treated as "held".
-        guessed: guesses of unstated numbers, such as "960 counts a turn"; see `guesses`.
+        input_timing: what an input does between two rows: "held", "linear", or "unknown", which is treated as "held".
+            With "linear", rows without outputs are added where an input changes, so that rows are at most 5 ms apart.
+        guessed: numbers that an importer had to guess, such as "960 counts a turn"; see `guesses`.
         wiring: channels that are swapped, reversed, dead or scaled wrongly in all runs; `runs` holds the mended
             channels if the fault is sure.
     """
@@ -134,14 +134,14 @@ class Dataset(Result):
 
     @property
     def guesses(self) -> tuple[str, ...]:
-        """Numbers that nobody stated and that scale all speeds or voltages. The runs cannot confirm them."""
+        """Guessed numbers that scale all speeds or all voltages. The runs cannot confirm these numbers."""
         is_preset = any(name.startswith("duty") for name in self.signals) and not (
             "battery_voltage" in self.signals or "battery_voltage" in self.nominal
         )
         return (*self.guessed, *([f"{PRESET_BATTERY_VOLTAGE:g} V of the battery"] if is_preset else []))
 
     def motor_inputs(self, run: Run) -> Array:
-        """See `motor_inputs`."""
+        """Returns the voltage at each motor; see the function `motor_inputs`."""
         return motor_inputs(run, self)
 
     @staticmethod
@@ -161,28 +161,28 @@ class Dataset(Result):
         as_wired: bool = False,
         name: str = "frames",
     ) -> Dataset:
-        """Returns a data set of DataFrames, checked as `read` checks files.
+        """Returns a data set made of DataFrames, with the checks that `read` makes of files.
 
         Args:
             frames: run -> its table, with a row for each sample.
             vehicle: "diff_drive", "motor" or "skid_steer"; required.
-            signals: signal -> its column: a name, in SI; (name, unit); or a mapping of the keys that a data set's file
-                may state, such as {"column": "gz", "unit": "deg/s", "noise_sd": 0.2}. The time is in "time", in s,
-                unless stated. None: each column of the first frame that has the name of a signal, in SI. A frame's
-                index is a column, too, if it has a name.
+            signals: signal -> its column: a name (values in SI); (name, unit); or a mapping of the keys that a data
+                set's file may state, such as {"column": "gz", "unit": "deg/s", "noise_sd": 0.2}. The default for the
+                time is the column "time", in s. None: every column of the first frame that is named like a signal, in
+                SI. A frame's index with a name counts as a column.
             nominal: as [nominal] in a data set's file: parameter -> a value in SI, or {"value": ..., "sd": ...}.
             frame: "FLU" or "FRD"; None: FRD.
             roles: run -> "fit" or "held_out"; the program chooses the roles of the other runs.
-            gap_s: s of pause between runs, or run -> s of pause before this run; None: 0.
+            gap_s: the pause between runs in s; or run -> the pause before this run in s; None: 0.
             replicate_of: run -> the other run that this run repeats.
-            initial: run -> its state at the start, in SI and `frame`, by the names of `signals.INITIAL_UNITS`; absent
-                values are taken from the first sample.
+            initial: run -> name from `signals.INITIAL_UNITS` -> value at the start of the run, in SI and `frame`.
+                Absent values are taken from the first sample.
             input_timing: what an input does between two rows: "held", "linear", or "unknown"; None: held.
             as_wired: True: channels that look swapped, reversed or scaled wrongly are not mended.
             floats: True: a motor floats where its voltage is NaN; False: NaN in a voltage is an error.
 
         Raises:
-            InputError: something is wrong; the message names run, row (from 0, as in `iloc`) and column.
+            InputError: an argument or a frame is wrong; the message names run, row (from 0, as in `iloc`) and column.
 
         >>> import brickpilot as bp, pandas as pd
         >>> bench = pd.DataFrame({"time": [0.0, 0.1, 0.2], "u": [0.0, 6.0, 6.0], "rpm": [0.0, 12.0, 30.0]})
@@ -207,7 +207,8 @@ class Dataset(Result):
     def to_frame(self, run: str | None = None) -> pandas.DataFrame:
         """Returns a table with a row for each run: role, samples, duration (s), median step (s) and faults.
 
-        With the name of a run, the table has a row for each sample of this run, in SI and the data set's own frame.
+        With the name of a run, the table has a row for each sample of this run, in SI and the frame of the data set's
+        files.
         """
         import pandas
 
@@ -231,7 +232,7 @@ class Dataset(Result):
         return pandas.DataFrame(rows)
 
     def __repr__(self) -> str:
-        """Returns two lines on the data set, and a line for each of its first runs."""
+        """Returns two lines about the data set, and one line for each of the first runs."""
         shown = [
             f"  {run.name}: {len(run.time)} samples, {run.time[-1] - run.time[0]:.4g} s, {run.role or 'no role stated'}"
             for run in self.runs[:_SHOWN_RUNS]
@@ -263,7 +264,7 @@ def joined(datasets: Sequence[Dataset]) -> Dataset:
 
 
 def with_all_runs(datasets: Mapping[str, Dataset]) -> Dataset:
-    """Returns the first data set with the runs, faults and notes of all. A run's name begins with its set's key."""
+    """Returns the first data set with the runs, faults and notes of all data sets; a run's name becomes key + name."""
     first = next(iter(datasets.values()))
     signals: dict[str, Signal] = {}
     for dataset in reversed(list(datasets.values())):
@@ -281,7 +282,7 @@ def with_all_runs(datasets: Mapping[str, Dataset]) -> Dataset:
 
 
 def motor_inputs(run: Run, dataset: Dataset) -> Array:
-    """Returns the voltage at each motor in V: (n, 2) left and right of a diff_drive, (n, 1) of a motor.
+    """Returns the voltage at each motor in V: (n, 2), left and right, of a robot; (n, 1) of a motor.
 
     NaN means that the motor floats. A set point is converted to the voltage at which the wheel turns at the set speed
     without a load. A duty is multiplied by the battery voltage at the same sample; see `battery`. duty_mean is (left +
@@ -332,7 +333,7 @@ class OwnUnit:
     Attributes:
         unit: the unit's name in the data set.
         per_si: the number of these units in one SI unit; above 0.
-        sign: -1 if the signal has the opposite sign in the data set's frame, else 1.
+        sign: -1 if the signal has opposite signs in the data set's frame and in the paper's frame, else 1.
     """
 
     unit: str
@@ -349,12 +350,12 @@ class OwnUnit:
 
 
 def own_units(dataset: Dataset, signals: Iterable[str]) -> dict[str, OwnUnit]:
-    """Returns signal -> its unit and sign in the data set; a signal that is not stated, such as a rate, is in SI."""
+    """Returns signal -> unit and sign in the data set; a signal without a column, such as a computed rate, is in SI."""
     return {name: own_unit(dataset, name) for name in signals}
 
 
 def own_unit(dataset: Dataset, signal: str) -> OwnUnit:
-    """Returns a signal's unit and sign in the data set. A unit of SI gets the name that the program uses for it."""
+    """Returns a signal's unit and sign in the data set. An SI unit gets the program's name for this unit."""
     stated = dataset.signals.get(signal)
     sign = -1.0 if dataset.frame == "FLU" and signal in TURNS_WITH_FRAME else 1.0
     if stated is None or stated.to_si == 1.0:

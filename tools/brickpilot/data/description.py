@@ -84,7 +84,7 @@ Role = Literal["fit", "held_out"]
 _TOP = {"name", "vehicle", "frame", "csv", "signals", "nominal", "gap_s", "input_timing", "guessed", "as_wired", "runs"}
 _SIGNAL = {"column", "unit", "scale", "offset", "noise_sd", "resolution", "range"}
 _TIME = {"column", "unit", "scale", "offset"}
-_SAMPLED = ("instant", "mean")  # what a sample of an accelerometer may be
+_SAMPLED = ("instant", "mean")  # the two meanings of an accelerometer's sample
 _RUN = {"name", "file", "role", "gap_s", "replicate_of", "initial"}
 
 _SET_POINTS = "reference"  # the names of a controller's set points begin with this word
@@ -102,8 +102,8 @@ class Signal:
     """One measured column.
 
     A value in SI is ``to_si * (scale * raw + offset)``; in FLU its sign may be reversed (`signals.to_frd`). The file
-    states ``noise_sd``, ``resolution`` and ``range`` in ``unit``, after scale and offset. Here they are in SI and the
-    paper's frame, like the values themselves; None: not stated.
+    states ``noise_sd``, ``resolution`` and ``range`` in ``unit``, after scale and offset. In this object these three
+    are in SI and the paper's frame, like the signal's values; None: not stated.
     """
 
     name: str
@@ -125,7 +125,7 @@ class Signal:
 
 @dataclass(frozen=True)
 class Description:
-    """A checked dataset.toml: the data set, whose runs have no samples yet, and how the run files are to be read."""
+    """A checked dataset.toml: the data set, whose runs have no samples yet, and the layout of the run files."""
 
     dataset: Dataset
     layout: CsvFormat
@@ -189,7 +189,7 @@ def _scale_of_volts(toml: TomlFile, nominal: Mapping[str, Nominal], signals: Col
     """Returns the back EMF constant without an sd: it is not fitted, because it only scales the unknown voltages.
 
     Raises:
-        InputError: `reference_velocity` needs a length that is not stated; or the drive closes a current loop.
+        InputError: `reference_velocity` needs a length that is not stated; or the motor's drive controls the current.
     """
     for name in ("wheel_radius", "half_track"):
         if "reference_velocity" in signals and name not in nominal:

@@ -50,7 +50,7 @@ class SignalFacts:
     """The facts of one measured signal, over all runs.
 
     Attributes:
-        rms, noise_sd: rms of the signal and noise sd of a sample, in `unit`.
+        rms, noise_sd: rms of the signal, and sd of the noise in one sample, in `unit`.
         colour: the noise's colour; see `data.noise.Noise`.
         resolution: the converter's step in `unit`; 0: no step is visible.
         missing: share of the samples that are blank or left out as damaged, 0..1.
@@ -71,8 +71,8 @@ class WeakerSide:
 
     Attributes:
         side: "left" or "right".
-        share: the share, 0..1, by which this side's wheel turns less than the other wheel; low, high: its 95 %
-            interval.
+        share: the share, 0..1, by which this side's wheel turns less than the other wheel; low, high: the ends of the
+            share's 95 % interval.
     """
 
     side: str
@@ -82,7 +82,7 @@ class WeakerSide:
 
 
 def drives_straight_alone(dataset: Dataset) -> bool:
-    """Returns whether a robot drives straight in all runs with a drive, except for short corrections."""
+    """Returns whether a robot drives straight whenever its motors are driven, except for short corrections."""
     if dataset.vehicle == "motor":
         return False
     driven = [np.nan_to_num(motor_inputs(run, dataset)) for run in dataset.runs]
@@ -100,7 +100,7 @@ class Measure:
 
 
 def weaker_side(dataset: Dataset) -> WeakerSide | None:
-    """Returns which wheel turns less under equal commands; None: neither wheel, or too few data.
+    """Returns which wheel turns less under equal commands; None: the wheels do not differ clearly, or too few data.
 
     The motions of the two wheels are compared in windows of 0.25 s in which both motors get the same voltage. No model
     is needed.
@@ -118,7 +118,7 @@ def weaker_side(dataset: Dataset) -> WeakerSide | None:
 
 
 def bend(dataset: Dataset, wheel_radius: float) -> Measure | None:
-    """Returns the curvature of the path under equal commands, rad/m, positive to the right; None: not known.
+    """Returns the curvature of the path under equal commands, rad/m, positive to the right; None: not clear.
 
     Args:
         wheel_radius: m, converts measured wheel angles to distance.
@@ -134,7 +134,7 @@ def bend(dataset: Dataset, wheel_radius: float) -> Measure | None:
 
 
 def yaw_over_wheels(dataset: Dataset) -> Measure | None:
-    """Returns the measured yaw divided by the yaw that wheels and stated lengths give; None: not known.
+    """Returns measured yaw / yaw computed from the wheels' motion and stated lengths; None: not known.
 
     A constant bias of the gyro is removed. The ratio is not known if slip or the gyro's range disturbs it.
     """
@@ -164,9 +164,9 @@ def _half_width(each: Array) -> float:
 
 
 def _equal_windows(dataset: Dataset) -> Array:
-    """Returns (w, 3): turns of the left and right wheel, rad or m, and yaw, rad, in fast windows with equal commands.
+    """Returns (w, 3): motion of the left and right wheel, rad or m, and yaw, rad, in fast windows with equal commands.
 
-    The table is empty if the wheels turn in opposite directions in one of these windows.
+    The result is empty if the wheels turn in opposite directions in one of these windows.
     """
     of_runs = [window for run in dataset.runs for window in _windows(run, dataset)]
     windows: Array = np.array(of_runs, dtype=np.float64).reshape(-1, 3)
@@ -198,7 +198,7 @@ def _windows(run: Run, dataset: Dataset) -> Iterator[tuple[float, float, float]]
 
 
 def _yaw(run: Run, volts: Array) -> Array:
-    """Returns the yaw angle, rad: as measured, or else the integral of the yaw rate less its mean at rest; else NaN."""
+    """Returns the yaw angle, rad: as measured, or else the integral of (yaw rate - its mean at rest); else NaN."""
     if "yaw_angle" in run.outputs:
         return run.outputs["yaw_angle"]
     rate = run.outputs.get("yaw_rate", np.full_like(run.time, np.nan))
@@ -246,7 +246,7 @@ def _of_signal(dataset: Dataset, name: str) -> SignalFacts:
 
 
 def _logged(run: Run) -> NDArray[np.bool_]:
-    """Returns the rows of the log: rows with an output, and both ends. All other rows are added by the program."""
+    """Returns the logged rows: rows with an output, and the first and last row. The program added the other rows."""
     rows: NDArray[np.bool_] = np.any([np.isfinite(values) for values in run.raw_outputs.values()], axis=0)
     rows[[0, -1]] = True
     return rows

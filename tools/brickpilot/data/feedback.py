@@ -1,7 +1,7 @@
-"""Tests for a feedback loop around the data: whether the commands follow the outputs.
+"""Tests whether the commands of a log follow the outputs: whether a feedback loop was closed.
 
-If the output noise is coloured, such a loop biases the fit of a model that simulates from the commands alone: the
-commands contain the noise, and the model may explain the noise by a delay that no machine has. Sources: Granger (1969),
+If the output noise is coloured, a feedback loop biases the fit of a model that simulates from the commands alone: the
+commands contain the noise, and the model may explain the noise by a delay that does not exist. Sources: Granger (1969),
 Econometrica 37; Gustavsson, Ljung & Soederstroem (1977), Automatica 13.
 """
 
@@ -24,24 +24,24 @@ _PER_UNKNOWN = 10  # least number of decisions for each coefficient of a regress
 _PAST = (1, 2, 4, 8, 16, 32)  # numbers of past decisions tried as predictors of the next; the best number is used
 _SMOOTHED = 8  # number of means of the command, over 2, 4 ... 256 rows; they stand for a memory of the plan or machine
 _READINGS = 3  # number of readings at past decisions that are used: an incremental PID law needs three
-_SHOWN = 3 + _READINGS  # number of a table's columns for the output: earlier readings, and the change in the row
+_SHOWN = 3 + _READINGS  # number of table columns for the output: earlier readings, and the change in the row
 _HUBER = 1.345  # sds: a larger residual gets less weight; 95 % efficient for normal noise (Huber 1964)
 _NORMAL_MAD = 1.4826  # ratio of sd to median absolute deviation for normal noise
-_EXACT = 1e-6  # share of the rms change: with a smaller prediction error, the commands are an exact plan
+_EXACT = 1e-6  # share of the rms change: if the prediction error is smaller, the commands are an exact plan
 _RIDGE = 1e-12  # share of the mean square, added to the diagonal because equal readings make the fit singular
 
 
 @dataclass(frozen=True)
 class Loop:
-    """A feedback loop around the data.
+    """A feedback loop that was closed while the data were logged.
 
     Attributes:
         command: the input that follows an output.
-        output: the signal that the command follows most surely.
-        gain: 0..1, cross-validated: the output explains this share of the command's change that earlier commands do not
-            explain.
-        lag: time in s from the reading that predicts best to the command; 0: both are in the same row.
-        chance: p-value of the gain if there is no loop, times the number of tests.
+        output: the signal that the command follows.
+        gain: the share, 0..1, by which the output's readings reduce the squared error of a prediction of the command
+            from earlier commands, in cross-validation.
+        lag: time in s between the command and the earlier reading that predicts it best; 0: both are in the same row.
+        chance: p-value (the probability of such a gain without a loop), times the number of tests.
     """
 
     command: str
@@ -64,24 +64,24 @@ class Loop:
 def follows_outputs(dataset: Dataset, level: float) -> Loop | None:
     """Returns the feedback loop with the smallest p-value; None: no loop is significant or testable.
 
-    The past of a planned command may predict it, and sensor readings do not improve this prediction. This is a test of
-    Granger causality from outputs to commands. Only rows in which a command changes count. Three predictions of the
-    change are compared. The first uses the earlier commands: the latest ones, and means over 2 to 256 rows, which cover
-    a machine's memory. The second also uses the earlier readings. The third also uses the reading of the same row. The
-    third counts only if the command opposes the motion, as feedback with the right sign does, because a command that
-    was logged late changes the reading of its row, too. Each block of a run is predicted by a fit to the other blocks.
-    A t-test over the blocks shows whether the mean log ratio of squared errors is above 0. Runs that are too short for
-    a fit of their own are pooled.
+    The past of a planned command may predict the command, but sensor readings do not improve this prediction. So the
+    test is one of Granger causality from outputs to commands. Only rows in which a command changes count. Three
+    predictions of the change are compared. The first uses the earlier commands: the latest commands, and means over 2
+    to 256 rows, which cover a machine's memory. The second also uses the earlier readings. The third also uses the
+    reading of the same row. The third counts only if the command opposes the motion, as feedback with the right sign
+    does. The reason: a command that was logged late also changes the reading of its row. Each block of a run is
+    predicted by a fit to the other blocks. A t-test over the blocks shows whether the mean of log(squared error without
+    readings / with readings) is above 0. Runs that are too short for a separate fit are pooled.
 
-    Only outputs that measure or sum up motion count. Accelerations, forces and currents respond in the command's own
-    row. If the battery is measured, a voltage has to follow the output both as volts and as duty. The reason: either
-    may have been planned, and the battery's voltage drops with the motion. The test misses a loop whose readings have
-    no noise or disturbance, because then the past commands predict the next command. It also misses a loop with too few
-    changes, such as a relay. It sometimes finds a false loop if the commands are coarsely rounded sines (15 of 240
-    simulated data sets).
+    Only speeds, angles and positions count as outputs: accelerations, forces and currents respond in the row of the
+    command. If the battery's voltage is measured, a voltage has to follow the output both as volts and as duty. The
+    reason: volts or duty may have been planned, and the battery's voltage drops with the motion. The test misses a loop
+    whose readings have no noise or disturbance, because then the past commands predict the next command. It also misses
+    a loop in which the command changes too rarely, such as a relay. It sometimes finds a false loop if the commands are
+    coarsely rounded sines (15 of 240 simulated data sets).
 
     Args:
-        level: significance level: a loop with a smaller `chance` counts as shown.
+        level: significance level: a loop is returned only if its `chance` is smaller.
     """
     commands = input_names(dataset.runs[0].inputs)
     motion = {*RATE_OF, *RATE_OF.values(), "yaw_rate", "yaw_angle"}
@@ -111,7 +111,7 @@ def _as_duty(run: Run, commands: Sequence[str]) -> Run:
 
 
 def _tested(runs: Sequence[Run], commands: Sequence[str], output: str) -> Loop | None:
-    """Returns how well `output` predicts the first of `commands`, with the p-value for both tests together."""
+    """Returns how well `output` predicts the first of `commands`; one p-value covers earlier and same-row readings."""
     runs = [run for run in runs if output in run.outputs]
     own = [_predicted([run], commands, output) for run in runs]
     pooled = _predicted([run for run, alone in zip(runs, own, strict=True) if alone is None], commands, output)
@@ -156,7 +156,7 @@ class _Prediction:
     Attributes:
         past: (blocks,) log of a ratio of squared errors: those of a prediction from commands alone, divided by those of
             a prediction that also uses earlier readings.
-        now: (blocks,) the same log ratio, if the second prediction also uses the reading of the same row.
+        now: (blocks,) as `past`, but the second prediction also uses the reading of the same row.
         feedback: the coefficient of the reading of the same row; below 0: the command opposes the reading.
         lag: the age of the reading that predicts best, s.
     """
@@ -168,7 +168,7 @@ class _Prediction:
 
 
 def _predicted(runs: Sequence[Run], commands: Sequence[str], output: str) -> _Prediction | None:
-    """Returns the result for runs of one controller; None: too few, or exactly planned, decisions."""
+    """Returns the prediction for runs of one controller; None: the command changes too rarely or is exactly planned."""
     best, ages, least = None, np.empty(0), math.inf
     for number in _PAST:
         decisions = [of_run for run in runs if (of_run := _decisions(run, commands, output, number)) is not None]
@@ -208,7 +208,7 @@ def _errors(table: Array, columns: Sequence[int]) -> Array:
 
 
 def _weighted(tables: Sequence[Array]) -> tuple[Array, float] | None:
-    """Returns all decisions in one table, and the mean log residual sd; None: earlier commands predict them exactly.
+    """Returns the tables as one, and the mean log sd of the residual; None: the commands are an exact plan.
 
     The residual is that of a prediction from the commands alone. Each run's rows are divided by the sd of the run's
     residual, rows with a large residual get less weight, and each column except the first is divided by its rms.
@@ -228,11 +228,11 @@ def _weighted(tables: Sequence[Array]) -> tuple[Array, float] | None:
 
 
 def _decisions(run: Run, commands: Sequence[str], output: str, past: int) -> tuple[Array, Array] | None:
-    """Returns a run's rows in which the first command changes, with `past` such rows before each; None: no such row.
+    """Returns a run's changes of the first command, each after at least `past` earlier changes; None: no such change.
 
-    The table (n, columns) is in units of the rms change. Its columns are the command's change, the earlier commands,
-    the earlier readings of the output, and the output's change up to the same row. The second result is the age of each
-    earlier reading of the output, s.
+    The table (n, columns) is in units of the rms change. The columns are the command's change, the earlier commands,
+    the earlier readings of the output, and the output's change from the row before. The second result is the median age
+    of each earlier reading of the output, s.
     """
     from scipy.signal import lfilter  # slow to load, and most commands need none of it
 

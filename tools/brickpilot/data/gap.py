@@ -1,4 +1,4 @@
-"""The gap: the rms difference between measured and simulated signals in free runs, in noise sds, and its places."""
+"""The gap: the rms difference between measured and simulated signals in free runs, in noise sds, and its time spans."""
 
 from __future__ import annotations
 
@@ -25,8 +25,9 @@ class Place:
     """A place of the gap: a time span in one signal of one run.
 
     Attributes:
-        share_of_gap: this place's share, 0..1, of the sum of squared differences over all places, in noise sds.
-        when: what the vehicle was doing.
+        share_of_gap: the sum of squared differences (in noise sds) in this place, divided by the sum over all places,
+            0..1.
+        when: the motion of the vehicle in this place, such as "turning right".
     """
 
     run: str
@@ -39,7 +40,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Gap:
-    """rms of measured less simulated values in free runs, in noise sds, before and after discovery; None: no runs."""
+    """rms of measured minus simulated values in free runs, in noise sds, before and after discovery; None: no runs."""
 
     before: float | None
     after: float | None
@@ -54,8 +55,8 @@ def gaps(
 ) -> tuple[dict[str, Gap], dict[str, Gap]]:
     """Returns role -> gap, and signal -> gap, for the models before ("nominal") and after ("augmented") discovery.
 
-    Of a signal that sums up motion, the first sample is subtracted. All signals have the same weight, and so have all
-    samples of a signal.
+    The difference of a signal that sums up motion starts from 0. All signals have the same weight, and all samples of a
+    signal have the same weight.
     """
 
     def rms(runs: Sequence[Run], outputs: Mapping[str, Outputs], signals: Iterable[str]) -> float | None:
@@ -79,7 +80,7 @@ def gaps(
 
 
 def residual(run: Run, signal: str, simulated: Array) -> Array:
-    """Returns measured less simulated, (n,); NaN where not measured. For a sum of motion, the result starts from 0."""
+    """Returns measured minus simulated, (n,); NaN where not measured. For signals of `SUMMED`, it starts from 0."""
     left = run.outputs[signal] - simulated
     if signal in SUMMED:
         known = np.flatnonzero(np.isfinite(left))
@@ -98,10 +99,10 @@ def places(
     """Returns the spans of runs and signals in which `changed` and `plain` differ, the largest difference first.
 
     Args:
-        changed, plain: run -> signal -> (n,), SI, over whole runs; NaN: unknown.
+        changed, plain: the outputs to compare: run -> signal -> (n,), SI, over whole runs; NaN: unknown.
         motion: run -> outputs of the augmented model, which give `Place.when`.
         noise_sd: signal -> noise sd of a sample.
-        above: limit in noise sds: a window of `_SHOWN_S` with a larger rms difference is shown.
+        above: limit in noise sds: a window of `_SHOWN_S` s belongs to a span if its rms difference is larger.
     """
     spans: list[tuple[Run, str, slice, Array]] = []
     for run in dataset.runs:
@@ -122,7 +123,7 @@ def places(
 
 
 def _spans(time: Array, square: Array, above: float) -> list[slice]:
-    """Returns the samples of each span in which windows of `_SHOWN_S` have an rms above a limit; bridges breaks."""
+    """Returns the spans whose windows of `_SHOWN_S` s have an rms above `above`; joins spans with a short break."""
     number = np.floor((time - time[0]) / _SHOWN_S).astype(np.intp)
     means = np.bincount(number, square) / np.maximum(np.bincount(number), 1)
     shown = means[number] > above**2
@@ -136,7 +137,7 @@ def _spans(time: Array, square: Array, above: float) -> list[slice]:
 
 
 def _condition(time: Array, outputs: Outputs, part: Array) -> str:
-    """Returns the condition of the vehicle's motion that holds most of the place's gap in the least share of time.
+    """Returns the condition of motion for which (share of the place's gap) / (share of the time) is largest.
 
     Args:
         part: (n,) squared differences, 0 outside the place.

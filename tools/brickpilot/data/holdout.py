@@ -1,6 +1,6 @@
-"""Chooses fit runs and held-out runs if the data set does not state roles; of very many fit runs it chooses some.
+"""Chooses fit runs and held-out runs if the data set does not state roles, and limits the number of fit runs.
 
-It also finds runs that repeat each other.
+Also finds runs that repeat each other.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _STEP_SPREAD = 0.2
 # The sum and the difference of two motors' inputs are compared. If the ratio of the smaller to the larger is below this
 # limit, the run is straight or a turn on the spot.
 _PURE = 0.25
-# Largest ratio of two runs' inputs; beyond it, one run cannot replace the other.
+# Largest ratio of two runs' rms inputs: if the ratio is larger, one run cannot replace the other.
 _AS_LARGE = 1.5
 # Share of a run's input: if less of the input is in one direction, the run belongs to the other direction.
 _ONE_WAY = 0.1
@@ -66,7 +66,7 @@ class Roles:
         return [name for name, role in self.by_run.items() if role == "held_out" or name in self.stretches]
 
     def samples(self, run: Run, role: str, name: str = "") -> Run:
-        """Returns a run in which the outputs of all samples with another role are blank.
+        """Returns the run with blank outputs at all samples that do not have the role `role`.
 
         `name`: the name of the run from which `run` was cut, if any.
         """
@@ -79,7 +79,7 @@ class Roles:
 
 
 def assign(dataset: Dataset, inputs: Mapping[str, Array], *, stretches: bool = False) -> Roles:
-    """Returns the role of every run. `inputs` are the motor inputs by run name, (n, 1) or (n, 2).
+    """Returns the role of every run. `inputs`: run -> the inputs of its motors, (n, 1) or (n, 2).
 
     If the file names held-out runs, its other runs are fitted. Otherwise runs without a role are grouped by manoeuvre
     (straight, turn on the spot or curve; step or ramp) and direction (forward or backward; right or left). Without data
@@ -133,10 +133,10 @@ def _by_manoeuvre(runs: Sequence[Run], inputs: Mapping[str, Array]) -> list[Grou
 
 
 def _held_out_of(group: Group) -> list[str]:
-    """Returns a group's held-out runs: of three runs, the middle one; of more, every third, but not the largest.
+    """Returns a group's held-out runs: of three runs, the middle run; of more, every third run, never the largest.
 
-    The runs are ordered by input. Of two runs, the smaller is held out, unless it is much smaller: then only the
-    smaller run shows the static friction.
+    The runs are ordered by the rms of their inputs. Of two runs, the run with the smaller input is held out. If its
+    input is much smaller, no run is held out, because only this run shows the static friction.
     """
     ordered = sorted((size, run.name) for size, run in group)
     if len(ordered) == 2:
@@ -166,7 +166,7 @@ def turning_share(driven: Array) -> float:
 
 
 def manoeuvre(driven: Array) -> str:
-    """Returns the kind of a manoeuvre, its shape and its direction, from the inputs of a run as in `kind_of`."""
+    """Returns the kind, shape and direction of a run, such as "straight step forward", from inputs as in `kind_of`."""
     moving, kind = _moving(driven), kind_of(driven)
     if kind == "rest":
         return kind
@@ -214,16 +214,17 @@ def _last_drive(run: Run, driven: Array) -> tuple[float, float] | None:
 
 
 MANY, ENOUGH = 100_000, 30_000
-"""If the fit runs have more than `MANY` samples, only some runs with at least `ENOUGH` samples are fitted. Beyond
-`ENOUGH` samples, the model's own error limits the accuracy of a value. Twelve runs of 10 s at 500 Hz are all fitted."""
+"""If the fit runs have more than `MANY` samples, only some of the runs are fitted, with at least `ENOUGH` samples in
+total. With so many samples, the model's error limits the accuracy of a fitted value. Twelve runs of 10 s at 500 Hz are
+all fitted."""
 
 
 def enough_to_fit(dataset: Dataset) -> tuple[Dataset, str | None]:
-    """Returns a data set of some fit runs and a note; with at most `MANY` fit samples, the whole data set and None.
+    """Returns a data set of some fit runs, and a note. With at most `MANY` fit samples: the whole data set, and None.
 
     Runs are chosen from all groups (manoeuvre and direction) in turn: first the run with the largest input, then the
-    other runs, evenly over the file's order. Pauses grow by the duration of the runs left out, so that each run keeps
-    its age.
+    other runs, evenly over the file's order. The pause before a run grows by the duration of the runs left out, so that
+    the run's time since power-on stays the same.
     """
     inputs = {run.name: motor_inputs(run, dataset) for run in dataset.runs}
     fitted = set(assign(dataset, inputs, stretches=True).fit())
@@ -258,7 +259,7 @@ def _in_turn(group: Group) -> list[Run]:
 
 
 def _kept(dataset: Dataset, chosen: set[str]) -> tuple[Run, ...]:
-    """Returns the chosen runs with the role "fit", each with the same age as before."""
+    """Returns the chosen runs with the role "fit"; the time from power-on to each run does not change."""
     kept, left_out = [], 0.0
     for run in dataset.runs:
         if run.name in chosen:
@@ -270,7 +271,7 @@ def _kept(dataset: Dataset, chosen: set[str]) -> tuple[Run, ...]:
 
 
 def repeats(dataset: Dataset) -> tuple[tuple[str, str, float], ...]:
-    """Returns pairs of runs whose inputs are equal from the start, stated as replicates or not, and how long, in s."""
+    """Returns pairs of runs with equal inputs from the start, and for how many s, stated as replicates or not."""
     inputs = {run.name: motor_inputs(run, dataset) for run in dataset.runs}
     pairs = []
     for first, second in combinations(dataset.runs, 2):

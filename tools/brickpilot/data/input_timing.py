@@ -26,7 +26,7 @@ Kind = Literal["delay", "lag"]
 INPUT_TIMINGS: tuple[InputTiming, ...] = ("held", "linear", "unknown")
 
 UNKNOWN_TIMING = "how the inputs change between two rows is not known: they are taken as held"
-"""The note of a data set that states "unknown"."""
+"""The note of a data set whose `input_timing` is "unknown"."""
 
 _STEP_S = 0.005  # the longest time for which a linear input is held
 _MOST_STEPS = 200  # largest number of steps between two rows
@@ -39,12 +39,12 @@ def with_linear_inputs(run: Run) -> Run:
 
 
 def ramps(time: Array, inputs: Mapping[str, Array], step_s: float = _STEP_S) -> tuple[Array, dict[str, Array]]:
-    """Returns times and inputs of finer rows: the means of straight lines between the given rows.
+    """Returns times and inputs of finer rows; the inputs are means of straight lines between the given rows.
 
     Args:
         time: (n,) s, strictly increasing; the result contains all these times.
         inputs: name -> (n,); NaN: the motor floats until the next row.
-        step_s: the longest row while an input changes.
+        step_s: the largest length of a row in s while an input changes.
     """
     span = np.diff(time)
     changes = np.any([np.diff(values) != 0.0 for values in inputs.values()], axis=0)
@@ -84,7 +84,7 @@ def mean_over_steps(time: Array, driven: Array, grid: Array) -> Array:
     """Returns (grid, columns): the mean of each input over each step of the grid. Inputs are held between samples.
 
     Args:
-        time: (n,) s, when each row of `driven` begins to act; before the first row the input is 0.
+        time: (n,) s, the times at which the rows of `driven` begin to act; before the first row the input is 0.
         driven: (n, columns) V; NaN: the motor floats.
         grid: (m,) s. The last row of the result is the last input.
     """
@@ -150,7 +150,7 @@ def refined(dataset: Dataset) -> Dataset:
 
 
 def inputs_acting(run: Run, time: Array, timing: Timing, behind: Behind) -> dict[str, Array]:
-    """Returns the inputs of a logged run, held or linear and then delayed, as means over the rows at `time`."""
+    """Returns a logged run's inputs as means over the rows at `time`, after `timing` and `behind` are applied."""
     at, inputs = run.time, run.inputs
     if timing == "linear":
         at, inputs = ramps(at, inputs, float(np.diff(time).min()))

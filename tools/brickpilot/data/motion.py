@@ -14,12 +14,12 @@ from brickpilot.data.dataset import Dataset, Run, motor_inputs
 from brickpilot.data.signals import RATE_OF, SUMMED, Array
 from brickpilot.errors import InputError
 
-_REST_S = 0.5  # longest time at the start of a run at rest over which samples are averaged
+_REST_S = 0.5  # s: longest rest at the start of a run over which samples are averaged
 MOVING_SAMPLES = 12
 """Number of samples to which a line is fitted if a run starts in motion."""
 _LEAST_KNOWN = 4  # least number of known samples for the fit of a line
 _LEAST_BENT = 6  # least number of known samples to test whether a motion is curved
-_HELD_S = 0.1  # time from a run's start in which the first sample of a held channel is sought
+_HELD_S = 0.1  # s from a run's start within which the first sample of a held channel is sought
 _TREND_SD = 3.0  # sds of a polynomial's leading coefficient: a larger coefficient is motion and not noise
 _OF_MOTION = (1, 2, 3)  # degrees of the polynomials tested for a trend: a swinging pendulum may have no slope
 _SPIKE = 3.0  # times the span of the middle 90 % of samples: a sample farther from the median is damaged
@@ -28,8 +28,8 @@ _SPIKE = 3.0  # times the span of the middle 90 % of samples: a sample farther f
 def with_rates(dataset: Dataset) -> Dataset:
     """Returns a motor's data set with velocities added; only the first sample of a position is kept.
 
-    The errors of a run add up in a position. So the velocity is compared, and the position only gives the start of the
-    run.
+    Errors of the velocity add up in the position during a run. So the velocity is compared, and the position only gives
+    the start of the run.
     """
     runs = []
     for run in dataset.runs:
@@ -104,7 +104,7 @@ def _trends(time: Array, values: Array, degree: int) -> bool:
 
 
 def _without_spikes(values: Array, known: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Returns the indices `known` without those of outliers."""
+    """Returns the indices in `known` whose values are no outliers."""
     low, high = np.nanpercentile(values, [5, 95])
     if len(known) < _LEAST_KNOWN or high <= low:
         return known
@@ -162,8 +162,8 @@ def run_of(name: str) -> str:
 def cut_into_windows(dataset: Dataset, inputs: Mapping[str, Array], length_s: float) -> Dataset | None:
     """Returns the data set cut into windows: runs that start from the measured state, wheel angles included.
 
-    An effect that is periodic in a wheel's angle gets out of phase if the simulated angle drifts. In a short window it
-    stays in phase.
+    An effect that is periodic in a wheel's angle gets out of phase if the simulated angle drifts. In a short window the
+    effect stays in phase.
 
     Returns None if neither angles nor speeds of the wheels were measured.
     """
@@ -214,7 +214,7 @@ def _windows(run: Run, angles: Mapping[str, Array], length_s: float, still: floa
 
 
 def _shows_nothing(run: Run, angles: Mapping[str, Array], rows: slice, still: float) -> bool:
-    """Whether a window has no measurement, or neither a drive nor a wheel that moves by more than `still`."""
+    """Returns whether a window has no measurement, or no motor is driven and all wheels move by less than `still`."""
     if not any(np.isfinite(values[rows]).any() for values in run.outputs.values()):
         return True
     driven = any(np.nan_to_num(values[rows]).any() for values in run.inputs.values())
@@ -233,7 +233,7 @@ def _without_holes(time: Array, values: Array | None) -> Array | None:
 def wheel_angles(run: Run) -> dict[str, Array] | None:
     """Returns wheel angles by name, measured or integrated from speeds; None if the angle of a wheel is not known.
 
-    If only the first sample of an angle is known, the integral begins there.
+    If only the first sample of an angle is known, the integral of the speed begins at this sample's value.
     """
     angle_of = {}
     for angle, rate in RATE_OF.items():
@@ -253,8 +253,7 @@ WINDOW_S = 1.0
 """The default length in s of the open-loop windows in which a motor's velocity is compared."""
 
 LEAST_WINDOW_S, LEAST_WINDOW_SAMPLES = 1e-3, 10
-"""Least length of a window, in s and in samples. A sample counts as long as the median step of the run with the longest
-steps."""
+"""Least length of a window, in s and in samples. The length of a sample is the largest median step of all runs."""
 
 
 def _least_window_s(dataset: Dataset) -> float:

@@ -1,10 +1,10 @@
 """The noise of a measured signal: its size, its colour, and the sd of a mean over several samples.
 
-Third differences of the samples, at several distances, distinguish noise from motion. A smooth motion contributes a
-variance that grows with the sixth power of the distance. White noise contributes the same variance at every distance.
-At the shortest distance, differentiated noise contributes more, and filtered noise less. The colour also determines the
-noise of a mean over n samples: filtered noise falls more slowly with n than white noise, and differentiated noise falls
-faster.
+Third differences of samples, computed at several distances between the samples, distinguish noise from motion. A smooth
+motion contributes a variance that grows with the sixth power of the distance. White noise contributes the same variance
+at every distance. At the shortest distance, differentiated noise contributes more than at longer distances, and
+filtered noise contributes less. The colour also determines the noise of a mean over n samples: filtered noise falls
+more slowly with n than white noise, and differentiated noise falls faster.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ _DISTANCES = np.array([1, 2, 3, 4, 6])  # samples
 _LEAST_SAMPLES = 40  # least number of samples that show a colour; in shorter runs noise counts as white
 _THIRD = np.array([20.0, -30.0, 12.0, -2.0])  # variance of a third difference: weights of autocorrelations, lags 0 to 3
 _FILTERS = np.array([0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9])  # lag-one autocorrelations that are tried
-_MOST = 0.85  # limit of an accepted autocorrelation: smoother noise cannot be told from motion
-_CLEARLY = 0.5  # an accepted colour has a smaller ratio of its misfit to white noise's misfit
-_MULTIPLE = 0.05  # share of a step: limit of the rounding error of a whole number of steps
+_MOST = 0.85  # a larger autocorrelation is not accepted: such smooth noise looks like motion
+_CLEARLY = 0.5  # a colour is accepted if its misfit is below this share of white noise's misfit
+_MULTIPLE = 0.05  # share of a step: a distance within this limit of a whole number of steps counts as one
 _DISTANCES_TRIED = 300  # this number of the smallest distances between values is used
 _SKIPPED = 60  # largest number of steps in the smallest distance: a fast counter skips values
 _TEXT = 30.0  # in steps: if the noise is larger, the step is only that of the log's decimal digits
@@ -34,7 +34,7 @@ _ALL = 0.98  # a larger share of the distances has to be whole numbers of steps
 _LEAST_PIECE = 8  # least number of samples in a piece; a longer gap ends a piece
 _COARSE = 0.5  # share of repeated samples: above it, the error comes from the steps and not from noise
 _LAGS = 400
-_SAME, _SELDOM = 1e-6, 0.05  # relative distance at which a third difference equals the median; limit of their share
+_SAME, _SELDOM = 1e-6, 0.05  # relative distance at which a third difference equals the median; limit of the equal share
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,8 @@ class Noise:
         sd: sd of the noise in one sample, SI.
         colour: "differentiated": noise of a rate computed from counts or positions; "filtered": white noise after a
             first-order low-pass; "quantised": only the steps of the converter.
-        correlation: lag-one autocorrelation of filtered noise; for "quantised", exp(-1 / mean samples on one step).
+        correlation: lag-one autocorrelation of filtered noise; for "quantised", exp(-1 / mean number of samples on one
+            step).
     """
 
     sd: float
@@ -85,7 +86,7 @@ def noise_of(parts: Sequence[Array], step: float = 0.0) -> Noise:
 
 
 def _without_long_holes(part: Array) -> list[Array]:
-    """Returns the known samples in pieces, cut where many samples are missing, where motion would count as noise."""
+    """Returns the known samples, cut into pieces at long holes: across a hole, motion would count as noise."""
     known = np.flatnonzero(np.isfinite(part))
     return [np.asarray(part[piece]) for piece in np.split(known, np.flatnonzero(np.diff(known) > _LEAST_PIECE) + 1)]
 
@@ -112,7 +113,7 @@ def step_of(parts: Sequence[Array]) -> float:
 
 
 def _common_divisor(apart: Array) -> float:
-    """Returns the largest number that divides nearly all of the sorted `apart`; 0: there is none."""
+    """Returns the largest number that divides nearly all distances in the sorted `apart`; 0: no number does."""
     for divisor in range(1, _SKIPPED + 1):
         step = float(apart[0]) / divisor
         reach = 2.0 * divisor
@@ -169,5 +170,5 @@ def _third_difference(values: Array, distance: int) -> float:
     middle = float(np.median(size))
     if middle > 0 and np.mean(np.abs(size - middle) < _SAME * middle) < _SELDOM:
         return 1.4826 * middle
-    limit = 3 * float(np.sqrt(np.mean(size**2)))  # not the median: for a coarse signal it is a whole number of steps
+    limit = 3 * float(np.sqrt(np.mean(size**2)))  # not the median: a coarse signal's median is a whole number of steps
     return float(np.sqrt(np.mean(np.minimum(size, limit) ** 2)))

@@ -11,8 +11,8 @@ from brickpilot.catalogue import ParameterInfo
 from brickpilot.data.signals import Frame, Vehicle
 from brickpilot.data.toml_file import Key, TomlFile
 
-# Lateral values of effects that act on these parts follow the frame's axes, unless the parameter is named left or
-# right.
+# If an effect acts on a sensor or the body, its lateral values change their sign with the frame. Parameters named left
+# or right keep their sign.
 _IN_AXES = frozenset({"sensor", "body"})
 _SIDES = frozenset({"left", "right"})
 
@@ -30,7 +30,7 @@ class Nominal:
 
 
 def read_nominal(toml: TomlFile, table: Mapping[str, Any], vehicle: Vehicle) -> dict[str, Nominal]:
-    """Returns the nominal parameters, checked: the plant knows each, and each is in its physical range.
+    """Returns the nominal parameters, after a check of their names and of their physical ranges.
 
     Raises:
         InputError: the message names the parameter's line.
@@ -53,8 +53,8 @@ def read_nominal(toml: TomlFile, table: Mapping[str, Any], vehicle: Vehicle) -> 
 def read_nominal_effects(toml: TomlFile, table: Mapping[str, Any], frame: Frame) -> dict[str, dict[str, Nominal]]:
     """Returns the effects that the experimenter's model already contains.
 
-    Values are read in the file's frame and returned in the paper's frame. From FLU, lateral and yaw values of a sensor
-    or the body change their sign, as their signals do. Values named left or right keep their sign.
+    Values are read in the file's frame and returned in the paper's frame. If the file is in FLU, lateral and yaw values
+    of a sensor or the body change their sign, like lateral and yaw signals. Values named left or right keep their sign.
 
     Raises:
         InputError: the message names the effect's line.
@@ -88,7 +88,7 @@ def turns_with_frame(effect: str, parameter: str) -> bool:
 
 
 def lengths(nominal: Mapping[str, Nominal], vehicle: Vehicle) -> dict[str, float]:
-    """Returns the stated nominal values, without a skid steer's track, as slip changes its turns."""
+    """Returns the stated nominal values without the half track of a skid steer, because slip changes its turns."""
     return {n: known.value for n, known in nominal.items() if (vehicle, n) != ("skid_steer", "half_track")}
 
 

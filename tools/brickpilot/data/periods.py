@@ -24,7 +24,7 @@ _LOWEST, _HIGHEST = 0.9, 115.0  # orders; `_STEP` resolves 128
 _SLOW = 0.1  # quantile of the turn per sample, because the slow parts of runs resolve the highest orders
 _TURNS = 1e-3  # rad per sample: a wheel that turns less counts as at rest
 PADDING = 4
-"""The number of points of a spectrum per resolution."""
+"""The number of points of a spectrum within one resolution (1 / span of the data)."""
 
 _NEIGHBOURHOOD = 2.0  # orders: a peak is compared with the spectrum up to this distance
 _PROMINENCE = 6.0  # least ratio of a peak's power to the median power in its neighbourhood
@@ -38,10 +38,10 @@ _RESOLUTION = 2 * math.pi / (_STEP * _LONGEST * PADDING)
 def orders(dataset: Dataset) -> tuple[float, ...]:
     """Returns the orders at which the wheels' acceleration is periodic in their angle, the strongest first.
 
-    Three spectra are used: the first has one phase for all runs of a wheel. The second is like the first, but for
-    effects proportional to the current, such as a motor's ripple. The third has a phase for each run. The current is
-    estimated as the part of the voltage that the speed does not explain. No model is needed, because such effects have
-    more periods per turn than the drive.
+    Three spectra are used. The first assumes one phase for all runs of a wheel. The second is like the first, but for
+    effects proportional to the current, such as a motor's ripple. The third allows a different phase in each run. The
+    current is estimated as the part of the voltage that the speed does not explain. No model is needed, because the
+    effects have more periods per turn than the commands.
     """
     alone = np.zeros(_LONGEST * PADDING // 2 + 1)
     plain, by_current = dict[str, Spectrum](), dict[str, Spectrum]()
@@ -69,7 +69,7 @@ def orders(dataset: Dataset) -> tuple[float, ...]:
 
 
 def _measured(run: Run) -> tuple[Run, slice]:
-    """Returns the longest part of a run without a long hole, such as a held-out stretch, and the rows of this part.
+    """Returns the longest part of a run between long holes (such as held-out stretches), and the rows of this part.
 
     After a long hole the wheel's angle is no longer known.
     """
@@ -108,7 +108,7 @@ def _peaks(power: Array) -> list[float]:
 def separate(
     places: Array, indices: NDArray[np.intp], apart: float, counts: Callable[[int], bool] = lambda _: True
 ) -> list[float]:
-    """Returns the first `_PEAKS` of `places[indices]` that `counts` accepts and that are at least `apart` apart."""
+    """Returns up to `_PEAKS` of `places[indices]`, accepted by `counts`; each is at least `apart` from the others."""
     chosen: list[float] = []
     for index in indices.tolist():
         if all(abs(places[index] - other) >= apart for other in chosen) and counts(index):
@@ -127,7 +127,7 @@ def _sums(angle: Array, values: Array) -> Spectrum:
 
 _AROUND = 8  # frequencies on each side of a peak: 32 degrees of freedom per piece, so the background is known to 25 %
 _GRID = 32  # number of grid times in the shortest period: a sample is moved by at most 1/64 period
-_FINER = 20  # number of frequencies between two multiples at which a peak is evaluated
+_FINER = 20  # number of frequencies between two multiples of 1 / duration at which a peak is evaluated
 
 
 @dataclass(frozen=True)
@@ -156,18 +156,18 @@ class Period:
 
 
 def own_period(residuals: Sequence[tuple[Array, Array]], level: float) -> Period | None:
-    """Returns the clearest periodic disturbance, whose phase may differ in each run; None: no period is significant.
+    """Returns the clearest periodic disturbance, whose phase may differ between runs; None: no period is significant.
 
     Runs are cut into pieces as long as the median run. The Lomb-Scargle power of each piece (Scargle 1982, Astrophys.
     J. 263) is divided by the variance of the piece. The power is summed over the pieces at multiples of 1 / duration.
-    The sum is compared with the mean at eight frequencies on each side. The nearest frequency on each side is left out,
-    because a peak between two frequencies appears in both. On a smooth background the ratio is Fisher's F, with two
-    degrees of freedom for each piece and frequency. So a piece must hold at least ten periods. A lightly damped
-    resonance gives such a peak, too, and cannot be distinguished from a disturbance.
+    The sum is compared with the mean of the sums at eight frequencies on each side. The nearest frequency on each side
+    is left out, because a peak between two frequencies appears at both frequencies. On a smooth background the ratio is
+    Fisher's F, with two degrees of freedom for each piece and frequency. So a piece must hold at least ten periods. A
+    lightly damped resonance gives such a peak, too, and cannot be distinguished from a disturbance.
 
     Args:
         residuals: for each run: time (n,) in s, possibly uneven, and residual (n,), NaN where unknown.
-        level: significance level: a period with a smaller `chance` counts as shown.
+        level: significance level: a period is returned only if its `chance` is smaller.
     """
     known = [(time[good], left[good]) for time, left in residuals if (good := np.isfinite(left)).any()]
     if not known:

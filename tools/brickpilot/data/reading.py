@@ -48,7 +48,7 @@ def read(folder: Path | str) -> Dataset:
         folder: the data set's folder, or the dataset.toml in it.
 
     Raises:
-        InputError: something is wrong; the message names file, line and field.
+        InputError: a file cannot be read or is wrong; the message names file, line and field.
     """
     path = Path(folder)
     try:
@@ -79,7 +79,7 @@ def _of_frames(
     """Returns a data set of DataFrames; `Dataset.from_frames` documents the arguments and errors.
 
     Args:
-        of_runs: key -> run -> value: keys of the runs' tables in a data set's file.
+        of_runs: key of a run's table in a data set's file -> run -> value.
         stated: top-level key of that file -> value; None: not stated.
     """
     toml = _tables(frames, signals, of_runs, stated)
@@ -307,7 +307,7 @@ def _channels(runs: list[Run], stated: Dataset) -> list[Channels]:
 
 
 def _wired(runs: list[Run], description: Description) -> tuple[tuple[Miswired, ...], tuple[str, ...], list[Run]]:
-    """Returns the wiring faults, the guesses corrected by them, and the runs in which the sure faults are mended."""
+    """Returns the wiring faults, the corrected guesses of numbers, and the runs in which sure faults are mended."""
     stated = description.dataset
     faults = miswired(_channels(runs, stated), lengths(stated.nominal, stated.vehicle))
     if description.as_wired:
@@ -323,7 +323,7 @@ def _wired(runs: list[Run], description: Description) -> tuple[tuple[Miswired, .
 
 
 def decimated(run: Run) -> Run:
-    """Returns the run with rows merged to about one per motor step; the run itself if its rows are not closer.
+    """Returns the run with rows merged to about one per motor step of the plant; a run with slower rows is unchanged.
 
     An input becomes the mean over the merged rows; if the motor floats in one of these rows, it floats in the new row.
     An output becomes the first reading in these rows, so that a channel with fewer readings than rows loses no reading.

@@ -114,9 +114,9 @@ def joined(rows: Iterable[Sequence[str]]) -> str:
 
 
 def parse_rows(rows: str, delimiter: str, width: int) -> tuple[pyarrow.Table, list[tuple[int, int]]]:
-    """Returns the table of cells as text, and (index from 0, number of cells) of each row that has another width.
+    """Returns the table of cells as text, and (index from 0, number of cells) of each row whose number is not `width`.
 
-    The table does not hold these rows.
+    The table does not contain these rows of another width.
 
     Args:
         rows: text with a line for each row, without quotes. An empty line has no cells.
@@ -147,7 +147,7 @@ def parse_rows(rows: str, delimiter: str, width: int) -> tuple[pyarrow.Table, li
 def numbers(
     cells: pyarrow.ChunkedArray, blanks: Collection[str] = ("",), decimal: str = "."
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Returns the numbers in cells of text, NaN in all other cells, and which cells are neither number nor blank.
+    """Returns the numbers in cells of text (NaN: no number), and whether each cell is neither a number nor blank.
 
     A number too large for a double is infinite.
 

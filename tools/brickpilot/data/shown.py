@@ -14,13 +14,13 @@ class Result:
     """A result that a notebook shows as a table, and a terminal as a few lines of text."""
 
     def __init_subclass__(cls) -> None:
-        """Gives each subclass the short text below, because a dataclass would show all its fields."""
+        """Gives each subclass the short text of `Result.__repr__`, because a dataclass would show all fields."""
         super().__init_subclass__()
         if "__repr__" not in vars(cls):
             cls.__repr__ = Result.__repr__  # type: ignore[method-assign]
 
     def __repr__(self: Any) -> str:
-        """Returns a few lines from `report`, called through `brickpilot`: other rooms may not import `report`."""
+        """Returns a few lines of text, through `brickpilot`, because this module may not import `report`."""
         return brickpilot.to_text(self)
 
     def _repr_html_(self: Any) -> str:

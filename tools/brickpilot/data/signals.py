@@ -1,4 +1,4 @@
-"""The signals that a data set may hold: kind, SI unit and vehicle of each."""
+"""The signals that a data set may hold, with the kind, the SI unit and the vehicles of each signal."""
 
 from __future__ import annotations
 
@@ -25,9 +25,10 @@ class SignalType:
     """A known signal.
 
     Attributes:
-        unit: SI unit of its values after reading.
-        largest: a cell with a larger magnitude is refused. The limit is far above the values of any machine, so that a
-            single wrong reading counts as a sensor fault and not as an error in the file.
+        unit: SI unit of the signal's values after reading.
+        largest: the largest accepted magnitude, in `unit`; a larger cell is an error in the file. The limit is far
+            above the values of any machine, so that a wrong reading of a sensor is accepted and later counts as a
+            sensor fault.
     """
 
     unit: str
@@ -86,7 +87,7 @@ INPUT_SETS: dict[Vehicle, tuple[tuple[str, ...], ...]] = {
     "motor": (("voltage",), ("duty",), ("reference_speed",)),
 }
 INPUT_SETS["skid_steer"] = INPUT_SETS["diff_drive"]
-"""The inputs of a vehicle: a data set has exactly one of these sets, complete."""
+"""Vehicle -> its sets of inputs: a data set has all inputs of one set, and no input of another set."""
 
 INITIAL_UNITS: dict[Vehicle, dict[str, str]] = {
     "diff_drive": {
@@ -134,6 +135,7 @@ def of_motors(inputs: Mapping[str, NDArray[np.float64]], half_track: float) -> N
 def to_frd(signal: str, values: Number, frame: Frame) -> Number:
     """Returns the value or values of `signal` in the paper's frame (x forward, y right, clockwise positive).
 
-    FLU differs by half a turn about x: lateral and yaw values change sign; left and right remain.
+    FLU is this frame after half a turn about x: lateral and yaw values change sign; left and right signals do not
+    change.
     """
     return -values if frame == "FLU" and signal in TURNS_WITH_FRAME else values

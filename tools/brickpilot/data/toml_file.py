@@ -62,7 +62,7 @@ class TomlFile:
                 table = _names(header[2])
                 if header[1] == "[[":
                     counts[table] = counts.get(table, -1) + 1
-                # A table below an array of tables belongs to the array's newest entry.
+                # A table below an array of tables belongs to the array's last entry so far.
                 for depth in range(len(table), 0, -1):
                     if table[:depth] in counts:
                         table = (*table[:depth], counts[table[:depth]], *table[depth:])
@@ -83,7 +83,7 @@ class TomlFile:
                 self._check_integers((*key, name), inner)
 
     def line(self, key: Key) -> int | None:
-        """Returns the line of the key, or of the first key in it, or of the nearest table that holds it."""
+        """Returns the line of the key, else of the first key inside it, else of the nearest table around it."""
         for depth in range(len(key), 0, -1):
             if key[:depth] in self._lines:
                 return self._lines[key[:depth]]

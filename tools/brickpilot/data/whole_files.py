@@ -1,6 +1,6 @@
-"""Reads text files, and writes files atomically: each is written beside its place and then renamed.
+"""Reads text files, and writes files atomically: each file is written under another name and then renamed.
 
-What killed processes have left is removed.
+Removes unfinished files that killed processes left behind.
 """
 
 from __future__ import annotations
@@ -56,10 +56,10 @@ def read_text(path: Path, size_limit: int = SIZE_LIMIT, *, damaged: bool = False
 
 @contextmanager
 def beside(place: Path, *, is_folder: bool = False) -> Iterator[Path]:
-    """Yields a new empty file or folder beside `place`. The caller fills and renames it; if not renamed, it is removed.
+    """Yields a new empty file or folder beside `place`. The caller fills and renames it, or else it is removed.
 
-    First, the files that killed processes have left for the same `place` are removed. Such a file is not locked,
-    because a lock ends with its process.
+    First removes the unfinished files for the same `place` that killed processes left behind. Such a file is not
+    locked, because a lock ends with the process that holds the lock.
 
     Raises:
         OSError: no file or folder can be made there.
@@ -75,7 +75,7 @@ def beside(place: Path, *, is_folder: bool = False) -> Iterator[Path]:
         made.mkdir() if is_folder else made.touch(exist_ok=False)
         lock = _locked(made)
         if lock is not None or fcntl is None:
-            break  # else another run has removed it as a leftover in between
+            break  # else another process removed the new file as a leftover before it was locked
     try:
         yield made
     finally:

@@ -20,7 +20,7 @@ from brickpilot.vehicle.model import Model
 
 
 def check(dataset: Data, *, seed: int = 0, jobs: int = 2) -> Check:
-    """Returns within seconds what `dataset` determines, which effects it would show, and what to drive next.
+    """Returns within seconds which values `dataset` determines, which effects would show in it, and what to drive next.
 
     Args:
         dataset: a data set, or its folder.
@@ -86,12 +86,11 @@ def discover(
 
     Args:
         dataset: a data set, or its folder.
-        model: the model, or its file, with whose values and effects the search starts; None: the nominal values.
+        model: a model, or its file; the search starts with its values and effects; None: the nominal values.
         seed: the seed of the random starts, which are used if nominal values are not given; 0 or more.
         jobs: number of fits at the same time, 1..256.
         budget_s: the time in s, above 0, after which the best answer so far is returned; None: no limit.
-        predictor: whether the best predictor, `Finding.predictor`, is also found. It does not claim that its parts
-            exist.
+        predictor: whether to also find the model that predicts best, `Finding.predictor`; its effects need not be real.
         progress: called with (done, total, text).
 
     Raises:

@@ -1,4 +1,4 @@
-"""`ask`: a simulated robot behind a link asks its own questions."""
+"""`ask`: flies missions with a simulated robot over a link, to find which explanation of its behaviour is right."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from brickpilot.vehicle.model import Model, rcx
 from brickpilot.vehicle.scenario import Scenario, render_mission
 
 FILES = ("ask.html", "ask.json", "model.toml", "data", "flights")
-"""What `ask` writes into its folder."""
+"""The files and folders that `ask` writes into the folder `out`."""
 
 
 def ask(
@@ -39,23 +39,25 @@ def ask(
     choose: Choice | None = None, out: str | Path | None = None, progress: Progress | None = None,
     command: str = "bp.ask",
 ) -> Asked:  # fmt: skip
-    """Flies the missions that tell the possible explanations of a robot's behaviour apart, until one is left.
+    """Flies missions that distinguish the possible explanations of a robot's behaviour, until one explanation remains.
 
-    The robot is simulated: its brick is at the other end of the link, and its plant, with what the search does not
-    know, at this end. Each mission begins at the same place. The search sees what a host of a real robot can log.
+    The robot is simulated: its brick is at the other end of the link, and its plant is at this end. The plant has
+    effects that the search does not know. Each mission begins at the same place. The search sees only the signals that
+    a host of a real robot can log.
 
     Args:
-        robot: the file of the simulated robot's model; its effects are what the search has to find.
-        model: the model, or its file, that the robot's owner believes in; None: the packaged robot.
+        robot: the file of the simulated robot's model; the search has to find the effects of this model.
+        model: the robot's model as the owner believes it to be, or the file of this model; None: the packaged robot.
         link, target, lockstep: where the brick is, as in `hil`.
-        space_m: the fence: the largest distance from the start, m. The motors stop before it.
+        space_m: the fence: the largest distance from the start, m. The motors stop before the robot passes the fence.
         speed_m_s: the largest speed of a mission, m/s.
-        battery_v: no mission begins at a lower voltage, V; None: no limit.
+        battery_v: the lowest battery voltage, V, at which a mission may begin; None: no limit.
         most: the largest number of missions, 1..32.
         sensors: "imu" or "imu+encoders".
         seed: the seed of the sensors' noise and of the search, 0 or more.
         jobs, progress: as in `discover`.
-        choose: chooses each mission after the first; None: the one that separates the rivals most.
+        choose: chooses each mission after the first; None: the mission that distinguishes best between the rival
+            explanations is chosen.
         out: the folder with the page, the flights and their data set; None: runs/ask-NAME.
         command: the command line that the page shows, to repeat the call.
 
@@ -82,7 +84,7 @@ def ask(
             own.parent.mkdir(exist_ok=True)
             mission = own.with_suffix(".toml")
             mission.write_text(render_mission(course), encoding="utf-8")
-            # Each flight has noise of its own.
+            # Each flight has another seed, and so other noise.
             request = FlightRequest(
                 scenario_file=str(mission), profile="coupled", sensors=sensors, model_file=file, seed=seed + len(made)
             )

@@ -157,13 +157,13 @@ _FLAGS = {"mapping": "map", "settings": "set"}
 
 
 def command_line(command: str, *arguments: str, **options: Any) -> str:
-    """Returns a command line of `brickpilot`; pages show it to tell how they were made.
+    """Returns a command line of `brickpilot`; a page shows the command that made the page.
 
     Args:
         command: the name of the command.
         arguments: the positional arguments, in order.
-        options: the options, by the keywords of the public functions. None, False and () are left out, True is a
-            switch, and a sequence repeats its flag.
+        options: keyword of a public function -> its value. None, False and () are left out, True gives a flag without a
+            value, and a sequence repeats the flag for each entry.
     """
     words = ["brickpilot", command, *arguments]
     for name, value in options.items():

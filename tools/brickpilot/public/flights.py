@@ -32,7 +32,7 @@ class Session:
 
     Attributes:
         spec: the link or the simulated processor, as `link_of` returns it.
-        telemetry_every: number of steps from one telemetry to the next; None: as `every` says.
+        telemetry_every: number of steps from one telemetry to the next; None: the default value of `every`.
         settings: raw values to write before the flight.
         watch: called at the beginning of each control step.
     """
@@ -71,7 +71,7 @@ class Session:
 
 
 def link_of(spec: str | None, target: str, lockstep: bool) -> str:
-    """Returns the link of `--link` and `--target`, as `hil.ends` names it; InputError: these options contradict."""
+    """Returns the link that the options choose, as `hil.ends` names it; InputError: --link and --target conflict."""
     if target == "host":
         if spec is None:
             raise InputError("is missing: name the link to the brick", field="--link")
@@ -137,7 +137,7 @@ def hil(
         seed: the seed of the sensors' noise, 0 or more.
         settings: setting -> raw value that is written before the flight.
         image: an Arduino's ELF file or an RCX's brickpilot.h8sim, made by `firmware` for the robot of `model`.
-        trace, record, junit: files to write, for the signals at the pins (VCD), the link's traffic, and checks (JUnit
+        trace, record, junit: files to write: the signals at the pins (VCD), the link's traffic, and the checks (JUnit
             XML).
         telemetry_every: number of steps from one telemetry to the next, 1..255; None: 10 in real time or with an AVR,
             else 1.

@@ -52,12 +52,13 @@ def import_log(
             kind.
         nominal: parameter -> its value in SI, as in [nominal] of a data set.
         name: the name of the data set; None: the name of the folder.
-        progress: called with (done, total, text); only kinds of log that take long call it.
+        progress: called with (done, total, text); only importers that take long call this function.
         importers: the table of kinds.
         options: the options of this kind of log, such as `mapping`, `vehicle`, `frame`, `split` and `guessed`.
 
     Raises:
-        InputError: the message names file, line and column, or the option. Nothing is written then.
+        InputError: a log or an option is wrong; the message names file, line and column, or the option. Then no file is
+            written.
 
     >>> import brickpilot as bp, pathlib, tempfile
     >>> folder = pathlib.Path(tempfile.mkdtemp())
@@ -88,7 +89,7 @@ def why(
             robot.
         vehicle: "diff_drive", "motor" or "skid_steer"; None: guessed if the log is a table.
         frame: "FLU" or "FRD"; None: guessed if the log is a table, else FRD.
-        mapping: signals of columns of a table, as in `import_log`; the signals of all other columns are guessed.
+        mapping: the signals in a table's columns, as in `import_log`; the signals in all other columns are guessed.
         nominal: parameter -> value in SI.
         as_wired: whether channels that look swapped, reversed or scaled wrongly stay as they are.
         out: the folder to write with the page why.html; None: nothing is written.
@@ -98,7 +99,7 @@ def why(
     Raises:
         InputError: a log cannot be read, or an argument is wrong.
 
-    A motor that does what its nominal values say:
+    A motor that behaves as its nominal values predict:
 
     >>> import brickpilot as bp, numpy as np, pandas as pd
     >>> known = {"resistance": 20.0, "torque_constant": 0.3, "emf_constant": 0.3, "wheel_inertia": 1e-3}
@@ -152,7 +153,7 @@ def changed(
         command: the command line that the page shows, to repeat the call.
 
     Raises:
-        InputError: a recording cannot be read, is of another vehicle, or an argument is wrong.
+        InputError: a recording cannot be read or is of another vehicle, or an argument is wrong.
 
     A motor whose bearing brakes more than before:
 
@@ -246,12 +247,12 @@ def _words(logs: Logs) -> str:
 
 
 def _terms(folder: Path) -> set[str]:
-    """Returns the C files of composed terms that an earlier call has left in the folder."""
+    """Returns the names of the C files of composed terms that an earlier call wrote into the folder."""
     return {path.name for path in folder.glob("composed_for_*.c")} if folder.is_dir() else set()
 
 
 def _read(logs: Logs, into: Path, options: Mapping[str, Any]) -> tuple[Dataset, tuple[str, ...], str]:
-    """Returns a data set, the notes on its import, and the options with which the import would be right.
+    """Returns a data set, the notes on its import, and the options of `import` that would correct its wiring.
 
     Logs are imported into the folder `into`. `options`: the options for logs, by the keywords of `why`.
     """

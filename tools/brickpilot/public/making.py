@@ -58,7 +58,7 @@ def campaign(
 
     Raises:
         InputError: the file or an argument is wrong, or the folder holds another campaign.
-        WorkFailedError: the disk is full, or no worker is left.
+        WorkFailedError: the disk is full, or no worker runs any more.
     """
     count = None if runs is None else whole("runs", runs, 1)
     given = campaign_file.load(Path(file), count=count, seed=None if seed is None else seed_of(seed), shares=SD_SHARE)
@@ -93,7 +93,7 @@ def tune(
         The folder with its figures, and the result of the tuning.
 
     Raises:
-        InputError: an argument is wrong, or the data allow no robot.
+        InputError: an argument is wrong, or no robot drawn from the model's uncertainty is physically possible.
         SimulationError: a flight cannot begin.
     """
     if (model is None) == (dataset is None):
@@ -193,7 +193,7 @@ def firmware(
 
 
 def _fly_image(model_file: str, order: Order, folder: Path) -> str | None:
-    """Returns the command that flies the image itself; None: the board has no simulator."""
+    """Returns the command that flies the robot with the image; None: the board has no simulator."""
     if not order.board.flown:
         return None
     return command_line("hil", image=folder / order.board.flown, model=model_file, scenario=order.mission)
