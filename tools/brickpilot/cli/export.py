@@ -86,7 +86,7 @@ def parquet(source: str, out: str | None) -> None:
 
 
 def _write(what: str | None, kind: str, out: str | None, *labels: str, **options: Any) -> None:
-    """Writes the files, and prints the missing parts and each file with its label, the last of which may repeat."""
+    """Writes the files; prints the missing parts, then each file with its label. Further files have the last label."""
     from brickpilot.public.making import export
 
     made = export(what, kind, out, **options)

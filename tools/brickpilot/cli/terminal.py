@@ -87,7 +87,7 @@ def wiring_lines(sentences: Sequence[str], mend: str = "") -> list[str]:
 
 
 def _beginning(typed: str, known: Mapping[str, str | None], *, or_file: bool = False) -> list[CompletionItem]:
-    """Returns the names in `known` (name -> description) that begin with `typed`; files, if there are none."""
+    """Returns the names in `known` (name -> description) that begin with `typed`; if none does and `or_file`, files."""
     items = [CompletionItem(name, help=text) for name, text in known.items() if name.startswith(typed)]
     return items or ([CompletionItem(typed, type="file")] if or_file else [])
 
@@ -232,7 +232,7 @@ _LOG_OPTIONS = (
 
 
 def log_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Adds the options that say how logs are read, by the keywords of `public.logs.why`."""
+    """Adds the options that say how logs are read, with the names of the keywords of `public.logs.why`."""
     return with_options(command, _LOG_OPTIONS)
 
 

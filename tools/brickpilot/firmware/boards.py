@@ -174,7 +174,7 @@ _IMU = re.compile(r"(#define BOARD_IMU )BOARD_ANALOGUE\b")
 ANALOGUE = "analogue"
 IMUS = {ANALOGUE: "BOARD_ANALOGUE", "mpu6050": "BOARD_MPU6050", "lsm6ds": "BOARD_LSM6DS"}
 """IMU of an Arduino -> name of the IMU in board.h."""
-_DIGITAL = {"gyro_range": math.radians(1000.0), "accel_range": 2 * 9.80665}  # ranges that the port sets
+_DIGITAL = {"gyro_range": math.radians(1000.0), "accel_range": 2 * 9.80665}  # the port sets these in an IMU on I2C
 _RANGES = {"GYRO": "gyro_range", "SURGE": "accel_range", "SWAY": "accel_range"}
 
 
@@ -218,7 +218,7 @@ def _check_imu(imu: str, robot: Robot, board: Board) -> None:
 
 
 def of_model(robot: Robot, root: Path) -> dict[str, str]:
-    """Returns header -> text, for the headers of the model's formats; empty: the formats are those of the project."""
+    """Returns header -> text for the headers with the model's formats; empty: the project's formats fit the robot."""
     bits = params_header.voltage_bits(plain(robot.vehicle["parameters"]))
     if bits == 0:
         return {}
@@ -229,8 +229,8 @@ def of_model(robot: Robot, root: Path) -> dict[str, str]:
 def _wiring(text: str, robot: Robot) -> str:
     """Returns the header of a port with the scales of this robot's sensors; a comment states the counts per turn.
 
-    One count is twice the range divided by 1024. The header of the RCX states it as a whole part and 256ths; the header
-    of the AVR chips states it in 256ths.
+    The value of a count is twice the sensor's range divided by 1024. The header of the RCX states this value as a whole
+    part and 256ths; the header of the AVR chips states it in 256ths.
     """
     counts = {axis: 2 * robot.value("sensors", "imu", name) * MILLI / 1024 for axis, name in _RANGES.items()}
     q8 = {axis: round(count * 256) for axis, count in counts.items()}
@@ -262,7 +262,7 @@ def _with_battery(text: str, robot: Robot) -> str:
 
 @dataclass(frozen=True)
 class ClosedLoop:
-    """The input from which a machine compiles the library; small enough to be sent to another machine.
+    """The input from which any machine compiles the closed loop as a library; a small object, quick to send.
 
     Attributes:
         headers: (file, text) of the headers that replace the project's: the robot's constants.

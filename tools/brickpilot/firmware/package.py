@@ -66,7 +66,7 @@ def make(order: Order, folder: Path) -> Made:
     """Writes constants, sources and image into `folder`, and flies the robot with the same constants.
 
     Raises:
-        InputError: a value that a format cannot hold.
+        InputError: a format cannot hold a value.
         WorkFailedError: a build fails, for example because the image does not fit.
         SimulationError: the plant diverges.
     """

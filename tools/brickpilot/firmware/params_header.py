@@ -2,7 +2,7 @@
 
 A user's robot is checked against the ranges of these formats. A coefficient of the model depends on several values of
 the robot. If a coefficient does not fit, each value is changed separately until the constants can be made. The error
-names the value with the least change, and its valid range while all other values are kept.
+names the value that needs the least change, and the valid range of this value while all other values stay.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from brickpilot.vehicle.settings import Setting, constants, default, plain, sett
 
 INT16, UINT16 = 32767, 65535
 LONGEST_STEP_MS = 20
-"""ms: the longest step that firmware/app/loop.c integrates completely; a watchdog must not allow a longer step."""
+"""The longest step in ms that firmware/app/loop.c integrates completely; a watchdog must not allow a longer step."""
 
 TRAVEL_SCALE = "travel_scale_q15"
-"""The only compensation without a field of its own: the constant of the travel per count includes it."""
+"""The only compensation without a field of its own: it is included in the constant of the travel per count."""
 
 GYRO_FULL = 0.98
 """Share of the gyro's range above which a reading counts as saturated; the rest is for noise and resolution."""
@@ -37,13 +37,13 @@ CURRENT_SHARES = (1.0, 4.0, 16.0, 64.0, 256.0, 0.25, 0.0625)
 PER_CURRENT = ("resistance", "inductance", "torque_constant")
 PER_VOLTAGE = ("resistance", "inductance", "emf_constant")
 PER_TURN = {"wheel_radius": 1, "emf_constant": 1, "torque_constant": 1, "viscous_friction": 2, "wheel_inertia": 2}
-"""Parameter -> the power of the radius by which it scales, if the motion is to stay the same (eq. 12 to 14)."""
+"""Parameter -> the power of the radius to which it is proportional if the motion stays the same (eq. 12 to 14)."""
 
 SMALLEST_WHEEL, LARGEST_WHEEL = 1 / 64, 1 / 16
-"""m: limits of the wheel's radius between which the model's shares of wheel speed and surge are below 1."""
+"""Limits of the wheel's radius, m. Between them the model's shares of wheel speed and surge are below 1."""
 
 BATTERY_MOST = 29.0
-"""V: largest nominal voltage of a battery; a charged battery then has at most `HIGHEST_OWN`."""
+"""Largest nominal voltage of a battery, V; the charged battery then has at most the voltage `HIGHEST_OWN`."""
 
 MILLIVOLTS = round(HIGHEST_OWN * 1e3)
 
@@ -182,7 +182,7 @@ def voltage_bits(values: Values) -> int:
 
 
 def with_room(values: Values, step: float) -> Values:
-    """Returns a vehicle for the model's coefficients: the motion is the same, and the states fit the model's formats.
+    """Returns the parameters of a vehicle that moves in the same way, and whose states fit the model's formats.
 
     The inputs of the model are voltages, and its outputs are speed and yaw rate of the body. Its other states may be
     scaled:
@@ -304,7 +304,7 @@ def _refuse(robot: Robot, step: float, reason: str) -> NoReturn:
 
 
 def _ways_out(robot: Robot, step: float) -> Iterator[tuple[int, Place, float]]:
-    """Changes each stated value alone; yields (steps, place, nearest value with which the constants can be made)."""
+    """Changes each stated value alone; yields (number of factors 2, place, nearest value for which constants exist)."""
     used = {("parameters", name) for name in robot.vehicle["parameters"]}
     stated = [place for place in sorted(robot.stated) if place[0] in ("sensors", "robot") or place in used]
     for place in (place for place in stated if robot.value(*place) > 0):

@@ -1,8 +1,8 @@
-"""A user's robot with all values that the firmware needs: those that the packaged robot's file has, too.
+"""A user's robot with all values that the firmware needs: a value for each entry of the packaged robot's file.
 
 `[parameters]` and `[effects]` of the robot's model file describe the plant. `[robot]`, `[sensors.*]`, `[estimator*]`
-and `[controller.coupled]` may state other values, with the names and units of sim_host/models/rcx.toml. Values that are
-not stated follow from the rules below, or are the packaged robot's. The rules start from the packaged robot's tuned
+and `[controller.coupled]` may state further values, with the names and units of sim_host/models/rcx.toml. Values that
+are not stated follow from the rules below, or are the packaged robot's. The rules start from the packaged robot's tuned
 constants.
 
 A motor drives one degree of freedom, the straight drive or the turn, as a first-order lag: dv/dt = (gain V - v) / time
@@ -13,9 +13,9 @@ A motor drives one degree of freedom, the straight drive or the turn, as a first
 
 The gains of another robot give its loops the same polynomials, with all poles multiplied by one factor, the pace:
 
-- If this robot accelerates less, the pace is the root of the ratio of accelerations at full voltage. With this pace, a
-  heading error demands the same share of the robot's voltage.
-- If the robot's own damping exceeds the damping of the loop with this pace, the pace is larger, up to `FASTEST`.
+- If the robot accelerates less at full voltage than the packaged robot, the pace is the square root of the ratio of
+  these accelerations. With this pace, a heading error demands the same share of the voltage from both robots.
+- If the robot without control has more damping than the loop with this pace, the pace is larger, up to `FASTEST`.
 
 Speeds scale with the steady speed at battery voltage, decelerations with the acceleration, lengths with the robot's
 length. The voltage for turns scales with the battery, but stays within the gyro's range (`_within_gyro`). The rules
@@ -82,7 +82,7 @@ ACCEPTANCE, FEEDFORWARD = "acceptance", "feedforward"
 """Settings that a vehicle file does not state; they follow from the robot's length and losses."""
 
 LONGEST_COUNT = 0.016
-"""m: the longest travel per count, just below the limit of the travel's format."""
+"""The longest travel of a wheel per encoder count, m: just below the limit of the format for this travel."""
 
 _PACKAGED = "the packaged robot's"
 _STATED = "stated"
@@ -96,7 +96,7 @@ class Robot:
         model: the plant, with its effects.
         vehicle: the tables of a vehicle file; each entry is `{value, unit, basis}`.
         known: parameter of a compensation -> raw integer: the effects that the firmware compensates.
-        remarks: a line for each difference that the firmware cannot compensate.
+        remarks: a line for each difference from the firmware's model that the firmware cannot compensate.
         stated: place -> value in SI, for the values that the model file states.
         toml: the model file, for errors.
     """
@@ -203,7 +203,7 @@ def changed(robot: Robot, values: Mapping[Place, float]) -> Robot:
 
 
 def with_gains(robot: Robot, gains: Gains) -> Robot:
-    """Returns the robot with these gains in its controller: its constants contain their raw integers.
+    """Returns the robot with these gains in its controller: the firmware's constants hold the gains' raw integers.
 
     Raises:
         InputError: a gain cannot be set, because it follows from another value of the robot.
@@ -233,7 +233,7 @@ def _put(vehicle: dict[str, Any], values: Mapping[Place, Chosen]) -> None:
 
 
 def _chosen(vehicle: dict[str, Any], stated: Mapping[Place, float]) -> dict[Place, Chosen]:
-    """Returns every value that a rule gives; writes length and counts per turn into `vehicle` for these rules."""
+    """Returns every value that a rule gives; writes length and counts per turn into `vehicle`, for later rules."""
     reference = packaged()
     own, other = plain(vehicle["parameters"]), plain(reference["parameters"])
     chosen: dict[Place, Chosen] = {}
@@ -277,10 +277,10 @@ NOTHING = 0.01
 """Largest loop gain that is set to 0, because it hardly changes the damping."""
 
 FASTEST_CRUISE = 1.6
-"""m/s: fastest cruise, four fifths of the limit of a speed's format."""
+"""The fastest cruise speed, m/s: four fifths of the largest speed that the format holds."""
 
 LONGEST_TURN = math.pi
-"""rad: the largest error of the heading."""
+"""The largest heading error, rad: half a turn."""
 
 GYRO_SHARE = 0.9
 """Share of the gyro's range that a turn may reach; the rest is a margin for bias, noise and stronger motors."""
@@ -326,7 +326,7 @@ def _lag(values: Values, inertia: float) -> Motion:
 
 
 def _pace(own: Motion, acceleration_ratio: float, damping: float) -> float:
-    """Returns the factor on the poles. `damping`: minus the sum of the packaged loop's poles, in 1/s."""
+    """Returns the factor on the packaged robot's poles. `damping`: minus the sum of these poles, in 1/s."""
     slowed = min(1.0, math.sqrt(acceleration_ratio))
     return min(max(slowed, 1 / (own.time * damping)), FASTEST)
 

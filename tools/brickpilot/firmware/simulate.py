@@ -37,9 +37,9 @@ SLACK = 1.25  # factor on the duration of a scaled mission, because the time for
 def mission(robot: Robot, file: str | None) -> Scenario:
     """Returns the mission of a robot: the user's `file` without changes, or the packaged mission scaled to the robot.
 
-    The scale is the ratio of the robots' lengths. A slower robot has a smaller scale, so that the mission does not last
-    longer, because the error due to the learnt gyro bias grows with time. But no leg is shorter than `SHORTEST_LEG`
-    acceptance radii.
+    The scale is the robot's length over the packaged robot's length. For a slow robot the scale is smaller, so that the
+    mission does not last longer: the error due to the learnt gyro bias grows with time. But no leg is shorter than
+    `SHORTEST_LEG` acceptance radii.
 
     Raises:
         InputError: the file is bad or no mission, or the scaled mission is larger than a route can hold.
@@ -119,7 +119,7 @@ _TARGETS = {
     ("rcx", "imu"): "h8sim:imu",
     ("rcx", "imu+encoders"): "h8sim:rotation",
 }
-"""Board and sensors of an image -> the target of `hil` with its chip."""
+"""Board and sensors of an image -> the target of `hil` with the image's chip."""
 _AVR_MACHINE = b"\x53\x00"
 """Bytes 18 and 19 of an ELF file for an AVR."""
 
@@ -128,8 +128,8 @@ _AVR_MACHINE = b"\x53\x00"
 class OwnImage:
     """An image, the target of `hil` with the image's chip, and the sensors for which the image was made.
 
-    `scales`: input -> value of one of 1024 counts in rad/s, m/s^2 or V, from the image's own board.h; empty: the image
-    is for an RCX, which receives readings as messages in these units.
+    `scales`: input -> value of one of the converter's 1024 counts in rad/s, m/s^2 or V, from the board.h of the image;
+    empty for an image for an RCX, because the simulated RCX receives its readings as messages.
     """
 
     path: Path
@@ -139,7 +139,7 @@ class OwnImage:
 
 
 def find_image(image: Path) -> OwnImage:
-    """Returns an image in a folder of `firmware`, or in a folder below it, where build.sh writes its image.
+    """Returns the image at this path: in a folder that `firmware` wrote, or in the folder of build.sh below it.
 
     Raises:
         InputError: there is no such file, the folder does not name its board, or no simulator flies the image.
@@ -169,7 +169,7 @@ def _simulator(image: Path) -> str | None:
 
 
 def image_plan(image: OwnImage, model: Path, scenario: str | None, sensors: str | None, seed: int) -> Plan:
-    """Returns the flight plan of a model file's robot with its image. `scenario`: None: the scaled mission.
+    """Returns the flight plan of a model file's robot with its image. Without `scenario`: the scaled mission.
 
     Raises:
         InputError: a file is bad, or the image was not made for `sensors`.
@@ -181,7 +181,7 @@ def image_plan(image: OwnImage, model: Path, scenario: str | None, sensors: str 
 
 
 def _scales(board: Path) -> dict[str, float]:
-    """Returns input -> value of one of 1024 counts in rad/s, m/s^2 or V, from a board.h.
+    """Returns input -> value of one of the converter's 1024 counts in rad/s, m/s^2 or V, from a board.h.
 
     Raises:
         InputError: board.h is missing, or lacks a scale.

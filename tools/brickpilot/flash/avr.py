@@ -16,7 +16,7 @@ from brickpilot.errors import InputError, WorkFailedError
 
 @dataclass(frozen=True)
 class Part:
-    """A chip on an Arduino: avrdude's names of the chip and its boot loader's protocol, and the bytes for an image."""
+    """A chip on an Arduino: avrdude's names of the chip and of its boot loader, and the largest image in bytes."""
 
     name: str
     programmer: str
@@ -79,7 +79,7 @@ def flash(
         part: the chip.
         port: the board's serial port.
         baud: the boot loader's rate.
-        dry: whether the image is not written; only the presence of the board and its chip are checked.
+        dry: True: checks only that the board and its chip are there, and writes nothing.
         timeout_s: time for the whole delivery, s.
 
     Raises:

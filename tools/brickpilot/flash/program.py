@@ -55,7 +55,7 @@ TRIES_PRESENT = 10
 TRIES = 40
 ROUNDS = 8
 _SILENT = 6
-"""Number of failed tries in a row after which the cause may be a complete program instead of a bad line."""
+"""Number of failed tries in a row after which the program may be complete already, instead of the line being bad."""
 
 
 class Loader:

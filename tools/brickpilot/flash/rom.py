@@ -1,16 +1,17 @@
 """Puts a file on an RCX: firmware by the download protocol of the ROM, programs by the protocol of brickOS.
 
-A packet is 55 FF 00, then the opcode, the operands and the sum of opcode and operands; the complement follows each of
-these bytes. The opcode of a reply is the complement of the request's opcode. The rules for sending a packet again:
+A packet is 55 FF 00, then the opcode, the operands and the sum of opcode and operands. After 55 FF 00, each byte is
+followed by its complement. The opcode of a reply is the complement of the request's opcode. The rules for sending a
+packet again:
 
 - The ROM remembers the opcode to which it last replied. If the next request has the same opcode, the ROM only repeats
   its reply. So a new request toggles bit 3 of its opcode, and a repeated request does not.
 - The ROM writes the bytes of a block to memory as they arrive. When the same index arrives again, the ROM goes back to
   the start of the block. So a block can be sent again, even with fewer bytes, until it is acknowledged.
 - After a damaged byte, the ROM looks for an opcode in the rest of the same packet. The ROM may take bytes of the image
-  for the head of another block; then the ROM loses the start of the present block. The ROM may also take such bytes
-  for the same short request twice. Then the ROM repeats its reply to the last block, and this reply looks like an
-  acknowledgement. So if the line damages packets, a block ends before such bytes.
+  for the head of another block; then the ROM loses the start of the present block. The ROM may also take image
+  bytes for a short request, twice in a row. Then the ROM repeats its reply to the last block, and this reply looks like
+  an acknowledgement. So if the line damages packets, a block ends before bytes that the ROM could misread.
 - The ROM also loses the start of a block if a byte of the index and the byte's complement are both lost. After a block
   with a wrong checksum, the ROM waits for the next block. Then only a new download helps.
 
@@ -45,7 +46,7 @@ _AROUND = 6
 """Number of bytes in a block besides the image: opcode, index, length and checksum."""
 TRIES_PRESENT = 10
 TRIES = 40
-"""Number of tries of one packet after the brick's first reply: 20 s, time to move the brick back into range."""
+"""Times that a packet is sent after the brick's first reply: for 20 s, time to move the brick back into range."""
 DOWNLOADS = 12
 """Largest number of downloads of the whole image."""
 
@@ -57,7 +58,7 @@ def frame(body: bytes) -> bytes:
 
 
 def find_reply(received: bytes, opcode: int, length: int) -> bytes | None:
-    """Returns the reply to `opcode`, `length` bytes with the reply's opcode, or None; the header may be damaged."""
+    """Returns the reply to `opcode`, or None; `length`: its bytes with the opcode. Its header may be damaged."""
     pairs = length + 1
     for at in range(len(received) - 2 * pairs + 1):
         values = received[at : at + 2 * pairs : 2]
@@ -71,8 +72,9 @@ def find_reply(received: bytes, opcode: int, length: int) -> bytes | None:
 def _misread(packet: bytes) -> bool:
     """Returns whether the ROM can take the rest of this block for another packet if the block's beginning is damaged.
 
-    Five bytes that look like the head of a block are enough. Any other packet needs an opcode, the number of operands
-    in the opcode's low bits, and the right sum. The search begins after the block's index, which cannot be changed.
+    Five bytes that look like the head of a block are enough. Any other packet needs an opcode, as many operands as the
+    opcode's low bits say, and the right sum. The search begins after the block's index, because a shorter block has
+    the same index.
     """
     for at in range(3, len(packet)):
         if packet[at] & ~TOGGLE == BLOCK[0]:
@@ -86,7 +88,7 @@ def _misread(packet: bytes) -> bool:
 
 
 def block(opcode: int, index: int, piece: bytes, *, careful: bool) -> bytes:
-    """Returns opcode and operands of a block with `piece`; if `careful`, with the part that cannot be misread."""
+    """Returns opcode and operands of a block with `piece`; if `careful`, with as much of it as cannot be misread."""
     for length in range(len(piece), 0, -1):
         data = piece[:length]
         head = bytes([opcode]) + index.to_bytes(2, "little") + length.to_bytes(2, "little")
@@ -164,7 +166,7 @@ class Rom:
             index += 1
             if attempt:
                 self._size = limit
-            elif length == limit:  # the success of a shorter block says nothing about longer ones
+            elif length == limit:  # the success of a shorter block says nothing about longer blocks
                 self._size = min(LONGEST, self._size + max(8, self._size // 3))
         return True
 

@@ -48,7 +48,7 @@ def generate(root: Path) -> dict[Path, str]:
 
 
 def banner(name: str, inputs: Mapping[Path, str]) -> str:
-    """Returns a C comment with the name of a generated file, and each of its inputs with its SHA-256.
+    """Returns a C comment with the name of a generated file, and the name and SHA-256 of each input.
 
     `tools/check_generated` compares these hashes at every build.
 
@@ -67,7 +67,7 @@ def sha256(text: str) -> str:
 
 
 def stale(files: dict[Path, str]) -> list[Path]:
-    """Returns the files whose text differs or is missing. Line endings do not count."""
+    """Returns the files that are missing or hold another text. Line endings do not count."""
     return [
         path
         for path, text in files.items()

@@ -61,7 +61,7 @@ FIXED = ("gravity", "air_density", "battery_voltage")
 
 
 def value_sets(nominal: Mapping[str, float]) -> list[dict[str, float]]:
-    """Returns the set of nominal values, then sets drawn within +-25 % of it. Constants and supply are not drawn."""
+    """Returns the set of nominal values, then sets drawn within +-25 % of them; values in `FIXED` stay nominal."""
     draw = random.Random(SEED)
     sets = [dict(nominal)]
     for _ in range(PERTURBED_SETS):
@@ -127,7 +127,7 @@ PLACES = ("nothing", "stack", "register", "short", "word", "displaced", "stepped
 
 @dataclass(frozen=True)
 class Cost:
-    """Accesses of an instruction: ``code`` words, and ``words`` and ``data_bytes`` at ``place``; and ``own`` states."""
+    """Cost of an instruction: words of ``code``; ``words`` and ``data_bytes`` of data at ``place``; ``own`` states."""
 
     code: int
     words: int

@@ -1,6 +1,6 @@
-"""Flies a mission with an AVR as the brick, which reads its own sensors and drives its own motors, in simulated time.
+"""Flies a mission, in simulated time, with an AVR brick that reads its sensors and drives its motors itself.
 
-The robot is an image on simavr, connected to the plant.
+The image runs on simavr, a simulator of AVR chips. The simulated pins are connected to the plant.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ REPLY_S = 2.0
 """Simulated time in s in which a reply has to arrive."""
 
 RESET_STEPS = round(2.5 / STEP_S)
-"""Steps from a reset to the flight's end. A faulty image that starts by itself begins to drive after 2 s."""
+"""Control steps from a reset to the flight's end: 2.5 s, as a faulty image that starts by itself drives after 2 s."""
 
 MOST_PULSES_PER_S = 20_000.0
 """False pulses per s at a rotation sensor, for an `encoder_noise` with a rate of 1."""
@@ -171,7 +171,7 @@ def avr_image(target: str) -> Path:
 
 
 class AvrRobot:
-    """The robot, made by `open_robot`. It is also the host's end of the line: a `Link` in simulated time.
+    """The simulated robot, made by `open_robot`; also the host's end of the serial line: a `Link` in simulated time.
 
     Attributes:
         damaged: number of refused frames from the brick.
@@ -187,7 +187,7 @@ class AvrRobot:
         self._motor_step_s = float(TomlFile(RCX).data["rates"]["motor_step"]["value"])
 
     def send(self, messages: Sequence[Message]) -> None:
-        """Puts messages on the line; they are transmitted while time passes."""
+        """Puts messages on the line, which transmits them while simulated time passes."""
         data = b"".join([encode_frame(identifier, data) for identifier, data in messages])
         self.send_bytes(data)
 
@@ -236,7 +236,7 @@ class AvrRobot:
             raise SimulationError(f"the simulation ended with status {status}")
 
     def fault(self, name: str, value: float) -> None:
-        """Sets a fault of `brickpilot_avr.h`, such as MAIN_HELD; 0 ends it."""
+        """Begins the fault `name` of `brickpilot_avr.h`, such as MAIN_HELD, with size `value`; 0 ends this fault."""
         number = getattr(self.library, f"BP_AVR_{name}")
         if self.library.bp_avr_fault(self.brick, number, value):
             raise ValueError(f"{name}: {value}")
@@ -288,8 +288,8 @@ def open_robot(
         log: (steps, columns), filled by the flight.
         motors: (steps, 2), filled by the flight with the motors' mean duty in each step.
         trace: a VCD file of the signals at the pins.
-        scales: input (`BP_AVR_GYRO` and so on) -> value of one of the 1024 counts in the image; an input that is not
-            given has the scale of the packaged image.
+        scales: input (`BP_AVR_GYRO` and so on) -> value that the image gives to one of the converter's 1024 counts, in
+            rad/s, m/s^2 or V; an input that is not given has the scale of the packaged image.
 
     Raises:
         InputError: the package was built without simavr, or the image or the trace cannot be used.

@@ -1,7 +1,7 @@
 """Finds the firmware's sources, in a checkout of the project or in the package, and runs a checkout's scripts.
 
-It also lists the images of `firmware/targets/avr` that `hil` flies, and names the program that `brickpilot brick` runs.
-So these commands find both without the libraries of the extra `hil`.
+The images of `firmware/targets/avr` that `hil` flies, and the program that `brickpilot brick` runs, are listed here, so
+that commands find them without the libraries of the extra `hil`.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def checkout(field: str | None = None) -> Path:
     """Returns the checkout of the project in this folder or above it.
 
     Raises:
-        InputError: there is none.
+        InputError: there is no checkout.
     """
     here = Path.cwd()
     for folder in (here, *here.parents):

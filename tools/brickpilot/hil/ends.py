@@ -30,17 +30,17 @@ from brickpilot.link.session import REPLY_S
 
 _PRIORITY = 20  # 1 to 99; threads of the system have higher priorities
 STARTED = {"serial:pty": "--pty", "tcp": "--listen 127.0.0.1:0", "can:slcan": "--slcan-pty"}
-"""Link whose brick is started on this machine as a process -> the options of this process."""
+"""Link to a brick that is started as a process on this machine -> the options of this process."""
 
 IN_PROCESS = ("can:virtual", "can:udp_multicast")
 FORMS = (*STARTED, *IN_PROCESS, *brick.FORMS)
 
 
 def claim_priority() -> bool:
-    """Requests real-time priority (sched(7), SCHED_FIFO) for this thread and its children; returns whether it is given.
+    """Requests real-time priority (sched(7), SCHED_FIFO) for this thread and its children.
 
     With this priority, other programs delay fewer ticks; both ends of a link sleep between their ticks. macOS and
-    Windows do not have this call.
+    Windows do not have this call. Returns whether the system grants the priority.
     """
     if not hasattr(os, "sched_setscheduler"):
         return False
@@ -58,7 +58,7 @@ class Ends:
     Attributes:
         link: the open link.
         restart: function that switches the brick off and on; None: the brick was not started on this machine.
-        reply_s: in lockstep, the time in s of `clock` to wait for a reply before the set is sent again.
+        reply_s: in lockstep, the time in s by `clock` after which sensor messages without a reply are sent again.
         clock: function that returns the link's time in s.
     """
 
@@ -74,8 +74,8 @@ def both_ends(spec: str, trace: Path | None = None, image: Path | None = None) -
 
     Args:
         spec: the link, or one of `H8SIM_TARGETS`.
-        trace: for one of `H8SIM_TARGETS`, the file for the address and the stack pointer of each instruction, as
-            native 16-bit words.
+        trace: for one of `H8SIM_TARGETS`, the file to which the simulator writes the address and the stack pointer of
+            each instruction, as native 16-bit words.
         image: see `h8_simulator`.
 
     Raises:
@@ -83,7 +83,7 @@ def both_ends(spec: str, trace: Path | None = None, image: Path | None = None) -
     """
     restart: Callable[[], None] | None = None
     try:
-        with ExitStack() as stack:  # at its end, closes the link first, then ends the brick
+        with ExitStack() as stack:  # the end of this block closes the link, then ends the brick
             if spec in STARTED:
                 process, address = start_brick(STARTED[spec])
                 stack.callback(end_brick, process)
@@ -148,7 +148,7 @@ def wait_for_end(process: subprocess.Popen[bytes]) -> int:
 
 
 def restart_brick(process: subprocess.Popen[bytes]) -> None:
-    """Restarts a brick by SIGUSR1 and waits until it prints a line."""
+    """Restarts the brick in a process by SIGUSR1, and waits up to 2 s until the process prints a line."""
     assert process.stdout is not None
     process.send_signal(signal.SIGUSR1)
     if select.select([process.stdout], [], [], 2.0)[0]:
@@ -171,7 +171,7 @@ class _Brick:
         self._brick = self._ffi.gc(self._library.bp_brick_new(), self._library.bp_brick_free)
 
     def advance(self, now_us: int) -> int:
-        """Lets the brick work until the time `now_us`. Returns the time in us after which the brick has work again."""
+        """Lets the brick work until the time `now_us`. Returns the number of us until the brick has work again."""
         return int(self._library.bp_brick_time(self._brick, now_us))
 
     def take(self, identifier: int, data: bytes) -> None:
@@ -243,7 +243,7 @@ class MemoryLink:
         self._brick.advance(0)
 
     def restart(self) -> None:
-        """Switches the brick off and on. Sent messages that have not been received are lost."""
+        """Switches the brick off and on. Messages of the brick that the host has not received are lost."""
         self._brick.restart()
         self._received.clear()
         self._brick.advance(self._now_us)
@@ -282,17 +282,17 @@ def memory_ends() -> Iterator[Ends]:
 
 
 H8SIM_TARGETS = {"h8sim": None, "h8sim:imu": "imu", "h8sim:rotation": "rotation"}
-"""The firmware on the simulator of the RCX's processor, linked by its standard input and output.
+"""Targets that run the firmware on a simulator of the RCX's processor, linked by the simulator's stdin and stdout.
 
-Target -> the sensors for which it is built (firmware/targets/rcx/flags); None: built like a host's brick.
+Target -> the sensors for which the firmware is built (firmware/targets/rcx/flags); None: built as for a host.
 """
 
 H8SIM_REPLY_S = 10.0
-"""Time in s to wait for a reply: a simulated instruction takes microseconds, and the simulator starts in seconds."""
+"""Time in s to wait for a reply: long, as the simulator needs microseconds per instruction and starts in seconds."""
 
 
 def h8_simulator(target: str, image: Path | None = None) -> tuple[str, str]:
-    """Builds the simulator and its program by the project's scripts if necessary, and returns their paths.
+    """Returns the paths of the simulator and of the program for it; the project's scripts build both if necessary.
 
     Args:
         target: one of `H8SIM_TARGETS`.

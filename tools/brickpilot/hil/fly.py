@@ -35,7 +35,7 @@ from brickpilot.vehicle import flight, flight_figures
 from brickpilot.vehicle.scenario import AVR_KINDS
 
 TRIES = 4
-"""In lockstep, the link counts as lost after a set was sent this number of times without a reply."""
+"""In lockstep, the link counts as lost if a step's sensor messages were sent this number of times without a reply."""
 
 LOST_STEPS = int(SILENT_S / STEP_S)
 """In real time, the motors stop after this number of steps without a motor command."""
@@ -44,7 +44,7 @@ REST_STEPS = round(1.0 / STEP_S)
 """In real time, number of steps from the mission's end to the flight's end, in which the robot rolls out."""
 
 GIVE_UP_STEPS = round(2.0 / STEP_S)
-"""A flight ends after this number of steps without a link, in which the motors are off."""
+"""A flight ends after this number of steps without a link; during these steps the motors are off."""
 
 
 @dataclass(frozen=True)
@@ -83,15 +83,16 @@ class HilFlight:
 
 
 class Fence:
-    """Stops the motors if the brick believes that it is too far from its start; ends a flight a second after its end.
+    """Stops the motors if the brick reports a place beyond `reach_m`; ends the flight 1 s after the mission's end.
 
-    Use it as the `watch` of one flight. The command to stop is repeated while the brick reports that it drives.
+    Pass a new fence as the `watch` of each flight. The command to stop is repeated while the brick reports that it
+    drives.
 
     Args:
         reach_m: the largest allowed distance from the start, m.
 
     Attributes:
-        crossed: whether the brick reported a larger distance.
+        crossed: whether the brick has reported a distance larger than `reach_m`.
     """
 
     def __init__(self, reach_m: float) -> None:
@@ -101,7 +102,7 @@ class Fence:
         self._ending = False
 
     def __call__(self, run: LinkedFlight) -> None:
-        """Looks at the newest report of the brick, at the beginning of a step."""
+        """Checks the position in the newest report of the brick, at the beginning of a step."""
         position = [run.telemetry.newest(column) for column in ("estimate_x_m", "estimate_y_m")]
         if not self.crossed and math.dist(position, run.plan.scenario.start[:2]) > self.reach_m:
             self.crossed, self._since = True, run.step
@@ -251,7 +252,7 @@ def _check_plan(ends: Ends, spec: str, plan: flight.Plan) -> None:
 
 
 def flown(run: LinkedFlight, log: NDArray[np.float64], motors: NDArray[np.int16], elapsed_s: float) -> HilFlight:
-    """Returns the finished flight: the plant's log with the columns of telemetry, and the counts."""
+    """Returns the finished flight: the plant's log with the columns of telemetry, and the counts of faults."""
     done = run.step
     run.break_off_if_reset()
     columns = {name: np.ascontiguousarray(log[:done, index]) for index, name in enumerate(flight.log_names())}

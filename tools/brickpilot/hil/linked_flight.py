@@ -59,7 +59,7 @@ class LinkedFlight:
         self.late = 0
         self.without_reply = 0
         self.safe_stops = 0
-        # The newest of each of these messages: signal -> raw value; a signal that has not arrived counts as 0.
+        # Name of a message -> signal of the newest such message -> raw value, 0 before the first message.
         self.reports: dict[str, Counter[str]] = {name: Counter() for name in ("HEARTBEAT", "FAULTS", "BOARD")}
         self.motors = (0, 0)
         self.commanded_at = 0  # the step of the last motor command
@@ -110,7 +110,7 @@ class LinkedFlight:
         return self.session.resets.reset
 
     def end_in(self, steps: int) -> None:
-        """Ends the flight after this number of steps, if the plan does not end it before."""
+        """Ends the flight after this number of steps, if the plan does not end it earlier."""
         self.plan = dataclasses.replace(self.plan, steps=min(self.plan.steps, self.step + steps))
 
     def begin_step(self) -> None:
@@ -129,7 +129,7 @@ class LinkedFlight:
         return self.step - self._over_since
 
     def exchange(self, end: PlantEnd, tries: int, timeout: float) -> bool:
-        """Sends the step's set until the reply comes, and takes the motor command. Returns False if no reply came."""
+        """Sends the step's sensor messages up to `tries` times, and takes the motor command; False: none came."""
         for _ in range(tries):
             self.sent_sequence = self.session.next_sequence()
             expected = partial(self._is_command, self.sent_sequence, end.tick_ms)
@@ -229,7 +229,7 @@ class Telemetry:
             for message in book().database.messages
             if message.frame_id in self._layouts
         }
-        # For each column: the steps and the rows of its message, the index in a row, and the SI value of one raw unit.
+        # Column -> steps and rows of its message, the column's index in a row, and the SI value of one raw unit.
         self._columns = {
             column: (*self._rows[message], book().by_name[message].names.index(signal), book().scale(message, signal))
             for column, (message, signal) in COLUMNS.items()
@@ -268,7 +268,7 @@ class Telemetry:
         return steps[-1] if steps else -1
 
     def newest(self, column: str) -> float:
-        """Returns the value of one of COLUMNS that the brick reported last; 0 before the first report."""
+        """Returns the newest reported value of `column`, one of COLUMNS, in SI units; 0 before the first report."""
         _, rows, index, scale = self._columns[column]
         return rows[-1][index] * scale if rows else 0.0
 
@@ -278,7 +278,7 @@ class Telemetry:
         return int(self.newest("mode"))
 
     def columns(self, steps: int) -> dict[str, Array]:
-        """Returns each of COLUMNS with shape (steps,): the last report up to each step, 0 before the first report."""
+        """Returns each of COLUMNS, (steps,): the value reported last up to each step, or 0 before the first report."""
         return {
             column: _held(at, [row[index] for row in rows], steps) * scale
             for column, (at, rows, index, scale) in self._columns.items()
@@ -329,10 +329,10 @@ class TickRecorder:
         """Returns the columns of ticks.csv for the first `steps` ticks, each (steps,).
 
         - time_s: time since the flight began.
-        - begun_s: when the tick began by the host's clock, in s since the first tick began.
+        - begun_s: time, by the host's clock, from the beginning of the first tick to the beginning of this tick, in s.
         - round_trip_ms: from the sending of the sensors' set to the arrival of its motor command; NaN: no command.
-        - each of TROUBLES: its count in the tick. The brick reports its counts with a delay. A tick without counts,
-          such as after a lost link, has no new troubles.
+        - each of TROUBLES: how often it happened in the tick. The brick reports its counts with a delay. In a tick
+          without counts, such as after a lost link, the column is 0.
         """
         counted = np.vstack([np.zeros(len(TROUBLES)), self._counted[:steps]])
         last = np.maximum.accumulate(np.where(np.isnan(counted[:, 0]), 0, np.arange(len(counted))))

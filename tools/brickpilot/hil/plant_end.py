@@ -110,7 +110,7 @@ def open_plant(plan: flight.Plan, log: NDArray[np.float64], motors: NDArray[np.i
 
 
 HELD_FOR = 20
-"""The number of messages that overtake a delayed one."""
+"""The number of later messages that overtake a delayed message."""
 
 FLOOD = 20
 """A flood puts this number of random messages before each message that it hits."""
@@ -143,7 +143,7 @@ class _Direction:
         return out
 
     def _hit(self, fault: Fault, message: Message) -> list[Message]:
-        """Returns the result of `fault` on a message."""
+        """Returns the messages that the link delivers at once in place of `message` under `fault`."""
         dice = self._dice
         if dice.random() >= fault.rate:
             return [message]

@@ -1,8 +1,8 @@
-"""Flies the mission with the RCX's own image in a simulated brick with kernel, interrupts, drivers and timing.
+"""Flies the mission with the image for an RCX, in a simulated brick with kernel, interrupts, drivers and timing.
 
-Every 3 ms, the plant's step, the plant gives the sensors' voltages as counts of the brick's converter, and the brick
-gives the time for which the kernel's motor port drove each motor. The brick is an RCX with brickOS in simulated time:
-processor, interrupts, converter, timers and serial line (hal/h8sim).
+Plant and brick exchange values every 3 ms, the plant's step. The plant gives the sensors' voltages as counts of the
+brick's converter; the brick gives the time for which the kernel's motor port drove each motor. The brick is an RCX with
+brickOS in simulated time: processor, interrupts, converter, timers and serial line (hal/h8sim).
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ BOOT_MS = 2000
 PACKET_GAP_MS = 10
 REPLY_MS = 300
 AFTER_S = 1.0
-"""Time in s from the display of the mission's end to the flight's end."""
+"""Time in s that a flight lasts after the display has shown the mission's end."""
 
 ARRIVED = "donE"
 
@@ -65,7 +65,7 @@ class RcxFlight:
     Attributes:
         reached: the waypoints that the plant reached.
         shown: the display's text at the end: ARRIVED, or a fault such as "Err 7"; None: the mission had not ended.
-        ticks_ms: times between the beginnings of successive control steps.
+        ticks_ms: times in ms, each from the beginning of a control step to the beginning of the next step.
         tally: the processor's work since the press of Run.
     """
 
@@ -76,7 +76,7 @@ class RcxFlight:
 
 
 class _Line(Tower):
-    """A tower that stands before a simulated brick."""
+    """An infrared tower in front of a simulated brick."""
 
     def __init__(self, rcx: SimulatedRcx) -> None:
         self.device = "the simulated RCX"
@@ -102,7 +102,7 @@ class Image:
     """The autopilot as a program of brickOS.
 
     Attributes:
-        functions: name -> address, if the program's text is loaded at the program's own base.
+        functions: name of a function -> its address if the program's text is loaded at `program.base`.
     """
 
     program: image_files.Program
@@ -138,7 +138,7 @@ def fly(image: Image, plan: flight.Plan, progress: Progress) -> RcxFlight:
     """Loads the image, presses Run and flies until the mission or the plan ends.
 
     Args:
-        plan: the plan; its route must be the image's own route, and its duration counts from the press of Run.
+        plan: the plan; its route must be the route in the image, and its duration counts from the press of Run.
         progress: called with the steps done, all steps, and a text.
 
     Raises:
@@ -209,7 +209,7 @@ time-outs; ERI to TEI: the serial line; converter: the A/D converter.
 DISPLAY, FONT = 0xEF43, 0xA906
 """Addresses in Debian's kernel: the display's memory, and the segments of each character."""
 
-# For each digit from left to right: byte and bit of the font's bits 0 to 6 in the display's memory.
+# For each digit, from left to right: the place (byte, bit) of segments 0 to 6 of the font in the display's memory.
 _SEGMENTS = (
     ((3, 5), (7, 1), (3, 4), (7, 5), (7, 7), (3, 7), (7, 3)),
     ((3, 1), (8, 1), (3, 0), (8, 5), (8, 7), (3, 3), (8, 3)),
@@ -246,7 +246,7 @@ class SimulatedRcx:
 
     Attributes:
         ms: simulated time since the brick was switched on.
-        driven: time, us, for which motors A and C were driven in the last `run` or `bring`, forward minus backward.
+        driven: times in us, forward minus backward, for which motors A and C were driven in the last `run` or `bring`.
 
     Raises:
         InputError: no checkout of the project, no compiler or no brickOS.

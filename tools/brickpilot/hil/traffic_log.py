@@ -70,7 +70,7 @@ class RecordingLink(WrappedLink):
 
 @contextmanager
 def recorded(link: Link, file: Path | None) -> Iterator[Link]:
-    """Yields the link, with its messages written to `file`; None: without a recording."""
+    """Yields a link that also writes its messages to `file`; if `file` is None, yields `link` itself."""
     if file is None:
         yield link
     else:
@@ -79,7 +79,7 @@ def recorded(link: Link, file: Path | None) -> Iterator[Link]:
 
 
 def read(file: Path) -> list[can.Message]:
-    """Returns the messages of a log in order; each message has its time, and whether the host received it.
+    """Returns the messages of a log in order; each message has its time, and `is_rx`: whether the host received it.
 
     Raises:
         InputError: the file cannot be read, has another suffix, or is no log of CAN traffic.
@@ -99,9 +99,9 @@ class Replayed:
     """The result of a replay.
 
     Attributes:
-        steps: number of sets with a reply in both the recording and the replay.
+        steps: number of sets of sensor messages that have a reply in the recording and in the replay.
         differing: number of sets whose replies differ.
-        first: the first set whose replies differ, or None.
+        first: number, from 1, of the first set whose replies differ; None: no replies differ.
     """
 
     steps: int

@@ -1,4 +1,4 @@
-"""Opens the link to a brick that runs already, and sends it what a flight needs."""
+"""Opens the link to a brick that runs already, and sends settings and route for a flight to the brick."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def open_link(spec: str, known: Sequence[str] = (f"{INFRARED}:PORT", *FORMS)) ->
 
     Args:
         spec: the link, as `brickpilot upload --link` takes it.
-        known: the links that the message of an unknown link lists.
+        known: the forms of links that the error for an unknown link lists.
 
     Raises:
         InputError: the link is unknown or cannot be opened.

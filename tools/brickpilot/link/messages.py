@@ -21,10 +21,10 @@ CRC_AT = 6
 
 
 class Layout:
-    """The layout of one message. `pack` takes raw values in the order of `names`; `unpack` returns them.
+    """The layout of one message. `pack` takes raw values and `unpack` returns raw values, in the order of `names`.
 
     Args:
-        message: a message of the DBC with 8 bytes and little-endian signals that do not overlap; one begins at bit 0.
+        message: a message of the DBC: 8 bytes; the signals are little-endian, do not overlap, and begin at bit 0.
     """
 
     def __init__(self, message: Message) -> None:
@@ -52,7 +52,7 @@ class Layout:
         return values
 
     def seal(self, *values: int) -> bytes:
-        """Packs `values`, without the CRC, and puts the CRC of this message into the last two bytes."""
+        """Packs `values`, one for each signal but the CRC, and puts the CRC of the message into the last two bytes."""
         data = self.pack(*values, 0)
         return data[:CRC_AT] + struct.pack("<H", crc16(struct.pack("<H", self.id) + data[:CRC_AT]))
 
@@ -90,7 +90,7 @@ class Book:
         self.by_id = {layout.id: layout for layout in layouts}
 
     def reply_to(self, request: Layout) -> Layout | None:
-        """Returns the brick's reply to a message of the host: the next id, or MOTORS to SYNC; None: it has no reply."""
+        """Returns the brick's reply to a message of the host: MOTORS for SYNC, else the next id; None: no reply."""
         reply = self.by_name["MOTORS"] if request.name == "SYNC" else self.by_id.get(request.id + 1)
         return reply if reply is not None and reply.of_brick else None
 
@@ -105,7 +105,7 @@ class Book:
         return next((name for name, value in self.choices(message, signal).items() if value == number), unknown)
 
     def scale(self, message: str, signal: str) -> float:
-        """Returns the SI value of one raw unit."""
+        """Returns the SI value of one raw unit of a signal."""
         return float(self.database.get_message_by_name(message).get_signal_by_name(signal).scale)
 
 
@@ -121,5 +121,5 @@ def dbc_path() -> Path:
 
 
 def set_crc(sync: bytes, parts: Sequence[bytes]) -> int:
-    """Returns the CRC of a set, over SYNC's id, SYNC's first 6 bytes, and the parts in the order of their ids."""
+    """Returns the CRC of SYNC's id, SYNC's first 6 bytes, and `parts`, the data of the other messages by id."""
     return crc16(b"".join((struct.pack("<H", book().by_name["SYNC"].id), sync[:CRC_AT], *parts)))

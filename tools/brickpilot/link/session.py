@@ -90,7 +90,7 @@ class Session:
         """Begins a session. The brick then has the constants of `profile` and no route; its motors are off.
 
         Raises:
-            InputError: no brick replies, the brick's messages differ, or it lacks the profile or the pace.
+            InputError: no brick replies, the brick has another protocol or DBC, or lacks the profile or the pace.
         """
         profiles, paces = self._book.choices("OPEN", "profile"), self._book.choices("OPEN", "pace")
         values = (self._book.protocol, self._book.crc, profiles[profile], paces[pace])
@@ -200,7 +200,7 @@ class ResetWatch:
         self.reset = False
 
     def opened(self, repeats: int) -> None:
-        """Starts with a session that was opened by an OPEN and `repeats` repetitions of it."""
+        """Takes note that an OPEN opened the session, and that this OPEN was sent again `repeats` times."""
         self._watching, self._due, self._newest_tick, self.reset = False, repeats, 0, False
 
     def begin(self) -> None:

@@ -1,6 +1,7 @@
-"""The infrared tower on a serial line with 2400 baud, 8 bits and odd parity. It receives an echo of all sent bytes.
+"""The infrared tower on a serial line with 2400 baud, 8 bits and odd parity.
 
-Every time-out is a multiple of the byte time, so that a test with a faster line waits proportionally less.
+The tower echoes every byte that the host sends. Every time-out is a multiple of the byte time, so that a test with a
+faster line waits proportionally less.
 """
 
 from __future__ import annotations
