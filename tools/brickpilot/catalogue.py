@@ -196,7 +196,7 @@ def family(name: str) -> str:
 
 
 def law(name: str, values: Mapping[str, float]) -> str:
-    """Returns the name of effect `name`'s law with these parameters: "FAMILY, but DIFFERENCE and DIFFERENCE".
+    """Returns the law of effect `name` with these parameters in words: "FAMILY, but DIFFERENCE and DIFFERENCE".
 
     Parameters that are absent from `values` count as 0.
     """

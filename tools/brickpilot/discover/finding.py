@@ -334,7 +334,7 @@ class Finding(Result):
         law_differs: True: the claimed effects leave more than noise in some signal, so their laws are not quite right,
             or a smaller effect is missing too. None: no effect is claimed, or a composed term stands beside them.
         evidence: what proves the augmented model; None: no effect and no term was added.
-        gap: "fit", "held_out" -> gap. `by_signal`: signal -> gap over all runs.
+        gap: "fit" or "held_out" -> the `Gap` of these runs. by_signal: signal -> the `Gap` of all runs.
         nominal_model: the calibrated nominal model.
         augmented: the model that is written to model.toml.
         simulated: "nominal", "augmented" -> run -> outputs.

@@ -59,7 +59,7 @@ class Width:
     """How wide a search is.
 
     Attributes:
-        rough, fine, least: of one screen, the most fitted trials, the most refined fits and the fewest refined fits.
+        rough: the most trials of a screen that are fitted; of these, at least `least` and at most `fine` are refined.
         paired: number of the best single parts that are fitted in pairs; the best `fine` / 2 pairs are refined.
         swapped: the most library laws that are tried in place of one law; 0 if the parts are not laws of the library.
     """

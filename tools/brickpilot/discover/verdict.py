@@ -157,7 +157,7 @@ def confirmed(verdict: Verdict, samples: Found, enough: float) -> Verdict:
 
     Args:
         samples: evidence, at the samples, of nominal model, best explanation, and best explanation without each part.
-        enough: for `none`, noise alone may have at most this many nats more evidence than the nominal model.
+        enough: the verdict `none` needs a nominal model whose evidence is at most this far below that of noise, nats.
     """
     if verdict.kind not in ("named", "ambiguous"):
         return verdict

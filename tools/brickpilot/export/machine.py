@@ -139,7 +139,7 @@ _EVERYTHING = frozenset(field.name for field in fields(Machine))
 
 
 def describe(model: Model, holds: Container[str] = _EVERYTHING) -> tuple[Machine, list[str]]:
-    """Returns the robot with every effect that has a law here, and the other effects' names in the table's order.
+    """Returns the robot with every effect that the exports can express, and the names of the other effects.
 
     Args:
         holds: the attributes of `Machine` that the file can contain; effects on other attributes are left out.

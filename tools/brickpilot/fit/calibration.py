@@ -81,7 +81,7 @@ class Calibration(Result):
         units: signal -> the unit in which the data set states it.
         frame: the coordinate frame of the data set, in words; empty for a motor.
         notes: sentences on what was assumed, what was left out, and what is not identifiable.
-        stated: fitted parameter -> its value and sd in the data set; without parameters that are not stated there.
+        stated: fitted parameter that the data set states -> the stated value and its sd.
         spread: the joint uncertainty of the fitted parameters; None if nothing was fitted.
     """
 

@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Plan:
-    """A scenario with all choices of its flight.
+    """A scenario with everything that a flight of it needs: controller, sensors, model and seed.
 
     Attributes:
         model: the model of the plant.

@@ -91,7 +91,7 @@ class Replay:
         Args:
             only: the runs that are wanted; None: all. If charge or heat carries over, earlier runs are simulated too.
             signals: the outputs to keep; None: all that the vehicle has.
-            marks: run name -> the samples at which the simulation continues from measured values: a row of windows.
+            marks: run name -> the samples at which the simulation starts anew from measured values. None: at no sample.
                 Unmeasured values stay as simulated, and so do delayed commands, heat and charge.
         """
         names = plant.wanted_names(signals)

@@ -38,7 +38,7 @@ _AGREE = 0.4  # two deviations agree if their relative difference is below this
 _JUMP = 8.0  # in median sampling intervals: a longer step of the time is a clock's jump or lost rows
 _STOOD = 0.35  # share of the motion expected during a jump: with less motion, the vehicle stood still
 _LOCAL = 10  # number of samples before and after a jump from which the speeds there are computed
-_STEPS = 10.0  # in resolutions: a jump during which less motion is expected is no evidence
+_STEPS = 10.0  # least expected motion during a jump that makes the jump evidence, in resolutions
 _LONGEST_S = 0.2  # longest delay that is tried, s; no sensor has a longer delay
 _SPAN_S = 0.04  # the span over which a summed signal is differenced, and over which a rate is averaged
 _CLEARER = 0.8  # a delay is clear if (residual with the delay) / (residual without a delay) is at most this
@@ -271,7 +271,7 @@ def _stood(view: RunView, at: int) -> bool:
 
 
 def delays(views: Sequence[RunView]) -> dict[str, float]:
-    """Returns rate -> its delay behind the derivative of angle or travel, s, if clear and similar in all runs."""
+    """Returns rate -> delay behind the derivative of its angle or travel, s, for delays that all runs show alike."""
     found: dict[str, float] = {}
     for sums, rate in RATE_OF.items():
         each = [one for view in views if (one := _delay(view, sums, rate)) is not None]
