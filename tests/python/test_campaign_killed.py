@@ -95,7 +95,9 @@ def test_ctrl_c_keeps_the_parts_and_ends_the_workers(alone: bytes, tmp_path: Pat
     os.killpg(program.pid, signal.SIGINT)
     _, said = program.communicate(timeout=20)
     assert program.returncode != 0, said
-    assert said.count("Traceback") == 1  # from the program itself; workers print nothing
+    # The program says it once, at the end; workers print nothing. Ctrl-C may arrive while the program handles another
+    # error (`mkdir` of a folder that exists), and then Python prints a traceback of each.
+    assert said.splitlines().count("KeyboardInterrupt") == 1, said
     assert said.strip().endswith("KeyboardInterrupt")
     assert all_gone(program.pid)
     kept = parts_of(tmp_path)
