@@ -40,6 +40,7 @@ const effect_t effect_accel_bias = {
              .prior_reason = "Every cheap accelerometer has a zero offset, and every mounting tilts a little.",
              .advice = "Let it rest on level ground before each run, and take the mean of the accelerometers off.",
              .parameter_count = 2,
-             .parameters = PARAMETERS},
+             .parameters = PARAMETERS,
+             .shapeless = 1},
     .hook = {[SITE_SENSOR] = sensor},
 };

@@ -71,7 +71,7 @@ typedef struct {
     const char *run_value;  /* name of the value per run that adds to this parameter, such as "start"; NULL: none */
 } bp_parameter_info;
 
-/* One effect of the library. Every row sets all fields except the last eight; the composed effect has no advice.
+/* One effect of the library. Every row sets all fields except the last nine; the composed effect has no advice.
  *
  * A mechanism has several laws, because the same part fails in more than one way. An effect is a variant if its law
  * differs in one respect from the law of a better known effect: `variant_of` names the better known effect, which has
@@ -104,6 +104,7 @@ typedef struct {
     double motor_step;      /* s: the longest motor step that still resolves the effect; 0: no such limit */
     int carries_over;       /* 1: the charge or heat that one run leaves changes the next run */
     int composed;           /* 1: a sum of terms that discovery composes, never a candidate of its own */
+    int shapeless;          /* 1: adds a constant to a reading, whatever moves: no shape of this law can be wrong */
     const char *variant_of; /* the effect of which this one is a variant; NULL: none */
     const char *variation;  /* what differs from that effect; NULL: none */
     const char *contains;   /* names of the effects whose laws this one contains, with spaces between; NULL: none */

@@ -147,7 +147,8 @@ def left_by(folder: Path, effects: dict[str, dict[str, float]], name: str | None
     if name is not None:
         part = next(one for one in library_parts(nominal.model) if one.effect == name)
         best = refine(prepared.coarse, [joined(nominal, part, effects[name])], 1)[0]
-    return adequacy.adequacy(judge, judge.of_explanation(best), judge.of_explanation(nominal), 0)
+    nothing = judge.of_explanation(nominal)
+    return adequacy.adequacy(judge, judge.of_explanation(best), nothing, nothing, 0)
 
 
 def test_dry_friction_is_predictable_until_it_is_explained(tmp_path: Path) -> None:

@@ -86,6 +86,7 @@ class EffectInfo:
         motor_step: the longest motor step in s that still resolves the effect; 0: no limit.
         carries_over: whether the charge or heat at the end of one run changes the next run.
         composed: whether the effect is a sum of terms that discovery composes, and never a candidate by itself.
+        shapeless: whether the effect adds a constant to a reading, whatever moves: no shape of its law can be wrong.
         variant_of: the better known effect of which this one is a variant; empty: none.
         variation: how the effect's law differs from that of `variant_of`, as words after "but"; empty: no difference.
         contains: the effects whose laws are special cases of this law, in which some parameters of this law are 0, are
@@ -109,6 +110,7 @@ class EffectInfo:
     motor_step: float
     carries_over: bool
     composed: bool
+    shapeless: bool
     variant_of: str
     variation: str
     contains: tuple[str, ...]

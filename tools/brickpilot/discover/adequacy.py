@@ -95,25 +95,25 @@ class Adequacy:
         )
 
 
-def adequacy(judge: Judge, best: Evidence, nothing: Evidence, seed: int) -> Adequacy:
-    """Returns the adequacy of an explanation on the fit runs."""
+def adequacy(judge: Judge, best: Evidence, nothing: Evidence, plain: Evidence, seed: int) -> Adequacy:
+    """Returns the adequacy of an explanation on the fit runs. `plain`: `best` without its laws that have a shape."""
     signals = judge.data.signals
-    found = predictable(judge, best.explanation.model, nothing.explanation.model, seed)
+    found = predictable(judge, best.explanation.model, plain.explanation.model, seed)
     left = {one: float(np.log(judge.squares(best, one))) / 2 - float(np.log(judge.data.floor(one))) for one in signals}
     before, after = judge.excess(nothing), judge.excess(best)
     gone = np.clip(1 - after / np.maximum(before, _NEXT_TO_NOTHING), 0.0, 1.0)
     return Adequacy(found, left, dict(zip(signals, gone.tolist(), strict=True)))
 
 
-def predictable(judge: Judge, model: Model, nominal: Model, seed: int) -> dict[str, float]:
+def predictable(judge: Judge, model: Model, plain: Model, seed: int) -> dict[str, float]:
     """Returns signal -> the share, 0..1, of its squared residual that a black box predicts on runs new to it.
 
     Only error above the floor of noise and simulator error counts: predictable error below this floor comes from a
     sensor's rounding, not from a missing law. The error that inexact laws in `model` may leave does not count
-    either: it is a share of the squared error of the `nominal` model that these laws remove.
+    either: it is a share of the squared error of the model without these laws, `plain`, that they remove.
     """
     data = judge.data
-    error, before = data.measured - data.predict([model, nominal])
+    error, before = data.measured - data.predict([model, plain])
     outputs = data.replay.simulate([model], threads=data.threads)[0]
     found = {}
     for signal in data.signals:

@@ -80,6 +80,11 @@ class Explanation:
         """The number of free parameters of its parts."""
         return sum(any(part.owns(free) for part in self.parts) for free in self.plan.free)
 
+    @cached_property
+    def shaped(self) -> frozenset[str]:
+        """The names of its laws that have a shape: without run values and constants added to readings."""
+        return frozenset(part.name for part in self.parts if part.has_shape)
+
     @property
     def effects(self) -> tuple[Part, ...]:
         """Its parts that are effects of the library."""

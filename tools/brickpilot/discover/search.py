@@ -170,18 +170,18 @@ class Found:
         moves, still = (any(numbers.leaves_prior(away, count) for away in each) for each in aways)
         return moves and not still
 
-    def without_laws(self, evidence: Evidence) -> Evidence:
-        """Returns the evidence of an explanation's run values without its laws; if not fitted, of the nominal model."""
-        laws = {part.name for part in evidence.explanation.effects} - self.nothing.explanation.key
-        return self.table.get(evidence.explanation.key - laws) or self.table[self.nothing.explanation.key]
+    def without_shapes(self, evidence: Evidence) -> Evidence:
+        """Returns the evidence of an explanation without its laws that have a shape; if not fitted, of `nothing`."""
+        added = evidence.explanation.shaped - self.nothing.explanation.key
+        return self.table.get(evidence.explanation.key - added) or self.table[self.nothing.explanation.key]
 
     def shape_error(self, evidence: Evidence) -> Array:
         """Returns (signals,): the squared error that wrong shapes of the laws may leave, in squared floors.
 
-        This error is a share of the error that the laws remove in addition to run values. It justifies no further law.
+        This error is a share of the error that the laws with a shape remove. It justifies no further law with a shape.
         """
         excess = self.judge.excess
-        return np.asarray(self.judge.shape * np.maximum(excess(self.without_laws(evidence)) - excess(evidence), 0.0))
+        return np.asarray(self.judge.shape * np.maximum(excess(self.without_shapes(evidence)) - excess(evidence), 0.0))
 
     def ranked(self, parts: int | None = None, forbidden: Collection[str] = ()) -> list[Evidence]:
         """Returns the explanations of `parts` parts (None: all) without `forbidden` parts, the best score first."""
@@ -213,12 +213,16 @@ class Search:
         nothing = judge.of_explanation(self.base)
         found = Found(judge, nothing, {self.base.key: nothing})
         base = len(self.base.parts)
+        shaped = [effect.name for effect in catalogue.effects() if not effect.shapeless]
         for count in range(1, self.source.most + 1):
-            if not self._may_gain(found) or not self.deadline.allows(f"the search for {self.source.word} {count}"):
+            forbidden = [] if self._may_gain(found) else shaped
+            if forbidden and not self._may_gain(found, without_shape=True):
+                break
+            if not self.deadline.allows(f"the search for {self.source.word} {count}"):
                 break
             self.tell(f"searching for {self.source.word} {count}")
             for parent in self._parents(found, base + count - 1):
-                found.add(self.beside(found, parent), self.jobs)
+                found.add(self.beside(found, parent, forbidden), self.jobs)
             if count == 1 and (expected := self._as_expected()) is not None:
                 found.add(self.beside(found, judge.of_explanation(expected), every=True), self.jobs)
             if count == 2 and self.source.width.paired:
@@ -268,24 +272,27 @@ class Search:
 
     @staticmethod
     def _gained(found: Found, count: int) -> bool:
-        """Returns whether `count` parts surely predict better than fewer parts do, whatever the prior odds."""
+        """Returns whether `count` parts predict better than fewer parts do, by more than chance and laws' own errors.
+
+        This is not yet sure, because samples are correlated. But as long as parts are missing, their error is correlated.
+        """
         fewer = max(known.total for key, known in found.table.items() if len(key) < count)
         most = max((known.total for key, known in found.table.items() if len(key) == count), default=fewer)
-        return most - fewer > found.temperature * numbers.CHANCE_NATS
+        return most - fewer > max(numbers.CHANCE_NATS, numbers.LAW_ERROR * (most - found.nothing.total))
 
-    def _may_gain(self, found: Found) -> bool:
+    def _may_gain(self, found: Found, *, without_shape: bool = False) -> bool:
         """Returns whether a further part that leaves only white noise would raise the best score.
 
         A part gains by the error that it removes, and by moving values of the model nearer to their priors. The error
-        that wrong shapes of the best explanation's laws may leave does not count as removed. The priors of run values
-        do not count either: a law that replaces run values is found without them.
+        that wrong shapes of the best explanation's laws may leave counts as removed only if the part is `without_shape`
+        itself. The priors of run values do not count: a law that replaces run values is found without them.
         """
         best = found.ranked()[0]
         temperature = found.judge.law_error(max(found.table.values(), key=lambda one: one.total), found.nothing)
         of_model = best.away[[k for k, one in enumerate(best.explanation.plan.free) if not one.run]]
         surprise = min(best.explanation.log_odds - best.log_prior(temperature), evidence.surprise(of_model))
         left, own = max(found.judge.top - best.total, 0.0), found.shape_error(best)  # noise may score above `top`
-        if own.any():
+        if own.any() and not without_shape:
             left = min(left, float(np.maximum(found.judge.excess(best) - own, 0.0).sum()) / 2)
         return bool(left / temperature + surprise > -np.log(numbers.COMMON))
 

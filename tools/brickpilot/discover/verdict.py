@@ -201,9 +201,10 @@ def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozen
     - The larger one has more parts, but no better evidence and no better prior. Without this rule, the many large sets
       of parts would together outweigh a name.
 
-    Laws of a wrong shape may leave error in a signal: a share of what these laws remove in addition to run values. A
-    larger explanation gains nothing if it removes such error. If it does not surely remove more, no part is missing,
-    and the simpler explanation gets the likelier evidence of the two.
+    Laws of a wrong shape may leave error in a signal: a share of what these laws remove in addition to run values and
+    constants of readings. A larger explanation gains nothing if it removes such error by a further law with a shape. If
+    it does not surely remove more, no part is missing, and the simpler explanation gets the likelier evidence of the
+    two. But a wrong shape leaves hardly any constant, so a constant of a reading does gain.
 
     A refuted nominal model leaves no explanation out, because a law is missing. A refuted explanation with laws leaves
     others out unless a larger one removes enough: its laws may have a wrong shape, which an added law only imitates.
@@ -213,19 +214,26 @@ def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozen
     excess = {one: found.judge.excess(one) for one in ranked}
     shape = {one: found.shape_error(one) for one in ranked}
     moved = {one: temperature * evidence.surprise(one.away) for one in ranked}
-    sure = {one: temperature * numbers.CHANCE_NATS * bool(shape[one].any()) for one in ranked}
     best, stands, left_out = {one: one for one in ranked}, list[Evidence](), set[Evidence]()
     larger = {one: [each for each in ranked if each.explanation.contains(one.explanation)] for one in ranked}
     contained = {one: sum(one in others for others in larger.values()) for one in ranked}
 
+    def adds_shape(simpler: Evidence, bigger: Evidence) -> bool:
+        """Returns whether `bigger` has a law with a shape that `simpler` lacks."""
+        return not bigger.explanation.shaped <= simpler.explanation.shaped
+
     def gain(simpler: Evidence, bigger: Evidence) -> float:
         """Returns the error of `simpler` that `bigger` removes, without error that wrong shapes of laws may leave."""
-        gone = excess[simpler] - excess[bigger]
-        return float((gone - np.clip(gone, 0.0, shape[simpler])).sum()) / 2 + moved[simpler] - moved[bigger]
+        gone, own = excess[simpler] - excess[bigger], shape[simpler] * adds_shape(simpler, bigger)
+        return float((gone - np.clip(gone, 0.0, own)).sum()) / 2 + moved[simpler] - moved[bigger]
+
+    def sure(simpler: Evidence, bigger: Evidence) -> float:
+        """Returns the least gain that is sure if wrong shapes may leave error; 0 if they leave none."""
+        return temperature * numbers.CHANCE_NATS * bool(shape[simpler].any() and adds_shape(simpler, bigger))
 
     def removes_enough(simpler: Evidence, bigger: Evidence) -> bool:
         """Returns whether `bigger` removes at least as much error of `simpler` as it leaves, and surely some error."""
-        return gain(simpler, bigger) >= max(float(excess[bigger].sum()) / 2 + moved[bigger], sure[simpler])
+        return gain(simpler, bigger) >= max(float(excess[bigger].sum()) / 2 + moved[bigger], sure(simpler, bigger))
 
     def counts(simpler: Evidence) -> bool:
         """Returns whether `simpler` may leave out other explanations."""
@@ -235,7 +243,7 @@ def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozen
     for other in sorted(ranked, key=lambda one: (len(one.explanation.parts), contained[one])):  # contained first
         for one in stands:
             if other in larger[one]:
-                if sure[one] and gain(one, other) < sure[one]:
+                if gain(one, other) < sure(one, other):
                     best[one] = max(best[one], other, key=lambda each: prior[each] + each.total / temperature)
                 if not removes_enough(one, other):
                     left_out.add(other)
