@@ -1,8 +1,9 @@
-"""Names the tests of what changed since the merge base with another branch: `sh tests/run changed [BRANCH]`.
+"""Prints the test files to run after the changes since the merge base with a branch: `sh tests/run changed [BRANCH]`.
 
-A test is one of a changed module if it imports the module, or a module of the package that imports it; a helper of the
-tests counts as part of the test, and a command that a test runs as an import of that command. A test is one of any
-other changed file if it names the file. So these are not all tests that a change can break: `sh tests/run` has those.
+A test file belongs to a changed module if it imports the module, or a module of the package that imports the module.
+Helpers of the tests count as part of the test files that import them. A test that runs a command counts as if it
+imported the command's module. A test file belongs to any other changed file if its text contains the file's name. A
+change can also break tests that are not printed: `sh tests/run` runs all tests.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ MAIN = ("origin/main", "origin/master", "main", "master")
 
 
 def changed_files(root: Path, branch: str | None) -> list[str]:
-    """Returns the files that differ from the merge base with `branch`, and the new ones; paths from the root.
+    """Returns the files that differ from the merge base with `branch`, and the new files, as paths from the root.
 
     Raises:
         SystemExit: there is no such branch.
@@ -44,12 +45,12 @@ def changed_files(root: Path, branch: str | None) -> list[str]:
 
 
 def changes_c(files: Iterable[str]) -> bool:
-    """Returns whether a file is one of those that the C tests are built from."""
+    """Returns whether the C tests are built from at least one of these files."""
     return any(Path(one).suffix in C or Path(one).name == "CMakeLists.txt" for one in files)
 
 
 def files_of_tests(files: Iterable[str], root: Path) -> list[str]:
-    """Returns the files of Python tests that belong to changed files: paths from the root, sorted."""
+    """Returns the Python test files that belong to the changed files `files`, as paths from the root, sorted."""
     known = modules(root / "tools" / PACKAGE) | modules(root / "tests/lab") | modules(root / "tests/hidden")
     for folder in ("tests/loop", "tests/gates", "tests/python"):
         known |= {path.stem: path for path in sorted((root / folder).glob("*.py"))}
@@ -69,7 +70,7 @@ def files_of_tests(files: Iterable[str], root: Path) -> list[str]:
 
 
 def _users(name: str, uses: dict[str, set[str]]) -> set[str]:
-    """Returns a module, those that import it directly, and through these one that is of the package, or helpers."""
+    """Returns a module, and the modules that import it directly or through helpers and at most one package module."""
     reached = {name}
     left = [(name, 0)]
     while left:
@@ -83,7 +84,7 @@ def _users(name: str, uses: dict[str, set[str]]) -> set[str]:
 
 
 def _is_named(file: Path, text: str) -> bool:
-    """Returns whether a test names a file; a README or an __init__ is one of many, so its folder counts too."""
+    """Returns whether a test's text names a file. For a README.md, it has to name the folder, too."""
     folder = file.parent.name
     return file.name in text and (file.name != "README.md" or f'"{folder}"' in text or f"{folder}/README.md" in text)
 

@@ -1,4 +1,4 @@
-"""Finds the names of effects that stand outside the C table."""
+"""Finds names of effects in the files of `tools`, where only the C table should list effects."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 TABLE = Path("sim_host/effects/effects.c")
-# The README's picture shows one effect; example logs hide effects, and example campaigns draw effects; the exporter for
-# rigid-body simulators says which laws these simulators have themselves, and lists all other laws.
+# These files may name effects. The README's picture shows one effect, the example logs contain effects, the example
+# campaigns draw effects, and the exporter has a function for each effect that rigid-body simulators can represent.
 MAY_NAME = frozenset(
     {
         Path("tools/brickpilot/export/machine.py"),
@@ -18,7 +18,7 @@ MAY_NAME = frozenset(
         Path("tools/examples/tolerances.toml"),
     }
 )
-# Documents and notebooks report what was found in which data set.
+# Documents and notebooks report which effects were found in which data sets.
 DOCUMENTS = frozenset({".ipynb", ".md", ".svg"})
 
 

@@ -1,4 +1,4 @@
-"""The rules that say which room of the Python package may import which, with a line for each break of a rule."""
+"""Checks which rooms (subpackages) of the Python package each room imports; returns a fault for each broken rule."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ MAY: dict[str, set[str]] = {
     "gen": {"vehicle", "firmware"},
 }  # fmt: skip
 
-# The only files that may import more than their room: the first fetches a recording from the robot, the second loads a
-# program into a simulated brick.
+# The only files that may import more than the other files of their room: the first fetches a recording from the robot,
+# the second loads a program into a simulated brick.
 ALSO = {
     "importers/rcx.py": {"link"},
     "hil/rcx_flight.py": {"flash"},
@@ -118,7 +118,7 @@ def python_faults(package: Path) -> list[Fault]:
             faults.append(Fault(file, 1, f"no rule says what {room} may import"))
             continue
         allowed = ", ".join(sorted(may - BASE)) or "no room"
-        # The public face imports, for the type checker, the names that it loads late, from any room.
+        # The package's __init__ loads names late. For the type checker it imports them from any room: this is allowed.
         for line, other in imports(name, path, known, run=name == PACKAGE):
             if room_of(other) not in may:
                 faults.append(Fault(file, line, f"imports {other}; {room} may import {allowed}"))
@@ -126,6 +126,6 @@ def python_faults(package: Path) -> list[Fault]:
 
 
 def python_cycles(package: Path) -> list[str]:
-    """Returns each circle of modules that import one another when they run."""
+    """Returns each cycle of modules that import one another when they run."""
     known = modules(package)
     return cycles({name: {other for _, other in imports(name, path, known, run=True)} for name, path in known.items()})

@@ -1,4 +1,4 @@
-"""Every module gives the same results under avr-gcc, on simavr's ATmega2560, as on the host: tests/vectors.
+"""Every module in tests/vectors, built by avr-gcc for simavr's ATmega2560, gives the same results as on the host.
 
 Each module gets 5,000 vectors; with --full 50,000.
 """

@@ -1,4 +1,7 @@
-"""Only the C table lists effects: a name in `tools`, a file without a row and a row without a file are reported."""
+"""Only the C table lists effects.
+
+An effect's name in `tools` is a fault. An effect file without a row, or a row without an effect file, stops the build.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,7 @@ EFFECT = "motor_heating"
 
 @pytest.fixture
 def tree(tmp_path: Path) -> Path:
-    """A checkout with the real table and one tool."""
+    """Returns the folder of a checkout with the real table and one tool."""
     (tmp_path / TABLE).parent.mkdir(parents=True)
     shutil.copy(ROOT / TABLE, tmp_path / TABLE)
     (tmp_path / "tools/brickpilot").mkdir(parents=True)
@@ -59,14 +62,14 @@ def test_a_longer_word_is_no_name(tree: Path, line: str) -> None:
 
 
 def configured(root: Path) -> str:
-    """The errors of CMake for the sources at `root`."""
+    """Returns CMake's error output for the sources in `root`."""
     command = ["cmake", "-S", str(root), "-B", str(root / "build")]
     return subprocess.run(command, capture_output=True, text=True).stderr
 
 
 @pytest.fixture(scope="module")
 def checkout(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A copy of what CMake configures, reduced to the plant and its effects."""
+    """Returns a folder with a CMake project that has only the plant and its effects."""
     root = tmp_path_factory.mktemp("checkout")
     shutil.copytree(ROOT / "sim_host", root / "sim_host", ignore=shutil.ignore_patterns("*.svg"))
     (root / "CMakeLists.txt").write_text(

@@ -33,7 +33,7 @@ def moved(frame: int) -> list[str]:
 
 
 def written_out(lines: list[str]) -> tuple[list[str], dict[str, int]]:
-    """Returns the text with each jump replaced by its code from firmware/core/h8/frames.S, and a count of each."""
+    """Returns the text with each jump replaced by its code from firmware/core/h8/frames.S, and jump -> how often."""
     out: list[str] = []
     counts: dict[str, int] = {}
     for line in lines:
@@ -64,7 +64,7 @@ def test_written_out_again_it_is_what_the_compiler_made_and_it_is_worth_its_plac
     kept, tools = tmp_path / "kept", tmp_path / "tools"
     kept.mkdir()
     tools.mkdir()
-    assembler = tools / "h8300-hms-as"  # this one keeps its input, and the text before shared_parts.awk
+    assembler = tools / "h8300-hms-as"  # keeps its input and the text before shared_parts.awk
     real = shutil.which("h8300-hms-as")
     assert real, "no h8300-hms-as: tests/run installs it"
     assembler.write_text(f'#!/bin/sh\ncp "$3" "${{3%.s}}.gcc" "{kept}"\nexec {real} "$@"\n')

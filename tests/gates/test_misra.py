@@ -1,4 +1,4 @@
-"""The MISRA C gate reports one finding more, one finding less, and a rule without a deviation."""
+"""The MISRA C gate fails if a file has a finding more or less than its count, or if a rule has no deviation."""
 
 from __future__ import annotations
 

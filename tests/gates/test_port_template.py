@@ -38,7 +38,7 @@ def test_the_template_fails_with_a_line_for_each_function() -> None:
 
 @pytest.fixture
 def copy(tmp_path: Path) -> Path:
-    """The checkout without its history, and with the test framework that its build has fetched."""
+    """Returns a copy of the checkout without history and Python package, with the test framework from its build."""
     listed = subprocess.run(
         ["git", "ls-files", "-co", "--exclude-standard"], cwd=ROOT, capture_output=True, text=True, check=True
     ).stdout.splitlines()
@@ -99,7 +99,7 @@ def test_the_recipe_makes_a_main_program_for_this_machine_and_for_another_chip(t
 
 
 def test_the_recipe_leads_to_a_port_without_marks_whose_contract_holds(copy: Path) -> None:
-    """Steps 1 to 3, word for word, with the drivers of hal/sil and the world of port_sil.c."""
+    """Runs steps 1 to 3 of the README word for word, with the drivers of hal/sil and the devices of port_sil.c."""
     readme = (ROOT / "hal/template/README.md").read_text()
     first, main, last = (
         re.search(rf"^```{kind}\n(.*?)^```$", readme, re.MULTILINE | re.DOTALL)[1]  # type: ignore[index]

@@ -1,4 +1,4 @@
-"""The RCX's images in simulated time: brickOS's kernel with all interrupts, and the plant at sensors and motors.
+"""The RCX's images run in simulated time, with brickOS's kernel, all interrupts, and the plant as the robot.
 
 Every instruction takes its clock states, and the converter, the timers and the serial line interrupt as on the chip.
 """
@@ -24,21 +24,21 @@ TICK_MS, P99_MS = 9.0, 11.0
 LATE = "Err 7"
 
 HOLD = bytes.fromhex("7fe87260")
-"""bclr #6,@0xffe8: the step holds the converter's interrupt."""
+"""Machine code of bclr #6,@0xffe8, with which the step disables the converter's interrupt."""
 NO_OPERATION = bytes(4)
 
 COUNT_MS, COUNTS = 8, 200
-"""Counts at 125 per second, 0.67 m/s: two thirds above cruise."""
+"""Time between two counts of a wheel, ms, and number of counts. 125 counts/s are 0.67 m/s, two thirds above cruise."""
 REST_MS = 2500
 LEFT_COUNT, RIGHT_COUNT = 0xADA8, 0xADA4
-"""Addresses in Debian's kernel."""
+"""Addresses of the wheels' counts in Debian's build of the brickOS kernel."""
 
 CLOCK_STATES = 188
-"""States of the interrupt of each ms, by Hitachi's table: 24 to enter, 54 in the ROM, 110 in the kernel."""
+"""Clock states of the interrupt of each ms, by Hitachi's table: 24 to enter, 54 in the ROM, 110 in the kernel."""
 
 
 def watchdog_ms() -> int:
-    """Returns the delay of a tick, ms, from which on the firmware stops."""
+    """Returns the longest period of the loop, ms, that does not end a run."""
     text = (ROOT / "firmware/app/params_gen.h").read_text()
     found = re.search(r"\.watchdog_ms = (\d+)", text)
     assert found is not None

@@ -1,4 +1,4 @@
-"""On each brick a control period stays within its bound, for any start, any settings and a line full of requests.
+"""On each brick every control period stays within its bound, for two kinds of start, drawn settings and a full link.
 
 `tests/loop/worst_case.py` has the figures of hal/avr/README.md and hal/rcx/README.md; this test makes two short flights
 per brick.
@@ -19,7 +19,7 @@ AVR_SHARE = 1.2
 RCX_MS = 12.0
 """Longest time between steps, ms. The watchdog stops a run at 20 ms."""
 
-FLIGHTS = (0, 1)  # seeds: a start by itself, and a start in a host's session
+FLIGHTS = (0, 1)  # seeds: with 0 the robot starts by itself, with 1 in a host's session
 
 
 @pytest.fixture(autouse=True, scope="module")

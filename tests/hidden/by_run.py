@@ -1,4 +1,4 @@
-"""Values that vary from run to run and from frame to frame. In both engines they depend only on these numbers."""
+"""Values that vary from run to run and from frame to frame. In both engines they depend only on these two numbers."""
 
 from __future__ import annotations
 

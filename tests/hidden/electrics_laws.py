@@ -1,4 +1,4 @@
-"""Laws of `other_laws` in supply, drive and motors of the engine "mujoco", in plain numbers: see `electrics`."""
+"""Laws of `other_laws` in supply, drive and motors of the engine "mujoco", computed for one robot: see `electrics`."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def _slew_when_driving(c: Circuit, p: Parameters, side: int, volts: float) -> fl
 
 
 def _current_cut_softly(c: Circuit, p: Parameters, side: int, volts: float) -> float:
-    """Removes a share of the voltage across a winding beyond the limit."""
+    """Removes a share of that part of the winding's voltage which exceeds the limit."""
     across = volts - c.emf[side]
     return volts - p["share"] * (across - max(-p["voltage"], min(p["voltage"], across)))
 
@@ -99,7 +99,7 @@ def _brake_late(c: Circuit, p: Parameters, side: int, volts: float) -> float | N
 SUPPLY: dict[str, Callable[[Circuit, Parameters], float]] = {
     act.__name__[1:]: act for act in (_discharge_settling, _sag_with_memory)
 }
-"""Effect -> function that returns the voltage loss of the supply."""
+"""Effect -> function that returns the voltage loss of the supply, V."""
 
 DRIVE: dict[str, Callable[[Circuit, Parameters, int, float], float | None]] = {
     act.__name__[1:]: act
@@ -108,8 +108,8 @@ DRIVE: dict[str, Callable[[Circuit, Parameters, int, float], float | None]] = {
         _current_cut_softly, _brake_late,
     )
 }  # fmt: skip
-"""Effect -> function that changes the voltage of one side (0: left); it returns None if the motor floats. The effects
-act in this order."""
+"""Effect -> function that returns the changed voltage of one side (0: left), V, or None if the motor floats. The
+effects act in this order."""
 
 TIMING = ("start_delay_by_run", "command_jitter")
 MOTOR = ("one_motor_saturates", "heating_in_two_stages")

@@ -34,9 +34,9 @@ class Step:
     angles: list[float]  # rad
     motor_speeds: list[float]  # rad/s of the rotors, at the wheel; equal to `speeds` without backlash
     motor_angles: list[float]  # rad
-    volts: list[float]  # commands as they arrive
+    volts: list[float]  # V, commands as they arrive at the drive
     torque: list[float]  # N m, torques of the motors
-    load: list[float]  # N m on the wheels, beyond any backlash
+    load: list[float]  # N m, torques on the wheels themselves, behind any backlash
     dry: list[float]  # N m, limits of the wheels' dry friction
     force: float  # N forward, at the middle of the axle
     side: float  # N to the right

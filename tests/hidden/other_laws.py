@@ -28,7 +28,7 @@ class Law:
         effect: the rule by which the law's parameters are drawn.
         mechanisms: first the mechanism in which the law acts, then mechanisms with laws that give the same signals.
         names: effects of the library that the law replaces; empty: the law is odd.
-        engines: the engines that can simulate it.
+        engines: the engines that can simulate the law.
     """
 
     effect: Effect

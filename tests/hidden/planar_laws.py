@@ -66,7 +66,7 @@ def _slew_when_driving(plant: Plant, p: Parameters) -> None:
 
 
 def _current_cut_softly(plant: Plant, p: Parameters) -> None:
-    """Removes a share of the voltage across a winding beyond the limit."""
+    """Removes a share of that part of the winding's voltage which exceeds the limit."""
 
     def hook(plant: Plant) -> None:
         across = plant.voltage - plant.vehicle.emf_constant * plant.flux * plant.rotor
@@ -265,7 +265,7 @@ def _offset_by_run(plant: Plant, p: Parameters) -> None:
 
 
 class _Midway:
-    """Extrapolates a force to the middle of the step. Then this force can cancel nearly all of a linear force."""
+    """Extrapolates a force to the middle of the step, so that the force can cancel nearly all of a linear force."""
 
     def __init__(self, before: Floats) -> None:
         self.before = before

@@ -46,7 +46,12 @@ class Vehicle:
     battery_voltage: float = 9.0  # V; a command of this voltage is full duty
 
     def wheel_damping(self, mass: float | None = None, radius: float | None = None) -> float:
-        """Returns viscous and rolling losses of a wheel, N m s/rad, for a mass, kg, and radius, m; None: its own."""
+        """Returns the viscous and rolling losses of a wheel, N m s/rad.
+
+        Args:
+            mass: kg; None: the vehicle's mass.
+            radius: m; None: the vehicle's wheel radius.
+        """
         load = (self.mass if mass is None else mass) * GRAVITY
         return self.viscous_friction + load * self.rolling_friction * (radius or self.wheel_radius) ** 2
 

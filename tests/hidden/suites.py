@@ -58,7 +58,7 @@ def _recipe(
 def _graded(
     table: tuple[str, ...], sizes: tuple[float, ...], suite: str, seed_offset: int, engine: Engine
 ) -> list[Recipe]:
-    """Returns sets of each effect, size and sensor set. An effect has the same vehicle and sign at all sizes."""
+    """Returns a recipe for each effect, size and sensor set. An effect has the same vehicle and sign at all sizes."""
     out = []
     for index, effect in enumerate(table):
         for size in sizes:

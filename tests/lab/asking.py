@@ -1,10 +1,10 @@
-"""How many missions until the truth is known: those that the robot asks for, beside the same number in a fixed order.
+"""Counts the missions until a robot's hidden effect is known: for missions that `ask` chooses, and for a fixed order.
 
     python tests/lab/asking.py DIR [--count 24] [--seed 1] [--most 5] [--part 0 --parts 1]
 
-Each truth is one effect of the library at a size drawn from half to one and a half of its preset. Its robot flies
-behind a TCP link on this machine. The truth is known when the explanations with this effect, and no effect beyond the
-packaged IMU's biases, hold 95 % of the weight. Answers are kept in DIR, so an interrupted call continues.
+Each robot has one hidden effect of the library, at a size drawn from 0.5 to 1.5 times its preset. The robot flies
+over a TCP link on this machine. The effect is known when 95 % of the weight is on explanations that have this effect
+and no other effect but biases of the packaged IMU. Answers are kept in DIR, so an interrupted call continues.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ KINDS = ("asked", "planned")
 
 
 def truths(count: int, seed: int) -> list[tuple[str, dict[str, float]]]:
-    """Returns (effect, its sizes) of `count` effects of the library that have a preset."""
+    """Returns (effect, its parameters) for `count` effects of the library that have a preset size."""
     drawn = np.random.default_rng(seed)
     known = [one for one in catalogue.effects() if one.parameters and one.parameters[0].preset]
     made = []
@@ -49,7 +49,7 @@ def in_order(_found: bp.Finding, offered: Sequence[Scenario], driven: Sequence[s
 
 
 def answer(effect: str, sizes: dict[str, float], folder: Path, kind: str, most: int, seed: int) -> dict[str, Any]:
-    """Returns what one robot was asked, and after how many missions and seconds its effect was known; None: never."""
+    """Returns the results of one robot; "needed": missions and seconds until its effect was known (None: never)."""
     folder.mkdir(parents=True, exist_ok=True)
     robot = folder / "robot.toml"
     bp.save_model(dataclasses.replace(bp.rcx(), effects={effect: sizes}), robot)
@@ -72,7 +72,7 @@ def answer(effect: str, sizes: dict[str, float], folder: Path, kind: str, most: 
 
 
 def main(words: list[str]) -> None:
-    """Asks each robot in both ways, and prints a line for each answer and the medians."""
+    """Tries each robot with both kinds of choice, and prints a line for each answer, then the medians."""
     parser = argparse.ArgumentParser(description=str(__doc__).partition("\n")[0])
     parser.add_argument("out", type=Path)
     for name, default in (("count", 24), ("seed", 1), ("most", 5), ("part", 0), ("parts", 1)):

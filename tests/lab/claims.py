@@ -42,7 +42,7 @@ class Claim:
 
     Attributes:
         what: the claim in words.
-        value: a share if `unit` is "%", otherwise a figure in `unit`; None without sets.
+        value: a share if `unit` is "%", otherwise a figure in `unit`; None: there are no sets.
         of: the number of sets or parameters that count.
         interval: the 95 % interval of a share.
         wanted: the required range, (lowest, highest); None: nothing is required.

@@ -1,4 +1,4 @@
-"""Does a machine get one answer? Cuts each log into parts of time and explains each part by itself.
+"""Checks whether discovery gives one answer for a machine: cuts each log into parts and explains each part alone.
 
     python tests/lab/parts.py DATASET... [--parts 2] [--jobs 1] [--out parts.jsonl]
 
@@ -55,8 +55,8 @@ def answer(dataset: Dataset, jobs: int) -> dict[str, Any]:
 def compared(one: dict[str, Any], other: dict[str, Any]) -> str:
     """Returns how two answers compare: "agree", "contradict", or "only one tells".
 
-    "agree": they share a mechanism, or are both `none`, or are both `unknown`. "contradict": both name mechanisms, but
-    no common mechanism. "only one tells": one answer is `unknown` or `none`, because its part of the log shows less.
+    "agree": both answers share a mechanism, or both are `none`, or both are `unknown`. "contradict": both name
+    mechanisms, but no common mechanism. "only one tells": at least one is `unknown` or `none`, as its part shows less.
     """
     if not {one["verdict"], other["verdict"]} <= {"named", "ambiguous"}:
         return "agree" if one["verdict"] == other["verdict"] else "only one tells"

@@ -33,7 +33,7 @@ from lab.real_score import FIGURE, Predictions, fits
 
 Progress = Callable[[int, int, str], None]
 
-_FREE_RUN = "free_run"  # the horizon in verdict.json
+_FREE_RUN = "free_run"  # the name of this horizon in verdict.json
 
 
 def data_sets(folders: Sequence[Path]) -> list[Path]:
@@ -59,7 +59,7 @@ class Work:
     Attributes:
         discover: whether discovery runs.
         peers: the peers that run.
-        seed, jobs, budget_s: options of discovery; budget_s None: no limit of time.
+        seed, jobs, budget_s: options of discovery. budget_s None: the time is not limited.
     """
 
     discover: bool = True
@@ -93,8 +93,8 @@ def run(
     """Runs data sets, and puts each result into `kept` and into the file `path` as soon as the result is there.
 
     Args:
-        known: what is known of the logs, by name.
-        kept: the last results by name.
+        known: name of a log -> what is known of it.
+        kept: name of a data set -> its last result.
         workers: the workers that run the data sets. If they run in this process, each set shows its own progress;
             otherwise `progress` shows the number of finished sets.
         progress: called with (done, all, text).
@@ -130,8 +130,8 @@ def run_log(
     """Returns the result of one data set.
 
     Args:
-        known: what is known of the logs, by name.
-        kept: the last results by name. Parts of the result that `work` leaves out are copied from the last result.
+        known: name of a log -> what is known of it.
+        kept: name of a data set -> its last result. Parts that `work` leaves out are copied from the last result.
     """
     data = reading.read(folder)
     before = kept.get(data.name, {})
@@ -263,7 +263,7 @@ def _value(value: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _plain(value: float | None) -> float | None:
-    """Returns a number with six digits, or None if it is not finite, because JSON has no such numbers."""
+    """Returns a number with six digits, or None if the number is not finite: JSON has neither infinity nor NaN."""
     return None if value is None or not np.isfinite(value) else float(f"{value:.6g}")
 
 

@@ -205,7 +205,7 @@ def measure(
     crowd_flights: int = 600,
     repeats: int = 2,
 ) -> Scaling:
-    """Measures all sweeps, the flights of a campaign, and the gain by workers, from one to one more than the cores.
+    """Measures all sweeps, a campaign's flights, and the gain by workers, for 1 worker to 1 more than cores.
 
     Args:
         progress: called with (done, total, text).
@@ -260,7 +260,7 @@ def _on_recording(function: Callable[[Dataset], object]) -> Work:
 
 
 def _screening(samples: int, times: int | None = None) -> Callable[[], object]:
-    """Screens all effects beside the calibrated model. `times`: number of candidates; effects repeat to reach it."""
+    """Returns a function that screens all effects, or `times` candidates: effects repeat until there are so many."""
     prepared, _ = prepare.prepare(recording(samples), None, seed=0, jobs=1)
     prepared, nominal = prepare.calibrate(prepared)
     here = Problem(prepared.coarse, nominal.plan).keeping(nominal.point, len(nominal.point))
@@ -356,7 +356,7 @@ LINEAR = 0.1
 """Growth is called linear if the exponent's 95 % interval lies within 1 +- `LINEAR`, or if `NARROW` applies."""
 
 NARROW = 0.3
-"""Growth is also linear if the interval contains 1 and is at most 2 `NARROW` wide, so that it excludes 0.5 and 2."""
+"""Growth is also linear if the interval contains 1 and is at most 2 `NARROW` wide: it then lies within 0.4 and 1.6."""
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from brickpilot.hil.rcx_flight import CLOCK_HZ
 from lab import avr_budget, control_peers, rcx_budget
 
 _KERNEL_S = 8.0
-"""Length, s, of the first part of the mission, in which the kernel's share is measured; it does not change later."""
+"""Length, s, of the first part of the mission. The kernel's share is measured there, as it does not change later."""
 
 
 @click.command()

@@ -61,7 +61,7 @@ class Mission:
 
 
 def _of(name: str, parameter: str, size: float, beside: dict[str, dict[str, float]] | None = None) -> tuple[Model, ...]:
-    """Returns plants with an effect. If it may have both signs, so have the plants: the mission favours one sign."""
+    """Returns a plant with an effect for each sign that its size may have, because the mission favours one sign."""
     info = next(i for e in catalogue.effects() if e.name == name for i in e.parameters if i.name == parameter)
     signs = (1, -1) if info.minimum < 0 else (1,)
     return tuple(robot({name: {parameter: sign * size}, **(beside or {})}) for sign in signs)
@@ -86,7 +86,7 @@ _LARGER = tuple(robot({}, wheel_radius=0.0408 * share) for share in (1.02, 0.98)
 
 # After 6 s at rest the gyro's bias is known well enough to show the small errors that the asymmetries cause.
 MISSIONS = (
-    Mission("`coulomb_friction` 5 mN m", _COULOMB, "imu", shrinks=(POSITION,)),  # the firmware learns it
+    Mission("`coulomb_friction` 5 mN m", _COULOMB, "imu", shrinks=(POSITION,)),  # the firmware learns this friction
     Mission("the same", _COULOMB, "imu+encoders", shrinks=(CROSS,)),
     Mission("`stiction_stribeck`, preset", (robot({"stiction_stribeck": PRESETS["stiction_stribeck"]}),), "imu"),
     Mission("`rolling_sqrt` 2 mN m", _of("rolling_sqrt", "torque", 0.002), "imu"),
@@ -107,7 +107,8 @@ MISSIONS = (
     Mission("another robot, with friction", (ANOTHER,), "imu+encoders"),
 )
 
-# In these missions sensors and feedback already remove the errors: the gain is hardly above the scatter of the seeds.
+# In these missions sensors and feedback already remove the errors: a compensation improves them hardly more than they
+# scatter between seeds.
 COMPENSATED_ANYWAY = (
     Mission("`motor_asymmetry` +-20 %", _MOTORS, "imu+encoders", 6.0),
     Mission("`torque_constant_asymmetry` +-10 %", _FLUXES, "imu+encoders", 6.0),

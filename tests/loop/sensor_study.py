@@ -1,4 +1,4 @@
-"""Compares sets of sensors by the mission with many seeds, on a plant that fits the firmware's model and on others.
+"""Compares sets of sensors in flights with many seeds, on a plant that fits the firmware's model and on other plants.
 
 Prints the table of firmware/README.md and draws firmware/sensors.svg:
 `PYTHONPATH=tools/docs .venv/bin/python tests/loop/sensor_study.py`.

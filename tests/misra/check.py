@@ -1,12 +1,12 @@
-"""Checks the C of firmware/, hal/ and sim_host/ against MISRA C:2012 by cppcheck's addon, but for deviations.toml.
+"""Checks the C code of firmware/, hal/ and sim_host/ against MISRA C:2012 with cppcheck's addon.
 
     .venv/bin/python tests/misra/check.py [--all]    # --all also lists what the deviations allow
-    .venv/bin/python tests/misra/check.py --write    # keeps the numbers of findings in counts.toml
+    .venv/bin/python tests/misra/check.py --write    # writes the numbers of findings into counts.toml
 
-A deviation says why a rule is not kept in a folder; counts.toml says how many findings of the rule each file has. The
-check fails if a file has more or fewer findings than its count, so that counts never rise. It also fails if a deviation
-allows no finding. Generated files and the headers of the FMI standard are left out. The texts of the rules belong to
-MISRA and are not here.
+A deviation in deviations.toml says why a rule is not kept in a folder; counts.toml says how many findings of the rule
+each file has. The check fails if a file has more or fewer findings than its count, so that counts never rise. It also
+fails if a deviation allows no finding. Generated files and the headers of the FMI standard are left out. The texts of
+the rules belong to MISRA and are not here.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ TOPS = ("firmware", "hal", "sim_host")
 INCLUDES = ("firmware", "hal/include", "hal", "sim_host", "sim_host/include")
 FINDING = re.compile(r"(?P<file>\S+?):(?P<line>\d+): misra-c2012-(?P<rule>[\d.]+)")
 UNSEEN = "__clang__", "sim_host/effects/real.h"
-"""A macro, and the only file that tests it. The tested lines are for several robots at once. As LANES is 1, cppcheck
-does not see them. Without -U, it would check the 70 sources that include this file twice, with the same text."""
+"""A macro, and the only file that tests the macro. The tested lines are for several robots at once. As LANES is 1,
+cppcheck does not see these lines. Without -U, it would check 70 sources twice, with the same text."""
 
 
 def findings() -> dict[tuple[str, int, str], None]:
-    """Returns file, line and rule of each finding, in their order."""
+    """Returns file, line and rule of each finding, sorted."""
     listed = subprocess.run(["git", "ls-files", *(f"{top}/*.[ch]" for top in TOPS)], cwd=ROOT, stdout=-1, check=True)
     files = [name for name in listed.stdout.decode().split() if not _left_out(name)]
     macro, header = UNSEEN
@@ -73,7 +73,7 @@ def _kept() -> Counter[tuple[str, str]]:
 
 
 def told(found: list[tuple[str, int, str]], allowed: dict[tuple[str, str], str]) -> list[str]:
-    """Returns a line for each finding that no deviation allows, and for each count and deviation that is too large."""
+    """Returns a line for each finding that is not allowed, each count that is too large, and each unused deviation."""
     counts = Counter((rule, file) for file, _, rule in found)
     if "--write" in sys.argv[1:]:
         _write(counts)

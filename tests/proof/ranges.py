@@ -1,6 +1,6 @@
-"""Makes the ranges that the proofs assume, from fields of the firmware's headers whose comment says LOW..HIGH.
+"""Makes the ranges that the proofs assume: those that comments on fields of the firmware's headers state, as LOW..HIGH.
 
-It makes no ranges of settings: contracts.h takes these from firmware/app/settings_gen.h, as parameters.c does.
+The ranges of settings are not made here: contracts.h takes them from firmware/app/settings_gen.h, as parameters.c does.
 """
 
 from __future__ import annotations

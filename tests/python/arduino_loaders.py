@@ -1,4 +1,4 @@
-"""The boot loaders of Arduino's core, behind an image of this project, as in a board's flash.
+"""Puts a boot loader of Arduino's core behind an image of this project, as in a board's flash.
 
 The loaders are those of Debian's package arduino-core-avr. Optiboot is built from the package's source: the package's
 own file is larger than its section of 512 bytes, so it does not start. The other loaders are the package's files.
@@ -71,7 +71,7 @@ def _loader(loader: Loader, folder: Path) -> IntelHex:
 
 
 def behind(loader: Loader, image: Path, folder: Path) -> Path:
-    """Returns an ELF file of an image (a .hex), the loader behind it and the board's fuses, made in `folder`."""
+    """Makes an ELF file in `folder`: an image (.hex), the loader behind the image, and the fuses; returns its path."""
     folder.mkdir(parents=True, exist_ok=True)
     flash = IntelHex(str(image))
     flash.start_addr = None

@@ -1,4 +1,4 @@
-"""Findings made by hand, one for each verdict, for runs of the plant; and a parser for their page."""
+"""Findings made by hand, one for each verdict, for runs of the plant; and a parser for the HTML page of a finding."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def all_verdicts(folder: Path) -> dict[str, Finding]:
 
 
 def finding(data: Dataset, kind: str) -> Finding:
-    """Returns a finding for `data`. Its simulations and gaps are computed, the rest is invented."""
+    """Returns a finding of verdict `kind` for `data`: its simulations and gaps are computed, the rest is invented."""
     nominal = robot()
     augmented = nominal if kind == "none" else TRUTH
     simulated = dict(zip(("nominal", "augmented"), Replay(data).simulate([nominal, augmented]), strict=True))
@@ -158,7 +158,7 @@ def finding(data: Dataset, kind: str) -> Finding:
 
 
 def yardstick(none: bool) -> Yardstick:
-    """Returns figures of a yardstick; the second signal hardly moves on the held-out run."""
+    """Returns a yardstick for the verdict `none` or another; its second signal hardly moves on the held-out run."""
     after, removed = (74.9, None) if none else (96.25, 0.97)
     rate = SignalFit(Fit(81.2, after, 97.0), Fit(74.9, after, 98.0), 98.4)
     still = SignalFit(Fit(-1234.5, after, 99.614), Fit(None, None, None), None)

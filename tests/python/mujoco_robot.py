@@ -1,4 +1,4 @@
-"""An exported robot in MuJoCo, driven by voltages, or in place of the plant on a link. Frame of Brickpilot."""
+"""An exported robot in MuJoCo: driven by voltages, or in place of the plant on a link. In Brickpilot's frame."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def load(text: str) -> tuple[Any, Any]:
 
 
 def drive(text: str, volts: Array, step: float = STEP_S) -> dict[str, Array]:
-    """Returns the robot's motion at the start of each voltage; each voltage is held for `step` s."""
+    """Returns name -> positions (rows of `volts`,), m or rad, at the start of each row; a row is held for `step` s."""
     model, data = load(text)
     count, motors = round(step / model.opt.timestep), volts.shape[1]
     assert count * model.opt.timestep == np.float64(step) or math.isclose(count * model.opt.timestep, step)

@@ -1,4 +1,4 @@
-"""Reads the pages that the commands write: their figures, and the files that they load."""
+"""Reads the figures of the HTML pages that the commands write, and checks that these pages load no file."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import re
 from typing import Any
 
 HOSTILE = "<script>alert(1)<!--"
-"""A hostile name: it is no file name because of its slash, and the rest is markup."""
+"""A hostile name: its slash makes it no file name, and HTML would take it for markup."""
 
 FAULTY = """
 kind = "mission"

@@ -1,6 +1,6 @@
 """The program loader of brickOS 0.9 behind its LNP receiver, modelled on its headers and its disassembled kernel.
 
-The loader acknowledges only obeyed commands; tools/brickpilot/flash/program.py lists commands without a reply.
+The loader acknowledges only commands that it obeys; tools/brickpilot/flash/program.py lists the other cases.
 """
 
 from __future__ import annotations

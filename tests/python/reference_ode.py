@@ -47,7 +47,7 @@ def _air(p: Mapping[str, float], speed: float) -> float:
 
 
 def coupled(p: Mapping[str, float]) -> Slope:
-    """Wheel torques act through the tyre forces F_l and F_r, which take the values that prevent slip."""
+    """Returns the equations of motion. The tyre forces F_l and F_r take the values with which no wheel slips."""
     radius, track = p["wheel_radius"], p["half_track"]
     # Unknowns w_l', w_r', F_l, F_r: two wheel equations, the body's surge and its yaw.
     matrix = np.array(
@@ -81,7 +81,7 @@ def coupled(p: Mapping[str, float]) -> Slope:
 
 
 def paper(p: Mapping[str, float]) -> Slope:
-    """Eq. 1 to 19 of the paper; below 0.1 mm/s the direction of motion is undefined."""
+    """Returns eq. 1 to 19 of the paper. Below 0.1 mm/s the direction of motion is undefined: the heading is used."""
 
     def thrust(voltage: float, speed: float) -> float:
         if math.isnan(voltage):
@@ -111,7 +111,7 @@ def paper(p: Mapping[str, float]) -> Slope:
 
 
 def solve(slope: Slope, time: Array, inputs: Array, start: Array | None = None) -> dict[str, Array]:
-    """Solves the equations, with each input held until the next sample; a floating motor loses its current at once."""
+    """Returns state -> values (samples,). An input is held until the next; a floating motor has no current at once."""
     rows = [np.zeros(len(COLUMNS)) if start is None else start]
     changes = [0, *(np.flatnonzero(np.any(~_same(inputs[1:], inputs[:-1]), axis=1)) + 1), len(time) - 1]
     for begin, end in pairwise(changes):

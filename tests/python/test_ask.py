@@ -1,6 +1,6 @@
-"""A robot behind a link asks: it flies what separates the rivals, within its fence, until one explanation is left.
+"""`ask` flies the missions that separate the rivals, within the robot's fence, until one explanation is left.
 
-The guide to a robot of one's own asks a whole robot; `test_guides` checks what it finds.
+The guide "my_robot" calls `ask` for a whole robot; `test_guides` checks the effects that this call finds.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def test_every_course_stays_within_the_limits_with_every_rival() -> None:
     chosen = offered.courses(LIMITS)
     assert len({one.name for one in chosen}) == len(chosen) == 10
     assert max(one.cruise["coupled"] for one in chosen) == 0.5
-    turned = hidden(gyro_scale={"error": -0.4})  # it believes that it turns less, so it drives elsewhere
+    turned = hidden(gyro_scale={"error": -0.4})  # its gyro shows too small a turn, so it drives elsewhere
     for course, flown in zip(chosen, offered.safe(chosen, [bp.rcx(), turned], SENSORS, LIMITS), strict=True):
         for one in flown:
             assert np.hypot(one.log["true_x_m"], one.log["true_y_m"]).max() < LIMITS.reach_m, course.name
@@ -75,7 +75,7 @@ def test_every_course_stays_within_the_limits_with_every_rival() -> None:
 
 
 def test_the_course_that_separates_the_rivals_is_chosen() -> None:
-    """A castor's scrub acts in turns alone, and so does an error of the gyro's scale."""
+    """A caster's scrub acts only in turns, so a course with turns is chosen and not a straight leg."""
     noise = {"yaw_rate": 0.01, "wheel_angle_left": 0.04, "wheel_angle_right": 0.04}
     straight, *turning = [one for one in offered.courses(LIMITS) if "out_and_back" in one.name or "square" in one.name]
     rivals = [hidden(yaw_scrub={"moment": 0.012}), bp.rcx()]
@@ -88,7 +88,7 @@ def test_the_course_that_separates_the_rivals_is_chosen() -> None:
 
 
 def finding(verdict: str, *names: str, rivals: Sequence[str] = ()) -> Any:
-    """A stand-in for what `discover` returns, with what a question reads of it."""
+    """Returns a stand-in for a `Finding`, with only the attributes that a question reads."""
     effects = [SimpleNamespace(name=name, claimed=True, equivalents=()) for name in names]
     shares = (Share(names, 0.6, ()), *(Share((rival,), 0.35 / len(rivals), ()) for rival in rivals))
     return SimpleNamespace(verdict=verdict, effects=effects, explanations=shares, augmented=bp.rcx(), noise_sd={})
@@ -103,7 +103,7 @@ EITHER = finding("ambiguous", "coulomb_friction", rivals=("gear_backlash",))
     [
         ([FRICTION, FRICTION], {}, "decided", 2),
         ([finding("none"), finding("none")], {}, "decided", 2),
-        ([FRICTION, EITHER, PLAY, PLAY], {}, "decided", 4),  # another motion refutes what one course alone says
+        ([FRICTION, EITHER, PLAY, PLAY], {}, "decided", 4),  # later courses refute the answer from the first
         ([EITHER, EITHER, EITHER], {}, "budget", 3),
         ([FRICTION], {"ended": "fence"}, "fence", 1),
         ([EITHER], {"ended": "link"}, "link", 1),

@@ -1,4 +1,4 @@
-"""A collision is found only where speed is lost at a constant command; no window starts at rest."""
+"""The audit finds a collision only where a vehicle loses speed at a constant command; no window starts at rest."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ AHEAD = {"ahead": (6.0, 6.0), "back": (-5.0, -5.0)}
 
 
 def stop(table: Table, at: float, *, over: float = 0.03, left: float = 0.1, sides: tuple[str, ...] = ("left", "right")):
-    """The wheels slow down from `at` s on: `over` s later they keep the share `left` of their speed."""
+    """Slows the wheels down from `at` s on: `over` s later they have the share `left` of their speed."""
     share = np.interp(table["t"], [at, at + over], [1.0, left])
     for side in sides:
         table[f"wheel_speed_{side}"] *= share

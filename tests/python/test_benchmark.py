@@ -302,7 +302,7 @@ def test_a_missing_package_gives_one_line(monkeypatch) -> None:
 
 @pytest.fixture(scope="module")
 def small(tmp_path_factory) -> Path:
-    """One set of suite ci, made by the maker of the checkout."""
+    """Returns a folder with two sets of suite ci, made by the maker of the checkout."""
     pytest.importorskip("mujoco")
     parent = tmp_path_factory.mktemp("small")
     maker = sets.Maker()
@@ -362,7 +362,7 @@ def test_a_small_complete_run(small, tmp_path) -> None:
 
 
 def test_sets_are_made_and_deleted(tmp_path, monkeypatch) -> None:
-    """Another test checks what discovery finds in a set."""
+    """Discovery does not run here: another test checks the effects that it finds in a set."""
     judged = []
 
     def run_one(task, folder, *_):

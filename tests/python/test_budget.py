@@ -1,4 +1,4 @@
-"""A discovery that has to end early reports what it left out, and names nothing that it did not compare."""
+"""A discovery that has to end early reports the work that it left out, and names no effect that it did not compare."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ VOLTS = {"low": (3.0, 0.0), "high": (6.0, 0.0), "back": (-5.0, 0.0), "other": (4
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
-    """A motor with dry friction: its search is short."""
+    """Returns data of a motor with dry friction, for which the search is short."""
     known = motor(wheel_inertia=1e-3)
     truth = dataclasses.replace(known, effects={"coulomb_friction": {"torque": 0.02}})
     stated = "\n".join(f"{name} = {known.parameters[name]}" for name in NOMINAL)

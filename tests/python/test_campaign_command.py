@@ -1,4 +1,4 @@
-"""The command `brickpilot campaign` gives the same bytes on one process, a Dask cluster, and after kills.
+"""`brickpilot campaign` writes the same bytes in one process, on a Dask cluster, and if it was killed and continued.
 
 `test_campaign.py` compares one process with two.
 """
@@ -48,7 +48,7 @@ def test_a_dask_cluster_gives_the_bytes_of_one_process(folder: Path, alone: dict
         cluster.add_worker("one")
         assert flown(folder, "cluster", "--scheduler", cluster.address) == alone
     assert len(list((folder / "cluster" / "parts").iterdir())) == RUNS
-    assert flown(folder, "seed", "--jobs", "1", "--seed", "8") != alone  # so the test can fail
+    assert flown(folder, "seed", "--jobs", "1", "--seed", "8") != alone  # so the comparison can fail
 
 
 def killed(folder: Path, out: str, parts: int, pause: float, jobs: int) -> int:
@@ -70,7 +70,7 @@ def killed(folder: Path, out: str, parts: int, pause: float, jobs: int) -> int:
 
 
 def resumed(folder: Path, out: str, kills: int, seed: int) -> dict[str, bytes]:
-    """Returns the files of a campaign that is killed `kills` times, the last time while it writes them or later."""
+    """Returns the files of a campaign that is killed `kills` times, the last time during or after their writing."""
     drawn = random.Random(seed)
     moments = [(drawn.randrange(RUNS), drawn.uniform(0, 0.02)) for _ in range(kills - 1)]
     moments = [*sorted(moments), (RUNS, drawn.uniform(0, 0.3))]
@@ -89,7 +89,7 @@ def test_a_command_that_is_killed_twenty_times_gives_the_same_bytes(folder: Path
 
 
 def test_sigterm_ends_the_workers_at_once(tmp_path: Path) -> None:
-    """A part of many long runs takes longer than the two seconds that the workers have to end."""
+    """Each part has so many long runs that it takes longer than the two seconds within which the workers must end."""
     for name, text in (("short", SHORT), ("other", OTHER), ("trial", CAMPAIGN)):
         far = text.replace("duration_s = 4", "duration_s = 300").replace("[0.3, 0]", "[30, 0]")
         (tmp_path / f"{name}.toml").write_text(far)
@@ -101,7 +101,7 @@ def test_sigterm_ends_the_workers_at_once(tmp_path: Path) -> None:
     while sum(map(can_fly, begun := children(program.pid))) < 2:
         assert time.monotonic() < until
         time.sleep(0.05)
-    time.sleep(0.3)  # both fly their part
+    time.sleep(0.3)  # both workers now fly their parts
     until = time.monotonic() + 2.0
     program.terminate()
     assert program.wait(timeout=2.0) == 128 + signal.SIGTERM

@@ -1,4 +1,4 @@
-"""The recipes for clusters make what their page says."""
+"""The example files for clusters make the jobs that the guide to campaigns shows."""
 
 from __future__ import annotations
 

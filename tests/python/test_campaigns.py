@@ -23,7 +23,7 @@ def test_no_fault_of_a_thousand_reaches_the_motors() -> None:
 
 @pytest.mark.parametrize("suite", ["single", "pairs", "triples", "none", "odd"])
 def test_discovery_is_right_as_often_as_is_asked(suite: str) -> None:
-    """The 95 % interval of each share allows the share that is asked for.
+    """The 95 % interval of each share overlaps the required range.
 
     build/campaigns keeps the results, so that the next run continues an interrupted one: delete it for a new start.
     """

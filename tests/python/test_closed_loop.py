@@ -1,4 +1,4 @@
-"""A robot's own firmware in process gives, bit for bit, the motor commands of the same firmware behind a link."""
+"""The firmware of a user's robot gives bit for bit the same motor commands in this process and behind a link."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_a_library_of_another_plant_is_refused(tmp_path: Path) -> None:
 
 
 def test_without_a_checkout_it_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The sources in an installed package are missing, too."""
+    """Here the sources that an installed package contains are missing, too."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(project, "_PACKED", tmp_path / "sources")
     with pytest.raises(InputError, match="needs a checkout of the project"):

@@ -1,4 +1,4 @@
-"""Comparison of measured data with a model: the numbers, the roles, the windows, the page."""
+"""`compare` computes how a model differs from measured data: the numbers, the roles, the windows, the page."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_a_run_starts_from_the_state_its_first_sample_measured(tmp_path):
     start = State(surge=0.3, yaw_rate=0.8, heading=0.4)
     signals = {"wheel_velocity_left": 0.0, "wheel_velocity_right": 0.0, "wheel_travel_left": 0.0, "yaw_angle": 0.0}
     found = compare(reading.read(write(tmp_path / "set", robot(), signals, "", start=start)), robot())
-    # A line through the first samples removes noise from the start; the curvature of the speed costs less than 1 %.
+    # The start comes from a line through the first samples. As the speed is curved, the share is not 0, but small.
     assert all(0 < error.share < 0.005 for run in found.runs for error in run.signals.values())
 
 
@@ -194,7 +194,7 @@ def test_a_figure_holds_measured_and_simulated_and_their_difference(tmp_path):
 
 
 def torque_drive(folder, signals, nominal="torque_per_volt = { value = 0.02, sd = 0.001 }", **options):
-    """A motor with a current loop of its own: 0.02 N m/V, inertia 1e-4 kg m^2."""
+    """Returns data of a motor whose drive controls the current: 0.02 N m/V, inertia 1e-4 kg m^2."""
     truth = motor(torque_per_volt=0.02, wheel_inertia=1e-4, viscous_friction=1e-3)
     return reading.read(write(folder, truth, signals, nominal, **options))
 

@@ -1,8 +1,8 @@
-"""Files of others and of this program, damaged at random: each is read, or refused in one line; nothing else happens.
+"""A randomly damaged file, of this or another program, is read or refused in one line; nothing else happens.
 
-A text file loses, doubles or swaps lines and gets hostile values; a binary file gets flipped bits and lengths of all
-ones, and is cut short. The seed is fixed. `--full` tries 10,500 of each kind, in about an hour. A damaged .mat file can
-crash scipy's reader, so it is read in a process of its own, as in the importer; `--full` tries 1,500 of these.
+A text file loses, doubles or swaps lines and gets hostile values. A binary file gets flipped bits and length fields of
+all ones, and is cut short. The seed is fixed. `--full` tries 10,500 files of each kind, in about an hour. A damaged
+.mat file can crash scipy's reader, so a separate process reads it, as in the importer; `--full` tries 1,500 of these.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ def saved_model(folder: Path) -> Path:
 
 
 def verdict(folder: Path) -> Path:
-    """Writes an ambiguous verdict, with a spread about the packaged robot and a rival."""
+    """Writes an ambiguous verdict with a rival, and a spread about the packaged robot; returns the path."""
     own = model.rcx().parameters
     spread = LENGTHS.to_json() | {"values": [own[name] for name in LENGTHS.names]}
     rival = {"name": "scrub", "nominal": {"mass": 0.9}, "effects": {"yaw_scrub": {"moment": 0.01}}}

@@ -59,7 +59,7 @@ NOMINAL = (
 
 
 def hidden(folder, effects, *, signals=None, seed=1, error=0.02, **options):
-    """Writes a data set with `effects` in it, its nominal values wrong by `error`; returns its folder."""
+    """Writes a data set with `effects`, and nominal values with relative errors of sd `error`; returns its folder."""
     truth = dataclasses.replace(robot(), effects=effects)
     random = np.random.default_rng(seed)
     nominal = "\n".join(f"{name} = {truth.parameters[name] * (1 + error * random.normal()):.9g}" for name in NOMINAL)
@@ -134,7 +134,7 @@ def test_whole_runs_of_a_motor_compare_the_position_that_was_measured():
 
 @pytest.mark.parametrize(("signal", "noise", "is_known"), [("angle", 0.01, True), ("speed", 0.05, False)])
 def test_a_predictor_has_the_phase_of_a_wheel_only_where_its_angle_is_measured(signal, noise, is_known):
-    """Without a measured angle the next run starts at another angle: a phase fitted to these runs predicts it worse."""
+    """Without a measured angle the next run starts at an unknown angle, so a phase from these runs is wrong there."""
     prepared, nominal = calibrate(cogging(signal, noise))
     grown = best_predictor(prepared, nominal, lambda text: None)
     assert grown.explanation.is_periodic == is_known
@@ -158,7 +158,10 @@ def test_samples_and_bins_have_the_same_noise_of_a_sample(tmp_path):
 
 
 def test_the_coarse_grid_simulates_what_the_measured_samples_do(tmp_path):
-    """For each effect the difference is below a 20th of its signature. Chaotic effects are left out."""
+    """The rms difference is below 0.45 + 0.05 times the rms change by the effect, both in units of the signals' scales.
+
+    Chaotic effects are left out.
+    """
     full, coarse, plan = errors_of(hidden(tmp_path / "set", {}))
     effects = {one.name: {p.name: p.preset for p in one.parameters} for one in catalogue.effects()}
     chaotic = {"torque_ripple", "cogging", "gear_backlash"}
@@ -172,7 +175,7 @@ def test_the_coarse_grid_simulates_what_the_measured_samples_do(tmp_path):
 
 
 def test_the_coarse_grid_has_a_row_where_a_command_jumps():
-    """A drive that coasts at zero would take the mean of 4 V and 0 V for a command, and brake for a row."""
+    """Without this row, a drive that coasts at 0 V would get the mean of 4 V and 0 V, and would brake for a row."""
     truth = dataclasses.replace(robot(), effects={"zero_coast": {"share": 0.95}})
     time = np.arange(0.0, 4.0, 0.003)
     frames = {}
@@ -251,7 +254,7 @@ def test_the_order_of_a_periodic_effect_is_read_off_the_wheel_speeds(tmp_path):
 
 
 def test_the_difference_step_of_an_order_turns_its_phase_only_a_little(tmp_path):
-    """Over a run, a hundredth more of the order is another phase, so a difference over it is no derivative."""
+    """A hundredth more of the order is another phase at the end of a run, so such a step gives no derivative."""
     plan = errors_of(hidden(tmp_path / "set", {}))[2]
     ripple = next(one for one in library_parts(plan.model) if one.effect == "torque_ripple" and len(one.free) == 4)
     plan = ripple.starting(plan, {"amplitude": 0.3, "order": 8.0, "phase": 1.0, "phase_difference": 0.4})
@@ -277,7 +280,7 @@ def test_a_periodic_effect_with_a_phase_for_each_wheel_is_named(tmp_path, effect
 
 
 def test_chosen_runs_are_simulated_as_they_are_among_all_runs(tmp_path):
-    """Heat that earlier runs leave in the motors is included."""
+    """The motors of a chosen run contain the heat that earlier runs left, although these runs are not chosen."""
     folder = hidden(tmp_path / "set", {})
     replay, plan = Replay(reading.read(folder)), errors_of(folder)[2]
     hot = dataclasses.replace(plan.model, effects={"motor_heating": {}})
@@ -331,7 +334,10 @@ def test_an_effect_on_a_sensor_that_was_not_measured_is_no_part(measured, absent
     ],
 )
 def test_effects_that_change_the_measured_signals_alike_are_one_part(measured, parts):
-    """If only wheels are measured, a delay of wheels and of all sensors is one law, also beside that law."""
+    """If only wheels are measured, a delay of the wheel sensors equals a delay of all sensors.
+
+    Then only one of these delays is a part, and none of them is a part if the model has one.
+    """
     delays = {"sensor_delay", "speed_delay", "gyro_delay"}
     assert {one.effect for one in library_parts(robot(), measured)} & delays == parts
     late = dataclasses.replace(robot(), effects={"sensor_delay": {"delay": 0.03}})

@@ -1,4 +1,4 @@
-"""What discovery finds for real machines. Nobody knows their truth, but some of their physics is known."""
+"""What discovery finds in data of real machines. Nobody knows all their effects, but some of their physics is known."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from importing import import_wpilib
 from test_dataset import measured
 
 DRY = {"coulomb_friction", "stiction_stribeck", "actuator_deadband", "dead_time", "caster_drag"}
-"""Effects that are equivalent while a vehicle drives one way only: below some voltage nothing moves."""
+"""Effects that are equivalent while a vehicle drives one way only: with each, nothing moves below some voltage."""
 
 Found = tuple[Dataset, Finding, Model]
 
@@ -51,14 +51,15 @@ def open_names(found: Finding) -> set[str]:
 
 
 def sizes(effects: tuple[Effect, ...]) -> dict[str, float]:
-    """ "effect.parameter" -> value, SI."""
+    """Returns "effect.parameter" -> value, SI."""
     return {f"{one.name}.{name}": parameter.value for one in effects for name, parameter in one.parameters.items()}
 
 
 def intervals(found: Finding) -> list[tuple[float, float]]:
     """Returns the interval of every named size, after a check that no interval contains zero.
 
-    If no mass is stated, a torque is known only in proportion to it: then only the torque's voltage has an interval.
+    If no mass is stated, a torque is known only in proportion to the mass. Then the voltage that the torque takes has
+    an interval, but the torque has none.
     """
     sizes = [one for effect in found.effects for one in effect.parameters.values()]
     given = [one.ci95 or one.identified.ci95 for one in sizes if one.ci95 is not None or one.identified is not None]
@@ -74,7 +75,7 @@ def axis(scratch: Path) -> Found:
 def test_linear_axis_has_dry_friction_and_a_constant_load(axis: Found) -> None:
     """Janot, Gautier & Brunot 2019 fitted dry friction of 20.39 N and an offset of -3.16 N.
 
-    The friction depends on speed in a way that neither law describes: the residual is larger than the noise.
+    The axis's friction depends on speed in a way that these two laws do not describe: the residual exceeds the noise.
     """
     _, found, _ = axis
     assert found.verdict == "named"
@@ -99,8 +100,9 @@ def test_linear_axis_is_in_a_loop_that_tells_next_to_nothing(axis: Found) -> Non
 def test_coupled_drives_swing_behind_a_sensor_that_knows_no_direction(scratch: Path) -> None:
     """Wigren & Schoukens 2017: two motors, a belt with springs, a pulse counter that does not know the sign.
 
-    The data set states neither spring nor counter. A model without them leaves a residual of 0.22 ticks/s in `test`,
-    and so does a published linear model, after the first 10 samples, which serve to find the state.
+    The data set states neither spring nor counter. The residual is compared after the first 10 samples of the run
+    `test`, from which the state is found: a model without spring and counter leaves 0.22 ticks/s, and so does a
+    published linear model.
     """
     data, found, model = discovered(measured("coupled_drives_1"), scratch)
     assert found.verdict in ("named", "ambiguous")
@@ -121,7 +123,7 @@ def lego(scratch: Path) -> Found:
 def test_lego_motor_loses_a_part_of_its_voltage(lego: Found) -> None:
     """Below some voltage nothing moves, and the gain is not the same at small and at large duty.
 
-    Dead band, dead time and dry friction are one equation while a motor only starts and turns one way, as here.
+    Dead band, dead time and dry friction have the same equation while a motor starts and turns only one way, as here.
     """
     _, found, _ = lego
     assert found.verdict == "ambiguous"
@@ -151,9 +153,9 @@ def test_lego_motor_s_frozen_angle_is_a_fault_not_an_effect(lego: Found) -> None
 
 
 def starting_voltage(model: Model) -> float:
-    """Returns the V at which a slow ramp starts a motor: its speed reaches a thousandth of the speed at the end.
+    """Returns the voltage, V, at which a motor starts on a slow ramp: it reaches a thousandth of its speed at the end.
 
-    This is the size of the dry friction, whichever law describes it.
+    This voltage is the size of the dry friction, whichever law the model has for the friction.
     """
     time = np.linspace(0.0, 60.0, 6001)
     volts = 4.0 * time / time[-1]
@@ -164,7 +166,7 @@ def starting_voltage(model: Model) -> float:
 
 @pytest.fixture(scope="module")
 def frc(scratch: Path, tmp_path_factory: pytest.TempPathFactory, full: bool) -> Found:
-    """Discovery on every fourth sample (50 a second), with --full on all. Both name the same effects."""
+    """Discovery on every fourth sample (50 samples/s); with --full, on all samples. Both name the same effects."""
     logs = measured("frc_drivetrain")
     folder = tmp_path_factory.mktemp("frc") / "set"
     import_wpilib([logs / f"{name}-data.json" for name in ("linear", "angular")], folder)
@@ -174,7 +176,7 @@ def frc(scratch: Path, tmp_path_factory: pytest.TempPathFactory, full: bool) -> 
 
 
 def test_frc_drivetrain_has_dry_friction_among_the_best_names(frc: Found) -> None:
-    """The log was made for a characterisation that fits a voltage for friction. Something else in it drifts.
+    """The log was made for a characterisation that fits a voltage for friction. Something else in the log drifts.
 
     No mass is stated, so no force has an interval in newtons; but the data cannot be explained without friction.
     """
@@ -219,7 +221,7 @@ def test_micromouse_s_faults_are_reported_and_no_gyro_limit_lies_below_its_readi
 
 
 def test_micromouse_is_not_explained_at_the_cost_of_held_out_runs(mouse: Finding) -> None:
-    """It collides, and its wheels slide on the spot. Whatever is named, held-out runs must not get worse."""
+    """The mouse collides, and its wheels slide in turns on the spot. Whichever effects are named, no gap may grow."""
     for gap in mouse.gap.values():
         assert gap.before is not None
         assert gap.after is not None
@@ -228,9 +230,9 @@ def test_micromouse_is_not_explained_at_the_cost_of_held_out_runs(mouse: Finding
 
 
 def test_an_answer_does_not_hang_on_a_number_that_means_nothing(lego: Found, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The prior of an unstated value is so wide that it only fixes what the data leave open: sd 30 and 20 agree.
+    """The prior of an unstated value is so wide that it only fixes what the data leave open: sds of 30 and 20 agree.
 
-    The linear axis would give the same names even with sd 1; the LEGO motor gets another name there.
+    The linear axis would get the same names even with an sd of 1; with that sd the LEGO motor gets another name.
     """
     monkeypatch.setattr(problem, "_ANCHOR_SD", 20.0)
     data, found, _ = lego

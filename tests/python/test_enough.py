@@ -1,4 +1,4 @@
-"""`compare` with very many samples: the nominal values are fitted to some of the runs, and the user is told."""
+"""With very many samples, `compare` fits the nominal values to some of the runs only, and tells the user so."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ KNOWN = {"resistance": 20.0, "torque_constant": 0.3, "emf_constant": 0.3, "induc
 
 
 def steps() -> bp.Dataset:
-    """Ten step responses of a motor in closed form, with 100 samples each and 2 s between them."""
+    """Returns ten step responses of a motor in closed form, with 100 samples each and pauses of 2 s."""
     time = np.arange(100) * 0.01
     frames = {
         f"step_{volts:g}": pd.DataFrame(

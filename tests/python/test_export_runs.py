@@ -25,7 +25,7 @@ SCENARIO = 'name = "s"\nkind = "mission"\nduration_s = 2.4\nwaypoints_m = [[0.3,
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a run, a flight over a link, and the recording of its traffic."""
+    """Returns a folder with a simulated run, a flight over a link, and the recording of the link's traffic."""
     folder = tmp_path_factory.mktemp("flown")
     (folder / "s.toml").write_text(SCENARIO, encoding="utf-8")
     for words in (
@@ -54,7 +54,7 @@ def exported(folder: Path, *words: str) -> None:
 
 
 def opened(path: Path) -> tuple[dict[str, list[tuple[int, dict[str, Any]]]], dict[str, Any], Any]:
-    """Returns topic -> [(time, message)], topic -> schema, and the reader."""
+    """Returns topic -> [(time in ns, message)], topic -> schema, and the reader of the MCAP file `path`."""
     reader = make_reader(io.BytesIO(path.read_bytes()), validate_crcs=True)
     found: dict[str, list[tuple[int, dict[str, Any]]]] = defaultdict(list)
     schemas: dict[str, Any] = {}

@@ -23,7 +23,7 @@ from command import brickpilot
 ROOT = Path(__file__).parents[2]
 HEAD = 'vehicle = "diff_drive"\nprofile = "coupled"\n'
 OWN = {
-    # A small robot on toy motors: fast lag, coarse gyro, a finer encoder.
+    # A small robot with toy motors: a short time constant, a coarse gyro, a finer encoder.
     "small": """
 [parameters]
 mass = 0.3
@@ -41,7 +41,7 @@ counts_per_turn = 120
 [sensors.imu]
 gyro_range = { value = 17.45, unit = "rad/s", basis = "1000 degrees/s" }
 """,
-    # A gear motor of 1.4 ohm: its currents are beyond the model's format, and friction is known.
+    # A robot with gear motors of 1.4 ohm: their currents exceed the model's format, and their friction is stated.
     "middle": """
 [parameters]
 mass = 2.4
@@ -91,7 +91,7 @@ def route(folder: Path, seconds: float, *waypoints_m: tuple[float, float]) -> Pa
 
 
 def corner(folder: Path) -> Path:
-    """Two waypoints with a right angle: enough of a flight where it shows little beside the other checks."""
+    """Writes a mission of 12 s with one right angle, for tests that check little of the flight; returns its path."""
     return route(folder, 12.0, (0.5, 0.0), (0.5, 0.4))
 
 
@@ -117,7 +117,7 @@ def test_the_packaged_robot_gets_its_own_constants(text: str, tmp_path: Path) ->
 
 
 def poles(motion: robot.Motion, kp: float, ki: float, kd: float, *, angle: bool) -> np.ndarray:
-    """The poles of the closed loop, from its state matrix: lag, integral, and the angle if the loop has one.
+    """Returns the poles of the closed loop, rad/s. States: v, the integral, and y too if the loop controls an angle.
 
     u = kp (r - y) + ki int(r - y) - kd v, dv/dt = (gain u - v) / time, and y is v or its integral.
     """
@@ -157,7 +157,7 @@ wheel_inertia = 5e-6
 
 
 def fastest_of_a_half_turn(own: robot.Robot) -> float:
-    """The rate in rad/s after half a turn from rest at heading_limit; the current is a state of its own (eq. 12)."""
+    """Returns the yaw rate, rad/s, after half a turn from rest at heading_limit; the current is a state (eq. 12)."""
     values, volts = plain(own.vehicle["parameters"]), own.value("controller", "coupled", "heading_limit")
     lever = values["wheel_radius"] / values["half_track"]
     step, angle, now = 1e-4, 0.0, np.zeros(2)
@@ -209,7 +209,7 @@ def test_motors_of_large_currents_are_held_with_smaller_ones_and_drive_alike(tmp
 
 
 def of_size(radius: float, volts: float) -> str:
-    """A robot with this wheel radius and battery, whose motors suit it as the packaged motors suit their robot.
+    """Returns the text of a robot of this wheel radius, m, and battery, V; its motors suit it as in the packaged robot.
 
     Its speed grows with the square root of the radius, its mass with the power 1.5; currents follow from voltage and
     torque.

@@ -1,4 +1,4 @@
-"""`brickpilot flash avr`: the real avrdude writes to an emulated boot loader, and each obstacle is one line."""
+"""`brickpilot flash avr`: the real avrdude writes to an emulated boot loader, and each error is one line."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def content(image: Path) -> bytes:
 
 
 def says(text: str, folder: Path, status: int = 1) -> str:
-    """Makes an avrdude that prints `text`, and returns the PATH that finds this program first."""
+    """Makes a program `avrdude` that prints `text`; returns a PATH in which it comes before the real avrdude."""
     program = folder / "bin" / "avrdude"
     program.parent.mkdir()
     program.write_text(f'#!/bin/sh\necho "$@" > {folder}/asked\ncat >&2 <<END\n{text}\nEND\nexit {status}\n')

@@ -1,4 +1,4 @@
-"""With the IMU alone, the robot learns a dry friction that is not stated; without friction it flies equally well."""
+"""With the IMU alone, the robot learns a dry friction that is not stated. Learning does no harm without friction."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def test_more_or_less_friction(torque: float) -> None:
     ids=["stribeck", "rolling", "deadband", "viscous", "lever arm", "twice the bias", "another robot"],
 )
 def test_other_losses_and_robots(model: Model) -> None:
-    """Without learning, each model fails all these missions. A loss of another law is learnt by its value on a leg."""
+    """Without learning, each model fails all these missions. A loss by another law is learnt as dry friction."""
     assert arrived(figures(model, 20)) >= 18
 
 

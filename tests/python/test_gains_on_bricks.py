@@ -1,4 +1,4 @@
-"""A gain set in the images of both bricks: the tuned raw integers fly on the processors of RCX and AVR."""
+"""Images of both bricks hold a gain set: its raw integers control flights on simulated processors of RCX and AVR."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def planned(folder: Path, board: str, sensors: str, steps: int) -> tuple[Robot, 
 
 
 def in_process(own: Robot, plan: Plan, board: str, monkeypatch: pytest.MonkeyPatch) -> Flight:
-    """Returns the flight of firmware without these gains; it gets the gains as settings."""
+    """Returns the flight of a firmware that is compiled without these gains and gets them as settings."""
     monkeypatch.chdir(ROOT)
     library = boards.closed_loop(own, boards.BOARDS[board], plan.sensors).library()
     return flight.fly(dataclasses.replace(plan, firmware=library, gains=TUNED))
@@ -51,7 +51,7 @@ def test_the_avr_image_holds_them_and_drives_on_simavr_as_the_simulation_does(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     own, plan = planned(tmp_path, "avr", "imu+encoders", round(1.8 / 0.003))
-    plan = dataclasses.replace(plan, start_step=100)  # it still waits for the gyro's bias
+    plan = dataclasses.replace(plan, start_step=100)  # the robot still waits until it knows the gyro's bias
     (tmp_path / "image").mkdir()
     boards.build(boards.BOARDS["avr"], "imu+encoders", tmp_path / "own", tmp_path / "image", ROOT)
     image = tmp_path / "image/brickpilot.elf"

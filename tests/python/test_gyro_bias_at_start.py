@@ -48,7 +48,7 @@ SCARCE = "".join(
     f'[[faults]]\nkind = "missing_sensor"\nsensor = "imu"\nfrom_s = {0.099 * k:.3f}\nto_s = {0.099 * k + 0.093:.3f}\n'
     for k in range(18)
 )
-"""Until 1.8 s, 2 of 33 readings arrive: too few for a block, but there is never 0.1 s without a reading."""
+"""Faults: until 1.8 s, 2 of each 33 readings arrive. They are too few for a block, but less than 0.1 s apart."""
 
 
 def test_a_start_without_a_bias_is_flagged_in_figures_text_and_page(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""What the command line says about itself: help in whole sentences, effects, settings, suggestions, and completion."""
+"""The command line explains itself: help that is not cut off, effects, settings, suggestions, and completion."""
 
 from __future__ import annotations
 

@@ -52,10 +52,10 @@ def test_the_papers_mission_is_flown_by_the_image_as_in_simulation(
     """One whole flight: all 8 waypoints, the usual run folder, and the track of the simulation with these sensors.
 
     The tolerance is the spread of the simulation itself. Eight flights with different seeds of the noise differ by up
-    to 0.06 m (rms over the flight), because the gyro's error adds up in the heading. The chip's noise differs in the
-    same way, by its converter and its order of samples. The tolerance gets 3 mm more: at 0.5 m/s the robot drives so
-    far in the 6 ms from a sample to the motor pulses that follow from it. The converter has the resolution of the
-    simulation (10 bits), and the PWM one of 9 mV.
+    to 0.06 m (rms over the flight), because the gyro's error adds up in the heading. The chip's noise differs like that
+    of another seed, because the chip has its own converter and order of samples. The tolerance is 3 mm larger: the
+    robot drives so far at 0.5 m/s in the 6 ms from a sample to the motor pulses that follow from the sample. The
+    converter has the resolution of the simulation (10 bits), and the PWM has a resolution of 9 mV.
     """
     done = brickpilot("hil", "--target", "avr:328p-imu", "--sensors", "imu", "--out", str(tmp_path), "--json", cwd=ROOT)
     assert (done.returncode, done.stderr) == (0, "")
@@ -92,7 +92,7 @@ def _apart(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def _edges_are_those_of_the_wheels(flown: over_a_link.HilFlight) -> None:
-    """The counts of the sensors are those of the wheels' angles one motor step ago, rounded down."""
+    """Checks the sensors' counts: the wheels' angle one motor step ago, rounded down, within 1 count."""
     log = flown.flight.log
     turned = np.cumsum(log["left_wheel_rad_s"]) * 0.003 * 48 / (2 * np.pi)
     assert turned.max() > 10
@@ -123,7 +123,7 @@ def test_a_flight_repeats_itself_to_the_bit_and_its_signals_are_traced(
     names = {line.split()[4]: line.split()[3] for line in text.splitlines() if line.startswith("$var")}
     assert {"left_pwm", "right_in2", "left_a", "gyro", "battery"} <= names.keys()
     rises = text.count(f"\n1{names['left_pwm']}\n")
-    assert 0.4 * 15625 < rises < 0.6 * 15625 + 1  # pulses of 15.6 kHz in the half second that it drives
+    assert 0.4 * 15625 < rises < 0.6 * 15625 + 1  # pulses of 15.6 kHz in the half second in which the robot drives
 
 
 def test_what_an_avr_cannot_do_is_said_in_one_line(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Faults of messages, sensors and ends: a part of the matrix in tests/loop/fault_matrix.py, and the seeds."""
+"""Faults of messages, sensors and link ends act as named: a part of tests/loop/fault_matrix.py, and the seeds."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MISSION = 'name = "s"\nkind = "mission"\nduration_s = 3\nwaypoints_m = [[0.3, 0]
 
 
 class Loop:
-    """A link that returns the messages that it was sent."""
+    """A link that returns the messages that were sent to it."""
 
     damaged = 0
 

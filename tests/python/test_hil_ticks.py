@@ -1,4 +1,4 @@
-"""The record of each tick of a flight over a link, and the plots of these records on its page."""
+"""Each tick of a flight over a link is recorded, and the flight's page plots these records."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def test_the_histograms_hold_every_tick() -> None:
 
 
 def test_no_bar_of_a_logarithmic_axis_is_at_zero() -> None:
-    """A bar at zero would give the axis endless tick marks. Round trips here range from 0.1 us to 20 s."""
+    """A bar at zero would give a logarithmic axis endless tick marks. The round trips range from 0.1 us to 20 s."""
     trips = np.append(np.full(999, 0.5), 2e4)
     trips[0] = 1e-4
     (figure,) = figures(str(run_page.round_trip(columns(round_trip_ms=trips))[1])).values()

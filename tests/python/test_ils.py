@@ -1,4 +1,4 @@
-"""The integral of a squared error (eq. 20) of a signal."""
+"""The ILS of a signal is the integral of its squared error (eq. 20)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Logs of other programs become data sets: its own library writes each kind, and a bad log leaves no data set."""
+"""Logs of other programs become data sets; a bad log leaves none. Here the library of each format writes the logs."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SPEED = np.round(np.cumsum(VOLTS) * 0.25, 6)
 
 
 def ros_messages() -> list[tuple[int, str, str, dict[str, Any]]]:
-    """A robot with two wheels: commands without a header, measurements that are recorded 3 ms after their stamps."""
+    """Returns messages of a robot: commands without a header, and measurements, recorded 3 ms after their stamps."""
     made: list[tuple[int, str, str, dict[str, Any]]] = []
     for k, (volts, speed) in enumerate(zip(VOLTS, SPEED, strict=True)):
         stamp = STAMP + k * 20_000_000

@@ -1,4 +1,4 @@
-"""How a result of a quick suite is scored, with verdicts made by hand; the true regions; the suites themselves."""
+"""Scores of results of quick suites (with verdicts made by hand), the true regions, and the suites themselves."""
 
 from __future__ import annotations
 
@@ -161,7 +161,7 @@ def test_the_table_holds_the_suites_beside_the_long_ones_and_is_written(tmp_path
     results = [said(OTHER, "unknown", mechanism="supply"), result(["a"], "named", effect("a"))]
     made = table.table(results)
     single = {one["what"]: one["of"] for one in made["claims"]["all"]}
-    assert single["single, clearly visible, wheel speeds measured: right name"] == 1  # without the quick one
+    assert single["single, clearly visible, wheel speeds measured: right name"] == 1  # without the quick suite's result
     text = "\n".join(table.lines(made))
     assert "== suite other: one effect, by another law ==" in text
     assert "[+] mechanism right" in text
@@ -195,7 +195,7 @@ def test_a_region_says_what_the_vehicle_was_doing() -> None:
     (region,) = measure.shown(recipe).regions
     assert region["signal"] == "yaw_rate"
     assert region["from_s"] == pytest.approx(1.5, abs=0.2)
-    assert region["to_s"] == pytest.approx(3.8, abs=0.2)  # the spin dies away from 28 sd
+    assert region["to_s"] == pytest.approx(3.8, abs=0.2)  # as the spin decays, the error falls from 28 sd of the noise
     assert region["when"] in ("turning right", "turning")
 
 
@@ -259,7 +259,10 @@ def test_robots_of_other_scales_drive_within_their_sensors(kind) -> None:
 
 
 def test_a_claimed_name_is_right_for_another_law_if_it_is_said_to_differ() -> None:
-    """For the library's own law, saying that the law differs is wrong; so saying it always does not pay."""
+    """For a law of the library, the statement that the law differs is wrong.
+
+    So a verdict that always states a difference does not score better.
+    """
     other = said(OTHER, "named", "battery_fade", mechanism="supply", left=5.0)
     assert not law_score.law_right(other)
     assert law_score.law_right(other | {"law_differs": True})

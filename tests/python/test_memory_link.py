@@ -1,4 +1,4 @@
-"""A link in memory: the same flight as over a serial line, with a clock of its own."""
+"""A flight over a link in memory is the same as over a serial line, but follows the link's own clock."""
 
 from __future__ import annotations
 

@@ -59,7 +59,7 @@ def test_nothing_in_a_text_ends_a_comment_of_c(text: str) -> None:
 
 
 def test_a_title_and_a_name_stay_comments_of_the_generated_headers(tmp_path: Path) -> None:
-    """A robot's name that no file's check has seen is escaped, too."""
+    """The name of a robot is escaped even if no check of a file has seen this name."""
     own = robot.load(robot.RCX)
     own = dataclasses.replace(own, model=dataclasses.replace(own.model, name=CODE))
     mission = dataclasses.replace(scenario.load(scenario.packaged()["mission"]), title=CODE)

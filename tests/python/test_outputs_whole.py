@@ -1,8 +1,8 @@
-"""Each command leaves its output whole or absent: killed, on a full disk, without permission, beside a twin of itself.
+"""Each command leaves its output whole or absent: if killed, on a full disk, without permission, or run twice at once.
 
-`COMMANDS` has a row for each command. The short form kills each at few moments; `--full` kills each at 100 random
-moments and fills its disk at 20 random sizes. A campaign keeps its finished runs instead, and has tests of its own
-(`test_campaign_killed.py`, `test_full_disk.py`).
+`COMMANDS` has a row for each command. The short form kills only the commands in `OF_EACH_KIND`, at 3 moments; `--full`
+kills each command at 100 random moments and fills its disk at 20 random sizes. A campaign keeps its finished runs
+instead, and has tests of its own (`test_campaign_killed.py`, `test_full_disk.py`).
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ from test_campaign import SHORT
 
 PLACE = Path("place")
 OUT = str(PLACE / "made")
-"""The output of a row, in a folder of its own; a row may add an ending of the file's name."""
+"""The output of a row, in a folder of its own; a row may append the ending of a file's name."""
 
 
 @dataclass(frozen=True)
 class Command:
-    """A command: its words, fewer bytes than its largest file has, and the ending of its file; "": a folder."""
+    """A command: its words, a size in bytes below its largest file's, and its file's ending; "": it writes a folder."""
 
     words: tuple[str, ...]
     bytes: int
@@ -69,7 +69,7 @@ MAGIC = {".parquet": b"PAR1", ".mcap": b"\x89MCAP0\r\n"}
 """Ending of the name -> last bytes of a complete file."""
 
 OF_EACH_KIND = {"run", "import", "export mcap"}
-"""Commands that the short form kills, and runs beside a twin: they write a folder, a data set and files."""
+"""Commands that the short form kills, and runs twice at once. They write a folder, a data set, and files."""
 
 each = pytest.mark.parametrize("name", COMMANDS)
 of_each_kind = pytest.mark.parametrize(
@@ -174,7 +174,7 @@ def test_a_killed_command_leaves_its_output_whole_or_absent_and_the_next_one_cle
         process.ended()
         assert_whole_or_absent(name, folder, expected)
         emptied(folder / PLACE)
-    (folder / PLACE / f".{COMMANDS[name].out.name}-unfinished-left").touch()  # as if killed while it wrote
+    (folder / PLACE / f".{COMMANDS[name].out.name}-unfinished-left").touch()  # as if killed while writing
     assert Begun(*COMMANDS[name].words, cwd=folder).ended()[0] == 0
     assert files(folder / PLACE) == expected
 
@@ -195,7 +195,7 @@ def test_on_a_full_disk_nothing_is_left_and_one_line_names_the_output(name: str,
 
 @each
 def test_where_nothing_may_be_written_one_line_says_so(name: str, folder: Path) -> None:
-    """Root may write in each folder, so for root the folder is one of the kernel."""
+    """Root may write into any ordinary folder, so for root the output goes into a folder of /proc."""
     (folder / PLACE).rmdir()
     if os.getuid() == 0:
         (folder / PLACE).symlink_to("/proc/self/fdinfo")

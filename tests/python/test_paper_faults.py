@@ -1,4 +1,4 @@
-"""The known faults of the paper's model: each shown in the `paper` profile, and its absence in `coupled`."""
+"""The known faults of the paper's model: how the profiles `paper` and `coupled` behave at each fault."""
 
 import dataclasses
 import math
@@ -37,7 +37,7 @@ def test_fault_1_body_outruns_its_wheels() -> None:
 
 
 def literal_wheel_speed(volts: float) -> float:
-    """Returns the wheel speed after 3 s by eq. 13 with the sign of w and eq. 14 with sign(w) again."""
+    """Returns the wheel speed w, rad/s, after 3 s at `volts`, if eq. 13 has the sign of w and eq. 14 has it again."""
     p = rcx().parameters
 
     def slope(_: float, s: np.ndarray) -> list[float]:
@@ -95,7 +95,7 @@ def test_fault_4_nothing_damps_the_yaw() -> None:
 
 
 def test_fault_4_takes_the_spin_of_fig_5_out_of_the_gyros_range_and_coupled_stays_within() -> None:
-    """The paper on half power: "The rotational velocity at full power is out with the range of the sensor"."""
+    """The paper explains half power: "The rotational velocity at full power is out with the range of the sensor"."""
     gyro = tomllib.loads(MODEL.read_text(encoding="utf-8"))["sensors"]["imu"]["gyro_range"]["value"]
     half, full = (abs(drive(robot("coupled"), v, -v, 7.0).final.yaw_rate) for v in (4.5, 9.0))
     assert math.degrees(half) == pytest.approx(553, abs=1)
@@ -156,7 +156,7 @@ def test_fault_8_half_power_is_not_half_voltage_when_the_motor_floats_between_pu
     half = drive(robot("coupled"), 4.5, 4.5, 5.0).final.surge
     assert pulsed(robot("coupled"), 0.0).final.surge == pytest.approx(half, rel=0.01)
     assert pulsed(robot("coupled"), math.nan).final.surge > 1.2 * half
-    # The paper's thrust depends on the voltage alone: half the time is half the thrust, floating or not.
+    # The paper's thrust depends on the voltage alone: half the time gives half the thrust, also if the motor floats.
     paper = robot("paper")
     stalled = dataclasses.replace(paper, parameters={**paper.parameters, "wheel_inertia": 1e4})
     braked, floating = (pulsed(stalled, between, 0.5).final.surge for between in (0.0, math.nan))

@@ -1,4 +1,4 @@
-"""The example of a plant end flies with a brick; the frame and the queues are as hal/README.md says."""
+"""The example of a plant end flies with a brick; frames and queues are as hal/README.md describes them."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_it_passes_every_waypoint_in_order_and_sees_a_refused_route(device: str)
 
 
 def crc16(data: bytes) -> int:
-    """CRC-16/CCITT-FALSE by its definition."""
+    """Returns the CRC-16/CCITT-FALSE of `data`, by the definition of this CRC."""
     value = 0xFFFF
     for byte in data:
         value ^= byte << 8

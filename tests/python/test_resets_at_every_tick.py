@@ -1,4 +1,7 @@
-"""After a reset at any tick of a mission an AVR is off within a period, has forgotten all, and obeys a new session."""
+"""An AVR may be reset at any tick of a mission.
+
+Then its motors are off within a period, its route and settings are lost, and it obeys a new session.
+"""
 
 from __future__ import annotations
 
@@ -20,17 +23,17 @@ SLOWER = 4000
 
 HELD_STEPS, BOOTS_S, REFUSED_S = 3, 0.03, 0.03
 RESTS_S = 0.7
-"""s for which a robot that must not start is watched: one that starts drives after 0.5 s."""
+"""Time for which a robot that must not start is watched, s: a robot that starts drives after 0.5 s."""
 DRIVES_S = 3.0
-"""s after the start within which a robot drives: it first rolls out and learns the gyro's bias at rest."""
+"""Time from the start within which a robot drives, s: it first rolls out and learns the gyro's bias at rest."""
 
 LONG = 20
-"""One in this many resets is watched for RESTS_S and followed by a new mission: these take long, and the memory after
-each reset is that of a new robot, at every tick. The start itself is accepted after each reset."""
+"""Only one of this many resets is watched for RESTS_S and followed by a drive, because both take long. After each other
+reset, too, route and settings are checked to be those of a new robot, and a start is accepted."""
 
 
 def after_a_reset(flown: Flight, long: bool) -> dict[str, Any]:
-    """Cuts the supply for some steps, and returns what the robot then does and says until it is told to start."""
+    """Cuts the supply for some steps. Returns what the robot then does and replies, before and after a new start."""
     before = flown.robot.tell().resets
     flown.robot.fault("BATTERY", SUPPLY_V)
     driven = [flown.drives() for _ in range(HELD_STEPS)]
@@ -73,7 +76,7 @@ def resets(target: str, every: int, last_s: float) -> Iterator[tuple[int, int, d
 
 @pytest.mark.parametrize("target", ["avr:328p-imu", "avr:2560"])
 def test_motors_are_off_in_a_period_all_is_forgotten_and_a_new_session_drives(target: str, full: bool) -> None:
-    """Tries every tenth tick of 6 s, or each with --full: these include rest, drive, brake and turn."""
+    """Tries every tenth tick of 6 s, with --full every tick: the robot rests, drives, brakes and turns in this time."""
     tried = 0
     for tick, cruise, found in resets(target, 1 if full else 10, 6.0):
         tried += 1

@@ -1,4 +1,4 @@
-"""An accelerometer gives the instant or the mean over a sample: the data set states which, or the data show it."""
+"""An accelerometer gives the value at a sample's time or the mean since the last: stated, or shown by the data."""
 
 from __future__ import annotations
 
@@ -25,7 +25,10 @@ _FINE_S = 5e-4
 
 
 def truth_of(table: Table) -> np.ndarray:
-    """The acceleration at the time of each sample, from a fine simulation: before a change of the command."""
+    """Returns the acceleration (samples,), m/s^2, at the time of each sample, from a fine simulation.
+
+    Where the command changes, this is the acceleration before the change.
+    """
     fine = np.arange(0.0, table["t"][-1] + _FINE_S, _FINE_S)
     rows = np.clip(np.searchsorted(table["t"], fine + 1e-9, side="right") - 1, 0, len(table["t"]) - 1)
     volts = np.column_stack([table["voltage_left"], table["voltage_right"]])[rows]
@@ -107,7 +110,10 @@ def test_what_is_stated_is_what_is_compared(kind: str, tmp_path: Path) -> None:
 
 
 def test_bins_of_a_coarse_simulation_are_those_of_the_samples_also_where_a_command_steps(tmp_path: Path) -> None:
-    """A sample of an accelerometer belongs to the bin of the time before it, so no bin begins with a past step."""
+    """A sample of an accelerometer belongs to the bin of the time before the sample.
+
+    So no bin begins with a sample from the time before a step of the command.
+    """
     data = written(tmp_path / "s", "mean")
     time = np.arange(0.0, 1.5, 0.003)
     volts = np.where((time > 0.3 - 1e-9) & (time < 0.9), 7.0, -4.0)

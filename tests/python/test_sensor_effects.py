@@ -99,7 +99,7 @@ def test_sideways_values_of_effects_turn_with_the_frame_of_the_file(tmp_path):
     ],
 )  # fmt: skip
 def test_a_run_starts_from_what_the_sensors_meant(tmp_path, effects, signals):
-    """A replay of the truth from its own first readings gives the truth: a bias is not taken for motion."""
+    """A replay of the true model from the first readings gives these data again: a bias is not taken for motion."""
     truth = with_effects(**effects)
     start = State(yaw_rate=1.0, surge=0.2 if len(signals) == 3 else 0.0)
     folder = write(tmp_path / "set", truth, dict.fromkeys(signals, 0.0), STATED, start=start)
@@ -111,7 +111,7 @@ def test_a_run_starts_from_what_the_sensors_meant(tmp_path, effects, signals):
 
 
 def test_a_late_run_starts_from_what_a_drifting_gyro_meant(tmp_path):
-    """After 100 s the gyro reads 1 rad/s too much, which is no motion."""
+    """After 100 s the gyro reads 1 rad/s too much, and the start state does not take this error for motion."""
     truth = with_effects(gyro_drift={"rate": 0.01})
     start = State(yaw_rate=0.5, age=100.0)
     folder = write(tmp_path / "set", truth, {"yaw_rate": 0.0}, STATED, start=start, manoeuvres={"spin": (4.5, -4.5)})
@@ -131,7 +131,7 @@ def test_a_stated_start_is_true_whatever_the_sensors_say(tmp_path):
 
 
 def test_a_motors_window_starts_from_what_its_encoder_meant(tmp_path):
-    starts = (50, 100, 150)  # the sample after each of these follows after 1 us
+    starts = (50, 100, 150)  # 1 us lies between each of these samples and the next
     times = [(k - 1) / 100 + 1e-6 if k - 1 in starts else k / 100 for k in range(200)]
     (tmp_path / "r.csv").write_text("t,v,w\n" + "".join(f"{t:.9f},3,6\n" for t in times), encoding="utf-8")
     (tmp_path / "dataset.toml").write_text(

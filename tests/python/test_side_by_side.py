@@ -1,4 +1,4 @@
-"""Work in copies of this process: order, errors, copies that die, and Ctrl-C."""
+"""Work in copies of this process keeps its order, passes errors on, survives a copy that dies, and ends on Ctrl-C."""
 
 from __future__ import annotations
 

@@ -116,7 +116,7 @@ def test_the_resamples_have_random_numbers_that_no_robot_has(monkeypatch: pytest
 def test_intervals_of_paired_differences_cover_the_truth_as_often_as_they_say() -> None:
     random, covered = np.random.default_rng(0), 0
     for seed in range(100):
-        robots = random.gamma(4.0, 0.01, 80)  # some robots are hard for both
+        robots = random.gamma(4.0, 0.01, 80)  # some robots are hard for both gain sets
         before = [GOOD._replace(cross_track=one) for one in robots]
         after = [
             GOOD._replace(cross_track=max(one - 0.003 + e, 0.0))

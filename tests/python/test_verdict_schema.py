@@ -1,4 +1,4 @@
-"""verdict.json is valid for every case: it follows the published schema, and has neither NaN nor Infinity."""
+"""verdict.json is valid for every verdict: it follows the published schema, and has neither NaN nor Infinity."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_the_verdict_on_a_motor_holds_to_the_schema(of_a_motor):
 
 
 def test_what_is_no_number_is_null(found):
-    """Numbers that a finding may lack: without noise, without held-out runs, without a limit."""
+    """A finding lacks numbers if there is no noise, no held-out run or no limit; the file then has null."""
     torque = Parameter(0.006, "N m", (-INFINITY, INFINITY))
     made = dataclasses.replace(
         found["named"],
@@ -71,7 +71,7 @@ def test_what_is_no_number_is_null(found):
 
 
 def test_a_key_that_nobody_described_is_found(of_a_motor):
-    """Who adds a key has to describe it in the schema."""
+    """Each new key in verdict.json has to be described in the schema."""
     figures = verdict_json(of_a_motor)
     validator = Draft202012Validator(CLOSED)
     for spoil in (

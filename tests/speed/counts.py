@@ -1,8 +1,8 @@
-"""Counts the instructions of the plant's and the firmware's inner loops under callgrind, and writes them down.
+"""Counts the instructions of the plant's and the firmware's inner loops under callgrind; prints or keeps them.
 
     cmake --preset release && cmake --build --preset release --target speed_kernels
-    .venv/bin/python tests/speed/counts.py           # prints the counts beside those that are kept
-    .venv/bin/python tests/speed/counts.py --write   # keeps them, for the compiler that built the program
+    .venv/bin/python tests/speed/counts.py           # prints the counts, and their change from the kept counts
+    .venv/bin/python tests/speed/counts.py --write   # also keeps the counts, for the compiler of the program
 
 Times on a shared machine say little, but the instructions of the same program repeat exactly. Only the program's own
 instructions are counted, because libm chooses its functions by the processor. Each compiler makes other code, so the
@@ -25,7 +25,7 @@ PROGRAM = ROOT / "build/release/tests/speed_kernels"
 KEPT = Path(__file__).with_suffix(".json")
 
 STEPS, SAMPLES, RUNS, MOTOR_STEPS = 400, 200, 8, 10
-"""The same numbers as in kernels.c."""
+"""How often the kernels of kernels.c repeat their work: the same numbers as there."""
 
 TOLERANCE = 0.02
 """Share by which a count may differ from the kept count. Counts repeat exactly, so a change of 2 % has its cause in the
@@ -85,7 +85,7 @@ def count(kernel: Kernel, program: Path = PROGRAM) -> float:
 
 
 def own(text: str, program: str) -> int:
-    """Returns the instructions of `program` itself in a file of callgrind, without those of libraries.
+    """Returns the number of instructions of `program` itself in the text of a callgrind file, without its libraries'.
 
     The line after "calls=" is left out: it holds the cost of a call, which the lines of the called function also hold.
     """
@@ -109,7 +109,7 @@ def own(text: str, program: str) -> int:
 
 
 def figures(program: Path = PROGRAM) -> dict[str, float]:
-    """Returns `FIGURES`, rounded to 0.1."""
+    """Returns figure -> instructions, rounded to 0.1, for each of `FIGURES`."""
     counted = {(kernel.name, kernel.function): count(kernel, program) for kernel in KERNELS}
     return {name: round(figure(counted), 1) for name, figure in FIGURES.items()}
 
@@ -121,7 +121,7 @@ def kept() -> dict[str, dict[str, float]]:
 
 
 def changed(found: Mapping[str, float], wanted: Mapping[str, float]) -> list[str]:
-    """Returns a line for each figure that differs from the kept one by more than `TOLERANCE`."""
+    """Returns a line for each figure that differs from the kept figure by more than the share `TOLERANCE`."""
     lines = []
     for name in sorted({*found, *wanted}):
         now, before = found.get(name), wanted.get(name)
@@ -133,7 +133,7 @@ def changed(found: Mapping[str, float], wanted: Mapping[str, float]) -> list[str
 
 
 def main() -> None:
-    """Prints the counts, and keeps them if asked to."""
+    """Prints the counts, and keeps them with --write."""
     by, found = compiler(), figures()
     before = kept().get(by, {})
     print(f"instructions, built by {by}")
