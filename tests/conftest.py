@@ -15,7 +15,7 @@ LONGEST = [f"test_{name}.py" for name in (
     "resets_at_every_tick", "hil_h8sim", "audit_channels", "guides", "discover_cli", "docs", "discover",
     "outputs_whole", "firmware_avr", "firmware", "discover_invariance", "late_commands",
 )]  # fmt: skip
-"""These files begin first, the longest first, so that no processor waits for the last of them at the end."""
+"""The slowest files, the slowest first: they run before all others, so that no processor is idle at the end."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -24,10 +24,10 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
-    """Stops where the installed package is older than the checkout. Workers of xdist follow their controller.
+    """Ends the session if the installed package is older than the checkout; of xdist, only the controller checks this.
 
-    Each worker gets one processor, so that a search makes no copies of its process: copies that wait for each other
-    cost a fifth of a search. Tests in real time keep all processors.
+    Each worker of xdist gets one processor. Then a search makes no copies of its process: copies that wait for each
+    other take a fifth of a search's time. Tests in real time keep all processors.
     """
     worker = getattr(session.config, "workerinput", None)
     if worker is not None and sys.platform == "linux" and session.config.option.markexpr != "realtime":
@@ -41,7 +41,7 @@ def pytest_sessionstart(session: pytest.Session) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leaves campaigns out unless --full is given, and sorts the longest files to the front."""
+    """Leaves out the tests with the mark `campaign` unless --full is given, and puts the files of `LONGEST` first."""
     if not config.getoption("full"):
         out = [item for item in items if item.get_closest_marker("campaign")]
         if out:
@@ -51,14 +51,14 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def _counts(session: pytest.Session) -> tuple[int, int]:
-    """Returns how many tests have ended, passed or not, and how many were skipped."""
+    """Returns the number of tests that passed or failed, and the number of skipped tests."""
     reporter = session.config.pluginmanager.get_plugin("terminalreporter")
     stats = {} if reporter is None else reporter.stats
     return sum(len(stats.get(name, ())) for name in ("passed", "failed", "xfailed")), len(stats.get("skipped", ()))
 
 
 def _untested(session: pytest.Session) -> str | None:
-    """Returns why a run without a failure is none that passed."""
+    """Returns why a session without a failed test must count as failed; None: it passed."""
     ran, skipped = _counts(session)
     most = session.config.getoption("most_skips")
     if skipped and not ran:
@@ -70,7 +70,7 @@ def _untested(session: pytest.Session) -> str | None:
 
 @pytest.hookimpl(trylast=True)
 def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
-    """Fails a run that has tested nothing, or skipped more than --most-skips."""
+    """Makes a session fail if all its tests were skipped, or more than --most-skips of them."""
     if exitstatus == 0 and not hasattr(session.config, "workerinput") and (why := _untested(session)):
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
         print(f"\n{why}")
@@ -78,5 +78,5 @@ def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
 
 @pytest.fixture(scope="session")
 def full(request: pytest.FixtureRequest) -> bool:
-    """Whether --full is given: the long form of a test that has two."""
+    """Returns whether --full is given. Some tests have a long form, which runs only with --full."""
     return bool(request.config.getoption("full"))

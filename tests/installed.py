@@ -1,6 +1,6 @@
-"""Says where the installed package is older than the checkout, so that no test judges code that is no longer there.
+"""Finds files of the installed package that are older than the checkout, so that no test runs outdated code.
 
-As a program it ends with status 1 there.
+As a program, this file ends with status 1 if the installed package is older.
 """
 
 from __future__ import annotations
@@ -17,14 +17,18 @@ COPIED = {
     "hal/wire/settings.toml": "settings.toml",
     "sim_host/models/rcx.toml": "models/rcx.toml",
 }
-"""Files of the checkout that are installed as they are, and their places in the package."""
+"""File of the checkout that is copied into the package -> its path in the package."""
 
 COMPILED = ("sim_host", "firmware", "hal/wire", "hal/sil", "hal/link")
 """Folders whose C is compiled into the package."""
 
 
 def outdated(root: Path, package: Path) -> Iterator[str]:
-    """Yields one line for each file of the checkout at `root` that differs from the installed `package`."""
+    """Yields one line for each file of the checkout at `root` that is not in the installed `package`.
+
+    Python files, tables and headers are compared by content. A C file counts as missing if it is newer than the
+    compiled library.
+    """
     source = root / "tools/brickpilot"
     if package.resolve() != source.resolve():
         for path in sorted(source.rglob("*.py")):

@@ -1,7 +1,7 @@
-"""The effect of the instructions of RCX programs and of brickOS's kernel on the stack, and the bound of each task.
+"""How each instruction of an RCX program and of brickOS's kernel changes the stack, and the largest stack of each task.
 
-An interrupt uses the stack of the running task, on top of what the task has there. The walk reads the kernel from its
-image, with hal/h8sim/rom.s in place of LEGO's ROM.
+An interrupt uses the stack of the running task, on top of the task's own bytes. The kernel's instructions are read from
+its image, in which hal/h8sim/rom.s replaces LEGO's ROM.
 """
 
 from __future__ import annotations
@@ -19,26 +19,28 @@ LINKER_SCRIPT = Path("/usr/lib/brickos/brickOS.lds")
 SAVED, SAVED_FRAMED = "begin_saved", "begin_saved_framed"
 """Functions of firmware/core/h8/frames.S: both save r4 to r6; the second first reserves r3l bytes of locals."""
 BY_INTERRUPT = 4 + 2 + 2
-"""Bytes pushed before a handler begins: the processor pushes condition codes and address, the ROM r6 and a call."""
+"""Bytes pushed before a handler begins: the processor pushes condition codes and return address, the ROM r6, and the
+ROM's call of the handler a second return address."""
 CODES = 2
-"""Bytes of condition codes that RTE pops before the address."""
+"""Bytes of condition codes that the instruction RTE pops before the return address."""
 
 WAIT_EVENT, TASK_SWITCH = 0x892A, 0x8512
-"""The kernel's function that calls wake-ups, and its instruction that loads the next task's stack pointer. A task that
-resumes gets its own stack pointer again."""
+"""The kernel's function whose callers pass wake-up functions, and the kernel's instruction that loads the stack pointer
+of the next task. A task that resumes gets its own stack pointer again."""
 VECTORS, NMI = range(0xFD92, 0xFDBF, 2), 0xFD92
-"""Addresses of the interrupt handlers' pointers for the ROM. Only NMI interrupts other handlers."""
+"""Addresses at which the ROM reads the pointers to the interrupt handlers. Only NMI interrupts other handlers."""
 TABLES = {0x8DD6: (0xA996, 6), 0x94D8: (0xA9AE, 20)}
-"""The kernel's jumps by a table: jump -> table, entries."""
+"""The kernel's jumps through a table of addresses: address of the jump -> (address of the table, number of entries)."""
 CALLS = {0x842C: {0x8504}, 0x9458: set[int](), 0x95E0: {0x9760}, 0x97D2: {0x9FCA}, 0x97E8: {0x9FCA}}
-"""The kernel's other calls through a register, call -> targets: the switch of tasks, no handler of raw packets, the
-handlers of the remote control and of its keys. The code that sets wake-ups and the link's handlers gives their
-addresses."""
+"""The kernel's other calls through a register, address of the call -> targets. The targets are the switch of tasks,
+no handler of raw packets, and the handlers of the remote control and of its keys. `H8` adds the targets of the calls
+of wake-up functions and of the link's handlers."""
 WAKE_UP_CALL, PACKET_CALL = 0x868C, 0x949A
 PROGRAM_PACKETS = 0x9966
 """The kernel's own handler of packets, which its loader uses."""
 COPIED = {0xF000: 0xAB00}
-"""The handler of the motors, which the kernel copies at startup: address of the copy -> address in the image."""
+"""The interrupt handler of the motors, which the kernel copies at startup: address of the copy -> address in the
+image."""
 
 _LINE = re.compile(r"^ *([0-9a-f]+):\t((?:[0-9a-f]{2} )+) *\t(.*\S)\s*$", re.MULTILINE)
 _TARGET = re.compile(r"0x([0-9a-f]+)(?::24|\))")
@@ -57,7 +59,7 @@ def kernel() -> Path:
 
 
 def _listing(*command: str | Path) -> dict[int, tuple[int, str]]:
-    """Returns address -> size and text of each instruction."""
+    """Returns the listing of objdump: address of an instruction -> (its size in bytes, its text)."""
     return {
         int(at, 16) & 0xFFFF: (len(raw.split()), text)
         for at, raw, text in _LINE.findall(_tool("h8300-hms-objdump", *command))
@@ -65,7 +67,7 @@ def _listing(*command: str | Path) -> dict[int, tuple[int, str]]:
 
 
 class H8:
-    """A program of the RCX together with the kernel. The keys of `known` are halves of registers, such as r3l."""
+    """An RCX program and the kernel, for `stack_walk`. The keys of `State.known` are halves of registers, as r3l."""
 
     unit = 2
     return_address = 2
@@ -76,7 +78,7 @@ class H8:
         Args:
             coff: the program.
             kernel: the image that `kernel` returns.
-            indirect: function of the program that calls through a register -> the functions that it may call.
+            indirect: function of the program that calls through a register -> the functions that may be called.
         """
         self._code = _listing("-D", "-b", "srec", "-m", "h8300", kernel) | _listing("-d", coff)
         self._memory = b""
@@ -98,7 +100,7 @@ class H8:
         return self._names.get(address, f"{address:#x}")
 
     def _handed_over(self, function: int) -> set[int]:
-        """Returns the constants in r0 at the calls of a function."""
+        """Returns the constants that callers of a function pass in r0."""
         found, before = set[int](), ""
         for address in sorted(self._code):
             text = self._code[address][1]
@@ -112,7 +114,7 @@ class H8:
         return found
 
     def interrupts(self) -> dict[int, int]:
-        """Returns vector -> handler, as the kernel writes the vectors."""
+        """Returns address of an interrupt vector -> address of the handler that the kernel writes there."""
         found, before = dict[int, int](), ""
         for address in sorted(self._code):
             text = self._code[address][1]
@@ -192,7 +194,7 @@ class H8:
         return Outcome((stack[-1],), State(stack[:-1], state.known))
 
     def _begun(self, target: int, state: State) -> State | None:
-        """Returns the state after a call of a function of frames.S, or None for another function."""
+        """Returns the state after a call of `SAVED` or `SAVED_FRAMED`; None: `target` is another function."""
         if target == self.at.get(SAVED):
             return state.pushed(3)
         if target == self.at.get(SAVED_FRAMED):
@@ -208,7 +210,7 @@ class H8:
         return state.with_known(**lost)
 
     def _moved(self, name: str, operands: str, state: State) -> State:
-        """Follows constants and the stack pointer."""
+        """Returns the state after an instruction that neither jumps nor calls."""
         first, _, last = operands.rpartition(",")
         if last == "@-r7":
             return state.pushed(1, self._value(first, state))
@@ -260,7 +262,7 @@ class H8:
 
 @dataclass(frozen=True)
 class Bound:
-    """Bytes of a task's stack: bytes of its functions, and bytes of interrupts on top."""
+    """The largest stack of a task, in bytes: of the task's functions, and of interrupt handlers on top of them."""
 
     task: int
     interrupts: int
@@ -271,7 +273,7 @@ class Bound:
 
 
 def bounds(h8: H8, tasks: Sequence[str]) -> dict[str, Bound]:
-    """Returns the bound of each task, by the function with which the task begins."""
+    """Returns task -> bound of its stack. `tasks`: names of the functions with which the tasks begin."""
     depths = Depths(h8)
     vectors = h8.interrupts()
     if NMI not in vectors:

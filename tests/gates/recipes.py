@@ -13,14 +13,14 @@ SKIPPED = shutil.ignore_patterns("build", ".venv", "runs", ".git", "__pycache__"
 
 @dataclass(frozen=True)
 class Recipe:
-    """One recipe: the files of its table, with NAME or STAGE as placeholders, and the tests that prove it."""
+    """One recipe: the files of its table, with placeholders such as NAME, and the test files named as its proof."""
 
     files: tuple[str, ...]
     proofs: tuple[str, ...]
 
 
 def recipes() -> dict[str, Recipe]:
-    """Returns each recipe of CONTRIBUTING.md by its title."""
+    """Returns title -> recipe of CONTRIBUTING.md."""
     text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     found = {}
     for section in text[text.index("## Recipes") :].split("\n### ")[1:]:
@@ -33,7 +33,7 @@ def recipes() -> dict[str, Recipe]:
 
 
 class Copy:
-    """A copy of the checkout in which a recipe is followed. `touched` holds the files that were written by hand."""
+    """A copy of the checkout in which a recipe is followed. `touched`: the paths that the methods have changed."""
 
     def __init__(self, folder: Path) -> None:
         self.root = Path(shutil.copytree(ROOT, folder / "checkout", ignore=SKIPPED))

@@ -1,4 +1,4 @@
-"""A generated file older than its input stops every build, with one line that says what to run."""
+"""Every build stops if a generated file is older than its input, and one line says which command to run."""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
-"""Every module gives the same results on the RCX's processor as on the host: tests/vectors.
+"""Every module of the firmware gives the same results on the RCX's processor as on the host, for random inputs.
 
-Each module gets 50,000 vectors, or 5,000 if 50,000 take more than a second; with --full every module gets 50,000.
+The inputs are the vectors of tests/vectors. A module gets 50,000 vectors, or 5,000 if 50,000 take more than a second.
+With --full every module gets 50,000.
 """
 
 from __future__ import annotations
@@ -18,21 +19,22 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 PARTS = 16
 FEW = "-DVECTORS_OF_PART=313"
-"""Flag for 5,000 vectors instead of 50,000. 5,000 vectors are enough to find the faults planted below."""
+"""Compiler flag for 5,000 vectors instead of 50,000. 5,000 vectors suffice to find the faults planted below."""
 QUICK = {"autopilot/route", "core/trig", "estimator/bias", "mixer/drive", "model/motor", "model/scale", "wire/message"}
 """Modules whose 50,000 vectors take a second or less."""
 
 PROFILES = ("-DBODY_WITHOUT_PAPER", "-DBODY_WITHOUT_COUPLED")
 OF_EACH_PROFILE = ("app/step", "model/body", "model/motor")
 
-# Sensor flags of the RCX's programs. The host's build is for all sensors, but gets vectors of these sensors only.
+# Compiler flags of each RCX program. The host's build supports all sensors, but its vectors use only the RCX's sensors.
 PROGRAMS = re.findall(r"-D[^']+", (ROOT / "firmware/targets/rcx/flags").read_text())
 OF_EACH_PROGRAM = ("app/step", "estimator/heading", "estimator/pose", "estimator/speed", "model/body")
 
 # These modules call the HAL: tests/python/test_hil_h8sim.py tests them by missions on the simulator.
 WITHOUT_VECTORS = {"app/loop", "app/serve"}
 NOT_ON_THE_RCX = {"wire/slcan"}
-# Vectors of model/body, control/pid and of each cleared or copied state test these modules; h8/layout makes no code.
+# The vectors of model/body, of control/pid and of modules that clear or copy a state also test these modules. h8/layout
+# gives no code.
 OF_OTHERS = {"model/body_pose", "control/pid_start", "core/bytes", "h8/layout"}
 
 VECTORS = ROOT / "tests/vectors"
@@ -42,19 +44,25 @@ CASES += [(module, flags) for flags in PROGRAMS for module in OF_EACH_PROGRAM]
 
 
 Case = tuple[str, str]
-"""A module, and the flags of its firmware."""
+"""A module, and the compiler flags of its firmware."""
 
 Told = tuple[list[str], list[str], list[str]]
-"""Output of the host's program, of this program with the sanitizer, and of the RCX's program on its simulator."""
+"""The output, in lines, of three programs of a module: on the host, on the host with UndefinedBehaviorSanitizer, and on
+the simulator of the RCX's processor."""
 
 
 def build(folder: Path, flags: str, modules: list[str], full: bool) -> None:
-    """Builds the programs of these modules in FOLDER/host, FOLDER/checked and FOLDER/h8, with one firmware each."""
+    """Builds the programs of `modules` in FOLDER/host, FOLDER/checked and FOLDER/h8, with one firmware in each folder.
+
+    Args:
+        flags: compiler flags of the firmware.
+        full: whether each module gets 50,000 vectors.
+    """
     many = [f"tests/vectors/{module}.c" for module in modules if full or module in QUICK]
     few = [f"tests/vectors/{module}.c" for module in modules if not (full or module in QUICK)]
     for kind in ("host", "checked", "h8"):
         its = flags if kind == "h8" else flags.replace("SENSORS_POSSIBLE", "DRAWN_SENSORS")
-        # The number of vectors is no flag of the firmware: where it follows the first sources, this is compiled once.
+        # tests/vectors/build applies a flag behind a source only to later vectors, so the firmware is compiled once.
         subprocess.run([VECTORS / "build", kind, folder / kind, *its.split(), *many, FEW, *few], check=True)
 
 
@@ -74,7 +82,7 @@ def tell(folder: Path, module: str) -> Told:
 
 @pytest.fixture(scope="module")
 def built(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory, full: bool) -> Mapping[str, Path]:
-    """Returns flags -> the folder with the programs of all modules that the chosen tests ask for with these flags."""
+    """Returns flags -> folder with the programs, built with these flags, of all modules that the chosen tests need."""
     items = [item for item in request.session.items if item.path == Path(__file__) and hasattr(item, "callspec")]
     parameters = [item.callspec.params for item in items]
     asked = {(its["module"], its.get("flag", "")) for its in parameters if "module" in its}
@@ -89,7 +97,7 @@ def built(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
 
 @pytest.fixture(scope="module")
 def told(request: pytest.FixtureRequest, built: Mapping[str, Path]) -> Iterator[Mapping[Case, Future[Told]]]:
-    """Runs every requested case, one per processor at a time, the longest case first."""
+    """Yields case -> future of its output. All chosen cases run, one per processor at a time, the longest first."""
     parameters = [item.callspec.params for item in request.session.items if hasattr(item, "callspec")]
     cases = [case for case in CASES if {"module": case[0], "flag": case[1]} in parameters]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
@@ -98,7 +106,7 @@ def told(request: pytest.FixtureRequest, built: Mapping[str, Path]) -> Iterator[
 
 
 def first_difference(wanted: list[str], found: list[str]) -> str:
-    """Returns the first part in which two programs' hashes differ, or ""."""
+    """Returns a text on the first part of the vectors whose hashes differ between two programs; "": all are equal."""
     assert len(wanted) == PARTS
     pairs = (f"part {a[:2]}: {b[3:]} for {a[3:]}" for a, b in zip(wanted, found, strict=True) if a != b)
     return next(pairs, "")
@@ -126,7 +134,11 @@ def test_every_module_has_vectors() -> None:
 
 
 def assembled_again(root: Path, built: Path, module: str, full: bool) -> Path:
-    """Returns a program of a module like the one in `built`, with the assembly of the checkout at `root`."""
+    """Links a module's program again, with the assembly files of the checkout at `root`; returns the program's file.
+
+    Args:
+        built: the folder with the objects of `build`, of which all C code is taken.
+    """
     compile_h8 = root / "hal/h8/compile"
     feed = [*([] if full or module in QUICK else [FEW]), VECTORS / "vectors.c", root / "vectors.o"]
     subprocess.run([compile_h8, *feed], check=True)
@@ -167,7 +179,7 @@ def assembled_again(root: Path, built: Path, module: str, full: bool) -> Path:
 def test_a_slip_in_what_the_h8_alone_does_is_caught(
     file: str, of: str, to: str, module: str, built: Mapping[str, Path], full: bool, tmp_path: Path
 ) -> None:
-    """The slips are in assembly alone, so all that is compiled of C stays."""
+    """A fault planted in one assembly file changes the output. The compiled C code is not built again."""
     assert file.endswith((".S", ".inc")), "the host compiles it too"
     for folder in ("firmware", "hal/h8"):
         shutil.copytree(ROOT / folder, tmp_path / folder)

@@ -1,4 +1,4 @@
-"""The RCX's own compiler (16-bit int) accepts firmware and message parsers, and leaves only HAL symbols undefined."""
+"""The RCX's compiler (int has 16 bits) accepts firmware/ and hal/wire/, which call only each other and the HAL."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ HAL = set(re.findall(r"\bhal_\w+(?=\()", (ROOT / "hal/include/hal.h").read_text(
 
 
 def undefined_after_linking(sources: list[Path], folder: Path, *defines: str) -> set[str]:
-    """Returns the symbols that stay undefined when all `sources` are compiled for the H8/300 and linked."""
+    """Returns the symbols that are undefined after all `sources` are compiled for the H8/300 and linked together."""
     objects = []
     for number, source in enumerate(sources):
         objects.append(folder / f"{number}_{source.stem}.o")
@@ -44,7 +44,7 @@ def test_firmware_needs_nothing_but_the_hal(tmp_path: Path, defines: tuple[str, 
 
 
 def kernel_symbols() -> set[str]:
-    """Returns the symbols that brickOS offers a program, without arithmetic, which is in LEGO's ROM and untestable."""
+    """Returns the symbols of brickOS that a program may use: without arithmetic, as no test can run LEGO's ROM."""
     names = set(re.findall(r"^\s*_(\w+) = 0x", BRICKOS.read_text(), re.MULTILINE))
     assert "lnp_addressing_write" in names, f"{BRICKOS}: no list of symbols"
     return {name for name in names if not name.startswith("__")}

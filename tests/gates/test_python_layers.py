@@ -1,4 +1,4 @@
-"""The layers of the Python package hold, and a fault of each kind is named: file, line, what its room may import."""
+"""No room of the Python package imports a forbidden room. A planted import is named: file, line, what is allowed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from python_layers import BASE, MAY, modules, python_cycles, python_faults, room
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "tools/brickpilot"
 
-# Room -> rooms that it must not import, by the text of the architecture; the gate's table is not used.
+# Room -> rooms that it must not import, written from the architecture's text, so that the gate's table is tested too.
 MUST_NOT = {
     "data": {"importers", "vehicle", "fit", "discover"},
     "importers": {"vehicle", "fit", "hil"},
@@ -42,7 +42,7 @@ AT_RUN_TIME = {"cli", "bench", "gen"}
 
 @pytest.fixture
 def package(tmp_path: Path) -> Path:
-    """A package with a module in each room; no module imports another."""
+    """Returns a package with one module in each room, in which no module imports another one."""
     root = tmp_path / "brickpilot"
     for room in MAY:
         (root / room).mkdir(parents=True)
@@ -67,7 +67,7 @@ def test_every_room_has_a_rule_and_every_rule_a_room() -> None:
 
 
 def named_twice(files: Iterable[Path]) -> list[str]:
-    """Returns the file names that occur in two folders, except __init__.py."""
+    """Returns the file names that occur in more than one folder, except __init__.py."""
     counts = Counter(one.name for one in files if one.name != "__init__.py")
     return sorted(name for name, count in counts.items() if count > 1)
 
@@ -154,7 +154,7 @@ def test_a_circle_of_modules_is_named(package: Path) -> None:
 
 
 def test_python_reads_no_c_header_but_the_plants_interface() -> None:
-    writers = {"gen", "firmware", "export"}  # these rooms write C, for the firmware and for an FMU
+    writers = {"gen", "firmware", "export"}  # these rooms write C code, of the firmware and of an FMU
     others = [path for path in PACKAGE.rglob("*.py") if not writers & set(path.relative_to(PACKAGE).parts)]
     named = {header for path in others for header in re.findall(r"\w+\.h\b", path.read_text())}
     assert named <= {

@@ -1,4 +1,4 @@
-"""The recipes of CONTRIBUTING.md give a working result, and name every file that has to be changed."""
+"""Following a recipe of CONTRIBUTING.md gives a working result, and the recipe names every file that has to change."""
 
 from __future__ import annotations
 
@@ -155,7 +155,7 @@ def run(*command: str | Path, cwd: Path, **environment: str) -> subprocess.Compl
 
 
 def listed(title: str, name: str) -> set[str]:
-    """The files of a recipe for a new thing called `name`."""
+    """Returns the files of the recipe `title`, with `name` in place of NAME."""
     return {path.replace("NAME", name) for path in recipes()[title].files}
 
 

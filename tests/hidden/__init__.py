@@ -1,1 +1,1 @@
-"""Makes data sets with hidden effects by independent physics; imports nothing of the program under test."""
+"""Makes data sets with hidden effects. The physics is written again here: nothing of Brickpilot is imported."""

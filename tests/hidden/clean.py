@@ -1,4 +1,4 @@
-"""Writes the data of a recipe without noise, as ideal converters would log them."""
+"""Writes the data of a recipe without noise and quantisation."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from hidden.recipe import Recipe
 
 
 def write(recipe: Recipe, parent: Path) -> Path:
-    """Writes PARENT/NAME, without a truth, noise, quantisation or held-out runs; returns the folder.
+    """Writes the data set PARENT/NAME, without noise, quantisation, held-out runs and truth file; returns its folder.
 
-    The usual noise is stated, so that a fit weighs the signals as in the set with noise.
+    dataset.toml states the usual noise, so that a fit weighs the signals as in the data set with noise.
     """
     stated = replace(recipe, noise_sd_stated=True, quantised=False)
     runs = measure.sense(measure.tracks(stated), stated)

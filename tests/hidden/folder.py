@@ -1,4 +1,4 @@
-"""Writes the data set of a recipe into a folder, and the truth into a file beside this folder."""
+"""Writes the data set of a recipe into a folder, and its true values and hidden effects into a file beside it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _SD_STATED = {"none": 0.0, "half": 0.5, "all": 1.0}  # share of the nominal valu
 
 
 def nominal(recipe: Recipe) -> dict[str, dict[str, float]]:
-    """Returns the experimenter's values: parameter -> value and, for the share that `recipe.sds` states, sd."""
+    """Returns the nominal values: parameter -> {"value": ..., "sd": ...}; `recipe.sds` says how many have an sd."""
     random = np.random.default_rng([recipe.seed, 1_000_003])
     out = {}
     for parameter in fields(Vehicle):
@@ -39,7 +39,7 @@ def nominal(recipe: Recipe) -> dict[str, dict[str, float]]:
 
 
 def write(recipe: Recipe, parent: Path) -> Path:
-    """Makes the data and writes both PARENT/NAME and PARENT/NAME.truth.json, or neither; returns the folder.
+    """Writes the data set PARENT/NAME and PARENT/NAME.truth.json, or neither after an error; returns the folder.
 
     Raises:
         FileExistsError: the folder or the file exists already.

@@ -31,8 +31,8 @@ def simulate(
     """Drives the runs: see `recipe.Engine`. `seed` has no effect, because this engine is deterministic.
 
     Raises:
-        ValueError: an unknown effect, two effects that this engine cannot combine, or values that give no valid
-            vehicle.
+        ValueError: this engine does not know an effect, cannot combine two effects, or gets values of which MuJoCo
+            cannot make a vehicle.
     """
     del seed
     unknown = hidden.keys() - KNOWN
@@ -43,7 +43,7 @@ def simulate(
 
 
 class _Bench:
-    """The vehicle and its simulation. `age` and `electrics` hold the state that carries over to the next run."""
+    """A vehicle in MuJoCo. `age` (s since power-on) and `electrics` (charge, heat) carry over to the next run."""
 
     def __init__(self, vehicle: Vehicle, hidden: Hidden) -> None:
         self.hidden, self.vehicle = hidden, vehicle
@@ -62,7 +62,7 @@ class _Bench:
             self.advance = self._slipping_step
 
     def _settle(self) -> Floats:
-        """Lets the vehicle settle on level ground. Returns its joint positions, moved back to the start pose."""
+        """Lets the vehicle settle on level ground. Returns MuJoCo's `qpos` at rest, with x, y, heading and angles 0."""
         gravity = self.model.opt.gravity.copy()
         self.model.opt.gravity[:2] = 0.0
         self.data.qfrc_applied[:] = self.constant
@@ -76,7 +76,7 @@ class _Bench:
         return np.asarray(rest, dtype=float)
 
     def _slipping_step(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Does mj_step with contact tangents along the vehicle's axes; MuJoCo uses the world's axes."""
+        """Does the same as mj_step, but with contact tangents along the vehicle's axes instead of the world's axes."""
         mujoco.mj_step1(model, data)
         heading = 2 * math.atan2(data.qpos[6], data.qpos[3]) + (0.5 * math.pi if self.across else 0.0)
         cosine, sine = math.cos(heading), math.sin(heading)
@@ -104,7 +104,7 @@ class _Bench:
             np.empty((steps + 1, model.nv)),
             np.empty((steps + 1, 3)),
         )
-        # The loop below runs 1000 times per simulated second. So it uses views of MuJoCo's arrays and plain numbers.
+        # The loop below runs 1000 times per simulated second. For speed, it uses views of MuJoCo's arrays and floats.
         qpos, qvel, forces = data.qpos, data.qvel, data.qfrc_applied
         left, right = self.names.motor_dof
         motors, current = self.electrics.step, self.electrics.current
@@ -128,14 +128,14 @@ class _Bench:
 
 
 def _per_step(run: Manoeuvre, sample_s: float) -> tuple[Floats, Floats]:
-    """Returns the commanded voltages (left, right) at every step; the last sample lasts for one step."""
+    """Returns the commanded voltages, left and right, V, (steps + 1,) each; the last sample lasts for one step."""
     hold = round(sample_s / DT)
     _, left, right = run.held(sample_s)
     return np.repeat(left, hold)[: (len(left) - 1) * hold + 1], np.repeat(right, hold)[: (len(left) - 1) * hold + 1]
 
 
 class _Extras:
-    """Connects `mujoco_effects` to MuJoCo's arrays."""
+    """Applies the hidden effects of `mujoco_effects` and `mujoco_laws` to MuJoCo's arrays."""
 
     def __init__(self, bench: _Bench, number: int) -> None:
         self.bench, self.step = bench, Step()
@@ -150,7 +150,11 @@ class _Extras:
         ]
 
     def act(self, age: float, torque: list[float], volts_left: float, volts_right: float) -> None:
-        """Changes `torque` (left, right; N m) and sets the other forces of the next step."""
+        """Changes `torque` (left, right; N m) in place, and sets MuJoCo's other forces and frictions of the next step.
+
+        Args:
+            age: time since power-on, s.
+        """
         names, data, s = self.bench.names, self.bench.data, self.step
         qpos, qvel = data.qpos, data.qvel
         (left, right), (left_angle, right_angle) = names.wheel_dof, names.wheel_angle
@@ -183,15 +187,20 @@ class _Extras:
 
 
 def _track(bench: _Bench, command: tuple[Floats, Floats], positions: Floats, speeds: Floats, electric: Floats) -> Track:
-    """Returns the track in the paper's frame. The specific force is acceleration minus gravity, in body axes."""
+    """Returns the track in the paper's frame. Its accelerations are specific forces: acceleration minus gravity.
+
+    Args:
+        positions, speeds: (n, nq) and (n, nv), MuJoCo's `qpos` and `qvel` at each step.
+        electric: (n, 3), current of the left and the right motor, A, and battery voltage, V.
+    """
     heading = np.unwrap(2 * np.arctan2(positions[:, 6], positions[:, 3]))
-    # A step turns the velocity towards the wheels' direction at its start (see SIDE_SLIP_RETURN). A change of speed
-    # belongs to the time between two steps.
+    # A step turns the velocity towards the direction that the wheels have at the start of the step: see
+    # SIDE_SLIP_RETURN. A difference of two speeds is the acceleration in the middle between two steps.
     lean = 1 / SIDE_SLIP_RETURN
     cosine, sine = np.cos(_back(heading, lean)), np.sin(_back(heading, lean))
     w, x, y, z = _back(positions[:, 3:7], lean + 0.5).T
     felt = -bench.model.opt.gravity + np.diff(speeds[:, :3], axis=0, prepend=speeds[:1, :3]) / DT
-    # the body's axes in the world's frame: the first two columns of the rotation matrix
+    # forward and left axis of the body in the world's frame: the first two columns of the rotation matrix
     ahead = np.column_stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)])
     aside = np.column_stack([2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)])
     if "floor_wavy" in bench.hidden:
@@ -220,7 +229,7 @@ def _track(bench: _Bench, command: tuple[Floats, Floats], positions: Floats, spe
 
 
 def _back(values: Floats, steps: float) -> Floats:
-    """Returns `values` (n, ...) delayed by `steps` (0 to 2), linear between steps; the first value is repeated."""
+    """Returns `values` (n, ...) delayed by `steps` (0 to below 2), linear between steps; repeats the first value."""
     padded = np.concatenate([values[:1], values[:1], values])
     whole = int(steps)
     part = steps - whole

@@ -23,11 +23,11 @@ ELSEWHERE = (
     "gyro_drift", "gyro_saturation", "encoder_scale", "speed_lag", "unsigned_sensor", "speed_delay", "gyro_delay",
     "sensor_delay", "odd_gyro_cubic", *sensor_laws.LAWS,
 )  # fmt: skip
-"""Sensor effects: they change the measurements, not the motion."""
+"""Effects of the sensors: they change the measurements and not the motion, so `install` skips them."""
 
 
 def install(plant: Plant, hidden: Hidden) -> None:
-    """Adds the hidden effects to `plant`, in the order in which they change a command.
+    """Adds the hidden effects to `plant`, in the order of `EFFECTS`.
 
     Raises:
         ValueError: this plant does not know an effect.
@@ -94,16 +94,16 @@ def _wheel_radius_mismatch(plant: Plant, p: Parameters) -> None:
 
 
 class _Limit:
-    """The difference between a tyre's limited force and the linear creep force in the plant's matrix.
+    """Computes a tyre's limited force minus the linear creep force, which the plant's matrix already contains.
 
-    The difference is extrapolated to the middle of the step, so that it can cancel nearly all of the linear force.
+    The difference is extrapolated to the middle of the step: only then can it cancel nearly all of the linear force.
     """
 
     def __init__(self, before: Floats) -> None:
         self.before = before
 
     def __call__(self, linear: Floats, most: float) -> Floats:
-        """Returns the difference (n, runs), N. `linear`: forces of the linear law; `most`: the tyre's largest force."""
+        """Returns the difference (n, runs), N. `linear`: (n, runs), linear creep forces; `most`: limit of one force."""
         now = linear * (1 / np.sqrt(1 + (linear / most) ** 2) - 1)
         middle = 1.5 * now - 0.5 * self.before
         self.before[:] = now
@@ -135,7 +135,7 @@ def _side_slip(plant: Plant, p: Parameters) -> None:
 
 
 def _tyre_grip(plant: Plant, p: Parameters) -> None:
-    """Limits the linear creep forces, along and across, to the friction circle, from the slip of each wheel."""
+    """Limits the linear creep force of each tyre, longitudinal and lateral together, to the friction circle."""
     creep = p["creep"]
     plant.creep["wheel"], plant.creep["side"] = creep, 0.5 * creep
     before, track = plant.memory(4), plant.vehicle.half_track
@@ -244,7 +244,7 @@ def _com_lateral_offset(plant: Plant, p: Parameters) -> None:
 
 
 def _payload_mass(plant: Plant, p: Parameters) -> None:
-    """Joins vehicle and payload to one body, with the parallel-axis theorem about the common centre of mass."""
+    """Joins vehicle and payload to one body; the parallel-axis theorem gives the inertia about the common centre."""
     mass, place = p["mass"], np.array([p.get("forward", 0.0), p.get("right", 0.0)])
     total = plant.mass + mass
     common = (plant.mass * plant.com + mass * place) / total
@@ -311,4 +311,5 @@ EFFECTS: dict[str, Callable[[Plant, Parameters], None]] = {
     "odd_heading_spring": odd.heading_spring,
     "odd_tether": odd.tether,
 } | planar_laws.LAWS
-"""The effects in the order in which they change a command; `odd_...` and `planar_laws` are in no library."""
+"""Name -> function that adds the effect to the plant. The order is that in which the effects change a command. Only the
+effects named `odd_...` and those of `planar_laws` are not in the library of Brickpilot."""

@@ -1,4 +1,4 @@
-"""Odd effects, which are in no library. Each function adds one of them to `planar_plant`."""
+"""Odd effects, which are not in the library of Brickpilot. Each function adds one odd effect to a plant."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def crosstalk(plant: Plant, p: Parameters) -> None:
 
 
 def voltage_gain(plant: Plant, p: Parameters) -> None:
-    """The drive gives V (1 - loss |V|)."""
+    """Makes each drive give the voltage V (1 - loss |V|) instead of V."""
 
     def hook(plant: Plant) -> None:
         plant.voltage *= 1 - p["loss"] * np.abs(plant.voltage)
@@ -32,7 +32,7 @@ def voltage_gain(plant: Plant, p: Parameters) -> None:
 
 
 def periodic_force(plant: Plant, p: Parameters) -> None:
-    """Adds a force along the vehicle, a sine of the time since power-on."""
+    """Adds a longitudinal force that is a sine of the time since power-on."""
 
     def hook(plant: Plant) -> None:
         plant.force[0] += p["force"] * np.sin(2 * math.pi * p["frequency"] * (plant.age + plant.time))
@@ -50,7 +50,7 @@ def friction_with_voltage(plant: Plant, p: Parameters) -> None:
 
 
 def drag_patch(plant: Plant, p: Parameters) -> None:
-    """Adds linear drag, N s/m, between two values of x."""
+    """Adds linear drag, N s/m, to surge while x is between two values."""
     plant.needs_position = True
 
     def hook(plant: Plant) -> None:
@@ -61,7 +61,7 @@ def drag_patch(plant: Plant, p: Parameters) -> None:
 
 
 def angle_brake(plant: Plant, p: Parameters) -> None:
-    """Adds dry friction with two tight spots per turn."""
+    """Adds dry friction to each wheel with two maxima per turn of the wheel, N m."""
 
     def hook(plant: Plant) -> None:
         plant.bound += 0.5 * p["torque"] * (1 + np.cos(2 * plant.angle))
@@ -86,7 +86,7 @@ def yaw_by_speed(plant: Plant, p: Parameters) -> None:
 
 
 def turn_force(plant: Plant, p: Parameters) -> None:
-    """Adds a share of m u r along the vehicle: it pushes in right curves and brakes in left ones."""
+    """Adds the longitudinal force share * m u r: driving forward, it accelerates right turns and brakes left turns."""
 
     def hook(plant: Plant) -> None:
         plant.force[0] += p["share"] * plant.mass * plant.surge * plant.yaw
@@ -104,7 +104,7 @@ def load_ramp(plant: Plant, p: Parameters) -> None:
 
 
 def heading_spring(plant: Plant, p: Parameters) -> None:
-    """Turns the vehicle back to heading 0."""
+    """Adds a moment that turns the vehicle back to heading 0."""
 
     def hook(plant: Plant) -> None:
         plant.force[2] -= p["moment"] * np.sin(plant.heading)
@@ -113,7 +113,7 @@ def heading_spring(plant: Plant, p: Parameters) -> None:
 
 
 def tether(plant: Plant, p: Parameters) -> None:
-    """Adds a spring, N/m, between the vehicle and the run's start point."""
+    """Adds the force of a spring, N/m, between the vehicle and the start point of the run."""
     plant.needs_position = True
 
     def hook(plant: Plant) -> None:

@@ -1,6 +1,7 @@
-"""The regions of a hidden effect: the runs, signals and spans in which the engine's runs with and without it differ.
+"""The regions of a hidden effect: spans of a signal in which the engine's run with the effect differs from the run
+without the effect.
 
-Nothing is refitted, so a region also contains all consequences of the effect up to the run's end.
+No parameter is fitted to make up for the effect, so regions also show all later consequences of the effect.
 """
 
 from __future__ import annotations
@@ -16,15 +17,17 @@ from hidden.recipe import Floats, Track
 WINDOW_S = 0.1
 """Length of the windows over which the rms of the difference is taken, s."""
 ABOVE = 1.0
-"""A window belongs to a region if its rms difference is above this, in noise sd."""
+"""A window belongs to a region if the rms of the difference in the window is above this, in noise sd."""
 BRIDGED_S = 0.3
-"""Time, s: a gap between two regions that is shorter joins them to one region."""
+"""Two regions that are less than this apart become one region, s."""
 
 SLOW_M_S, SLOW_RAD_S = 0.02, 0.05
-"""Least speed, m/s, and least yaw rate, rad/s, that set the thresholds of the conditions on speed and turn."""
+"""Lowest values of the thresholds of `conditions` for speed, m/s, and yaw rate, rad/s; the thresholds grow with the
+run's largest speed and yaw rate."""
 
 COVERS, LIFT = 0.6, 1.3
-"""A condition must cover this share of a region's squared difference, and `LIFT` times its own share of time."""
+"""A region gets a condition only if samples with the condition have at least the share `COVERS` of the region's sum of
+squared differences, and more than `LIFT` times the condition's share of the run's time."""
 
 
 @dataclass(frozen=True)
@@ -32,8 +35,9 @@ class Region:
     """A span of one signal of one run in which the effect is visible.
 
     Attributes:
-        share: 0..1, the region's share of the sum of squared differences, in noise variances, over all regions.
-        when: the vehicle's motion in the region; "throughout" if no narrower condition covers it.
+        from_s, to_s: start and end of the span, s after the start of the run.
+        share: 0..1, the region's share of the squared differences, in noise variances, summed over all regions.
+        when: a condition of `conditions` on the vehicle's motion; "throughout" if no condition fits the region.
     """
 
     run: str
@@ -52,11 +56,11 @@ def of(
     noise_sd: Mapping[str, float],
     sample_s: float,
 ) -> list[dict[str, object]]:
-    """Returns the regions as tables, by run and signal, in order of time.
+    """Returns each region as a dictionary with the keys of `Region`, ordered by run, signal and time.
 
     Args:
         names: names of the runs.
-        changed, plain: for each run, signal -> (n,), noise-free, with and without the effect.
+        changed, plain: for each run, signal -> (n,) noise-free values, with the effect and without the effect.
         tracks: the tracks with the effect.
         noise_sd: signal -> noise sd.
     """
@@ -74,7 +78,11 @@ def of(
 
 
 def _spans(square: Floats, sample_s: float) -> list[tuple[int, int]]:
-    """Returns [first, end) samples of the spans in which the rms over a window is above `ABOVE`."""
+    """Returns (first, end) of each span in which the rms over each window is above `ABOVE`; sample `end` is outside.
+
+    Args:
+        square: (n,) squared difference in noise variances.
+    """
     window = max(1, round(WINDOW_S / sample_s))
     count = -(-len(square) // window)
     sums = np.add.reduceat(square, np.arange(count) * window)
@@ -91,7 +99,7 @@ def _spans(square: Floats, sample_s: float) -> list[tuple[int, int]]:
 
 
 def conditions(speed: Floats, turn: Floats) -> dict[str, NDArray[np.bool_]]:
-    """Returns condition -> (n,) true where the condition holds, from surge, m/s, and yaw rate, rad/s, clockwise."""
+    """Returns condition -> (n,) whether the condition holds. `speed`: surge, m/s; `turn`: yaw rate, rad/s clockwise."""
     fast = max(0.5 * float(np.abs(speed).max()), SLOW_M_S)
     turning = max(0.2 * float(np.abs(turn).max()), SLOW_RAD_S)
     return {
@@ -106,7 +114,7 @@ def conditions(speed: Floats, turn: Floats) -> dict[str, NDArray[np.bool_]]:
 
 
 def _condition(track: Track, square: Floats, inside: slice, sample_s: float) -> str:
-    """Returns the condition that covers most of a region's squared difference in the smallest share of time."""
+    """Returns the condition whose share of a region's squared difference is largest relative to its share of time."""
     hold = round(sample_s / track.oversample_s)
     speed, turn = track.surge[::hold][: len(square)], track.yaw_rate[::hold][: len(square)]
     part = np.zeros(len(square))

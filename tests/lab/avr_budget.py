@@ -1,7 +1,7 @@
-"""The cost of a control step on an AVR chip, with drivers and interrupts, and the memory that the image needs.
+"""Measures the cycles of a control step on an AVR chip, with drivers and interrupts, and the memory of the image.
 
 The image flies the mission on simavr, in simulated time: the image itself reads the sensors and drives the motors.
-simavr counts the cycles of each instruction as the data sheet states them.
+simavr counts for each instruction the cycles that the data sheet states.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ from lab.rcx_budget import STAGES, STEP
 
 CLOCK_HZ = 16_000_000
 PERIOD = CLOCK_HZ // 1000 * STEP_MS
-"""Cycles of a control period."""
+"""Number of cycles in a control period."""
 
 COMMANDS = "serve"
 """The function that reads the host's requests."""
 
 MEMORY = {"atmega328p": (32 * 1024, 2048), "atmega2560": (256 * 1024, 8192)}
-"""Chip -> bytes of flash and of RAM."""
+"""Chip -> (size of the flash, size of the RAM), bytes."""
 
 TELEMETRY_EVERY = 10
 
@@ -45,8 +45,8 @@ class Image:
     """The memory that an image needs, in bytes.
 
     Attributes:
-        flash: code, constants and the start values of variables.
-        ram: variables; the rest of the RAM is for the stack.
+        flash: size of code, constants and the start values of variables.
+        ram: size of the variables; the rest of the RAM is for the stack.
         at: function -> its address.
         vectors_end: the first address after the interrupt vectors.
     """
@@ -72,12 +72,13 @@ class Image:
 
 @dataclass(frozen=True)
 class AvrBudget:
-    """The cost of a control period.
+    """What a control period costs on an AVR chip.
 
     Attributes:
-        cycles: part -> its cycles in each period, shape (periods,): the stages of `rcx_budget.STAGES`, "rest", "step"
-            (the sum of the stages and "rest"), "drivers" (the HAL's functions within the step), "commands" (the host's
-            requests, with their drivers), "interrupts", and "all": all time outside sleep.
+        cycles: part -> (periods,) cycles of this part in each period. The parts are the stages of `rcx_budget.STAGES`,
+            "rest", "step" (the sum of the stages and "rest"), "drivers" (the HAL's functions that the step calls),
+            "commands" (the host's requests, with the drivers that they call), "interrupts", and "all" (all cycles in
+            which the chip does not sleep).
         stack: largest stack in bytes, including interrupts.
     """
 
@@ -92,7 +93,7 @@ def _tool(*command: str | Path) -> str:
 
 
 def _functions(image: Image) -> tuple[list[str], list[tuple[int, int]]]:
-    """Returns the parts' names, and (entry address, part) of each function. Part 0 is the rest of the step."""
+    """Returns the names of the parts, and (entry address, number of its part) of each function; part 0 is "rest"."""
     parts = {"rest": (STEP,)} | STAGES | {"commands": (COMMANDS,)}
     parts["drivers"] = tuple(name for name in image.at if name.startswith("hal_"))
     functions = [
@@ -102,12 +103,12 @@ def _functions(image: Image) -> tuple[list[str], list[tuple[int, int]]]:
 
 
 class Profile:
-    """Counts the cycles of a program's parts from its creation on: see `bp_avr_profile`.
+    """Counts the cycles of a program's parts, from the time when this object is made: see `bp_avr_profile`.
 
     Args:
-        functions: (entry address, part) of each function.
+        functions: (entry address, number of its part) of each function.
         vectors_end: the first address after the interrupt vectors.
-        room: the largest number of control steps whose cycles are kept.
+        room: the number of control steps whose cycles can be stored.
     """
 
     def __init__(self, robot: AvrRobot, functions: Sequence[tuple[int, int]], vectors_end: int, room: int) -> None:
@@ -120,7 +121,8 @@ class Profile:
     def counted(self) -> tuple[NDArray[np.int64], int]:
         """Returns the cycles of each control step so far, and the largest stack in bytes.
 
-        The cycles have the shape (steps, parts + 2): the parts, the interrupts, and all time outside sleep.
+        The cycles have the shape (steps, parts + 2). The last two columns are the cycles of interrupts, and all cycles
+        in which the chip does not sleep.
         """
         report = self._robot.tell()
         rows = np.frombuffer(self._robot.ffi.buffer(self._rows), dtype=np.uintc).reshape(len(self._rows), -1)
@@ -132,11 +134,11 @@ def mission(target: str, duration: float | None, progress: Progress) -> AvrBudge
 
     Args:
         target: one of `AVR_TARGETS`.
-        duration: flown time of the mission, s; None: the whole mission.
-        progress: called with the steps done, all steps, and a text.
+        duration: the mission is cut after this time, s; None: the whole mission.
+        progress: is called with the number of steps done, the number of all steps, and a text.
 
     Raises:
-        InputError: no checkout of the project, no compiler, or no simavr.
+        InputError: the checkout of the project, the compiler or simavr is missing.
         SimulationError: the flight ended early.
     """
     elf = avr_image(target)
@@ -163,7 +165,7 @@ def mission(target: str, duration: float | None, progress: Progress) -> AvrBudge
 
 
 def _by_name(names: list[str], rows: NDArray[np.int64]) -> dict[str, NDArray[np.int64]]:
-    """Returns `AvrBudget.cycles` from `rows` (periods, parts + 2): the parts, the interrupts, and all time."""
+    """Returns `AvrBudget.cycles` from the array `rows` (periods, parts + 2) of `Profile.counted`."""
     found = {name: rows[:, part] for part, name in enumerate(names)}
     rest, commands, drivers = (found.pop(name) for name in ("rest", "commands", "drivers"))
     step = rest + sum(found.values())
@@ -178,7 +180,7 @@ def _by_name(names: list[str], rows: NDArray[np.int64]) -> dict[str, NDArray[np.
 
 
 def as_dict(budget: AvrBudget) -> dict[str, Any]:
-    """Returns median ("typical") and maximum ("most") of each part, and the image's sizes, for JSON."""
+    """Returns a dictionary for JSON: median ("typical") and maximum ("most") of each part, and the image's sizes."""
     flash, ram = MEMORY[AVR_TARGETS[budget.target].chip]
     return {
         "target": budget.target,

@@ -1,9 +1,9 @@
-"""The control law on a brick's processor: the firmware's arithmetic compared with Q16.16 and software floating point.
+"""Measures a control law on a brick's processor in the firmware's arithmetic, Q16.16 and software floating point.
 
 The law of `tests/peers` consists of line of sight, two PIDs and the mixer. Every program gets the same steps of a
-recorded mission, and must give the firmware's voltages within `BOUNDS_V`, so that all programs do the same work. The
-Q16.16 arithmetic is our own, similar to libfixmath. Floating point comes from avr-libc on the AVR, and from brickOS on
-the RCX.
+recorded mission, and must give the firmware's voltages within `BOUNDS_V`: this shows that all programs do the same
+work. The Q16.16 arithmetic is written here, similar to libfixmath. The routines for floating point are those of
+avr-libc on the AVR, and of brickOS on the RCX.
 """
 
 from __future__ import annotations
@@ -32,11 +32,13 @@ from lab import rcx_budget
 Array = NDArray[np.float64]
 
 STEPS = 500
-"""Number of compared mission steps. Their tables and the largest program together fit an ATmega328P's flash."""
+"""Number of compared steps of the mission: a table of so many steps and the largest program fit the flash of an
+ATmega328P together."""
 
 BOUNDS_V = {"typical": 0.005, "most": 0.05}
-"""Largest allowed median and maximum, V, of the difference from the firmware's motor voltages. The firmware computes
-braking from a distance in whole mm; near a waypoint a distance of 1 mm changes the voltage by 0.03 V."""
+"""Largest allowed median ("typical") and maximum ("most") of the difference from the firmware's motor voltages, V. The
+firmware computes the speed for braking from a distance in whole mm; near a waypoint, 1 mm changes the voltage by
+0.03 V."""
 
 ARITHMETICS = {
     "ours": "the firmware's 16 and 32 bits",
@@ -71,14 +73,14 @@ class LawCost:
 
 
 def measure(brick: str, steps: int = STEPS) -> dict[str, LawCost]:
-    """Runs the law on the simulator of a brick's processor, in each of `ARITHMETICS`.
+    """Runs the law on the simulator of a brick's processor; returns arithmetic of `ARITHMETICS` -> cost.
 
     Args:
         brick: one of `BRICKS`.
         steps: number of steps of the mission, at most `STEPS`.
 
     Raises:
-        InputError: no checkout of the project, no compiler or no simulator.
+        InputError: the checkout of the project, the compiler or the simulator is missing.
         SimulationError: a program failed, or its voltages differ from the firmware's by more than `BOUNDS_V`.
     """
     records = record(steps)
@@ -113,7 +115,7 @@ def check_same_answers(what: str, ours: Array, theirs: Array) -> None:
 
 
 def missing(brick: str) -> str | None:
-    """Returns why the law cannot be measured on a brick here, or None."""
+    """Returns why the law cannot be measured on a brick on this machine; None: it can be measured."""
     tools = {"h8": ("h8300-hms-gcc", "h8300-hms-ar"), "avr": ("avr-gcc", "avr-size")}[brick]
     files = {"h8": "/usr/lib/brickos/libfloat.a", "avr": "/usr/include/simavr"}
     absent = [tool for tool in tools if not any((Path(at) / tool).exists() for at in os.get_exec_path())]
@@ -122,7 +124,7 @@ def missing(brick: str) -> str | None:
 
 
 def figures_here() -> tuple[dict[str, LawFigure], list[str]]:
-    """Returns the figures of the bricks that can be measured here, and the reasons why the other bricks cannot."""
+    """Returns the figures of the bricks that this machine can measure, and for each other brick the reason."""
     reasons = {brick: missing(brick) for brick in BRICKS}
     found: dict[str, LawFigure] = {}
     for brick, reason in reasons.items():
@@ -132,7 +134,7 @@ def figures_here() -> tuple[dict[str, LawFigure], list[str]]:
 
 
 def figures(brick: str, costs: Mapping[str, LawCost]) -> dict[str, LawFigure]:
-    """Returns the comparisons of the firmware's arithmetic with the others, as figures of `brickpilot bench`."""
+    """Returns name -> figure of `brickpilot bench`: the firmware's arithmetic compared with each other arithmetic."""
     ours = costs["ours"]
     value = float(np.median(ours.cycles))
     return {
@@ -166,7 +168,10 @@ def _on_avr(folder: Path, name: str, steps: int) -> tuple[NDArray[np.int64], NDA
 
 
 def _on_h8(folder: Path, name: str, steps: int) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """Counts the clock cycles ("states") of each call of control_law() in the simulator's trace."""
+    """Runs a program on the H8 simulator. Returns the clock cycles of each step, (steps,), and its answers, (steps, 4).
+
+    The clock cycles ("states") of each call of control_law() are counted in the simulator's trace.
+    """
     trace = folder / "trace"
     done = subprocess.run(
         [script_output("hal/h8sim/simulator"), folder / name],
@@ -188,7 +193,7 @@ def _on_h8(folder: Path, name: str, steps: int) -> tuple[NDArray[np.int64], NDAr
 
 
 def _code_bytes(brick: str, program: Path) -> int:
-    """Returns the number of bytes of a program's code, constants and start values."""
+    """Returns the size of a program's code, constants and start values of variables, bytes."""
     file = program.with_suffix(".coff") if brick == "h8" else program
     tool = "h8300-hms-size" if brick == "h8" else "avr-size"
     listed = subprocess.run([tool, file], stdout=subprocess.PIPE, text=True, check=True).stdout
@@ -204,10 +209,10 @@ _TURN = 2.0 * math.pi
 
 @dataclass(frozen=True)
 class Records:
-    """Steps of a flight in SI units: ``x`` to ``battery`` (steps,), ``waypoint`` and ``phase`` as integers.
+    """Steps of a flight: signals in SI units, index of the waypoint, and phase, (steps,) each.
 
-    ``waypoints`` is (count, 2), m. The signals come from the firmware and are already rounded, so each value is exact
-    in the firmware's formats.
+    ``waypoints`` is (count, 2), m. The firmware's formats hold each signal exactly, because the signals are rounded to
+    these formats.
     """
 
     x: Array
@@ -223,9 +228,10 @@ class Records:
 
 
 def record(steps: int) -> Records:
-    """Flies the packaged mission and returns `steps` of its driving steps, spread evenly.
+    """Flies the packaged mission and returns `steps` of its steps in the phases `PHASES`, spread evenly.
 
-    The acceleration is the difference quotient of the speed, because the log has no filtered acceleration.
+    The acceleration is computed from the change of the estimated speed per step, because the log has no filtered
+    acceleration.
     """
     mission = scenario.load(scenario.packaged()["mission"])
     flown = flight.fly(flight.plan(mission, rcx(), profile="coupled", sensors="imu+encoders", seed=0))
@@ -284,7 +290,7 @@ def write_records(records: Records, folder: Path) -> None:
 
 
 def holding_voltage(model: Model) -> float:
-    """Returns the voltage per speed, V s/m, on level ground: back EMF, and the losses of eq. 13 and 14."""
+    """Returns the voltage per speed, V s/m, that holds a steady speed on level ground against back EMF and losses."""
     p = model.parameters
     loss = p["viscous_friction"] + p["mass"] * p["gravity"] * p["rolling_friction"] * p["wheel_radius"] ** 2
     return (p["emf_constant"] + p["resistance"] * loss / p["torque_constant"]) / p["wheel_radius"]

@@ -1,4 +1,4 @@
-"""The state of the checkout at which a result was measured. Each result and each table gives this state."""
+"""Names the state of the checkout at which a result was measured. Each result and each table contains this name."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ UNKNOWN = "a commit that was not kept"
 
 @cache
 def state() -> str:
-    """Returns commit and day, such as "`1a2b3c4` of 2026-11-23"; uncommitted changes are noted."""
+    """Returns the commit of the checkout and today's date, as "`1a2b3c4` of 2026-11-23"; notes uncommitted changes."""
     asked = ("git", "-C", str(Path(__file__).parent), "describe", "--always", "--exclude=*", "--dirty=, changed,")
     told = subprocess.run(asked, capture_output=True, text=True, check=False)
     commit, *changed = told.stdout.strip().split(",", 1)
@@ -22,7 +22,12 @@ def state() -> str:
 
 
 def told(states: Iterable[str | None], what: str) -> str:
-    """Returns the states at which results were measured, the most frequent first. `what`: plural word for results."""
+    """Returns a text with the states at which results were measured, the most frequent first.
+
+    Args:
+        states: the state of each result; None: unknown.
+        what: the plural word for the results in this text.
+    """
     counted = Counter(one or UNKNOWN for one in states)
     found = [one if len(counted) == 1 else f"{one} ({number} {what})" for one, number in counted.most_common()]
     return f"measured at {', '.join(found)}" if found else f"no {what}"

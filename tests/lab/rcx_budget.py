@@ -1,15 +1,15 @@
-"""The cost of a control step of the firmware on the RCX's processor, and the kernel's share of processor time.
+"""Measures the cost of a control step on the RCX's processor, and the kernel's share of processor time.
 
 A mission is flown in lockstep on the instruction-set simulator, and the instructions are counted. A step is one call of
-`loop_tick`, which reads sensors, drives motors and sends telemetry. The HAL is counted separately: on the simulator it
-consists of the link to the host, on a brick it consists of drivers.
+`loop_tick`, which reads sensors, drives motors and sends telemetry. The HAL is counted separately, because it differs:
+on the simulator it is the link to the host, on a brick it consists of drivers.
 
 To measure the share of kernel and interrupts, and the timing of control steps, the image flies the mission in a
 simulated brick, in which every instruction and every interrupt takes its real time.
 
-A state is a clock cycle. On-chip memory needs 2 states for a byte or a word. On the 8-bit external bus a byte needs 3
-states and a word 6, without wait states. On the RCX, brickOS and programs are in external RAM; `EXTERNAL` assumes
-external RAM for code, data and stack.
+A "state" is a clock cycle. An access to on-chip memory takes 2 states, for a byte or a word. An access to external
+memory takes 3 states for a byte and 6 states for a word, because the external bus has 8 bits; wait states are not
+counted. On the RCX, brickOS and programs are in external RAM, so `EXTERNAL` has code, data and stack in external RAM.
 """
 
 from __future__ import annotations
@@ -46,24 +46,25 @@ STAGES = {
     "mixer": ("mixer_step",),
     "telemetry": ("telemetry_part",),
 }
-"""Stage -> its functions in firmware/. Stage "hal" has the HAL's functions, stage "rest" everything else in a step."""
+"""Stage -> its functions in firmware/. Two more stages are counted: "hal" has the HAL's functions, and "rest" has all
+other instructions of a step."""
 
 COSTS = h8_costs((Path(__file__).parents[2] / "hal/h8sim/states.toml").read_text(encoding="utf-8"))
 
 
 @dataclass(frozen=True)
 class Memory:
-    """States of one access to this memory: ``word`` for a word of code, stack or data, ``byte`` for a byte of data."""
+    """A memory. ``word``: states of an access to a word of code, stack or data; ``byte``: to a byte of data."""
 
     word: int
     byte: int
 
     def states(self, cost: Cost) -> int:
-        """Returns the states of an instruction with code, stack and data in this memory."""
+        """Returns the states of an instruction if code, stack and data are in this memory."""
         return (cost.code + cost.words) * self.word + cost.data_bytes * self.byte + cost.own
 
     def by_first_byte(self) -> NDArray[np.int64]:
-        """Returns (256,): states of an instruction by its first byte; -1: no instruction, or the states vary."""
+        """Returns (256,): first byte of an instruction -> its states; -1: no instruction, or the states vary."""
         return np.array([self.states(COSTS[first]) if first in COSTS else -1 for first in range(256)], dtype=np.int64)
 
 
@@ -77,7 +78,10 @@ _CHUNK = 1 << 22
 
 @dataclass(frozen=True)
 class Counts:
-    """Counts of each step, (steps,): instructions; memory -> states, if this memory of `MEMORIES` holds everything."""
+    """Counts of one stage in each step. ``instructions``: (steps,); ``states``: name in `MEMORIES` -> (steps,) states.
+
+    The states are those if code, stack and data are all in this memory.
+    """
 
     instructions: NDArray[np.int64]
     states: dict[str, NDArray[np.int64]]
@@ -94,12 +98,12 @@ class Size:
 
 @dataclass(frozen=True)
 class Budget:
-    """The cost of a control step.
+    """What a control step costs on the RCX's processor.
 
     Attributes:
-        stages: counts of each stage of `STAGES`, of "rest", of "step" (the sum of these stages), and of "hal".
+        stages: stage -> counts, for the stages of `STAGES`, "rest", "step" (the sum of these stages), and "hal".
         stack: largest stack of a step, in bytes.
-        sizes: size of each folder of the firmware and of hal/wire, as compiled, before linking.
+        sizes: folder of firmware/, or hal/wire -> size of its compiled objects before linking.
     """
 
     stages: dict[str, Counts]
@@ -112,7 +116,7 @@ class Program:
     """A linked program.
 
     Attributes:
-        costs: memory -> (65536,) states of the instruction at each address.
+        costs: name in `MEMORIES` -> (65536,) states of the instruction at each address.
         at: function -> its address.
     """
 
@@ -142,7 +146,7 @@ class Program:
 
 
 class Counter:
-    """Counts the cost of the steps in a trace that arrives in pieces of any size. ``stack``: as in `Budget`."""
+    """Counts the cost of each step in a trace, which may arrive in pieces of any size. ``stack``: as in `Budget`."""
 
     def __init__(self, program: Program) -> None:
         self._program = program
@@ -158,7 +162,7 @@ class Counter:
         self.stack = 0
 
     def take(self, trace: NDArray[np.uint16]) -> None:
-        """Counts a piece of the trace, (n, 2): address and stack pointer of each executed instruction, in order."""
+        """Counts the next piece of the trace, (n, 2): address and stack pointer of each executed instruction."""
         trace = np.concatenate([self._rest, trace])
         program_counter, stack_pointer = trace[:, 0], trace[:, 1]
         begins = np.flatnonzero(program_counter == self._program.at[STEP])
@@ -204,7 +208,7 @@ class Counter:
         return {stage: tuple(counts) for stage, counts in found.items()}
 
     def stages(self) -> dict[str, Counts]:
-        """Returns the counts of all steps so far."""
+        """Returns stage -> counts of all steps so far."""
         if not self._steps:
             raise SimulationError("no step ended on the simulator")
         table = {name: np.array([step[name] for step in self._steps], dtype=np.int64) for name in self._steps[0]}
@@ -215,9 +219,13 @@ class Counter:
 
 
 def end_of_call(stack_pointer: NDArray[np.uint16], entry: int) -> int | None:
-    """Returns the index of the first instruction after the function entered at `entry`.
+    """Returns the index in a trace of the first instruction after a function; None: the trace ends within the function.
 
     At this instruction, the function's return address is no longer on the stack.
+
+    Args:
+        stack_pointer: (n,) the stack pointer at each instruction of the trace.
+        entry: index of the function's first instruction.
     """
     for first in range(entry, len(stack_pointer), 1 << 14):
         popped = np.flatnonzero(stack_pointer[first : first + (1 << 14)] > stack_pointer[entry])
@@ -235,11 +243,11 @@ def mission(
         target: one of `ends.H8SIM_TARGETS`.
         profile: ``coupled`` or ``paper``.
         sensors: as in `brickpilot run`.
-        duration: flown time of the mission, s; None: the whole mission.
-        progress: called with the steps done, all steps, and a text.
+        duration: the mission is cut after this time, s; None: the whole mission.
+        progress: is called with the number of steps done, the number of all steps, and a text.
 
     Raises:
-        InputError: no checkout of the project, or no compiler.
+        InputError: the checkout of the project or the compiler is missing.
         SimulationError: the flight ended early.
     """
     ends.check_sensors(target, sensors)
@@ -263,7 +271,7 @@ def mission(
 
 
 def sizes(folder: Path) -> dict[str, Size]:
-    """Returns `Budget.sizes` of the objects FOLDER_FOLDER_FILE.o that firmware/targets/h8sim/build left in `folder`."""
+    """Returns `Budget.sizes`, from the objects FOLDER_FOLDER_FILE.o of firmware/targets/h8sim/build in `folder`."""
     listed = subprocess.run(
         ["h8300-hms-size", *sorted(folder.glob("*.o"))], check=True, stdout=subprocess.PIPE, text=True
     ).stdout
@@ -284,7 +292,7 @@ def _read(path: Path, counter: Counter) -> None:
 
 
 def as_dict(budget: Budget) -> dict[str, Any]:
-    """Returns median ("typical") and maximum ("most") of each stage, for JSON."""
+    """Returns a dictionary for JSON: median ("typical") and maximum ("most") of each stage, and the sizes in bytes."""
 
     def pair(counts: NDArray[np.int64]) -> dict[str, int]:
         return {"typical": int(np.median(counts)), "most": int(counts.max())}
@@ -313,7 +321,13 @@ SERIAL = ("ERI", "RXI", "TXI", "TEI")
 
 @dataclass(frozen=True)
 class Share:
-    """The time of one kind: its share of all time, 0..1, its interrupts per s, and the mean states per interrupt."""
+    """The processor time of one kind of work.
+
+    Attributes:
+        share: share of all processor time, 0..1.
+        per_s: number of interrupts of this kind per second.
+        states: mean number of states per interrupt.
+    """
 
     share: float
     per_s: float
@@ -322,12 +336,12 @@ class Share:
 
 @dataclass(frozen=True)
 class KernelShare:
-    """The measured values of a flight.
+    """The processor time in a flight, by kind of work, and the timing of its control steps.
 
     Attributes:
-        seconds: simulated time since Run was pressed.
-        ticks_ms: time from the beginning of each control step to the beginning of the next, ms.
-        shares: kind of `LABELS` -> its share.
+        seconds: simulated time since the button Run was pressed, s.
+        ticks_ms: (n,) time from the beginning of each control step to the beginning of the next step, ms.
+        shares: kind of work in `LABELS` -> its processor time.
     """
 
     seconds: float
@@ -336,15 +350,15 @@ class KernelShare:
 
 
 def measure_shares(sensors: str, seconds: float, progress: Callable[[int, int, str], None]) -> KernelShare:
-    """Flies the first part of the packaged mission with the image for `sensors`, and returns the shares.
+    """Flies the first part of the packaged mission with the image for `sensors`, and returns the processor times.
 
     Args:
         sensors: ``imu`` or ``rotation``.
-        seconds: flown time from the moment at which Run is pressed; the robot rests for the first two seconds.
-        progress: called with the steps done, all steps, and a text.
+        seconds: duration of the flight after the button Run is pressed, s; the robot rests for the first two seconds.
+        progress: is called with the number of steps done, the number of all steps, and a text.
 
     Raises:
-        InputError: no checkout of the project, no compiler or no brickOS.
+        InputError: the checkout of the project, the compiler or brickOS is missing.
     """
     mission = dataclasses.replace(scenario.load(scenario.packaged()["mission"]), duration=seconds)
     plan = flight.plan(mission, rcx(), sensors=rcx_flight.SENSORS[sensors], seed=0)
@@ -361,7 +375,7 @@ def measure_shares(sensors: str, seconds: float, progress: Callable[[int, int, s
 
 
 def shares_as_dict(measured: KernelShare) -> dict[str, Any]:
-    """Returns the figures for JSON."""
+    """Returns the measured values as a dictionary for JSON."""
     ticks = measured.ticks_ms
     tick = {"median": float(np.median(ticks)), "p99": float(np.percentile(ticks, 99)), "most": float(ticks.max())}
     shares = {kind: dataclasses.asdict(share) for kind, share in measured.shares.items()}

@@ -1,4 +1,4 @@
-"""The free-run fit of a model to measured runs, in percent, with one definition for discovery and all peers."""
+"""Computes the fit of predicted free runs to measured runs, in percent, for discovery and all peers in the same way."""
 
 from __future__ import annotations
 
@@ -18,22 +18,23 @@ Predictions = Mapping[str, Mapping[str, Array]]
 """Run -> signal -> (n,) values at the run's own times."""
 
 WORST = -999.0
-"""Least stated fit, percent; it also stands for the fit of a model that diverged."""
+"""Lowest reported fit, percent: it replaces lower fits and the fit of a model that diverged."""
 
 ROLES = ("fit", "held_out")
 
 FIGURE = "share of the signal"
-"""The kind of a result's figures. Results without this entry have fits about the signal's mean."""
+"""The entry "figure" of a result: its fits are relative to the rms of the signal. In older results, which have no such
+entry, fits are relative to the signal's sd about its mean."""
 
-_DIVERGED = 1e200  # largest value, SI: squares of larger values overflow
+_DIVERGED = 1e200  # largest error, SI, because squares of larger values overflow
 
 
 @dataclass(frozen=True)
 class Fit:
-    """Fit percent, the headline number of `data.agreement`, over all samples of all runs of one role.
+    """Fit in percent, the headline number of `data.agreement`, over all samples of all runs of one role.
 
     Attributes:
-        by_signal: signal -> fit percent over these runs.
+        by_signal: signal -> fit in percent over these runs.
         pooled: the mean over the signals; None: there is no run of this role.
     """
 
@@ -45,10 +46,10 @@ class Fit:
 
 
 def fits(dataset: Dataset, roles: Roles, predicted: Predictions, signals: Collection[str]) -> dict[str, Fit]:
-    """Returns "fit" and "held_out" -> the fit of `predicted` to the runs of this role.
+    """Returns "fit" or "held_out" -> the fit of `predicted` to the runs of this role.
 
-    A sample without a prediction counts as predicted 0, which explains 0 %. A signal of arbitrary origin counts from
-    its first known sample. A signal that is zero, or not larger than its noise, is left out.
+    A sample without a prediction counts as if 0 was predicted. Signals that sum up motion, such as an angle, are
+    compared by their change since the first known sample. A signal whose rms is at most 3 sd of its noise is left out.
     """
     return {
         role: _fit(dataset, [n for n, own in roles.by_run.items() if own == role], predicted, signals) for role in ROLES
@@ -80,7 +81,7 @@ def _agreement(signal: str, measured: Array, predicted: Array | None, noise: flo
 
 
 def _known(signal: str, measured: Array, predicted: Array | None) -> tuple[Array, Array]:
-    """Returns the known samples of a run and their predictions; NaN without a prediction."""
+    """Returns the known samples of a run, (n,), and their predictions, (n,); NaN: there is no prediction."""
     known = np.isfinite(measured)
     values = measured[known]
     simulated = np.full_like(values, np.nan) if predicted is None else predicted[known]

@@ -1,4 +1,4 @@
-"""The program that `brickpilot bench --scaling` runs in a checkout: it measures how time grows, and writes a page.
+"""The program that `brickpilot bench --scaling` runs: it measures how time grows with the work, and writes a page.
 
 python -m lab.scaling_page --out DIR [--json]
 """
@@ -26,7 +26,7 @@ Content = Mapping[str, Any]
 
 
 def page(content: Content, command: str) -> str:
-    """Returns the page as one self-contained HTML text."""
+    """Returns the page as HTML that loads no other file, from the figures of `scaling.as_dict`; it shows `command`."""
     sweeps = content["sweeps"].values()
     return render(
         "scaling",
@@ -56,7 +56,10 @@ def _row(one: Content) -> dict[str, str]:
 
 
 def _growth(one: Content) -> Markup:
-    """Draws time against size, both relative to the smallest, on logarithmic axes, and a line of linear growth."""
+    """Returns a figure as HTML: time against amount of work, relative to the smallest, and a line of linear growth.
+
+    Both axes are logarithmic.
+    """
     beyond = np.array(one["sizes"], dtype=float) - one["least"]
     sizes = beyond / beyond[0]
     seconds = np.array(one["seconds"], dtype=float)
@@ -100,7 +103,7 @@ def _crowd(workers: Content) -> Markup:
 @click.option("--out", required=True, metavar="DIR", help="The folder to write.")
 @as_json
 def measure_scaling(out: str, as_json: bool) -> None:
-    """Measures how time grows, and writes its page and its figures."""
+    """Measures how time grows with the amount of work; writes report.html and scaling.json."""
     folder = Path(out)
     with run_folder.fresh_folder(folder, ("report.html", "scaling.json")) as beside:
         with progress_shown(as_json) as progress:

@@ -1,9 +1,10 @@
-"""Does an answer get surer with more runs, and stay the same? Asks `why` of one run, of two, and of all of a log.
+"""Measures whether the answer of `why` stays the same, and becomes more certain, when a log has more runs.
 
     PYTHONPATH=tests:tests/python python tests/lab/surer.py [--logs 20] [--jobs 2] [--out surer.jsonl]
 
-Each log is of a robot of the test engines with one hidden fault; all measured values are stated. The logs differ in
-fault, robot, side and seed. Each answer is saved when it is done, so an interrupted call continues where it stopped.
+`why` gets one run, two runs, and all runs of a log. A log is of a simulated robot with one hidden fault, and states
+wheel radius, half-track, mass, resistance and battery voltage. The logs differ in fault, robot, side and seed. The
+answers on a log are saved when they are complete, so a call that was interrupted continues with the next log.
 """
 
 from __future__ import annotations
@@ -27,11 +28,11 @@ FAULTS = (
 )  # fmt: skip
 FIRST = (steps("straight", 6.0, (0.5, 5.5, 5.5), (5.0, 0, 0)),)
 SECOND = (steps("curve", 6.0, (0.5, 4.2, 2.4), (5.0, 0, 0)),)
-SIZE = 2.0  # ratio of a fault's size to its clearly visible size
+SIZE = 2.0  # ratio of the size of a fault to the size at which the fault is clearly visible
 
 
 def faulty(number: int) -> tuple[str, str, dict[str, dict[str, float]]]:
-    """Returns the robot of a log, its fault, and the fault's values."""
+    """Returns the robot of log `number`, the name of its fault, and {the fault: its parameters}."""
     name = FAULTS[number % len(FAULTS)]
     robot = list(ROBOTS)[(number + number // len(FAULTS)) % len(ROBOTS)]
     effect = LIBRARY[name]
@@ -45,7 +46,7 @@ def faulty(number: int) -> tuple[str, str, dict[str, dict[str, float]]]:
 
 
 def asked(logs: list[Path], robot: str, jobs: int) -> dict[str, Any]:
-    """Returns the answer of `why` for logs: verdict, names, and relative width of each parameter's 95 % interval."""
+    """Returns the answer of `why` to these logs; "widths": parameter -> relative width of its 95 % interval."""
     known = ROBOTS[robot]
     nominal = {name: getattr(known, name) for name in ("wheel_radius", "half_track", "mass", "resistance")}
     found = bp.why(logs, nominal={**nominal, "battery_voltage": 9.0}, jobs=jobs)
@@ -76,7 +77,7 @@ def row(number: int, jobs: int) -> dict[str, Any]:
 
 
 def table(rows: list[dict[str, Any]]) -> list[str]:
-    """Returns the table as text: for each step from fewer to more runs, how many answers change, by kind of change."""
+    """Returns the lines of a Markdown table: how many answers change from fewer to more runs, by kind of change."""
     found = ["| from | logs | named or ambiguous before | another mechanism | another name | narrower |"]
     found.append("|---|---|---|---|---|---|")
     for step, text in enumerate(("one run to two", "two runs to all")):

@@ -1,10 +1,11 @@
-"""Flies every fault over every transport with many seeds, and prints the table of hal/README.md.
+"""Flies with every kind of fault over every transport with many seeds, and prints the table of hal/README.md.
 
-    python tests/loop/fault_matrix.py [RUNS]      default 1000
+    python tests/loop/fault_matrix.py [RUNS]      default: 1000 flights
 
-A flight is the first 1.5 s of the mission in lockstep. Its fault acts from 0.6 s to 0.9 s; the seed draws the share of
-messages on which it acts. The flight has to end by itself. In each step, its motor commands have to equal those of a
-flight without faults; after a safe stop they have to be 0.
+A flight is the first 1.5 s of the mission in lockstep. The fault begins at 0.6 s; it ends at 0.9 s, or at the flight's
+end for a fault of a sensor. The seed draws the share of messages that a fault of messages affects. Before the fault,
+the motor commands have to equal those of a flight without faults. A fault of messages may change them only by a safe
+stop: the first command that differs has to be 0. If a fault must stop the motors, they have to stop in time.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from brickpilot.vehicle.scenario import END_KINDS, MESSAGE_KINDS, SENSOR_KINDS, 
 from numpy.typing import NDArray
 
 KINDS = (*MESSAGE_KINDS, *SENSOR_KINDS, *END_KINDS)
-"""The kinds of faults that any brick at the end of a link may have."""
+"""The kinds of faults that every brick at the end of a link may have."""
 
 TRANSPORTS = ("serial:pty", "tcp", "can:slcan", "can:virtual")
 BEGIN_S, END_S, DURATION_S = 0.6, 0.9, 1.5
@@ -34,7 +35,7 @@ STOPS_WITHIN = 100
 
 @dataclass(frozen=True)
 class Outcome:
-    """The result of one flight. `trouble` names the condition that failed; "" if all conditions held."""
+    """The result of one flight. `trouble` names the condition that the flight violates; "": it violates none."""
 
     trouble: str
     stopped: bool  # whether a safe stop occurred
@@ -42,7 +43,7 @@ class Outcome:
 
 
 def plan(kind: str, seed: int, transport: str) -> flight.Plan:
-    """Returns the plan of a flight; the seed draws the fault's rate, direction and sensor."""
+    """Returns the plan of a flight; the seed draws the sensors, and the rate, direction or sensor of the fault."""
     dice = random.Random(f"{seed} {kind}")
     sensors = dice.choice(("ideal", "imu+encoders"))
     fault = Fault(kind, BEGIN_S, END_S)
@@ -59,13 +60,13 @@ def plan(kind: str, seed: int, transport: str) -> flight.Plan:
 
 
 def unharmed(wanted: flight.Plan) -> NDArray[np.int16]:
-    """Returns the motor stream of the same flight without faults."""
+    """Returns the motor commands (steps, 2) of the same flight without faults."""
     calm = dataclasses.replace(wanted.scenario, faults=())
     return flight.fly(dataclasses.replace(wanted, scenario=calm)).motors
 
 
 def run(kind: str, seed: int, transport: str) -> Outcome:
-    """Flies once with a kind of fault over a transport."""
+    """Flies once with a fault over a transport, and returns the result."""
     wanted = plan(kind, seed, transport)
     with ends.both_ends(transport) as both:
         flown = fly.fly(
@@ -80,7 +81,7 @@ def run(kind: str, seed: int, transport: str) -> Outcome:
 
 
 def trouble_of(wanted: flight.Plan, flown: fly.HilFlight) -> str:
-    """Returns the condition that failed, or ""."""
+    """Returns the condition that the flight `flown` violates; "": it violates none."""
     (fault,) = wanted.scenario.faults
     motors, calm = flown.flight.motors, unharmed(wanted)[: len(flown.flight.motors)]
     begin = round(fault.from_s / STEP_S)
@@ -107,7 +108,7 @@ def _message_trouble(fault: Fault, flown: fly.HilFlight, motors: NDArray[np.int1
 
 
 def main() -> int:
-    """Flies the matrix and prints its table. Returns 1 if any condition failed."""
+    """Flies every fault over every transport and prints the table. Returns 1 if a flight violated a condition."""
     runs = int(sys.argv[1]) if len(sys.argv) > 1 else 1000
     cells = [(kind, transport) for kind in KINDS for transport in TRANSPORTS]
     found: dict[tuple[str, str], list[Outcome]] = {cell: [] for cell in cells}

@@ -1,8 +1,8 @@
-"""Compares lengths of the control step by the mission with some seeds, flown by the firmware as built for an RCX.
+"""Compares lengths of the control step: the firmware of an RCX flies the mission with some seeds and each length.
 
 Prints the table of firmware/README.md: `.venv/bin/python tests/loop/step_study.py`. The firmware is built for this
-machine with the link of the simulator of the RCX's processor. `tests/python/test_hil_h8sim.py` shows that both programs
-give the same motor commands.
+machine, with the flags of an RCX and the link of the RCX's simulator. `tests/python/test_hil_h8sim.py` shows that this
+program and the program on the simulator give the same motor commands.
 """
 
 from __future__ import annotations
@@ -30,15 +30,16 @@ from brickpilot.vehicle.settings import settings
 ROOT = Path(__file__).resolve().parents[2]
 SEEDS = 12
 STEPS_MS = (3, 6, 9, 12, 15)
-RESTS_S = (1.0, 2.0)  # rest before the start: in `brickpilot run`, and in firmware/targets/rcx/main.c
+RESTS_S = (1.0, 2.0)  # rest before the start, s: of `brickpilot run`, and of firmware/targets/rcx/main.c
 SENSORS = {"imu": "imu", "rotation": "imu+encoders"}  # name of the brick's build -> name in a scenario
 
 
 def build(sensors: str, folder: Path, *, step_ms: int | None = None) -> Path:
-    """Builds the brick's program with the flags of `firmware/targets/rcx/flags` for this machine, in `folder`.
+    """Builds the brick's program for this machine, with the flags of `firmware/targets/rcx/flags`; returns its path.
 
     Args:
-        step_ms: length of the control step for which the program gets its constants; None: the brick's own step.
+        sensors: name of the brick's build, a key of `SENSORS`.
+        step_ms: length of the control step, to which the constants are adapted; None: the step in the flags.
     """
     command = [ROOT / "firmware/targets/rcx/flags", sensors]
     flags = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
@@ -54,7 +55,7 @@ def build(sensors: str, folder: Path, *, step_ms: int | None = None) -> Path:
 
 
 def fly_by(program: Path, plan: flight.Plan) -> fly.HilFlight:
-    """Flies `plan` in lockstep with a brick's program, whose link is its standard input and output."""
+    """Flies `plan` in lockstep with a brick's program. The program's stdin and stdout are its link."""
     ours, theirs = socket.socketpair()
     with theirs:
         brick = subprocess.Popen([program], stdin=theirs, stdout=theirs)
@@ -71,7 +72,7 @@ def at_the_link(link: ends.Ends, plan: flight.Plan) -> fly.HilFlight:
 
 
 def figures_of(program: Path, sensors: str, rest_s: float) -> list[dict[str, Any]]:
-    """Returns `flight_figures.summary` of the packaged mission for each seed."""
+    """Returns `flight_figures.summary` of one flight of the packaged mission for each seed."""
     mission = scenario.load(scenario.packaged()["mission"])
     plans = [flight.plan(mission, rcx(), profile="coupled", sensors=sensors, seed=seed) for seed in range(SEEDS)]
     start_step = round(rest_s / STEP_S)

@@ -1,11 +1,12 @@
-"""Plants random faults in the C of firmware/ and counts those that a unit test finds: the mutants that are killed.
+"""Plants random faults ("mutants") in the C code of firmware/, and counts those that a unit test finds ("kills").
 
     cmake --preset debug && cmake --build --preset debug --target unit_tests
     .venv/bin/python tests/mutants/mutants.py [--count 40] [--seed 1] [--least 95] [--file control/pid.c]
 
-A mutant changes one operator, comparison, constant, condition or statement. One that does not compile is drawn again,
-and so is one for which gcc -O2 makes the same code. Those in equivalent.toml have no effect either, with the reason.
-The programs of tests/unit are linked with each mutant and run until one fails. A run of more than 20 s has failed.
+A mutant changes one operator, comparison, constant, condition or statement. A mutant is replaced by another mutant if
+it does not compile, or if gcc -O2 makes the same code for it. The mutants of equivalent.toml are not drawn, because
+they have no effect either: the file gives the reasons. The programs of tests/unit are linked with each mutant and run
+until one fails. A program that runs for more than 20 s counts as failed.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ SWAPS = {
 }  # fmt: skip
 TOKEN = re.compile(r"(?P<number>\b\d\w*)|[A-Za-z_]\w*|->|<<=|>>=|<<|>>|[<>=!+*/&|-]=|&&|\|\||\+\+|--|[<>+*/&|-]")
 STATEMENT = re.compile(r"\s+(?!return|break|continue|const|static|[a-z_0-9]+_t )[(a-z*+-].*[^{},];$")
-MOST_NUMBERS = 6  # a line with more numbers than this is a row of a table
+MOST_NUMBERS = 6  # a line with more numbers than this is a row of a table, of which no number is changed
 
 
 @dataclass(frozen=True, order=True)
@@ -55,7 +56,7 @@ class Mutant:
     becomes: str
 
     def text(self) -> str:
-        """Returns the whole file with the fault."""
+        """Returns the whole text of the file, with the fault."""
         lines = (FIRMWARE / self.file).read_text(encoding="utf-8").splitlines()
         lines[self.line - 1] = self.becomes
         return "\n".join(lines) + "\n"
@@ -65,13 +66,13 @@ class Mutant:
 
 
 def without_comments(text: str) -> str:
-    """Returns C code with blanks in place of comments, strings and preprocessor lines; numeric macros stay."""
+    """Returns C code with blanks in place of comments, strings and preprocessor lines, except macros of numbers."""
     blank = re.compile(r'/\*.*?\*/|"[^"\n]*"|^#(?!define \w+ [\d-]).*?$', re.DOTALL | re.MULTILINE)
     return blank.sub(lambda found: re.sub(r"[^\n]", " ", found[0]), text)
 
 
 def changes(line: str) -> Iterator[tuple[int, int, str]]:
-    """Yields each possible fault: start and end of a part of the line, and its replacement."""
+    """Yields each possible fault: start and end of a part of the line, and the text that replaces this part."""
     if STATEMENT.fullmatch(line.rstrip()) and line.count("(") == line.count(")"):
         yield len(line) - len(line.lstrip()), len(line.rstrip()), ";"
     tokens = list(TOKEN.finditer(line))
@@ -90,7 +91,7 @@ def changes(line: str) -> Iterator[tuple[int, int, str]]:
 
 
 def all_mutants() -> list[Mutant]:
-    """Returns every mutant of the modules' C files and of the functions in their headers."""
+    """Returns every mutant of the C files of `MODULES` and of the inline functions in their headers."""
     made = set()
     for path in sorted(path for module in MODULES for path in (FIRMWARE / module).glob("*.[ch]")):
         text = path.read_text(encoding="utf-8")
@@ -107,7 +108,7 @@ def all_mutants() -> list[Mutant]:
 
 
 class Bench:
-    """A copy of firmware/ in a folder, in which one mutant after the other is built and tested.
+    """A copy of firmware/, in which one mutant after the other is built and tested.
 
     Args:
         folder: an empty folder.
@@ -116,7 +117,7 @@ class Bench:
     def __init__(self, folder: Path) -> None:
         self._sources = folder / "firmware"
         shutil.copytree(FIRMWARE, self._sources)
-        self._linked = []  # each test's command, without its firmware
+        self._linked = []  # the link command of each test, without the library of the firmware
         for module in MODULES:
             for made in sorted((TESTS / "CMakeFiles").glob(f"unit_{module}_*.dir/link.txt")):
                 self._linked.append([word for word in shlex.split(made.read_text()) if "libfirmware" not in word])
@@ -128,7 +129,7 @@ class Bench:
         return sorted(path for module in MODULES for path in (self._sources / module).glob("*.c"))
 
     def _compiled(self, paths: list[Path], level: str) -> dict[Path, bytes]:
-        """Returns source -> object, up to the first source that does not compile."""
+        """Compiles sources until one fails; returns source -> contents of its object. `level`: such as "-O2"."""
         found = {}
         for path in paths:
             out = self._objects[path]
@@ -175,7 +176,7 @@ class Bench:
 
 
 def quiet(command: list[str], folder: Path) -> bool:
-    """Runs a command in a folder. Returns True if it succeeds in time."""
+    """Runs a command in a folder. Returns whether it ends with status 0 within `RUN_S` seconds."""
     try:
         ran = subprocess.run(command, cwd=folder, stdout=DEVNULL, stderr=DEVNULL, timeout=RUN_S, check=False)
     except subprocess.TimeoutExpired:
@@ -184,7 +185,7 @@ def quiet(command: list[str], folder: Path) -> bool:
 
 
 def drawn(mutants: list[Mutant], count: int, workers: int) -> Iterator[tuple[Mutant, str]]:
-    """Yields the first `count` mutants whose compiled code differs, each with its outcome."""
+    """Yields the first `count` mutants whose compiled code differs from the firmware's, each with its outcome."""
     known = tomllib.loads(Path(__file__).with_name("equivalent.toml").read_text(encoding="utf-8"))["equivalent"]
     equivalent = {(one["file"], one["was"], becomes) for one in known for becomes in one["becomes"]}
     left = (m for m in mutants if (m.file, m.was.strip(), m.becomes.strip()) not in equivalent)
@@ -208,7 +209,7 @@ def drawn(mutants: list[Mutant], count: int, workers: int) -> Iterator[tuple[Mut
 
 
 def main() -> None:
-    """Prints the survivors and the share of killed mutants; exit status 1 if this share is too small."""
+    """Prints the mutants that survive and the share of killed mutants; ends with status 1 if the share is too small."""
     asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     asked.add_argument("--count", type=int, default=40, help="so many mutants")
     asked.add_argument("--seed", type=int, default=1, help="of the draw")

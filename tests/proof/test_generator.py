@@ -1,4 +1,4 @@
-"""For random robots the generator makes coefficients that harness/body.c admits, in the firmware's integers."""
+"""The generator's coefficients of random robots fulfil what harness/body.c assumes, in the firmware's integers."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BODY_SPEED, SQUARE = 1073479680, 16380**2
 
 
 def applied(scale: Scale, value: int) -> int:
-    """Returns |scale_apply(scale, value)| as firmware/model/scale.c computes it."""
+    """Returns |scale_apply(scale, value)| for a `value` of 0 or more, as firmware/model/scale.c computes it."""
     return (((abs(scale.mantissa) * value >> 14) >> scale.shift) + 1) >> 1
 
 
@@ -28,11 +28,11 @@ def applied16(scale: Scale, value: int) -> int:
 
 
 def bad_motor(motor: Any) -> str:
-    """Returns why no limit of the current keeps the motor's sums within 32 bits; "" if a limit does."""
+    """Returns which sum of the motor's step may exceed its bound: "current ..." or "change ..."; "": neither."""
     row, change = motor["current"], motor["speed"]
     fixed = applied(row["from_speed"], SPEED) + applied16(row["from_voltage"], VOLTAGE)
     share = abs(row["from_current"].factor)
-    most = min(int((fixed + 2) / (1 - share)) + 2, INT32 // 2)  # a bound within which the current stays
+    most = min(int((fixed + 2) / (1 - share)) + 2, INT32 // 2)  # bound that the current should never exceed
     if applied(row["from_current"], most) + fixed > most:
         return f"current {most}"
     total = (

@@ -1,7 +1,7 @@
-"""A good data set, and a table of ways to spoil it, each with the place that the message must name.
+"""A good data set, and a table of ways to spoil it. Each row also says what place the error message must name.
 
-Each entry makes one fault. `marker` is a piece of the faulty line, the last line that contains it; the line number is
-that in the spoilt file.
+Each row makes one fault. `marker` is a text or a line number. The faulty line is the last line of the spoilt file that
+contains the text, or the line with this number.
 """
 
 # ruff: noqa: E501 - one row of the table a line
@@ -62,7 +62,15 @@ def write_good(folder: Path) -> Path:
 
 @dataclass(frozen=True)
 class Bad:
-    """One spoilt data set, with what its message must name (file, piece of the line or None, field or None) and say."""
+    """A way to spoil the good data set, and the error message that must follow.
+
+    Attributes:
+        spoil: changes the data set in a folder.
+        file: the file that the message names.
+        marker: text in the line that the message names, or its number; None: the message names no line.
+        field: the field that the message names; None: the message names no field.
+        says: text that the message contains.
+    """
 
     name: str
     spoil: Callable[[Path], None]
@@ -77,7 +85,7 @@ class Bad:
         return folder
 
     def place(self, folder: Path) -> str:
-        """Returns the required beginning of the message."""
+        """Returns the text with which the message must begin: file, line and field."""
         path = folder / self.file
         line = self.marker
         if isinstance(line, str):
@@ -148,7 +156,7 @@ def _duty(left: str, right: str, text: str) -> Callable[[Path], None]:
 
 
 def make_motor(folder: Path) -> None:
-    """Turns the good data set into a data set of a motor whose drive closes a current loop."""
+    """Replaces dataset.toml by that of a motor with a current controller, which states its force per volt."""
     (folder / "dataset.toml").write_text(
         'name = "m"\nvehicle = "motor"\n[signals]\ntime = { column = "t_s", unit = "s" }\n'
         'voltage = { column = "v_left_V", unit = "V" }\nposition = { column = "a_surge_mps2", unit = "mm" }\n'
@@ -165,18 +173,18 @@ def _motor_edit(old: str, new: str) -> Callable[[Path], None]:
     return spoil
 
 
-_LINE = GOOD_TOML[: GOOD_TOML.index("[signals]")].count("\n") + 1  # of [signals] in the good data set
+_LINE = GOOD_TOML[: GOOD_TOML.index("[signals]")].count("\n") + 1  # line number of [signals] in the good data set
 _SIGNALS = GOOD_TOML[GOOD_TOML.index("[signals]") : GOOD_TOML.index("[nominal]")]
 
 BAD: list[Bad] = [
-    # the folder
+    # faults of the files in the folder
     Bad("no dataset.toml", lambda folder: (folder / "dataset.toml").unlink(), "dataset.toml", None, None, "no such data set"),
     Bad("toml not utf-8", _bytes("dataset.toml", b'name = "a"\n# \xff\xfe\n'), "dataset.toml", 2, None, "not UTF-8"),
     Bad("toml too large", _bytes("dataset.toml", b"#" * (2**20 + 1)), "dataset.toml", None, None, "larger than"),
     Bad("toml nested too deep", _bytes("dataset.toml", b"a = " + b"[" * 9000), "dataset.toml", None, None, "not TOML"),
     _toml("toml syntax", 'vehicle  = "diff_drive"', "vehicle  = diff_drive", "vehicle", None, "not TOML"),
     _toml("key twice", "mass = 0.6", "mass = 0.6\nmass = 0.7", "mass = 0.7", None, "not TOML"),
-    # the top
+    # faults of the keys above the first table
     _toml("no name", 'name     = "bench-7"', "", None, "name", "missing"),
     _toml("name no text", '"bench-7"', "7", "name     =", "name", "text"),
     _toml("name empty", '"bench-7"', '" "', "name     =", "name", "text"),

@@ -4,8 +4,8 @@ Loading the package takes longer than most commands. So the process is a copy (a
 the package; the copy then runs the installed script to its end. `fresh=True` starts a new interpreter instead, with its
 own hash seed.
 
-A copy ends as an interpreter does: threads are joined, functions of atexit are called, and the output is flushed. But a
-copy does not take apart all modules first: this takes as long as a short command, and would copy their memory.
+A copy ends as an interpreter does: it joins threads, calls the functions of atexit, and flushes the output. But unlike
+an interpreter, a copy does not delete all modules: this takes as long as a short command, and would copy their memory.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def brickpilot(
 
 
 def lab(*arguments: str, cwd: Path, timeout: float = 300.0) -> subprocess.CompletedProcess[str]:
-    """Runs `sh tests/lab/run ARGUMENTS` in `cwd`; raises as `brickpilot` does."""
+    """Runs `sh tests/lab/run ARGUMENTS` in `cwd`. Raises subprocess.TimeoutExpired after `timeout` seconds."""
     return _copied([str(LAB), *arguments], cwd, timeout)
 
 
@@ -60,15 +60,15 @@ def _copied(command: list[str], cwd: Path, timeout: float) -> subprocess.Complet
         printed = []
         for file in (out, err):
             file.seek(0)
-            printed.append(file.read().decode().replace("\r\n", "\n").replace("\r", "\n"))  # as text=True does
+            printed.append(file.read().decode().replace("\r\n", "\n").replace("\r", "\n"))  # as with text=True
     return subprocess.CompletedProcess(command, status, *printed)
 
 
 class Copy:
-    """A command that runs in the process `pid`. It prints to the files `out` and `err`.
+    """A command that runs in the process `pid`, a copy. It prints to the file descriptors `out` and `err`.
 
     Args:
-        room: the largest file that the command may write, in bytes; None: no limit.
+        room: size of the largest file that the command may write, in bytes; None: no limit.
         in_group: whether the command leads its own process group.
     """
 
@@ -87,7 +87,7 @@ class Copy:
         self._status: int | None = None
 
     def wait(self, timeout: float) -> int:
-        """Returns the exit status. Raises subprocess.TimeoutExpired after `timeout` s, and may be called again."""
+        """Returns the exit status. Raises subprocess.TimeoutExpired after `timeout` s; then a further call waits on."""
         if self._status is None:
             if not select.select([self._answers], [], [], timeout)[0]:
                 raise subprocess.TimeoutExpired(self._command, timeout)
@@ -97,7 +97,7 @@ class Copy:
 
 
 def _address() -> Path:
-    """Returns the socket of the process that has loaded the package; the first call starts this process."""
+    """Returns the path of the socket at which the process with the loaded package listens. The first call starts it."""
     global _loaded
     with _starting:
         if _loaded is None:
@@ -125,9 +125,10 @@ def _end() -> None:
 
 
 def _end_without_taking_apart() -> None:
-    """The last function of atexit in a copy: ends it with its status, once all that it has printed is written.
+    """Flushes the output and ends the copy with its exit status; it is the last function of atexit in a copy.
 
-    An interpreter ends by itself where the status is unknown, after an exception, or where a flush fails.
+    Nothing is ended if the script ended by an exception, so that its status is unknown, or if the output cannot be
+    flushed. Then the interpreter ends as usual.
     """
     if _exit_status is not None:
         try:
@@ -139,7 +140,7 @@ def _end_without_taking_apart() -> None:
 
 
 def _run_to_its_end(script: str) -> None:
-    """Runs a script, and keeps the status with which it ends."""
+    """Runs a script, and stores its exit status in `_exit_status`."""
     global _exit_status
     try:
         runpy.run_path(script, run_name="__main__")
@@ -151,7 +152,7 @@ def _run_to_its_end(script: str) -> None:
 
 
 def _load() -> None:
-    """Imports every module of the package that a command may import."""
+    """Imports every module of the package that is written in Python, except `brickpilot.gen`."""
     import importlib
     import pkgutil
 
@@ -165,12 +166,12 @@ def _load() -> None:
 
 
 def _serve(address: str, told: int) -> list[str]:
-    """Makes a copy of this process for each request. Returns only in a copy: the command that the copy has to run."""
+    """Makes a copy of this process for each request. In each copy it returns the command that the copy has to run."""
     import gc
 
-    atexit.register(_end_without_taking_apart)  # the first to be registered is the last to be called
+    atexit.register(_end_without_taking_apart)  # atexit calls the first registered function last
     _load()
-    gc.freeze()  # copies share these objects' memory for longer
+    gc.freeze()  # so that the garbage collector does not write to these objects, and copies share their memory
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as listening:
         listening.bind(address)
         listening.listen(64)
@@ -189,12 +190,15 @@ def _serve(address: str, told: int) -> list[str]:
 
 
 def _watched(talk: socket.socket) -> list[str] | None:
-    """Reads one request and forks a process for it. Returns the command in the new process; None here at its end."""
+    """Reads one request, forks a process for it and reports the process's end.
+
+    Returns the command in the new process, and None in this process after the new process has ended.
+    """
     size, files, _, _ = socket.recv_fds(talk, 4, 2)
     request = json.loads(talk.makefile("rb").read(int.from_bytes(size, "big")))
     process = os.fork()
     if request["in_group"]:
-        os.setpgid(process, process)  # in both processes, as either may be first
+        os.setpgid(process, process)  # both processes do this, because either may run first
     if process == 0:
         talk.close()
         os.dup2(os.open(os.devnull, os.O_RDONLY), 0)

@@ -1,4 +1,4 @@
-"""FMUs of both versions of FMI behind one interface, by FMPy."""
+"""One interface to FMUs of FMI 2 and FMI 3, by FMPy."""
 
 from __future__ import annotations
 
@@ -68,7 +68,11 @@ class Unit:
     def run(
         self, time: NDArray[np.float64], inputs: Mapping[str, NDArray[np.float64]]
     ) -> dict[str, NDArray[np.float64]]:
-        """Returns every output at every time, from the current state on; input k acts from time[k] on."""
+        """Simulates from the current state on; returns output -> (n,) values at `time` (n,), s.
+
+        Args:
+            inputs: input -> (n,) values; value k acts from time[k] to time[k + 1].
+        """
         rows = [self.get(*self.outputs)]
         for k in range(len(time) - 1):
             self.set({name: float(values[k]) for name, values in inputs.items()})

@@ -1,4 +1,4 @@
-"""Results of the blind test made by hand: the hidden effects, and the verdict."""
+"""Invented results of the benchmark, for tests of its tables and pages."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ ENCODERS, IMU = "imu+encoders", "imu"
 
 
 def effect(name, *others, **parameters):
-    """Returns one effect of a verdict. Each parameter is given as its value, or as (value, low, high)."""
+    """Returns an effect of a verdict, with `others` as equivalents. A parameter is a value or (value, low, high)."""
     values = {
         key: {"value": one[0], "ci95": list(one[1:])} if isinstance(one, tuple) else {"value": one, "ci95": None}
         for key, one in parameters.items()
@@ -20,7 +20,14 @@ def effect(name, *others, **parameters):
 
 
 def result(hidden, verdict, *effects, sensors=ENCODERS, moved=8.0, **more):
-    """Returns a result of the benchmark. `hidden`: names, or effect -> parameters."""
+    """Returns a result of the benchmark.
+
+    Args:
+        hidden: names of the hidden effects, or effect -> parameters.
+        effects: the effects that the verdict names, made by `effect`.
+        moved: how much the hidden effects change the yaw rate, in noise sd.
+        more: entries that are added or replaced.
+    """
     truth = hidden if isinstance(hidden, dict) else {name: {} for name in hidden}
     return {
         "name": "a-x1-enc",
@@ -47,9 +54,9 @@ def result(hidden, verdict, *effects, sensors=ENCODERS, moved=8.0, **more):
 
 
 def quick_results():
-    """Returns results of the quick suites: five with a hidden law, three of them wrong, and 200 with nothing hidden.
+    """Returns results of the quick suites: five with a hidden law, three of them wrong, and 200 without a hidden law.
 
-    The first set has a script's tag in its name.
+    The name of the first data set contains the HTML tag of a script.
     """
     laws = {
         "coulomb_friction": {"law": "same", "mechanisms": None, "names": ["coulomb_friction"]},
@@ -77,7 +84,7 @@ def _quick(name, group, law, verdict, *effects, mechanism=None, cpu_s, after=1.2
 
 
 def scaling_results() -> scaling.Scaling:
-    """Returns figures of `brickpilot bench --scaling`: linear work, quadratic work, three workers."""
+    """Returns figures of `brickpilot bench --scaling`: linear work, quadratic work, and one to three workers."""
     sizes = (10, 20, 40, 80)
     sweeps = []
     for name, power in (("linear", 1.0), ("square", 2.0)):

@@ -1,7 +1,8 @@
-"""A rover with four wheels in MuJoCo, and its logs: skid steering with contacts other than the plant's.
+"""Simulates a skid-steered rover with four wheels in MuJoCo, whose contacts are not the plant's, and makes its logs.
 
 Lengths, masses and the floor's friction are values of the Clearpath Jackal (jackal_description/urdf/jackal.urdf.xacro
-of github.com/jackal/jackal); its motors are not published. The motors here are invented: two equal motors a side.
+of github.com/jackal/jackal). No values of its motors are published, so the motors here are invented: two equal motors
+on each side.
 """
 
 from __future__ import annotations
@@ -21,11 +22,11 @@ WHEELBASE, TRACK, RADIUS, WIDTH = 0.262, 0.37559, 0.098, 0.04
 CHASSIS, WHEEL = 16.523, 0.477
 MASS = CHASSIS + 4 * WHEEL
 YAW_INERTIA = 0.4485 + 4 * (0.0013 + WHEEL * (WHEELBASE**2 + TRACK**2) / 4)
-EMF, RESISTANCE, ROTOR, VISCOUS = 1.0, 3.0, 0.1, 0.05  # values of each of the four motors, at its wheel
+EMF, RESISTANCE, ROTOR, VISCOUS = 1.0, 3.0, 0.1, 0.05  # of each of the four motors, at its wheel
 BATTERY = 24.0
 ROW_S = 0.02
 _STEP_S = 5e-4
-_SOLREF = "0.01 1"  # time constant in s and damping ratio of the contacts: stiffer than the preset
+_SOLREF = "0.01 1"  # time constant, s, and damping ratio of the contacts: stiffer than MuJoCo's preset
 _LEFT, _RIGHT = ("front_left", "rear_left"), ("front_right", "rear_right")
 
 NOMINAL: dict[str, Any] = {
@@ -34,13 +35,18 @@ NOMINAL: dict[str, Any] = {
     "resistance": RESISTANCE / 2, "emf_constant": EMF, "torque_constant": EMF, "battery_voltage": BATTERY,
     "viscous_friction": {"value": 0.15, "sd": 0.1}, "rolling_friction": 0.0,
 }  # fmt: skip
-"""The builder's values: the motors of a side count as parallel; of the contacts only the places are known."""
+"""The nominal values of the rover's builder. The two motors of a side are in parallel. Of the contacts, only the
+positions are known."""
 
 
 @dataclass(frozen=True)
 class Hidden:
-    """The effects that the nominal values lack: dry friction of the left and the right wheels, N m a side; added
-    viscous friction, N m s/rad a side."""
+    """The effects that the nominal model lacks.
+
+    Attributes:
+        dry: dry friction of the left and of the right side, N m.
+        viscous: added viscous friction of each side, N m s/rad.
+    """
 
     dry: tuple[float, float] = (0.0, 0.0)
     viscous: float = 0.0
@@ -79,8 +85,11 @@ def text(hidden: Hidden, friction: float = 0.5) -> str:
 
 
 def drive(volts: Array, hidden: Hidden, friction: float = 0.5) -> Array:
-    """Returns (n, 3): speed of the left and right wheels, rad/s, and yaw rate, rad/s clockwise, at the start of each
-    row of `volts` (n, 2)."""
+    """Returns (n, 3): mean speed of the left and of the right wheels, rad/s, and yaw rate, rad/s clockwise.
+
+    Args:
+        volts: (n, 2) voltage of the left and of the right motors; row k acts after row k of the result is read.
+    """
     model: Any = mujoco.MjModel.from_xml_string(text(hidden, friction))
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data, 1000)  # the rover settles on its wheels
@@ -94,7 +103,7 @@ def drive(volts: Array, hidden: Hidden, friction: float = 0.5) -> Array:
 
 
 def commands(seed: int) -> Mapping[str, Array]:
-    """Returns run -> (n, 2) V: straights, turns on the spot, arcs and a chirp."""
+    """Returns run -> (n, 2) voltages, left and right: straight runs, turns on the spot, arcs and chirps."""
     time = np.arange(0.0, 6.0, ROW_S)
     on = ((time > 0.3) & (time < 4.5)).astype(float)
     draw = np.random.default_rng(seed)
@@ -114,7 +123,7 @@ def commands(seed: int) -> Mapping[str, Array]:
 
 
 def logs(hidden: Hidden | None = None, seed: int = 1, friction: float = 0.5) -> dict[str, pd.DataFrame]:
-    """Returns run -> its log: volts, wheel speeds (rad/s) and yaw rate, with noise; frame FRD."""
+    """Returns run -> log with noise: time, voltages, wheel speeds, rad/s, and yaw rate, rad/s; frame FRD."""
     noise = np.random.default_rng(seed + 1)
     made = {}
     for name, volts in commands(seed).items():

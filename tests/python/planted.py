@@ -1,4 +1,4 @@
-"""Plants faults in copies of measured data sets: in columns (a wrong unit or clock), or in rows."""
+"""Plants faults in copies of measured data sets: in whole columns, such as a wrong unit, or in rows."""
 
 from __future__ import annotations
 
@@ -18,7 +18,10 @@ Column = NDArray[np.float64]
 def plant(
     source: Path, folder: Path, columns: Sequence[str], change: Callable[[Column], Column], *runs: str
 ) -> Dataset:
-    """Returns a copy of a data set with `change` applied to columns of these runs, or of all runs."""
+    """Copies the data set `source` to `folder`, applies `change` to `columns` of `runs`, and returns the copy.
+
+    Without `runs`, all runs are changed.
+    """
     shutil.copytree(source, folder)
     for file in sorted(folder.glob("*.csv")):
         if not runs or file.stem in runs:
@@ -34,7 +37,10 @@ def plant(
 
 
 def rewritten(source: Path, folder: Path, change: Callable[[list[str]], list[str]], *runs: str) -> Dataset:
-    """Returns a copy of a data set with `change` applied to the rows below the header, in these runs or in all runs."""
+    """Copies the data set `source` to `folder`, applies `change` to the rows of `runs`, and returns the copy.
+
+    `change` gets all rows below the header. Without `runs`, all runs are changed.
+    """
     shutil.copytree(source, folder)
     for file in sorted(folder.glob("*.csv")):
         if not runs or file.stem in runs:
@@ -50,18 +56,18 @@ def _table(file: Path) -> Column:
 
 
 undamaged = functools.cache(read)
-"""Returns the data set of a folder that no test changes; reads it once."""
+"""Returns the data set in a folder that no test changes. It is read only once."""
 
 
 def thin(folder: Path, every: int) -> None:
-    """Keeps the first of each `every` samples of each run, so that discovery and fits of long logs take less time."""
+    """Keeps only each `every`-th sample of each run, so that discovery and fits of long logs take less time."""
     for file in folder.glob("*.csv"):
         header, *rows = file.read_text(encoding="utf-8").splitlines(keepends=True)
         file.write_text(header + "".join(rows[::every]), encoding="utf-8")
 
 
 def new_faults(dataset: Dataset, sound: Dataset) -> set[tuple[str, str, str]]:
-    """Returns (run, signal, kind) of the faults that the undamaged data set does not have."""
+    """Returns (run, signal, kind) of each data fault of `dataset` that the undamaged data set `sound` does not have."""
     return _named(dataset) - _named(sound)
 
 

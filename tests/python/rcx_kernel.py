@@ -1,4 +1,4 @@
-"""brickOS's own kernel in a simulated RCX, behind the infrared link: a device for `rcx_brick.RcxBrick`."""
+"""The kernel of brickOS in a simulated RCX with an infrared link: a device for `rcx_brick.RcxBrick`."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from brickpilot.hil.rcx_flight import RUN_BUTTON, SimulatedRcx
 __all__ = ["PROGRAMS", "RUN_BUTTON", "Kernel"]
 
 RECEIVED, TASKS, SYSTEM_TASKS, PROGRAMS = 0xAD72, 0xAD34, 0xAD38, 0xAC30
-"""Addresses in Debian's kernel. RECEIVED is 0 between two packets; PROGRAMS begins with the first program's address."""
+"""Addresses in the kernel of Debian's package brickos. The word at RECEIVED is 0 between two packets. The table at
+PROGRAMS begins with the address of the first program."""
 
 _REPLY_MS = 300
-"""Longest wait for a reply, ms; a kernel whose tasks all wait replies sooner."""
+"""Longest wait for a reply, ms. If all tasks of a kernel wait, the kernel replies sooner."""
 _STEP_MS = 10
 
 
@@ -21,14 +22,14 @@ class Kernel(SimulatedRcx):
         return self
 
     def silence(self, quiet_s: float) -> None:
-        """Lets `quiet_s` also pass in the brick: while a brick sends telemetry, it receives nothing."""
+        """Lets `quiet_s` seconds pass in the brick too, because a brick receives nothing while it sends telemetry."""
         self.run(max(2 * _STEP_MS, round(1000 * quiet_s)))
 
     def damaged(self) -> None:
         self.bring(0, wrong=True)
 
     def byte(self, value: int) -> bytes:
-        """Brings a byte to the brick. If the byte ends a packet, lets time pass, and returns the reply."""
+        """Sends a byte to the brick; returns what the brick sends. After the end of a packet, waits for the reply."""
         before = self.word(RECEIVED) != 0
         sent = self.bring(value) + self.run(2)  # the interrupt takes up to 1 ms to copy a whole packet
         receiving = self.word(RECEIVED) != 0

@@ -1,4 +1,4 @@
-"""Logs as a robot prints them, line by line: millis, PWM of -255..255, encoder counts, three gyro axes."""
+"""Logs as a robot prints them: each line has time in ms, PWM of -255..255, encoder counts and three gyro axes."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 HEADER = "millis,pwmL,pwmR,encL,encR,gx,gy,gz"
-DRIVES = ((1, 3, 180, 180), (5, 7, -120, 120), (9, 11, -200, -200), (13, 15, 200, 90))  # from s, to s, left, right
-COUNTS = 960  # per turn
+DRIVES = ((1, 3, 180, 180), (5, 7, -120, 120), (9, 11, -200, -200), (13, 15, 200, 90))  # start, end, s; left, right PWM
+COUNTS = 960  # encoder counts per turn of a wheel
 
 MAPPING = [
     "time=millis:ms", "duty_left=pwmL*1/255", "duty_right=pwmR*1/255", "wheel_angle_left=encL*1/960:rotation",
@@ -18,7 +18,10 @@ MAPPING = [
 
 
 def driven(rows: int = 800, step_ms: int = 20) -> NDArray[np.float64]:
-    """Returns (rows, 6): ms, PWM and counts of both wheels, deg/s counter-clockwise; the wheels lag behind the PWM."""
+    """Returns (rows, 6): time, ms; PWM, left and right; counts, left and right; yaw rate, deg/s counter-clockwise.
+
+    The wheels follow the PWM with a time constant of 0.1 s.
+    """
     time = np.arange(rows) * step_ms
     pwm = np.zeros((rows, 2))
     for start, end, left, right in DRIVES:
@@ -33,11 +36,11 @@ def driven(rows: int = 800, step_ms: int = 20) -> NDArray[np.float64]:
 
 
 def lines_of(log: NDArray[np.float64]) -> list[str]:
-    """Returns the lines that the robot prints for `driven`."""
+    """Returns the lines that the robot prints for the result of `driven`."""
     return [f"{row[0]:.0f},{row[1]:.0f},{row[2]:.0f},{row[3]:.0f},{row[4]:.0f},0.1,-0.2,{row[5]:.2f}" for row in log]
 
 
 def write_log(path: Path, lines: list[str]) -> Path:
-    """Writes lines as a serial monitor stores them."""
+    """Writes lines with the line ends of a serial monitor, CR LF, and returns `path`."""
     path.write_bytes("".join(f"{line}\r\n" for line in lines).encode())
     return path

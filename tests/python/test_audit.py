@@ -1,4 +1,4 @@
-"""Damaged samples are found where they were planted, reported and left out; sound data lose none."""
+"""The audit finds, reports and leaves out samples that were damaged on purpose. From sound data it leaves out none."""
 
 from __future__ import annotations
 
@@ -45,7 +45,12 @@ def to_ten_bits(table: Table) -> None:
 
 
 def plant(folder: Path, damage: Spoil, *, jitter: bool = False, seed: int = 3) -> Dataset:
-    """Two runs of 2 s at 100 Hz, noise and ten bits on every signal; `damage` is applied to the run "curve"."""
+    """Writes two runs of 2 s at 100 Hz, with noise and ten bits on each signal, and damages the run "curve".
+
+    Args:
+        damage: changes the run's table in place.
+        jitter: whether the sampling intervals vary.
+    """
 
     def spoil(run: str, table: Table) -> None:
         to_ten_bits(table)
@@ -70,7 +75,7 @@ def blanked(dataset: Dataset, signal: str, run: int = 0) -> list[int]:
 @pytest.mark.parametrize("noise", [0.0, 0.1, 1.0, 3.0])
 def test_sound_runs_have_no_faults_at_rest_or_moving(noise: float, quantised: bool, tmp_path: Path) -> None:
     noises = {signal: noise * sd for signal, sd in NOISE.items()}
-    for seed in range(13) if noise else (0, *range(1, 13, 2)):  # only the times of odd seeds differ without noise
+    for seed in range(13) if noise else (0, *range(1, 13, 2)):  # without noise, only odd seeds differ: by their times
         folder = synthetic.write(
             tmp_path / str(seed), synthetic.robot(), noises, "mass = 0.6", seed=seed, manoeuvres=ALL,
             jitter=seed % 2 == 1, spoil=lambda _, table: to_ten_bits(table) if quantised else None,
@@ -212,7 +217,7 @@ def test_the_raw_values_stay_and_what_is_found_is_told_once_a_group(tmp_path: Pa
 
 @pytest.fixture(scope="module")
 def measured(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Copies of the four measured sets."""
+    """Returns a folder with the four measured data sets: three are copied, and frc is imported from its logs."""
     folder = tmp_path_factory.mktemp("measured")
     for name in ("linear_axis", "micromouse", "lego_ev3_motor"):
         shutil.copytree(DATA / name, folder / name)
@@ -234,9 +239,9 @@ def test_the_lego_motors_angle_that_stands_is_found_by_its_speed(measured: Path)
 
 @needs_data
 def test_the_micromouse_loses_what_its_sensors_lost_and_what_follows_a_collision(measured: Path) -> None:
-    """The gyro saturates at 2000 deg/s less its bias; the battery drops to 0 V; an encoder leaps by 12 mm and back.
+    """The gyro saturates at 2000 deg/s minus its bias, the battery voltage drops to 0 V, and a travel jumps by 12 mm.
 
-    Three straight runs end at a wall. The raw values keep what their accelerometer measures of the collision.
+    Three straight runs end with a collision: all later samples of the accelerometer are left out.
     """
     dataset = read(measured / "micromouse")
     assert found(dataset) == {
@@ -254,7 +259,7 @@ def test_the_micromouse_loses_what_its_sensors_lost_and_what_follows_a_collision
 
 
 def exchange(first: int, other: int, cells: slice = slice(None)) -> Callable[[list[str]], list[str]]:
-    """Exchanges some cells of two rows, or all."""
+    """Returns a function that exchanges the cells `cells` of rows `first` and `other`."""
 
     def change(rows: list[str]) -> list[str]:
         table = [row.split(",") for row in rows]
@@ -326,7 +331,7 @@ def test_a_range_clipped_in_a_measured_set_is_found(
     dataset = planted.plant(measured / name, tmp_path / "s", [column], clip, run)
     (found,) = planted.new_faults(dataset, planted.undamaged(measured / name))
     assert found[:2] == (run, signal)
-    assert found[2] in {"clipped", "frozen"}  # a motor that always runs beyond the clipped range looks frozen
+    assert found[2] in {"clipped", "frozen"}  # a speed that is always outside the range looks frozen
     outputs = next(one for one in dataset.runs if one.name == run)
     raw = outputs.raw_outputs[signal]
     assert np.isnan(outputs.outputs[signal][np.abs(raw) >= 0.9999 * np.abs(raw).max()]).mean() > 0.9

@@ -1,4 +1,4 @@
-"""A velocity that lags behind its travel is reported, and no sample is left out for it."""
+"""A wheel velocity that lags behind the derivative of its travel is reported, but none of its samples is left out."""
 
 from __future__ import annotations
 
@@ -21,7 +21,12 @@ RATES = ("wheel_velocity_left", "wheel_velocity_right")
 
 
 def written(folder: Path, behind: dict[str, float], *, filtered: bool = False) -> Dataset:
-    """Rates late by `behind` s each: by a pure delay, or (`filtered`) by a mean over twice the time."""
+    """Writes runs with delayed signals and returns the data set.
+
+    Args:
+        behind: signal -> its delay, s.
+        filtered: whether the signal is averaged over twice the delay; else it is shifted by the delay.
+    """
 
     def spoil(_: str, table: Table) -> None:
         for name, seconds in behind.items():

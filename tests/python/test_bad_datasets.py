@@ -1,4 +1,4 @@
-"""Every kind of bad data set is refused with one line that names the place, and nothing is written."""
+"""Each bad data set is refused with one line that names the place of the fault, and nothing is written."""
 
 from __future__ import annotations
 

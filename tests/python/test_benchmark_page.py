@@ -1,4 +1,4 @@
-"""The pages of the benchmark: they have the numbers of the Markdown tables, wrong sets first, and load nothing."""
+"""The pages of the benchmark have the numbers of the Markdown tables, list wrong results first, and load no file."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from pages import HOSTILE, assert_self_contained, figures
 
 
 def bodies(page):
-    """Returns the rows of each table of a page, as texts."""
+    """Returns for each table of a page its rows, each a list of the texts of its cells."""
     found = []
     for body in re.findall(r"<tbody>(.*?)</tbody>", page, re.DOTALL):
         rows = [re.findall(r"<td[^>]*>(.*?)</td>", row, re.DOTALL) for row in re.findall(r"<tr>(.*?)</tr>", body)]
@@ -26,7 +26,7 @@ def bodies(page):
 
 
 def markdown_rows(lines):
-    """Returns the cells of the rows of Markdown tables, without code marks and header rows."""
+    """Returns the rows of Markdown tables, each a list of cells, without header rows and without back quotes."""
     rows = [
         [cell.strip().replace("`", "") for cell in line.strip("|").split("|")] for line in lines if line.startswith("|")
     ]
@@ -47,7 +47,7 @@ def kept():
 
 
 def marks(figure):
-    """Returns row -> {curve: place} of a row chart."""
+    """Returns row -> {curve: value of x} of a chart whose vertical axis lists rows."""
     panel = figure["panels"][0]
     found = {name: {} for name in panel["rows"]}
     for curve in panel["curves"]:

@@ -1,4 +1,4 @@
-"""Calibration on data whose truth is known, and what it reports where the data cannot determine a value."""
+"""Calibration finds the values with which data were simulated, and says which values the data do not determine."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from synthetic import motor, robot, write
 WHEELS = {"wheel_speed_left": 0.1, "wheel_speed_right": 0.1, "yaw_rate": 0.02}
 IMU = {"accel_surge": 0.03, "yaw_rate": 0.014}
 
-# All but three values, so that wheel speeds and voltage determine those three.
+# All values but those of `THREE` are stated, so that wheel speeds and voltages determine the three others.
 KNOWN = """
 rolling_friction = 0.015
 half_track = 0.07
@@ -51,7 +51,7 @@ def test_perturbed_parameters_are_recovered_from_noisy_data(tmp_path):
 
 
 def test_an_interval_holds_the_error_of_a_stated_value_that_the_effect_is_relative_to(tmp_path):
-    """Compression is relative to the battery's voltage, which the data do not show: here it is stated 4 % too high."""
+    """The effect's law divides by the battery voltage. The data do not show this voltage; 4 % too much is stated."""
     truth = dataclasses.replace(robot(battery_voltage=9.0), effects={"voltage_compression": {"compression": 0.3}})
     battery = KNOWN + "battery_voltage = { value = 9.36, sd = 0.27 }"
     found = fitted(tmp_path / "set", truth, battery, effects=["voltage_compression"])
@@ -70,7 +70,10 @@ def test_an_interval_holds_the_error_of_a_stated_value_that_the_effect_is_relati
 
 @pytest.mark.parametrize("initial", ["", "wheel_speed_left = 0.0, wheel_speed_right = 0.0, yaw_rate = 0.0"])
 def test_intervals_cover_the_truth_as_often_as_they_say(tmp_path, initial):
-    """With a probability of 99.9 %, 51 or more of 60 intervals (95 %) hold the truth; the start is noisy or stated."""
+    """At least 51 of 60 intervals of 95 % contain the true value: correct intervals do so with a probability of 99.9 %.
+
+    The start state is taken from noisy samples, or stated.
+    """
     covered = 0
     for seed in range(20):
         found = fitted(tmp_path / str(seed), robot(), seed=seed, initial=initial)
@@ -326,7 +329,7 @@ def test_a_value_stated_at_the_edge_of_what_is_physical_is_taken(tmp_path):
 
 
 def diverges_where(monkeypatch, condition):
-    """Makes the plant diverge for some models. Returns a list that collects these models when they are simulated."""
+    """Makes the plant diverge for models that fulfil `condition`; returns the growing list of such simulated models."""
     simulate, asked = Replay.stacked, []
 
     def some(self, models, *options):
@@ -343,13 +346,13 @@ def diverges_where(monkeypatch, condition):
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize(("low", "high"), [(0.21, 0.3), (0.15, 0.235)])
 def test_candidates_under_which_the_plant_diverges_are_passed_over(tmp_path, monkeypatch, low, high):
-    """The plant diverges for random candidates outside low..high; with 0.15..0.235 also for the start of the fit."""
+    """The plant diverges if emf_constant is outside low..high. Outside 0.15..0.235 is also the fit's start, 0.245."""
     asked = diverges_where(monkeypatch, lambda model: not low < model.parameters["emf_constant"] < high)
     data = reading.read(write(tmp_path / "set", robot(emf_constant=0.22), WHEELS, KNOWN))
     found = calibrate(data)
     assert asked
     assert found.parameters["emf_constant"].value == pytest.approx(0.22, rel=0.01)
-    moved = [gap for gap in found.gaps if gap.after is not None]  # the yaw rate of a straight run is noise alone
+    moved = [gap for gap in found.gaps if gap.after is not None]  # others: the yaw rate of straight runs is only noise
     assert len(moved) == 10
     assert all((gap.before is None) == (high < 0.24) for gap in moved)
 

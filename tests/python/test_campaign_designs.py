@@ -1,4 +1,4 @@
-"""What a campaign draws: distributions, designs, and the sensitivity indices that follow from a design."""
+"""The values that a campaign draws: their distributions, the designs, and the sensitivity indices of a design."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ sensor.gyro_noise_sd = { distribution = "choice", values = [0.01, 0.02, 0.03], w
 LAWS: dict[str, Callable[[Array], Array]] = {
     "parameter.mass": stats.norm(0.9, 0.05).cdf,
     "parameter.battery_voltage": stats.uniform(7, 2).cdf,
-    "parameter.rolling_friction": stats.halfnorm(0, 0.01).cdf,  # a friction below 0 is not physical
+    "parameter.rolling_friction": stats.halfnorm(0, 0.01).cdf,  # values below 0 are not physical
     "effect.coulomb_friction.torque": lambda x: (
         stats.lognorm(0.5, scale=0.01).cdf(x) / stats.lognorm(0.5, scale=0.01).cdf(0.02)
     ),
@@ -57,7 +57,7 @@ def test_each_distribution_is_what_the_file_says(size: str, tmp_path: Path) -> N
     found = columns(campaign(tmp_path, size))
     for name, law in LAWS.items():
         assert stats.kstest(found[name], law).pvalue > 1e-3, name
-        assert stats.kstest(np.array(found[name]) * 1.3, law).pvalue < 1e-3, name  # so the test can fail
+        assert stats.kstest(np.array(found[name]) * 1.3, law).pvalue < 1e-3, name  # shows that the test can fail
     noise = [found["sensor.gyro_noise_sd"].count(one) for one in (0.01, 0.02, 0.03)]
     assert stats.chisquare(noise, np.array([0.25, 0.5, 0.25]) * sum(noise)).pvalue > 1e-3
     on = found["effect.coulomb_friction.on"]
@@ -96,7 +96,7 @@ def test_the_runs_of_a_block_differ_in_inputs_alone(size: str, block: int, tmp_p
 
 
 def cube(design: str, size: int) -> Campaign:
-    """A campaign of three inputs in -pi..pi, for a figure that needs no flight."""
+    """Returns a campaign of three inputs, uniform in -pi..pi, for a figure that is computed without flights."""
     law = Distribution("uniform", -np.pi, np.pi, -np.pi, np.pi)
     inputs = tuple(Input(name, "", law) for name in ("one", "two", "three"))
     plain = file.load(Path(__file__).parents[2] / "tools" / "examples" / "tolerances.toml")
@@ -104,7 +104,7 @@ def cube(design: str, size: int) -> Campaign:
 
 
 def ishigami(given: Campaign) -> tuple[dict[str, Array], Array]:
-    """Returns the inputs and Ishigami and Homma's function of them (1990), whose indices are known."""
+    """Returns the drawn inputs and the values of Ishigami and Homma's function (1990), whose indices are known."""
     x = {name: np.array(values, dtype=float) for name, values in columns(given).items()}
     return x, np.sin(x["one"]) + 7 * np.sin(x["two"]) ** 2 + 0.1 * x["three"] ** 4 * np.sin(x["one"])
 
@@ -115,7 +115,7 @@ FIRST, TOTAL = {"one": 0.3139, "two": 0.4424, "three": 0.0}, {"one": 0.5576, "tw
 def test_saltelli_gives_the_indices_of_a_known_function() -> None:
     given = cube("saltelli", 1024)
     x, figure = ishigami(given)
-    for values in (figure, np.where(np.arange(len(figure)) == 77, np.nan, figure)):  # a run without the figure
+    for values in (figure, np.where(np.arange(len(figure)) == 77, np.nan, figure)):  # also if a run lacks the figure
         found = summary.sensitivity_indices(given, x, values)
         assert [one.input for one in found] == ["one", "two", "three"]
         for one in found:
@@ -173,12 +173,18 @@ def test_no_two_names_of_inputs_share_their_random_numbers() -> None:
     names += ["scenario", "sensors", "route", "design", "robots"]
     keys = {zlib.crc32(name.encode()) for name in names}
     assert len(keys) == len(names) > 300
-    assert min(keys) > file.MOST_RUNS  # keys of robots and designs begin with such a hash, others with a run's number
+    # Keys of robots and designs begin with such a hash, and other keys with the number of a run: they must differ.
+    assert min(keys) > file.MOST_RUNS
 
 
 @pytest.mark.parametrize(("alike", "size"), [(False, 1), (True, 1), (False, 8), (True, 8)])
 def test_the_interval_of_a_rate_holds_for_runs_that_are_alike(alike: bool, size: int) -> None:
-    """In 300 campaigns of 60 blocks, 95 % of the intervals hold the true rate, for runs of a block alike or not."""
+    """In 300 campaigns of 60 blocks, 95 % of the intervals contain the true rate, 0.7.
+
+    Args:
+        alike: whether all runs of a block have the same result.
+        size: number of runs in a block.
+    """
     draws = np.random.default_rng(0)
     blocks = np.repeat(np.arange(60), size)
     held = 0

@@ -1,4 +1,4 @@
-"""`sh tests/run changed` runs the tests that a change belongs to."""
+"""`sh tests/run changed` runs the tests of the files that have changed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture
 def checkout(tmp_path: Path) -> Path:
-    """A checkout of a package: `deep`, `middle` (uses `deep`), `top` (uses `middle`), with tests and a helper."""
+    """Returns a checkout of a package with three modules, a helper of tests, and tests.
+
+    `top` imports `middle`, and `middle` imports `deep`. The helper also imports `deep`.
+    """
     files = {
         "tools/brickpilot/fit/deep.py": "",
         "tools/brickpilot/fit/middle.py": "from brickpilot.fit import deep\n",

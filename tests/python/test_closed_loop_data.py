@@ -1,4 +1,4 @@
-"""Feedback loops, coloured noise and periods are found in the simulated and measured logs that have them only."""
+"""Feedback loops, coloured noise and periods are found in logs that have them, and not found in other logs."""
 
 from __future__ import annotations
 
@@ -22,13 +22,17 @@ DATA = Path(os.environ.get("BRICKPILOT_DATA", Path(__file__).resolve().parents[3
 
 measured = pytest.mark.skipif(not (DATA / "linear_axis").is_dir(), reason=f"no measured sets in {DATA}")
 
-ROWS, STEP = 600, 0.01  # samples of a simulated run, and their distance in s
+ROWS, STEP = 600, 0.01  # number of samples of a simulated run, and sampling interval, s
 
 
 def motor(command, rng, *, noise=0.1, disturbance=1.0, resolution=0.0, late=False):
-    """Voltage and speed (n,) of a first-order motor: 2 rad/s per V and 0.1 s; `command` gets row and reading.
+    """Returns voltage, V, and measured speed, rad/s, (ROWS,) each, of a first-order motor: 2 rad/s per V, 0.1 s.
 
-    `late`: each row has the reading taken after its command acted, as some loggers write it.
+    Args:
+        command: function of row and latest reading that returns the voltage, V.
+        noise: sd of the reading's noise, rad/s.
+        disturbance: size of a random load with a time constant of 0.3 s; it acts like a voltage.
+        late: whether a row has the reading after its command acted, as some loggers write it; else the one before.
     """
     speed, load, volts, readings = 0.0, 0.0, np.empty(ROWS), np.empty(ROWS)
 
@@ -138,7 +142,7 @@ def test_loop_of_a_controller(law, reading, lag):
 
 @pytest.mark.parametrize(("disturbance", "innovations"), [(0.0, False), (1.0, True)])
 def test_only_noise_with_a_memory_asks_for_innovations(disturbance, innovations):
-    """White sensor noise says nothing about the next sample, even if a controller reacts to it; a motor load does."""
+    """White sensor noise does not predict the next sample, even if a controller reacts to the noise. A load does."""
     rng = np.random.default_rng(5)
     runs = [motor(controller(rng, gain=1.5), rng, noise=0.3, disturbance=disturbance) for _ in range(3)]
     prepared, nominal = calibrate(prepare(frames(runs), None, seed=0, jobs=1)[0])
@@ -176,7 +180,7 @@ def test_two_wheels_of_which_one_is_controlled():
 
 
 def test_a_controller_that_reads_another_motor_is_no_loop():
-    """A planted fault: the outputs belong to another recording of the same controller."""
+    """No loop is found if each run has the outputs of another run with the same controller."""
     rng = np.random.default_rng(5)
     runs = [motor(controller(rng), rng) for _ in range(4)]
     assert follows_outputs(frames(runs), STRICT) is not None
@@ -242,7 +246,8 @@ def test_white_noise_has_no_coefficients_and_needs_no_whitening():
 
 
 def test_whitening_is_exact_from_the_first_sample():
-    """Whitening turns the covariance of an AR(2), computed from its impulse response, into the identity."""
+    """Whitening turns the covariance of an AR(2) process into the identity matrix. The covariance comes from the
+    impulse response of the process."""
     coefficients, length = np.array([1.5, -0.8]), 6
     response = lfilter([1.0], [1.0, *-coefficients], np.eye(1, 2000)[0])
     acf = np.array([response[: 2000 - lag] @ response[lag:] for lag in range(length)])
@@ -267,7 +272,7 @@ def test_own_period_is_found_and_measured():
 
 @pytest.mark.parametrize("memory", [0.0, 0.9])
 def test_noise_has_no_period_of_its_own(memory):
-    """The level is 1 %: 4 or more false periods in 100 seeds have a probability of 2 %."""
+    """At most 3 of 100 noise signals have a false period. At a level of 1 %, 4 or more have a probability of 2 %."""
     found = 0
     for seed in range(100):
         rng = np.random.default_rng(seed)
@@ -278,7 +283,8 @@ def test_noise_has_no_period_of_its_own(memory):
 
 @pytest.mark.parametrize("timing", ["even", "with a hole", "uneven"])
 def test_the_power_is_that_of_lomb_and_scargle(timing):
-    """scipy takes gigabytes for a long run; this function moves a sample by at most a 64th of a period instead."""
+    """The power equals that of scipy, which takes gigabytes for a long run. Here uneven samples are moved by at most a
+    64th of a period, so there the power is an approximation."""
     rng = np.random.default_rng(4)
     time = np.linspace(0.0, 10.0, 1001) + (rng.uniform(-0.004, 0.004, 1001) if timing == "uneven" else 0.0)
     time = np.delete(time, slice(300, 350)) if timing == "with a hole" else time - time[0]
@@ -290,7 +296,7 @@ def test_the_power_is_that_of_lomb_and_scargle(timing):
 
 
 def test_a_long_run_takes_little_memory():
-    """A table of all samples and all frequencies would take some GB."""
+    """A search for a period in 20,000 samples takes less than 100 MB. A table of samples by frequencies takes GB."""
     time = np.arange(20_000) * 1e-3
     left = np.random.default_rng(5).standard_normal(len(time))
     tracemalloc.start()

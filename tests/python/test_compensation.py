@@ -1,4 +1,4 @@
-"""The brick flies another robot as its own: the values of the compensation, its file, and its effect on missions."""
+"""With a compensation, the firmware of the packaged robot flies another robot: values, file, and effect on missions."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ def test_the_mission_errs_less_with_the_compensation(mission: Mission) -> None:
     for measure in mission.shrinks:
         before, after = mean(without, measure), mean(compensated, measure)
         assert after < before, f"{measure}: {before:.4f} without, {after:.4f} with"
-    if mission.rest > 0:  # without a rest the bias of the simulated gyro itself remains
+    if mission.rest > 0:  # without a rest, the firmware cannot measure the gyro's bias
         assert mean(compensated, "waypoints_reached") == 8
 
 
 def test_every_setting_of_a_compensation_has_a_value() -> None:
-    """A row with the key `compensation` in hal/wire/settings.toml needs its equation in compensation.py."""
+    """For each row of hal/wire/settings.toml with the key `compensation`, compensation.py has an equation."""
     assert set(compensation.si_values(rcx(), rcx())) == set(compensation.FORMATS)
 
 
@@ -45,9 +45,10 @@ def test_every_effect_that_is_undone_flies_above() -> None:
 
 
 def test_a_battery_that_sags_a_little_is_undone_by_measuring_it() -> None:
-    """The mixer never assumes less than `battery_floor`: the compensation is needed only for a battery below that.
+    """The mixer uses the measured battery voltage, but at least `battery_floor`. Without a compensation, a sag down to
+    this voltage hardly increases the position error, and a larger sag does.
 
-    The firmware learns a part of the sag as friction (firmware/estimator/friction.h); a third of the error is left.
+    The firmware learns a part of a larger sag as friction (firmware/estimator/friction.h): a third of the error stays.
     """
     firm, little, much = (
         mean(Mission("", (robot({"battery_sag": {"resistance": ohm}}),), "imu", 6.0).fly(False, SEEDS), POSITION)
@@ -92,7 +93,8 @@ def test_a_stronger_flux_needs_less_voltage_at_rest_and_more_at_speed() -> None:
     for side, flux in (("left", 1.05), ("right", 0.95)):
         gain, emf = found.value(f"{side}_gain_q15"), found.value(f"{side}_emf_mv_q15")
         assert gain == pytest.approx(1 / flux - 1, abs=1e-4)
-        # K_t flux (V - K_e flux w) = K_t (u - K_e w), with w = v / r
+        # K_t flux (V - K_e flux w) = K_t (u - K_e w): torque of this motor at voltage V, and of the nominal motor at u;
+        # w = v / r
         assert (1 + gain) * emf == pytest.approx(0.245 / 0.0408 * (flux - 1 / flux), abs=1e-3)
 
 
@@ -156,7 +158,7 @@ def test_what_the_format_cannot_hold_is_cut_and_named() -> None:
 
 
 def test_what_no_setting_carries_is_said() -> None:
-    """Each robot has one value that is far off, and friction, so that there is something to compensate."""
+    """A remark names each value that no setting can compensate. All robots have friction, which is compensated."""
 
     def remarks(effects: dict[str, dict[str, float]], **parameters: float) -> tuple[str, ...]:
         friction = {"coulomb_friction": {"torque": 0.001}}
@@ -289,16 +291,16 @@ def test_a_file_may_hold_a_part_of_the_parameters(tmp_path: Path) -> None:
 
 
 def test_what_discover_finds_of_another_robot_lets_the_packaged_firmware_fly_it(tmp_path: Path) -> None:
-    """Robot 1 of the study: 0.7 kg, drives that lose 0.17 V. Its log comes from an engine that is not the plant."""
+    """Robot 1 of `robot_study` weighs 0.7 kg, and its drives lose 0.17 V. Its log is not simulated by the plant."""
     found = robot_study.study(1, tmp_path, seeds=2)
     assert "actuator_deadband" in found["found"]
     for sensors in robot_study.SENSORS:
         assert robot_study.missions(found, f"{sensors}, with") == 2
-    assert robot_study.missions(found, "imu+encoders, without") == 0  # with the IMU alone the firmware learns the loss
+    assert robot_study.missions(found, "imu+encoders, without") == 0  # with `imu` the firmware learns this loss
 
 
 def test_run_flies_an_augmented_model_with_its_compensation(tmp_path: Path) -> None:
-    model = robot({"coulomb_friction": {"torque": 0.032}})  # beyond what the firmware learns
+    model = robot({"coulomb_friction": {"torque": 0.032}})  # more than the firmware can learn
     save(model, tmp_path / "model.toml")
     compensation_of(model).save(tmp_path / "compensation.toml")
     flying = ("run", "--model", "model.toml", "--sensors", "imu", "--json")
@@ -323,7 +325,7 @@ def test_run_refuses_a_compensation_that_it_has_no_use_for(extra: tuple[str, ...
 
 
 def test_the_reserve_is_of_the_robot_s_own_battery() -> None:
-    """A drive that needs a tenth more voltage leaves 10 / 11 of the battery to the controllers."""
+    """If the drive needs 10 % more voltage, controllers may use 10/11 of the battery voltage: the reserve is 1/11."""
     for battery in (6.0, 9.0, 14.0):
         found = compensation_of(robot({}, resistance=22.0 * 1.1, battery_voltage=battery))
         assert found.value("reserve_mv") == pytest.approx(battery / 11, abs=1e-3)

@@ -1,4 +1,7 @@
-"""Composed terms as C files: terms without effect are refused; the files build into the simulator, same numbers."""
+"""Composed terms are written as C files that, built into the simulator, give the same numbers as the terms.
+
+Terms without effect are refused.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,7 @@ from test_compose import terms
 
 ROOT = Path(__file__).resolve().parents[2]
 
-# Every way to act and every symbol, a file for each place, and one for a motor.
+# Terms with every way to act and every symbol. Each entry becomes a file: one for each place, and one for a motor.
 COMPOSED: dict[str, tuple[str, dict[str, float], dict[str, float]]] = {
     "at_the_drive": (
         "diff_drive",

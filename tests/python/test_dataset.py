@@ -1,4 +1,4 @@
-"""The data-set reader: SI and the paper's frame out, whatever goes in."""
+"""The reader of data sets returns SI values in the paper's frame, whatever units and frame the data set has."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ t_s,v_left_V,v_right_V,a_surge_mps2,a_sway_mps2,yaw_rate_radps
 
 
 def write_set(folder: Path, signals: str, rows: str, *, top: str = "", nominal: str = "", run: str = "") -> Path:
-    """A data set of one run "r"; `top` replaces the default vehicle, a diff_drive in FRD."""
+    """Writes a data set with one run "r"; returns its folder. `top`: vehicle and frame, if not a diff_drive in FRD."""
     top = top or 'vehicle = "diff_drive"\nframe = "FRD"'
     toml = (
         f'name = "s"\n{top}\n[signals]\n{signals}\n[nominal]\n{nominal}\n[[runs]]\nname = "r"\nfile = "r.csv"\n{run}\n'
@@ -73,7 +73,7 @@ def write_set(folder: Path, signals: str, rows: str, *, top: str = "", nominal: 
 
 
 def drive(inputs: str) -> str:
-    """Signals of a diff_drive with the given inputs, e.g. "voltage_left voltage_right", each in its SI unit."""
+    """Returns the rows of [signals]: time, yaw rate and `inputs`, such as "voltage_left voltage_right", in SI units."""
     names = ["time", *inputs.split(), "yaw_rate"]
     return "\n".join(f'{name} = {{ column = "{name}", unit = "{SIGNALS[name].unit}" }}' for name in names)
 

@@ -1,4 +1,7 @@
-"""`brickpilot discover` as scripts see it: keys, files, exit status, one line for a mistake, nothing left by Ctrl-C."""
+"""`brickpilot discover` gives scripts the promised keys, files and exit status, and one line for an error.
+
+After Ctrl-C, it leaves no file.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +30,7 @@ from hidden import manoeuvre
 from hidden.recipe import RCX, Recipe
 
 TORQUE = 0.006
-"""N m: the dry friction that is hidden."""
+"""The hidden dry friction, N m."""
 
 _NUMBER = (int, float)
 KEYS: dict[str, type | tuple[type, ...]] = {
@@ -46,7 +49,7 @@ KEYS: dict[str, type | tuple[type, ...]] = {
 
 @dataclass(frozen=True)
 class Done:
-    """A finished `discover`: the data set, the folder that it wrote, and its output."""
+    """A finished call of `brickpilot discover`. `data`: the data set; `out`: the folder that the call wrote."""
 
     data: Path
     out: Path
@@ -61,7 +64,7 @@ class Done:
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Data of the packaged robot with dry friction at its wheels, from the planar engine."""
+    """Returns a data set of the packaged robot with dry friction at its wheels, made by the planar engine."""
     runs = [
         manoeuvre.steps(name, 4.0, (0.3, left, right), (3.0, 0.0, 0.0))
         for name, left, right in (
@@ -81,7 +84,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A motor with dry friction, for tests that do not depend on the vehicle: its search takes seconds."""
+    """Returns a data set of a motor with dry friction, for tests that need no diff_drive: its search takes seconds."""
     driven = {f"at_{volts:g}": (volts, 0.0) for volts in (2.5, 4.0, 7.0, -3.0, -5.0, -8.0)}
     truth = dataclasses.replace(motor(), effects={"coulomb_friction": {"torque": TORQUE}})
     folder = tmp_path_factory.mktemp("small") / "dry-motor"
@@ -202,12 +205,12 @@ def test_the_compensation_takes_away_most_of_what_the_friction_costs_a_flight(do
     own, without, compensated = flown(), flown(*robot), flown(*robot, "--compensation", str(written))
     assert compensated["waypoints_reached"] == 8
     errors = [one["position_estimate_error_m"] for one in (own, compensated, without)]
-    assert errors[1] - errors[0] < 0.5 * (errors[2] - errors[0])  # the firmware learns a part of the friction in flight
+    assert errors[1] - errors[0] < 0.5 * (errors[2] - errors[0])  # the firmware itself learns a part of the friction
     assert compensated["cross_track_rms_m"] < without["cross_track_rms_m"]
 
 
 def test_progress_goes_to_stderr_and_the_verdict_to_stdout(small: Path, tmp_path: Path) -> None:
-    """This run has one job and no --out, unlike the other tests."""
+    """Unlike in the other tests, the command runs with one job and without --out."""
     ended = brickpilot("discover", str(small), "--jobs", "1", cwd=tmp_path)
     assert ended.returncode == 0, ended.stderr
     stages = ended.stderr.splitlines()
@@ -221,7 +224,7 @@ def test_progress_goes_to_stderr_and_the_verdict_to_stdout(small: Path, tmp_path
 
 
 def refused(*arguments: str, cwd: Path) -> str:
-    """Returns the one line that refuses `brickpilot discover ARGUMENTS`. Nothing else is printed or written."""
+    """Returns the line with which `brickpilot discover ARGUMENTS` refuses, and checks that it writes nothing else."""
     before = sorted(cwd.rglob("*"))
     ended = brickpilot("discover", *arguments, cwd=cwd, timeout=60)
     assert (ended.returncode, ended.stdout) == (2, "")
@@ -262,7 +265,7 @@ def test_a_folder_with_anything_else_in_it_is_left_alone(data: Path, tmp_path: P
 
 
 def test_its_own_folder_is_replaced(done: Done, tmp_path: Path) -> None:
-    """The second verdict names no effect, so compensation.toml of the first verdict must be deleted."""
+    """A second call with the same --out replaces all files. It names no effect, so it leaves no compensation.toml."""
     shutil.copytree(done.out, tmp_path / "out")
     driven = {"go": (4.0, 0.0), "on": (7.0, 0.0)}
     still = write(tmp_path / "still", motor(), {"speed": 0.05}, "battery_voltage = 9.0", manoeuvres=driven)
@@ -283,11 +286,11 @@ def test_ctrl_c_leaves_nothing_behind(stage: str, small: Path, tmp_path: Path) -
     work = subprocess.Popen(
         [str(PROGRAM), "discover", str(small), "--out", "out"],
         cwd=tmp_path, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell's background jobs ignore SIGINT
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # background jobs of a shell ignore SIGINT
     )  # fmt: skip
     assert work.stderr is not None
     for line in work.stderr:
-        if line.startswith(stage):  # the expected time may follow
+        if line.startswith(stage):  # the line may continue with the expected time
             break
     work.send_signal(signal.SIGINT)
     said, complained = work.communicate(timeout=60)

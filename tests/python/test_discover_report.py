@@ -1,4 +1,4 @@
-"""The page that discovery writes shows what the finding holds."""
+"""The page of discovery shows the contents of its finding."""
 
 from __future__ import annotations
 
@@ -240,7 +240,7 @@ def test_a_position_is_compared_and_drawn_by_its_velocity(found, tmp_path):
         found["named"],
         dataset=axis,
         simulated=simulated,
-        noise_sd={"velocity": 0.03},  # m/s, for speeds up to 0.9: a derivative rounds the corners off
+        noise_sd={"velocity": 0.03},  # m/s, for speeds up to 0.9 m/s: large, as a derivative rounds corners off
         where=(),
         roles=dict.fromkeys(ROLES, "fit"),
         gap={"fit": Gap(None, None), "held_out": Gap(None, None)},
@@ -406,6 +406,6 @@ def test_the_open_figures_show_where_most_of_the_gap_was_removed(found):
     named = found["named"]
     removed = {key: one.gaps[0] ** 2 - one.gaps[1] ** 2 for key, one in compared_signals(named).items()}
     run, signal = max(removed, key=removed.get)
-    assert (run, signal) != (named.where[0].run, named.where[0].signal)  # where the law acts most is another place
+    assert (run, signal) != (named.where[0].run, named.where[0].signal)  # the law acts most elsewhere
     first = telling_figures(named, 1)[0]
     assert (first["run"], first["signal"].replace(" ", "_")) == (run, signal)

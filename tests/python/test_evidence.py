@@ -1,4 +1,4 @@
-"""The last check: held-out runs confirm a model, do not decide, or contradict it."""
+"""At the end of discovery, held-out runs confirm the augmented model, contradict it, or do neither."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def truth(**effects: dict[str, float]) -> Model:
 
 
 def written(folder: Path, held_out: Model, fitted: Model) -> Path:
-    """Writes fit runs of one robot, and held-out runs of another one."""
+    """Writes a data set with fit runs of the robot `fitted` and held-out runs of the robot `held_out`."""
     told = {"manoeuvres": MOVES, "roles": ROLES}
     write(folder, fitted, NOISE, NOMINAL, **told)
     other = write(folder.with_name(f"{folder.name}-held-out"), held_out, NOISE, NOMINAL, **told)
@@ -55,7 +55,7 @@ def ready(folder: Path) -> tuple[Prepared, Model, Sealed]:
 
 
 def proved(folder: Path, held_out: Model, **claimed: dict[str, float]) -> Evidence:
-    """Returns the evidence of held-out runs for a claim; the fit runs are of a robot with dry friction."""
+    """Returns the evidence of held-out runs for the effects `claimed`; fit runs are of a robot with dry friction."""
     prepared, nominal, sealed = ready(written(folder, held_out, truth(**FRICTION)))
     found = prove(prepared, sealed, robot(), dataclasses.replace(robot(), effects=claimed), {}).evidence
     assert nominal.effects == {}
@@ -88,7 +88,7 @@ def test_runs_that_do_not_show_it_neither_confirm_nor_contradict(tmp_path: Path)
 def test_runs_that_rather_speak_for_it_do_not_contradict(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fall: float, contradicted: bool, said: str
 ) -> None:
-    """One stretch in four loses more nats than the three others gain, or fewer."""
+    """Of four stretches, three gain 2 nats each. The claim is contradicted if the fourth loses 30 nats, not if 3."""
     monkeypatch.setattr(Judge, "rises", lambda judge, _, __: np.where(np.arange(judge.count) % 4, 2.0, fall))
     found = proved(tmp_path / "set", truth(**FRICTION), **FRICTION)
     assert (found.kind, found.contradicted) == ("fitted_only", contradicted)
@@ -100,7 +100,7 @@ def test_runs_that_rather_speak_for_it_do_not_contradict(
 def test_a_name_that_held_out_runs_do_not_surely_confirm_is_one_of_two(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The named effect stays in the verdict, and the nominal model is reported as its rival."""
+    """The verdict is `ambiguous`: it keeps the effect, and reports the nominal model as a rival."""
     weak = Evidence("fitted_only", 0.9, 0.5, 0.8, False, "The held-out runs speak for it, but not surely.")
     monkeypatch.setattr(seal, "_evidence", lambda *_, **__: weak)
     found = discover(reading.read(written(tmp_path / "set", biased := truth(gyro_bias={"bias": 0.2}), biased)), jobs=1)
@@ -135,7 +135,7 @@ def test_a_model_that_adds_nothing_needs_no_proof_and_what_fell_is_simulated_wit
 
 
 def test_held_out_stretches_are_judged_with_the_values_of_their_runs(tmp_path: Path) -> None:
-    """The held-out runs got a quarter more voltage than was logged. Without this factor, friction seems negative."""
+    """The held-out runs had 1.25 times the logged voltage. They confirm dry friction only if this factor is known."""
     held_out = [name for name, role in zip(MOVES, ROLES, strict=True) if role == "held_out"]
 
     def logged(run: str, table: dict[str, Array]) -> None:
@@ -154,7 +154,8 @@ def test_held_out_stretches_are_judged_with_the_values_of_their_runs(tmp_path: P
 
 
 def test_an_effect_of_the_fit_runs_alone_is_not_named(tmp_path: Path) -> None:
-    """The held-out run is of a robot without the effect: the law that explains the fit runs predicts it worse."""
+    """The held-out run is of a robot without the effect, so the law removes less error there. If the held-out run
+    contradicts the law, the verdict is `unknown`. The explanations of the fit runs do not change."""
     moves = {"straight": (4.0, 4.0), "straight_back": (-5.0, -5.0), "spin": (4.0, -4.0), "again": (5.0, 5.0)}
     told = {"manoeuvres": moves, "roles": ["fit", "fit", "fit", "held_out"]}
     honest = write(tmp_path / "honest", truth(coulomb_friction={"torque": 0.012}), NOISE, NOMINAL, **told)
@@ -166,7 +167,7 @@ def test_an_effect_of_the_fit_runs_alone_is_not_named(tmp_path: Path) -> None:
 
     (honest / "again.csv").write_bytes((without / "again.csv").read_bytes())
     swapped = discover(reading.read(honest), jobs=1)
-    assert swapped.explanations == found.explanations  # the seal chooses nothing
+    assert swapped.explanations == found.explanations  # held-out runs have no influence on them
     assert swapped.evidence is not None
     assert found.evidence.removed_held_out is not None
     assert swapped.evidence.removed_held_out is not None
@@ -189,7 +190,7 @@ def test_a_predictor_is_judged_by_whole_runs_and_by_rms(tmp_path: Path) -> None:
     floors = judge.data.by_signal({signal: judge.data.floor(signal) for signal in judge.data.signals})
     before = 4 * floors
     assert judge.changes(before, 2 * floors) == pytest.approx(np.log(0.5))
-    assert judge.changes(before, 0.1 * floors) == pytest.approx(np.log(0.25))  # below the floor the residual is noise
+    assert judge.changes(before, 0.1 * floors) == pytest.approx(np.log(0.25))  # a smaller rms counts as the floor
     one_worse = np.where(runs[0], 8 * floors, 2 * floors)
     first, *draws = judge.changes(before, one_worse)
     share = runs[0].sum() / len(floors)

@@ -1,4 +1,4 @@
-"""A flight that failed looks failed: exit status 1, one line with the cause, in JSON, on the page and in JUnit."""
+"""A failed flight ends with exit status 1 and a line with the cause. JSON, page and JUnit file also give the cause."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_a_manoeuvre_is_no_mission_and_cannot_fail_as_one(name: str, tmp_path: P
 
 
 def failing(file: Path) -> dict[str, str]:
-    """Returns failed test case -> message, as another program reads the file."""
+    """Returns failed test case of a JUnit file -> message, as the library junitparser reads the file."""
     found = {}
     (suite,) = junitparser.JUnitXml.fromfile(str(file))
     assert suite.tests == len(list(suite))
@@ -98,7 +98,7 @@ def test_a_name_with_signs_of_xml_is_text() -> None:
 
 @pytest.mark.realtime
 def test_a_late_tick_has_a_fault_of_its_own() -> None:
-    """The brick stops for longer than its watchdog allows, but not long enough to count as silent."""
+    """The brick stops for 40 ms: longer than its watchdog allows, but too short for the host to lose the link."""
     process, address = ends.start_brick("--pty")
 
     def stall(done: int, _steps: int, _text: str) -> None:
@@ -122,7 +122,7 @@ def test_a_late_tick_has_a_fault_of_its_own() -> None:
 
 @pytest.mark.realtime
 def test_in_real_time_the_flight_ends_a_second_after_its_mission() -> None:
-    for _ in range(30):  # a busy machine often stalls for 20 ms
+    for _ in range(30):  # a busy machine often stalls for 20 ms, which is a late tick
         flown = over("serial:pty", plan(duration=30.0, waypoints=((0.3, 0.0),)), REALTIME)
         if flown.flight.log["fault"][-1] != LATE:
             break

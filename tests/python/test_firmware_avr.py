@@ -1,4 +1,4 @@
-"""`brickpilot firmware --board avr`: a robot's image for an AVR chip, and the same firmware as an Arduino library."""
+"""`brickpilot firmware --board avr` makes a robot's image for an AVR chip, and an Arduino library of the firmware."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from brickpilot.vehicle import flight
 from command import brickpilot
 from test_firmware import OWN, make, route, write
 
-SHORT_S = 3.2  # s of flight on simavr: the rest at the start, and more than a second of driving
+SHORT_S = 3.2  # duration of a flight on simavr, s: the rest at the start, and more than a second of driving
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of the robot `middle` for the ATmega328P, with rotation sensors."""
+    """Returns the folder that `brickpilot firmware` makes of the robot `middle`, for an ATmega328P with encoders."""
     parent = tmp_path_factory.mktemp("avr")
     done = make(parent / "made", write(parent, "middle", OWN["middle"]), "avr", "--sensors", "imu+encoders")
     assert (done.returncode, done.stderr) == (0, "")
@@ -30,7 +30,10 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def there_and_back(folder: Path) -> str:
-    """A leg, half a turn and a leg twice as long: a scale that is a few per cent off shows at its end."""
+    """Writes a scenario and returns its path: a leg, half a turn and a leg twice as long.
+
+    At the end of this route, a scale error of a few per cent is visible.
+    """
     return str(route(folder, 12.0, (0.4, 0.0), (-0.4, 0.05)))
 
 
@@ -69,14 +72,14 @@ def test_ones_own_image_flies_with_its_model_and_its_own_wiring(tmp_path: Path) 
     image = tmp_path / "made/brickpilot.elf"
     assert fly == f"brickpilot hil --image {image} --model {model} --scenario {short}"
     wiring = (tmp_path / "made/include/avr/board.h").read_text()
-    assert "PER_COUNT_Q8 8725" in wiring  # a gyro of 1000 degrees/s
+    assert "PER_COUNT_Q8 8725" in wiring  # a gyro with a range of 1000 deg/s
     assert "every edge counts, 120 counts a turn of the wheel." in wiring
     flown = hil(*fly.split()[2:], cwd=tmp_path)
     figures = json.loads(flown.stdout)
     assert (flown.returncode, figures["waypoints_reached"], figures["link"]) == (0, 2, "avr:328p-rotation"), (
         flown.stderr
     )
-    assert figures["image"] == str(image)  # tells `import` that another robot flew
+    assert figures["image"] == str(image)  # `import` reads here that another robot flew
     assert figures["closest_approach_m"] == pytest.approx(
         json.loads((tmp_path / "made/firmware.json").read_text())["flight"]["closest_approach_m"], abs=0.005
     )
@@ -134,7 +137,7 @@ def test_an_image_that_cannot_be_flown_so_is_one_line(options: tuple[str, ...], 
 
 @pytest.fixture(scope="module")
 def arduino(made: Path) -> tuple[Path, Path]:
-    """The library's example, built by the recipes of Arduino's core: ELF and HEX."""
+    """Builds the library's example with the build commands of Arduino's core; returns its ELF file and its HEX file."""
     assert arduino_build.CORE.is_dir(), "needs arduino-core-avr: sh tests/run installs it"
     library = made / "arduino/Brickpilot"
     return arduino_build.build(library, library / "examples/Mission/Mission.ino", made.parent / "arduino")
@@ -148,7 +151,7 @@ def test_the_library_is_built_by_arduinos_recipes_and_has_no_fuses(arduino: tupl
     assert sizes["text"] + sizes["data"] < 32768 - 512  # 512 bytes for the boot loader
     assert sizes["data"] + sizes["bss"] < 2048 - 400
     types = [line[7:9] for line in image.read_text().split()]
-    assert types == ["00"] * (len(types) - 1) + ["01"]  # no address beyond 64 KB
+    assert types == ["00"] * (len(types) - 1) + ["01"]  # records for data below 64 KB, then the end record
 
 
 def test_the_image_and_the_library_drive_the_robot_on_simavr_as_the_simulation_does(
@@ -181,7 +184,7 @@ def test_the_librarys_layout_is_that_of_arduino_and_platformio(made: Path) -> No
     for example in manifest["examples"]:
         for name in example["files"]:
             assert (library / example["base"] / name).is_file()
-            assert Path(name).stem == Path(example["base"]).name  # else the IDE does not open it
+            assert Path(name).stem == Path(example["base"]).name  # else the Arduino IDE does not open the example
     sources = [path for path in library.rglob("*.[ch]") if path.parent != library]
     assert all(path.is_relative_to(library / "src") for path in sources)  # src/ is the only include path
     known = {path.relative_to(library / "src").as_posix() for path in sources}

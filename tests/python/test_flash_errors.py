@@ -1,4 +1,4 @@
-"""Each obstacle to a delivery is reported in one line, before anything is sent if possible."""
+"""`brickpilot flash rcx` reports each obstacle in one line, if possible before it sends anything."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from brickpilot.cli import main
 from brickpilot.flash import image_files, rom
 from rcx_brick import BYTE_S, RcxBrick
 
-pytestmark = pytest.mark.realtime  # time-outs of the line, at the speed of the pseudo-terminal
+pytestmark = pytest.mark.realtime  # the link's time-outs are in real time, for the speed of a pseudo-terminal
 
 KNOCK = image_files.KNOCK
 
@@ -71,14 +71,14 @@ PROGRAMS = {
 
 @pytest.fixture(autouse=True)
 def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Gives the command the byte time of the test's line."""
+    """Makes the command use `BYTE_S`, the time of a byte on the pseudo-terminal."""
     for name in ("flash_firmware", "flash_program"):
         monkeypatch.setattr(rom, name, functools.partial(getattr(rom, name), byte_s=BYTE_S))
     monkeypatch.delenv("RCXTTY", raising=False)
 
 
 def refused(capsys: pytest.CaptureFixture[str], *arguments: str, status: int = 2) -> str:
-    """Returns the one line that `brickpilot flash rcx ARGUMENTS` prints."""
+    """Returns the line with which `brickpilot flash rcx ARGUMENTS` refuses. `status`: the expected exit status."""
     with pytest.raises(SystemExit) as stopped:
         main.main(["flash", "rcx", *arguments, "--json"])
     said = capsys.readouterr()
@@ -125,7 +125,7 @@ def test_a_wrong_program_is_refused_unsent(
 
 
 def test_good_files_arrive(image: str, lx: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """Each row of the tables above changes one of these files in one place."""
+    """The image and the program without a fault are delivered. `IMAGES` and `PROGRAMS` have faulty variants of them."""
     with RcxBrick() as rom:
         main.main(["flash", "rcx", image, "--tty", rom.path])
     with RcxBrick(brickos=True) as brickos:

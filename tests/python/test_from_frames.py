@@ -1,4 +1,4 @@
-"""A data set of DataFrames: equal to that of the same files; a bad one is refused with run, row and column."""
+"""DataFrames give the same data set as files with the same values. A bad table is refused with run, row and column."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SIGNALS = {"voltage": "volts", "speed": ("rpm", "rpm")}
 
 
 def bench(rows: int = 50) -> pd.DataFrame:
-    """A table with time, voltage and a speed in rpm."""
+    """Returns a table with time, s, voltage, V, and speed, rpm."""
     time = np.arange(rows) * 0.01
     return pd.DataFrame({"time": time, "volts": np.where(time > 0.1, 4.0, 0.0), "rpm": 100.0 * time})
 
@@ -32,7 +32,7 @@ def test_frames_and_files_give_the_same_data_set(tmp_path: Path) -> None:
     units = {"yaw_rate": ("deg/s", 180 / np.pi)}
 
     def spoil(_: str, table: dict[str, Any]) -> None:
-        table["wheel_speed_right"][60] += 900.0  # a single wrong reading
+        table["wheel_speed_right"][60] += 900.0  # one wrong reading
         table["wheel_speed_left"][7] = np.nan
 
     roles = ["fit", "held_out", "fit", "fit"]

@@ -1,4 +1,4 @@
-"""The firmware's constants: exact discretisation, small rounding, no overflow, and generated files that are fresh."""
+"""The firmware's constants are exact up to small rounding and cannot overflow. The generated files are up to date."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def perturbed(seed: int) -> dict[str, float]:
 def integrate(
     values: dict[str, float], inertia: float, start: tuple[float, float], voltage: float, torque: float
 ) -> NDArray[np.float64]:
-    """Integrates eq. 12 and 14 of the paper over one step."""
+    """Integrates eq. 12 and 14 of the paper over one step; returns current, A, and wheel speed, rad/s, at its end."""
 
     def rates(_: float, state: NDArray[np.float64]) -> list[float]:
         current, speed = state
@@ -70,7 +70,7 @@ def test_a_step_is_what_the_differential_equation_gives(seed: int, inertia_of) -
 
 
 def steady(motor: dict[str, dict[str, Scale]]) -> float:
-    """The steady-state speed per volt of the rounded coefficients."""
+    """Returns the steady-state wheel speed per voltage, rad/(s V), of a motor with rounded coefficients."""
     m = np.array(
         [
             [motor["current"]["from_current"].factor - 1, motor["current"]["from_speed"].factor],
@@ -106,7 +106,7 @@ def test_a_scale_of_one_or_more_is_refused(value: float) -> None:
 
 
 def test_a_scale_that_moves_no_count_is_zero_and_the_next_larger_is_right() -> None:
-    least = 2.0**-32  # half a count at 2^31 counts
+    least = 2.0**-32  # a scale that makes half a count of 2^31 counts
     for value in (1.234e-13, -0.99 * least):
         assert scale(value, "x") == Scale(0, 0)
     for value in (1.01 * least, -1.3 * least):

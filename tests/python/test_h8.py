@@ -1,4 +1,5 @@
-"""Clock cycles ("states") on the RCX's processor: of an instruction, by the manual, and of steps in a trace."""
+"""The clock cycles ("states") of an instruction on the RCX's processor equal the manual; those of a step in a trace are
+counted correctly."""
 
 from __future__ import annotations
 
@@ -6,7 +7,8 @@ import numpy as np
 import pytest
 from lab.rcx_budget import EXTERNAL, ON_CHIP, STAGES, Counter, Program
 
-# Hitachi H8/300 Series Programming Manual, appendix A: states with everything in on-chip memory.
+# From the Hitachi H8/300 Series Programming Manual, appendix A: instruction -> its first byte, and its states if code,
+# stack and data are in on-chip memory.
 STATES_ON_CHIP = {
     "add.w r1,r0": (0x09, 2),
     "addx #0,r0l": (0x98, 2),
@@ -35,22 +37,29 @@ def test_states_on_chip_equal_the_manuals(instruction: str) -> None:
 
 def test_a_word_behind_the_external_bus_takes_six_states_and_a_byte_three() -> None:
     external = EXTERNAL.by_first_byte()
-    assert external[0x09] == 6  # one word of code
+    assert external[0x09] == 6  # the instruction is one word of code
     assert external[0x6E] == 2 * 6 + 3
     assert external[0x6F] == 2 * 6 + 6
     assert external[0x50] == 6 + 12
-    assert external[0x7B] == -1  # eepmov depends on its count
+    assert external[0x7B] == -1  # the states of eepmov depend on the number of bytes
 
 
 def program() -> Program:
-    """Returns a program with functions at 0x100, 0x110, ...; an instruction takes one state on chip and two outside."""
+    """Returns a program with functions at 0x100, 0x110 and so on, in which each instruction takes one state.
+
+    In external memory, each instruction takes two states.
+    """
     names = ["loop_tick", "hal_imu_read", *(name for functions in STAGES.values() for name in functions)]
     ones = np.ones(0x10000, dtype=np.int64)
     return Program({"external": 2 * ones, "on_chip": ones}, {name: 0x100 + 16 * i for i, name in enumerate(names)})
 
 
 def step_of(functions: list[tuple[str, int]]) -> list[tuple[int, int]]:
-    """Returns the trace of a step that runs each function for a number of instructions: (address, stack pointer)."""
+    """Returns the trace of a step, (address, stack pointer) of each instruction.
+
+    Args:
+        functions: (name, number of its instructions) of each function that the step calls.
+    """
     at = program().at
     trace = [(at["loop_tick"], 0x7000), (at["loop_tick"] + 2, 0x6FF0)]
     for name, count in functions:

@@ -1,4 +1,4 @@
-"""The data of the blind test: physics as in closed forms, effects visible, files complete and repeatable."""
+"""The data of the blind test: physics equals closed forms, effects are visible, files are complete and repeatable."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ pytest.importorskip("mujoco")
 from hidden import mujoco_engine  # noqa: E402
 
 VEHICLES = {"bench": BENCH, "rcx": RCX, "heavy": HEAVY}
-LATE = {"battery_discharge", "gyro_drift"}  # these grow over minutes: only the long list of runs shows them
+LATE = {"battery_discharge", "gyro_drift"}  # effects that grow over minutes: only the long list of runs shows them
 
 
 def drive(vehicle: Vehicle, *stages: tuple[float, float, float], seconds: float = 4.0, **hidden: dict[str, float]):
@@ -32,13 +32,13 @@ def drive(vehicle: Vehicle, *stages: tuple[float, float, float], seconds: float 
 
 
 def speed_at(vehicle: Vehicle, volts: float, load: float = 0.0) -> float:
-    """Returns the speed, rad/s, at which a motor's torque equals its losses and a load, N m."""
+    """Returns the wheel speed, rad/s, at which the motor's torque equals losses plus `load`, N m."""
     stiffness = vehicle.torque_constant / vehicle.resistance
     return (stiffness * volts - load) / (stiffness * vehicle.emf_constant + vehicle.wheel_damping())
 
 
 def lag_of(vehicle: Vehicle, inertia: float) -> float:
-    """Returns the time constant, s, of a wheel with `inertia`; L / R is much shorter and neglected."""
+    """Returns the time constant, s, of a wheel with `inertia`, kg m^2. The motor's much shorter L / R is neglected."""
     return inertia / (vehicle.torque_constant * vehicle.emf_constant / vehicle.resistance + vehicle.wheel_damping())
 
 
@@ -61,7 +61,7 @@ def test_steady_speed_and_spin_rate_are_those_of_the_motors(name: str) -> None:
     assert straight.wheel_speed_left[-1] == pytest.approx(speed_at(vehicle, 6), rel=1e-4)
     assert straight.surge[-1] == pytest.approx(vehicle.wheel_radius * speed_at(vehicle, 6), rel=1e-4)
     turning = vehicle.wheel_radius * speed_at(vehicle, 3) / vehicle.half_track
-    assert spin.yaw_rate[-1] == pytest.approx(turning, rel=1e-4)  # left forward turns clockwise, which is positive
+    assert spin.yaw_rate[-1] == pytest.approx(turning, rel=1e-4)  # the left wheel drives forward: clockwise is positive
     assert spin.surge[-1] == pytest.approx(0.0, abs=1e-6)
 
 
@@ -79,7 +79,7 @@ def test_time_constants_are_those_of_mass_and_yaw_inertia(name: str) -> None:
 
 @pytest.mark.parametrize("name", VEHICLES)
 def test_a_null_does_not_slip(name: str) -> None:
-    """The wheels' creep is below 1/50 of the noise of wheel speeds and gyro, and below the resolution of 10 bits."""
+    """Without a hidden effect, the wheels slip by less than 1/50 of the noise of wheel speeds and gyro (rms)."""
     vehicle = VEHICLES[name]
     for track in mujoco_engine.simulate(vehicle, {}, manoeuvre.short(), seed=0):
         left, right = track.wheel_speed_left, track.wheel_speed_right
@@ -111,7 +111,7 @@ def test_friction_slope_payload_and_radius_have_their_closed_forms() -> None:
     down = drive(BENCH, (0, 6, 6), floor_slope={"slope_x": 0.03, "slope_y": 0.0})
     pull = 0.5 * BENCH.mass * GRAVITY * 0.03 * BENCH.wheel_radius
     assert down.wheel_speed_left[-1] == pytest.approx(speed_at(BENCH, 6, -pull), rel=1e-3)
-    assert down.accel_surge[-1] == pytest.approx(-GRAVITY * 0.03, rel=0.01)  # the floor holds it
+    assert down.accel_surge[-1] == pytest.approx(-GRAVITY * 0.03, rel=0.01)  # the floor carries the vehicle
     loaded = drive(BENCH, (0, 6, 6), seconds=6.0, payload_mass={"mass": 0.3, "forward": 0.0, "right": 0.0})
     heavier = replace(BENCH, mass=0.9)
     assert loaded.wheel_speed_left[-1] == pytest.approx(speed_at(heavier, 6), rel=1e-4)
@@ -181,7 +181,7 @@ def test_losses_in_proportion_have_their_closed_forms() -> None:
 def test_backlash_carries_momentum_and_settles_on_the_same_speed() -> None:
     track = drive(BENCH, (0, 6, 6), gear_backlash={"gap": 0.2, "rotor_share": 0.6})
     assert track.wheel_speed_left[-1] == pytest.approx(speed_at(BENCH, 6), rel=1e-3)
-    assert np.all(track.wheel_speed_left[:20] == pytest.approx(0.0, abs=1e-6))  # the rotor first crosses the gap
+    assert np.all(track.wheel_speed_left[:20] == pytest.approx(0.0, abs=1e-6))  # the rotor first crosses the backlash
 
 
 @pytest.mark.parametrize("name", effects.TABLE)
@@ -269,7 +269,7 @@ def test_the_same_seed_gives_the_same_bytes_and_another_seed_others(tmp_path: Pa
     assert a == b
     assert a.keys() == c.keys()
     assert a["set/ahead.csv"] != c["set/ahead.csv"]
-    assert a["set/dataset.toml"] != c["set/dataset.toml"]  # other nominal values
+    assert a["set/dataset.toml"] != c["set/dataset.toml"]  # the nominal values differ
 
 
 def test_the_truth_stands_beside_the_folder_and_never_inside(tmp_path: Path) -> None:
@@ -326,7 +326,7 @@ def test_suites_name_each_set_once_and_keep_seeds_apart() -> None:
 
 
 def test_no_spin_of_a_null_leaves_the_gyros_range() -> None:
-    """No gyro saturates in a null: tried with the fastest vehicle of each kind that a suite may draw."""
+    """Without a hidden effect no gyro saturates, even with the fastest vehicle of each kind that a suite may draw."""
     for vehicle in VEHICLES.values():
         fast = replace(
             vehicle, wheel_radius=1.08 * vehicle.wheel_radius, half_track=0.92 * vehicle.half_track,

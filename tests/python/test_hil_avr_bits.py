@@ -1,4 +1,4 @@
-"""Fed with the readings of an AVR, the control loop on the host has the same state after each tick, bit for bit."""
+"""With the readings of an AVR, the control loop on the host has the AVR's state after each tick, bit for bit."""
 
 from __future__ import annotations
 
@@ -23,7 +23,10 @@ MOTOR_STEP_S = 0.0003
 
 
 def build_on_host(target: str, folder: Path) -> Path:
-    """Compiles the control loop for this machine, with the image's flags and the layout that it has on the chip."""
+    """Compiles the control loop for this machine; returns the program.
+
+    The flags are those of the image for `target`, and variables have the same layout as on the chip.
+    """
     flags = subprocess.run(
         [ROOT / "firmware/targets/avr/flags", *AVR_TARGETS[target].build], capture_output=True, text=True, check=True
     ).stdout.split()
@@ -51,7 +54,12 @@ def build_on_host(target: str, folder: Path) -> Path:
 
 
 class Watch(AvrRobot):
-    """A robot that records the loop's state after each tick, while the chip sleeps."""
+    """A robot that records the state of the control loop after each tick, while the chip sleeps.
+
+    Args:
+        address, size: place of the state in the chip's memory, bytes.
+        tick_at: offset of the number of ticks in the state, bytes.
+    """
 
     def __init__(self, robot: AvrRobot, address: int, size: int, tick_at: int) -> None:
         self.__dict__ = robot.__dict__
@@ -60,7 +68,7 @@ class Watch(AvrRobot):
         self._tick = self.tick()
 
     def tick(self) -> int:
-        """Returns the number of ticks that have ended."""
+        """Returns the number of ticks that the control loop has completed."""
         return int.from_bytes(self.read(self._address + self._tick_at, 4), "little")
 
     def wait(self, motor_steps: int) -> None:
@@ -73,7 +81,7 @@ class Watch(AvrRobot):
 
 
 def address_of(name: str, elf: Path) -> tuple[int, int]:
-    """Returns address and size of a variable of the image."""
+    """Returns address and size, in bytes, of a variable of the image."""
     listed = subprocess.run(["avr-nm", "-S", elf], capture_output=True, text=True, check=True).stdout
     fields = next(line.split() for line in listed.splitlines() if line.split()[3:] == [name])
     return int(fields[0], 16) & 0xFFFF, int(fields[1], 16)
@@ -113,4 +121,4 @@ def test_with_the_same_readings_the_host_does_the_same_to_the_bit(
     records, differing, first = (int(text) for text in done.stdout.split())
     assert records == len(watch.records) - 1 >= SECONDS / 0.003
     assert (differing, first) == (0, -1)
-    assert duty > 0.2  # it was driving
+    assert duty > 0.2  # the robot was driving

@@ -1,4 +1,4 @@
-"""The RCX's program flies whole missions on the simulator of its processor: the golden motor streams, bit for bit."""
+"""On the simulator of its processor, the RCX's program gives the golden motor streams of whole missions bit for bit."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ def in_the_checkout(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def fly_on_the_h8(target: str, plan: flight.Plan) -> fly.HilFlight:
-    """Flies with rare telemetry: the simulated processor needs its time to make and send it."""
+    """Flies `plan` on the H8 simulator. Telemetry is rare, because the simulated processor takes long to send it."""
     with ends.both_ends(target) as both:
         return fly.fly(both, target, plan, pace=LOCKSTEP, telemetry_every=255, progress=lambda *_: None)
 
 
 @pytest.mark.parametrize(("profile", "sensors"), make_golden.FLIGHTS)
 def test_a_whole_mission_on_the_h8_gives_the_motor_stream_of_the_host(profile: str, sensors: str) -> None:
-    """Until 2 s after the mission's end: then the robot stands."""
+    """The streams are compared until 2 s after the mission's end, because the robot then stands still."""
     plan = make_golden.planned(profile, sensors)
     host = flight.fly(plan)
     assert make_golden.digest(host.motors) == make_golden.golden()[f"{profile}/{sensors}"]
@@ -53,7 +53,7 @@ def test_the_mission_at_the_step_of_the_rcx_equals_that_of_the_host(
     assert expected.broke_off is None
     figures = flight_figures.summary(expected.flight)
     assert (figures["waypoints_reached"], figures["final_mode"]) == (8, "arrived")
-    assert figures["cross_track_rms_m"] < 0.04  # 0.026 with a step of 3 ms
+    assert figures["cross_track_rms_m"] < 0.04  # 0.026 m with a step of 3 ms
     commands = expected.flight.motors
     assert not np.any(commands[1::3] != commands[::3][: len(commands[1::3])])  # the commands change only every 9 ms
 
@@ -75,5 +75,5 @@ def test_the_page_says_how_to_fly_once_more(tmp_path: Path) -> None:
     flown = brickpilot(
         "hil", str(tmp_path / "short.toml"), "--target", "h8sim", "--out", folder, cwd=make_golden.GOLDEN.parent
     )
-    assert flown.returncode == 1  # the mission takes longer than this flight
+    assert flown.returncode == 1  # the flight is too short for the mission
     assert "short.toml --target h8sim" in (tmp_path / "run" / "report.html").read_text(encoding="utf-8")

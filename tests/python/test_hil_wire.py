@@ -1,4 +1,4 @@
-"""The C code of the wire against Python: COBS, CRC, slcan, and the layouts of the DBC against cantools."""
+"""The C code of hal/wire encodes and decodes as Python libraries do: COBS, CRC, slcan, and the messages of the DBC."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ DATA = st.binary(max_size=8)
 
 
 def in_c(function: str, identifier: int, data: bytes) -> bytes:
-    """Returns what the C encoder writes."""
+    """Returns the bytes that the C encoder `function` makes of a message."""
     out = ffi.new("unsigned char[22]")
     size = getattr(LIBRARY, function)(identifier, data, len(data), out)
     return bytes(ffi.buffer(out, size))
 
 
 def from_c(function: str, line: bytes) -> tuple[int, bytes] | None:
-    """Returns what the C decoder reads."""
+    """Returns id and data that the C decoder `function` reads from `line`; None: the decoder refuses `line`."""
     identifier, out = ffi.new("unsigned int *"), ffi.new("unsigned char[8]")
     size = getattr(LIBRARY, function)(line, len(line), identifier, out)
     return None if size < 0 else (identifier[0], bytes(ffi.buffer(out, size)))

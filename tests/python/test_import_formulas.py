@@ -1,4 +1,4 @@
-"""Formulas of `--map`: linear ones become scale and offset of the logged values, others computed, bad ones named."""
+"""Formulas of `--map`: a linear formula becomes scale and offset, others are computed, and faulty ones are named."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Recordings of an RCX, sound and damaged; tests/gates/test_rcx.py has the recordings of the simulated brick."""
+"""Sound recordings of an RCX are imported, and damaged ones refused. tests/gates/test_rcx.py uses a simulated brick."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def block_0(samples: int = 30, kind: int = 0, axes: bytes = AXES, version: int =
 
 
 class Answers:
-    """A tower that answers the request for each block with prepared bytes."""
+    """An infrared tower that answers the request for block n with `blocks[n]`."""
 
     def __init__(self, blocks: dict[int, bytes]) -> None:
         self.blocks = blocks

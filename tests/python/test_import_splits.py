@@ -1,4 +1,4 @@
-"""One log becomes several runs; a log that is slower than its commands gets the commands from a second table."""
+"""An import divides a log into several runs. A log with too few rows for its commands gets them from a second table."""
 
 from __future__ import annotations
 
@@ -86,7 +86,10 @@ def test_a_log_without_a_manoeuvre_cannot_be_split(tmp_path: Path) -> None:
 
 
 def slow_log(tmp_path: Path) -> Path:
-    """Writes every fifth row of a log, and a second table with the commands at the times of their changes."""
+    """Writes a log that has every fifth row of `driven`, and a second table with the commands at each change of them.
+
+    Returns the path of the second table.
+    """
     log = driven()
     shifted = log[3::5]
     write_log(tmp_path / "log.csv", [HEADER, *lines_of(shifted)])
@@ -150,7 +153,7 @@ def test_a_bad_table_of_inputs_is_named(tmp_path: Path, commands: str, says: str
 
 @pytest.mark.parametrize("split", [(), ("rests",)])
 def test_a_pause_of_the_logger_in_motion_begins_a_new_run(split: tuple[str, ...], tmp_path: Path) -> None:
-    """The inputs during the pause are unknown, so no run may contain the pause."""
+    """A new run begins after the pause: the inputs in the pause are unknown, so no run may contain it."""
     log = driven()
     middle = (DRIVES[0][0] + DRIVES[0][1]) / 2
     log[log[:, 0] > 1000 * middle, 0] += 12_000
@@ -163,11 +166,11 @@ def test_a_pause_of_the_logger_in_motion_begins_a_new_run(split: tuple[str, ...]
 
 
 def test_a_log_of_changes_alone_has_no_pause() -> None:
-    """Such a log has a row at each change: most rows are seconds apart, a few close together."""
+    """A log with a row at each change has no pause, although most rows are seconds apart and a few close together."""
     changes = np.cumsum(np.random.default_rng(1).uniform(1.0, 6.0, 200))
     assert pauses(np.sort(np.concatenate([changes, changes[::10] + 0.01]))) == []
     assert pauses(np.array([0.0])) == pauses(np.array([0.0, 5.0])) == []
     rows = np.arange(0.0, 0.3, 0.01)
     assert pauses(np.concatenate([rows, rows + 0.8, rows + 2.2, rows])) == [
         60
-    ]  # only the pause splits, not the hole nor the restarted clock
+    ]  # only the pause of 1.1 s counts, not the hole of 0.5 s or the clock that starts again

@@ -1,4 +1,4 @@
-"""The course of an input between two rows of a slow log: stated, or found from runs of another engine."""
+"""Whether inputs are held or linear between two rows of a slow log is stated, or is found from the runs."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ NOMINAL = {name: {"value": value, "sd": 0.03 * value} for name, value in datacla
 
 @functools.cache
 def frames(truth: Literal["held", "linear"], late_rows: float = 0.0) -> dict[str, pd.DataFrame]:
-    """Returns four logs of the planar engine, a row every 40 ms, whose commands change at each row.
+    """Returns name -> log of four runs of the planar engine, with a row every 40 ms and a new command in each row.
 
     Args:
-        truth: the course of the motors' voltage between two rows.
+        truth: whether the motors' voltage is held or linear between two rows.
         late_rows: delay of the voltage, in rows.
     """
     random = np.random.default_rng(4)
@@ -74,7 +74,8 @@ def test_the_timing_of_another_engine_is_found_with_certainty(truth: Literal["he
 
 
 def test_linear_inputs_that_act_late_are_not_called_held_with_certainty() -> None:
-    """Held inputs act on average half a row later than linear ones, so delayed linear inputs look like held ones."""
+    """Linear inputs that act half a row late look like held inputs, which act on average half a row later than linear
+    inputs. So the answer is "linear", or a note names linear inputs behind a delay."""
     known = with_known_timing(dataset("linear", late_rows=0.5), None, seed=0, jobs=1)
     (note,) = (note for note in known.notes if "between two rows" in note)
     assert known.input_timing == "linear" or "linear inputs behind a delay of 2" in note
@@ -91,7 +92,7 @@ def test_runs_that_never_change_their_command_do_not_tell() -> None:
 def test_check_and_discover_say_what_they_found() -> None:
     said = bp.check(dataset("linear"), jobs=1)
     assert sum("the inputs are linear, found from the runs" in note for note in said.notes) == 1
-    assert {run.samples for run in said.runs} == {151}  # rows of the log, without the steps that replace a ramp
+    assert {run.samples for run in said.runs} == {151}  # rows of the log, without the rows added for ramps
     assert [run.step_s for run in said.runs] == pytest.approx([ROW_S] * 4)
     assert all(one.missing == 0 for one in said.signals)
     found = bp.discover(dataset("linear"), jobs=1)

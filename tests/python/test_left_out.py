@@ -1,4 +1,4 @@
-"""The prediction of a left-out stretch and the prior cost of values, against formulas written out here."""
+"""The prediction of a left-out stretch and the cost of values far from their priors equal formulas written out here."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from test_criterion import ODDS, Array, given
 
 
 class Line(Problem):
-    """Least squares of a linear model: its prediction is linear in its coordinates."""
+    """A fit problem whose prediction is linear in the coordinates: `slopes` (values, parameters) times the point."""
 
     slopes: Array = np.zeros((0, 0))
 
@@ -30,14 +30,14 @@ class Line(Problem):
 
 
 class Cliff(Line):
-    """The same with predictions limited to -1..1: a steep slope extrapolates far beyond these limits."""
+    """A `Line` whose predictions are limited to -1..1, so that a linear extrapolation of a steep slope is far off."""
 
     def simulated(self, point: Array) -> Array:
         return np.clip(self.slopes @ point, -1.0, 1.0)
 
 
 def plan_of(count: int) -> Any:
-    """Returns a plan of `count` parameters, each with the prior 0 +- 0.7; a point is its own model."""
+    """Returns a plan of `count` parameters, each with the prior 0 +- 0.7. The plan's model of a point is the point."""
     free = [
         SimpleNamespace(
             centred=False,
@@ -55,7 +55,7 @@ def plan_of(count: int) -> Any:
 
 
 def test_a_prediction_without_a_stretch_is_that_of_a_fit_without_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    """On a linear problem with square loss one step is exact, so no stretch is simulated."""
+    """For a linear model with a squared loss, one step gives the fit without the stretch exactly."""
     judge, places = given(stretches=10, each=8)
     random, size = np.random.default_rng(3), len(judge.stretch)
     slopes, truth = random.normal(size=(size, 3)), np.array([0.3, -0.2, 0.5])
@@ -68,7 +68,7 @@ def test_a_prediction_without_a_stretch_is_that_of_a_fit_without_it(monkeypatch:
     monkeypatch.setattr("brickpilot.fit.robust.pseudo_huber", loss.pseudo_huber)
 
     def fitted(rows: NDArray[np.bool_]) -> Array:
-        """Returns the coordinates of a ridge regression on the values of `rows`."""
+        """Returns (3,): the coordinates of a ridge regression on the values chosen by `rows` (values,)."""
         weight = 1 / np.concatenate([np.full(p.stop - p.start, data.scales[n].size) for n, p in places.items()])
         a = np.vstack([(slopes * weight[:, np.newaxis])[rows], np.eye(3) / 0.7])
         return np.asarray(np.linalg.lstsq(a, np.append((measured * weight)[rows], np.zeros(3)), rcond=None)[0])
@@ -87,7 +87,8 @@ def test_a_prediction_without_a_stretch_is_that_of_a_fit_without_it(monkeypatch:
 
 
 def test_a_stretch_whose_slopes_promise_more_than_it_holds_is_simulated(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A steep stretch alone holds the fit at 0. Without it the fit is at 0.2, which predicts 1 there, and not 200."""
+    """The fit is at 0 because of one steep stretch, and at 0.2 without this stretch. There, 0.2 predicts the limit 1,
+    found by a simulation; the slopes predict 200."""
     judge, _ = given(stretches=10, each=8)
     here, data = judge.stretch == 4, dataclasses.replace(judge.data, threads=1)
     strength = data.weight() ** 2 / data.taus()
@@ -104,19 +105,28 @@ def test_a_stretch_whose_slopes_promise_more_than_it_holds_is_simulated(monkeypa
 
 
 def of_one_value(away: float, information: float, cost: float) -> Evidence:
-    """Returns the evidence of one parameter, of unit sd, from 20 values."""
+    """Returns the evidence of an explanation with one parameter, fitted to 20 values; its prior has the sd 1.
+
+    Args:
+        away: distance of the fitted value from its prior, sd.
+        information: second derivative of the data's cost.
+        cost: cost of the fit.
+    """
     unknown: Any = None
     found = Explanation((), unknown, np.zeros(0), cost)
     return Evidence(found, np.zeros(15), np.zeros(20), np.array([away]), np.eye(1), np.array([[information]]))
 
 
 def test_a_value_that_the_error_of_a_law_moved_surprises_less() -> None:
-    """The loss of one parameter, written out: the temperature divides the weight of the data."""
+    """A prior costs the smallest sum of the prior's cost and the rise of the data's cost divided by the temperature.
+
+    So a value that the data determine poorly costs less at a high temperature.
+    """
     known, poor = of_one_value(2.0, 1e4, 10.0), of_one_value(2.0, 5.0, 10.0)
     for found, information in ((known, 1e4), (poor, 5.0)):
         assert found.log_prior(1.0) == pytest.approx(-2.0)
         for temperature in (4.0, 40.0):
-            # data: information / 2 (x - data)^2, with the fit at 2; prior x^2 / 2
+            # cost of the data: information / 2 (x - data)^2; cost of the prior: x^2 / 2; their sum is smallest at x = 2
             data = 2.0 + 2.0 / information
             x = np.linspace(0.0, 2.0, 200_001)
             losses = (information / 2 * (x - data) ** 2 - information / 2 * (2.0 - data) ** 2) / temperature + x**2 / 2
@@ -130,7 +140,8 @@ def test_a_value_that_the_error_of_a_law_moved_surprises_less() -> None:
     ("away", "nats"), [([0.0, 0.0], 0.0), ([1.0, -2.0], 2.5), ([-24.477], 5.298), ([24.477, 4.895], 8.987)]
 )
 def test_a_wrong_statement_costs_a_common_effect_and_less_likely_the_further(away: list[float], nats: float) -> None:
-    """The cost is a parabola up to 3.0 nats, at 2.4477 sd, then a logarithm: ten times further costs ln 10 more."""
+    """The cost of a value is a parabola of its distance up to 2.4477 sd, 3.0 nats. Farther away it is a logarithm: ten
+    times the distance costs ln 10 nats more."""
     assert evidence.surprise(np.array(away)) == pytest.approx(nats, abs=0.01)
 
 
@@ -145,7 +156,7 @@ def test_a_step_without_a_stretch_is_damped_to_where_the_model_holds() -> None:
 
 
 def test_a_step_that_stops_at_a_bound_is_made_up_for_by_the_others() -> None:
-    """The data determine only the sum of two parameters: one stops, and the other takes the rest of the step."""
+    """The data determine only the sum of two parameters. One stops at its bound, so the other moves by the rest."""
     matrix = np.array([[1.0, 1.0], [1.0, 1.0]]) + 1e-9 * np.eye(2)
     room = np.array([[-9.0, -9.0], [0.05, 9.0]])
     step, _ = evidence._step(matrix, np.array([0.6, 0.6]), np.ones(2), room)
@@ -153,7 +164,7 @@ def test_a_step_that_stops_at_a_bound_is_made_up_for_by_the_others() -> None:
 
 
 class Valley:
-    """A prediction that depends on the product of two coordinates, so that the loss has a curved valley."""
+    """A prediction proportional to the product of two coordinates, so that the cost has a curved valley."""
 
     slopes: Array = np.zeros(0)
 
@@ -163,7 +174,7 @@ class Valley:
 
 @pytest.mark.parametrize(
     ("step", "halvings"),
-    [((0.008, 0.0), 0), ((1.0, -0.9), 4), ((0.0, -0.9), None)],  # along the valley's tangent the product falls
+    [((0.008, 0.0), 0), ((1.0, -0.9), 4), ((0.0, -0.9), None)],  # a step along the valley's tangent lowers the product
 )
 def test_a_long_step_is_halved_until_it_fits_the_other_stretches_no_worse(
     step: tuple[float, float], halvings: int | None, monkeypatch: pytest.MonkeyPatch

@@ -1,4 +1,4 @@
-"""The exported robot in MuJoCo drives as the plant does, open loop and under the firmware."""
+"""In MuJoCo, the exported robot drives as in the plant, by given voltages and under the firmware."""
 
 from __future__ import annotations
 
@@ -47,10 +47,10 @@ def large(**effects: dict[str, float]) -> Model:
 
 
 def commands(seed: int, battery: float = 9.0) -> Array:
-    """A minute of straights, curves, spins and rests, in both directions."""
+    """Returns (20000, 2) voltages for a minute: two random voltages for each second, of either sign, and two rests."""
     rng = np.random.default_rng(seed)
     levels = np.repeat(rng.uniform(-0.9, 0.9, (60, 2)) * battery, 334, axis=0)[:20000]
-    levels[::5] *= 0.98  # never quite steady
+    levels[::5] *= 0.98  # a ripple, so that the motors are never steady
     levels[3000:3600] = levels[9000:9300] = 0
     return levels
 
@@ -60,9 +60,11 @@ def driven(model: Model, volts: Array) -> Mapping[str, Array]:
 
 
 def apart(model: Model, volts: Array, made: Mapping[str, Array] | None = None) -> tuple[float, float, float]:
-    """Returns the largest distance between MuJoCo's robot and the plant's, mm, the path, m, and the yaw error.
+    """Returns the largest distance between MuJoCo's robot and the plant's, mm, the path, m, and the yaw error, rad.
 
-    `made` is what MuJoCo's robot does, if this is known.
+    Args:
+        volts: (n, 2) voltages of the motors.
+        made: the result of `driven` if it is known; None: MuJoCo simulates.
     """
     made = driven(model, volts) if made is None else made
     run = plant.OpenLoopRun(np.arange(len(volts)) * STEP_S, volts)
@@ -112,7 +114,7 @@ def test_the_voltages_of_a_mission_lead_along_its_track() -> None:
 
 @pytest.fixture(scope="module")
 def without() -> Mapping[str, Array]:
-    """What MuJoCo's robot without an effect does."""
+    """Returns the motion of MuJoCo's robot without an effect, as `driven` does."""
     return driven(models.rcx(), commands(2)[:3500])
 
 
@@ -190,7 +192,7 @@ def test_a_motor_turns_its_load_as_in_the_plant(values: dict[str, float]) -> Non
 
 
 def test_the_firmware_flies_the_robot_in_mujoco(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The firmware is at the other end of a CAN bus, in lockstep, and sees MuJoCo's robot instead of the plant's."""
+    """Over a CAN bus, in lockstep, the firmware flies MuJoCo's robot: its track is within 5 mm of the plant's track."""
     flown = fly_in_process("coupled", "ideal", duration=36.0)
     end = mujoco_robot.MujocoEnd(mjcf.write(models.rcx()).text, flown.plan)
     monkeypatch.setattr(fly, "open_plant", lambda *_: mujoco_robot.opened(end))

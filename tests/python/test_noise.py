@@ -1,4 +1,4 @@
-"""The sd and the colour of the noise of a signal are found, however the signal itself changes."""
+"""The sd and the colour of a signal's noise are found, although the signal itself also changes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ BIN = 6
 
 
 def motion(count: int, period: float) -> Array:
-    """A step response with a slow oscillation, then its decay."""
+    """Returns (count,): a step response with a slow oscillation, then its decay. `period`: sampling interval, s."""
     time = np.arange(count) * period
     end = 0.7 * time[-1]
     rise = 10 * (1 - np.exp(-time / 0.4)) * (1 + 0.3 * np.sin(4.4 * time))
@@ -24,7 +24,7 @@ def motion(count: int, period: float) -> Array:
 
 
 def records(noisy: Callable[[Array, np.random.Generator], Array], period: float) -> tuple[list[Array], Array]:
-    """Six runs, and their true noise."""
+    """Returns six runs made by `noisy` of one motion, and their noise, (6, n). `period`: sampling interval, s."""
     random = np.random.default_rng(3)
     true = motion(SAMPLES[period], period)
     parts = [noisy(true, random) for _ in range(6)]
@@ -53,7 +53,7 @@ def test_a_fine_step_adds_its_own_noise(period: float) -> None:
 
 @pytest.mark.parametrize("period", [0.005, 0.001])
 def test_a_coarse_step_without_noise_stays_in_a_mean(period: float) -> None:
-    """Samples on the same step have the same error, so their mean is no more accurate than one sample."""
+    """Neighbouring samples are rounded to the same step, with similar errors: their mean is little better than one."""
     parts, noise = records(lambda x, r: np.round(x / 1.2) * 1.2, period)
     found = noise_of(parts)
     assert found.colour == "quantised"
@@ -117,14 +117,17 @@ def test_a_step_is_found_where_values_are_whole_numbers_of_it(step: float, found
 
 
 def ticks(rate: float, step: float, zero: float = 0.0) -> np.ndarray:
-    """A counter of `step` rad, every 10 ms, on a wheel that turns forward and back, faster with `rate`, rad/s."""
+    """Returns readings, rad, every 10 ms, of a counter with steps of `step` rad, on a wheel that turns to and fro.
+
+    The wheel's speed is proportional to `rate`, rad/s.
+    """
     time = np.arange(0.0, 4.0, 0.01)
     return np.floor(rate * (1 - np.cos(np.pi * time / 2)) * time / step) * step + zero
 
 
 @pytest.mark.parametrize("rate", [2.0, 40.0])
 def test_the_step_of_a_counter_is_found_although_no_value_comes_twice(rate: float) -> None:
-    """At 40 rad/s the counter advances many steps in a sample, so hardly any two values are one step apart."""
+    """At a rate of 40 rad/s, the counter counts many steps per sample: hardly any two values are one step apart."""
     step = 2 * np.pi / 960
     assert step_of([ticks(rate, step), ticks(0.7 * rate, step, zero=0.002)]) == pytest.approx(step, rel=1e-3)
     written = [np.round(ticks(rate, step), 4), np.round(ticks(0.7 * rate, step), 4)]

@@ -1,4 +1,4 @@
-"""The odd laws of the hidden data are not in the library: no effect of it alone explains their data."""
+"""The odd laws of the hidden data are not in the library: no single effect of the library explains their data."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from lab import nearest_laws
 from lab.nearest_laws import Nearest
 
 MAKE = "make the table again: PYTHONPATH=tests .venv/bin/python -m lab.nearest_laws --write"
-FACTOR, LEAST = 1.5, 0.05  # between a figure and the table's; mean squares below the least one are all alike
+FACTOR, LEAST = 1.5, 0.05  # allowed ratio of a figure to the table's figure; figures below LEAST count as LEAST
 
 STATED, SETS = nearest_laws.stated(), nearest_laws.sets()
 
 
 def contradiction(found: Nearest, stated: Nearest) -> str:
-    """Returns what a measurement contradicts in the table; an empty text: nothing."""
+    """Returns how the measurement `found` contradicts the row `stated` of the table; "": they agree."""
     what = f"{found.odd}: {found.law} leaves {found.left:.2g} noise variances of its {found.error:.3g}"
     if not found.is_beyond_noise and stated.is_beyond_noise:
         return f"{what}, which noise hides: it is no odd law. Put another law in its place, or state it: {MAKE}"

@@ -1,4 +1,4 @@
-"""Effects of the planar engine of the blind tests against closed forms, in a steady state and with a memory."""
+"""Effects of the planar engine of the blind tests equal closed forms, in steady states and in effects with memory."""
 
 from __future__ import annotations
 
@@ -25,7 +25,10 @@ def _spin(load, volts=4.5):
 
 
 def _sagging(volts):
-    """Returns V at each motor: the supply falls by 5 ohm times the duty-weighted current of both."""
+    """Returns the voltage, V, at each motor if both get `volts`: the supply voltage falls by 5 ohm times its current.
+
+    The supply's current is the sum over both motors of duty times motor current.
+    """
     duty = volts / BENCH.battery_voltage
 
     def miss(v):
@@ -104,7 +107,7 @@ def test_steady_state_is_what_the_effect_says(case):
 
 
 def _tyre_forces(track: Track) -> tuple[np.ndarray, np.ndarray]:
-    """Returns the force with which each wheel pushes, N, from its motor and its own motion."""
+    """Returns the forces of the left and the right tyre, N, (n,) each, from motor torque and wheel motion."""
 
     def force(current, speed):
         lost = BENCH.wheel_damping() * speed + BENCH.wheel_inertia * np.gradient(speed, track.time)
@@ -250,7 +253,7 @@ def test_pulses_that_brake_are_a_mean_voltage_and_pulses_that_float_drive_faster
     assert np.mean(floating.surge[-100:]) > 1.2 * plain
     flux = {"torque_constant_asymmetry": {"difference": 0.1}}
     slow = at_end({"pwm_coast": {"period": 0.004, "brakes": 0.0}} | flux, 4.5, 4.5)
-    assert np.mean(np.abs(slow.current_left) < 1e-4) > 0.3  # no current in a pause, whatever the back EMF
+    assert np.mean(np.abs(slow.current_left) < 1e-4) > 0.3  # no current between pulses, despite the back EMF
     full = at_end({"pwm_coast": {"period": 0.001, "brakes": 0.0}}, 9, 9)
     np.testing.assert_allclose(full.surge, at_end({}, 9, 9).surge, atol=1e-9)
 

@@ -1,4 +1,4 @@
-"""Simulation, compare and discover need neither a Unix nor the libraries of a link."""
+"""`run`, `compare` and `discover` need no module that only Unix has, and no library of a link."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 UNIX_ONLY = ("termios", "fcntl", "pty", "tty", "resource", "pwd", "grp")
 OF_A_LINK = ("can", "cantools", "cobs", "intelhex", "msgpack", "serial")
 
-# On Windows and macOS these do not exist either.
+# Names of the module os that neither Windows nor macOS has.
 LINUX_ONLY = ("sched_setscheduler", "sched_param", "SCHED_FIFO", "sched_getaffinity")
 
 BLOCK = f"""
@@ -61,7 +61,7 @@ print(opened.call_args.args[0])
 
 
 def test_a_console_without_greek_letters_gets_a_question_mark(tmp_path: Path) -> None:
-    """A pipe on Windows has a code page of 256 characters, without the ohm sign of a motor's resistance."""
+    """A pipe on Windows has a code page of 256 characters, without Ω: a question mark replaces this sign."""
     program = "import sys; sys.stdout.reconfigure(encoding='cp1252')\n" + (
         "from brickpilot.cli import main\n"
         "@main.cli.command()\n"

@@ -1,4 +1,4 @@
-"""An AVR behind the boot loaders of Arduino's core: after a reset in a mission no motor starts by itself."""
+"""After a reset in a mission, an AVR with a boot loader of Arduino's core starts no motor by itself."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[2]
 
 
 def outcomes(loader: str, full: bool) -> list[Outcome]:
-    """Returns the outcomes of resets: one for each cause, or 50 for each in a whole mission."""
+    """Returns the outcomes of resets: one for each cause, or, if `full`, 50 for each cause in a whole mission."""
     count, last_s = ("200", "36") if full else ("4", "5")
     asked = [sys.executable, Path(__file__).with_name("loader_resets.py"), loader, count, "1", last_s]
     done = subprocess.run(asked, cwd=ROOT, check=True, capture_output=True, text=True)
@@ -27,7 +27,8 @@ def outcomes(loader: str, full: bool) -> list[Outcome]:
 
 @pytest.mark.parametrize("loader", ["none", *LOADERS])
 def test_after_a_reset_in_a_mission_motors_are_off_until_a_command(loader: str, full: bool) -> None:
-    """The reset button counts as a command if the loader leaves MCUSR, which then shows the reset pin alone."""
+    """A loader may leave the register MCUSR unchanged. Then MCUSR shows only the reset pin after a press of the reset
+    button, and the robot drives: the button counts as a command."""
     for one in outcomes(loader, full):
         assert one.resets > 0, one
         assert one.off_s is not None, one

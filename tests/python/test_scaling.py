@@ -1,4 +1,4 @@
-"""`brickpilot bench --scaling`: how time grows with the amount of work."""
+"""`brickpilot bench --scaling` measures how time grows with the amount of work."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_work_that_grows_with_the_square_is_told(monkeypatch: pytest.MonkeyPatch
 
 
 def test_every_kind_of_work_runs_and_has_its_row_on_the_page(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(speed, "cores", lambda: 1)  # only one and two workers, as workers start slowly
+    monkeypatch.setattr(speed, "cores", lambda: 1)  # so at most two workers are measured: they start slowly
     monkeypatch.setattr(scaling, "_campaign", lambda *_: scaling_results().sweeps[0])
     small = {"simulate_runs": (8, 16, 32), "discover_candidates": (2, 4, 8)}
     chosen = [
@@ -83,14 +83,14 @@ def test_every_kind_of_work_runs_and_has_its_row_on_the_page(monkeypatch: pytest
 
 
 def in_this_process(module: str, *arguments: str, field: str) -> subprocess.CompletedProcess[bytes]:
-    """Does what `checkout.in_lab` does, in this process."""
+    """Runs `scaling_page` in this process. It replaces `checkout.in_lab`, which starts a process."""
     assert (module, field) == ("scaling_page", "--scaling")
     run_to_exit(scaling_page.measure_scaling, list(arguments), "brickpilot")
     return subprocess.CompletedProcess(module, 0)
 
 
 def command(*arguments: str) -> None:
-    """Runs the command line, and expects the lab program's exit status 0."""
+    """Runs `brickpilot ARGUMENTS` in this process, and checks that it ends with status 0."""
     with pytest.raises(SystemExit) as ended:
         main.main(list(arguments))
     assert ended.value.code == 0

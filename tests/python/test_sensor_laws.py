@@ -1,4 +1,4 @@
-"""Sensor errors of the blind tests, by laws that are not the library's, against closed forms."""
+"""Sensor errors of the blind tests, with laws that are not in the library, equal closed forms."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_sensors_err_by_laws_of_their_own() -> None:
     command = np.where(first.time < 1.0, -1.0, 0.0)
     told = replace(first, command_left=command, command_right=-command)
     signed = sensor_laws.read(told, {"speed_signed_by_command": {"share": 1.0}}, 0.0, 0)
-    np.testing.assert_allclose(signed.left, -np.abs(first.wheel_speed_left))  # the sign stays when the command ends
+    np.testing.assert_allclose(signed.left, -np.abs(first.wheel_speed_left))  # after the command, the sign stays
     np.testing.assert_allclose(signed.right, np.abs(first.wheel_speed_right))
     counted = read(0, wheel_speed_counted={"window": 0.05})
     assert counted.left[700] == pytest.approx(first.wheel_speed_left[651:701].mean())
@@ -61,7 +61,7 @@ def test_sensors_err_by_laws_of_their_own() -> None:
 def test_a_filter_of_order_two_has_its_dead_time_and_no_error_at_rest() -> None:
     first = straight_and_turn()[0]
     slow = sensor_laws.read(first, {"imu_second_order": {"time": 0.02}}, 0.0, 0)
-    lost = np.sum(first.yaw_rate - slow.rate) * 0.001  # area between both: the first moment of the filter
+    lost = np.sum(first.yaw_rate - slow.rate) * 0.001  # final rate times the filter's mean delay
     assert lost == pytest.approx(2 * math.sqrt(0.5) * 0.02 * first.yaw_rate[-1], rel=0.02)
     assert slow.rate[-1] == pytest.approx(first.yaw_rate[-1], rel=1e-3)
     mast = {"x": 0.03, "y": 0.02, "frequency": 8.0, "damping": 0.3}

@@ -1,4 +1,4 @@
-"""A skid steer from its logs to its flight: MuJoCo's rover of four wheels, whose contacts are not the plant's."""
+"""A skid steer is calibrated from logs and flown. The logs are of a MuJoCo rover; its contacts are not the plant's."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def model_file(calibrated: bp.Calibration, tmp_path_factory: pytest.TempPathFact
 
 
 def explained(logs: Dataset, model: Model) -> dict[str, float]:
-    """Returns signal -> fit of free runs of the model, %, on runs that it was not fitted to."""
+    """Returns signal -> fit in percent of free runs of the model to these logs."""
     found = bp.compare(logs, model=model).headline
     shares = {signal: found.of(signal, found.role).fit_percent for signal in found.signals}
     return {signal: share for signal, share in shares.items() if share is not None}
@@ -73,7 +73,7 @@ def test_the_calibrated_law_tells_track_friction_and_motors(calibrated: bp.Calib
 def test_free_runs_explain_logs_of_other_drives(calibrated: bp.Calibration) -> None:
     found = explained(dataset(rover.logs(seed=7)), calibrated.model)
     assert found.keys() == {"wheel_speed_left", "wheel_speed_right", "yaw_rate"}
-    assert min(found.values()) > 97.0, found  # 98.1 to 99.4 %
+    assert min(found.values()) > 97.0, found  # it is 98.1 to 99.4 %
 
 
 def test_a_diff_drive_does_not_explain_them() -> None:
@@ -146,7 +146,7 @@ def test_run_flies_the_example() -> None:
 
 
 def shorter(logs: dict[str, pd.DataFrame]) -> Dataset:
-    """Returns six runs of 5 s: their turns and starts show friction as well."""
+    """Returns a data set with the first 5 s of six runs, which suffice to show friction, by their starts and turns."""
     return dataset({name: log.iloc[:250] for name, log in logs.items() if name not in ("ahead", "other_arc")})
 
 
@@ -158,7 +158,7 @@ def test_dry_friction_in_its_bearings_is_named() -> None:
 
 @pytest.mark.campaign
 def test_nothing_is_named_where_nothing_is_hidden(plain: Dataset) -> None:
-    """MuJoCo's contacts differ a little from Coulomb's law: `discover` sees the difference, but names no effect."""
+    """MuJoCo's contacts differ a little from Coulomb's law. `discover` may see this difference, but names no effect."""
     found = bp.discover(plain)
     assert found.verdict != "named"
     assert not [one for one in found.effects if one.claimed]

@@ -1,4 +1,4 @@
-"""`brickpilot upload` over an infrared link that loses bytes: mission and settings reach the firmware."""
+"""`brickpilot upload` delivers mission and settings to the firmware over an infrared link that loses bytes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from brickpilot.vehicle.gains import Gains
 from rcx_autopilot import Autopilot
 from rcx_brick import BYTE_S, Faults, RcxBrick
 
-pytestmark = pytest.mark.realtime  # time-outs of the line, at the speed of the pseudo-terminal
+pytestmark = pytest.mark.realtime  # the link's time-outs are in real time, for the speed of a pseudo-terminal
 
 MISSION = """name = "two"
 kind = "mission"
@@ -29,7 +29,7 @@ waypoints_m = [[1.0, 0.5], [0.0, -0.25]]
 
 @pytest.fixture(autouse=True)
 def _fast_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Scales the time-outs to the byte time of the pseudo-terminal."""
+    """Scales the time-outs to `BYTE_S`, the time of a byte on the pseudo-terminal."""
 
     def fast_tower(device: str) -> tower.Tower:
         return tower.Tower(device, BYTE_S)

@@ -1,4 +1,4 @@
-"""`changed` tells what differs between recordings of one machine: simulated in this file, or real."""
+"""`changed` finds what differs between recordings of one machine; they are simulated here or by an engine, or real."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ STEP_S, FINE = 0.01, 20
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data"
 
 Course = Callable[[float], float]
-"""Time in s -> a friction."""
+"""Time, s -> a friction coefficient or torque at this time."""
 
 
 def steady(value: float) -> Course:
@@ -37,7 +37,13 @@ def steady(value: float) -> Course:
 
 
 def driven(volts: np.ndarray, viscous: Course, dry: Course, gain: float = 1.0) -> np.ndarray:
-    """Returns the speed of a motor, rad/s, by Euler steps of half a millisecond. Dry friction holds it at rest."""
+    """Returns (n,): the speed of a motor, rad/s, by Euler steps of 0.5 ms. Dry friction can hold the motor at rest.
+
+    Args:
+        volts: (n,) V.
+        viscous, dry: viscous friction, N m s/rad, and dry friction, N m.
+        gain: factor of all voltages.
+    """
     speed, found, step = 0.0, [], STEP_S / FINE
     for sample, volt in enumerate(volts * gain):
         found.append(speed)
@@ -55,7 +61,10 @@ def driven(volts: np.ndarray, viscous: Course, dry: Course, gain: float = 1.0) -
 def recording(
     name: str, seed: int, viscous: Sequence[Course], dry: Sequence[Course], gains: Sequence[float] = (1.0, 1.0, 1.0)
 ) -> bp.Dataset:
-    """Returns a recording with a run for each friction: random steps of voltage for 8 s, and a speed with noise."""
+    """Returns a recording of a motor with one run for each entry of `viscous`, `dry` and `gains`, as in `driven`.
+
+    A run lasts for 8 s; it has random steps of voltage, and a speed with noise.
+    """
     random, time, frames = np.random.default_rng(seed), np.arange(0.0, 8.0, STEP_S), {}
     for number, (one, other, gain) in enumerate(zip(viscous, dry, gains, strict=True)):
         volts = np.repeat(random.uniform(-8, 8, 10), 80)
@@ -137,7 +146,7 @@ def test_what_sets_in_within_a_run_is_told_with_its_moment(monday: bp.Dataset) -
 
 @pytest.mark.parametrize("effect", ["speed_lag", "start_delay"])
 def test_an_effect_that_is_gone_is_told(effect: str, tmp_path: Path) -> None:
-    """The difference has a bound where the effect is 0: beyond this bound the data cannot determine it."""
+    """The change is minus the whole earlier size: a larger decrease has no influence, so the interval excludes it."""
     pair = changed_sets.Pair("planar", effect, size=2.0, gone=True, index=1, seed_offset=64_000_000)
     before, after = (folder.write(one, tmp_path) for one in pair.recipes())
     (one,) = bp.changed(before, after).changes

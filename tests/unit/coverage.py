@@ -1,10 +1,11 @@
-"""Demands that the Unity tests of this folder reach every function, branch and condition (MC/DC) of firmware/.
+"""Checks that the Unity tests of this folder reach every function, branch and condition (MC/DC) of firmware/.
 
     cmake --preset coverage && cmake --build --preset coverage --target unit_tests
     .venv/bin/python tests/unit/coverage.py
 
-MC/DC: each condition of a decision has been seen to decide it alone. The compiler leaves out conditions that it knows,
-as that of a motor model without sway: the host builds the one with sway.
+MC/DC: for each condition of a decision, two runs differ in the decision because of this condition alone. A condition
+does not count if the compiler knows its value. An example is a condition for a motor model without sway: the model of
+the host's build has sway.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ DEMANDED = ("functions", "branches", "mcdc")
 
 
 def measured() -> dict[str, Any]:
-    """Runs the unit tests and returns what llvm-cov exports of them all."""
+    """Runs all unit tests and returns the coverage of all tests together, as llvm-cov exports it."""
     RAW.mkdir(exist_ok=True)
     for old in RAW.iterdir():
         old.unlink()
@@ -40,7 +41,7 @@ def measured() -> dict[str, Any]:
 
 
 def missed(exported: dict[str, Any]) -> list[str]:
-    """Returns a line for each figure of a file below 100 %, with the decisions whose conditions lack a pair."""
+    """Returns a line for each coverage of a file below 100 %, and a line for each condition that MC/DC lacks there."""
     found = []
     for file in exported["files"]:
         lines = []
@@ -56,7 +57,7 @@ def missed(exported: dict[str, Any]) -> list[str]:
 
 
 def main() -> None:
-    """Prints the totals and, with exit status 1, what is missed."""
+    """Prints the total coverage and what the tests miss; ends with status 1 if they miss something."""
     exported = measured()
     totals = exported["totals"]
     if not totals["mcdc"]["count"]:
