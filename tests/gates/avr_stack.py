@@ -1,4 +1,4 @@
-"""The effect of the instructions of an AVR image on the stack, and the bound of a whole image."""
+"""Describes how each instruction of an AVR image changes the stack, and bounds the stack of a whole image."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ def _tool(*command: str | Path) -> str:
 class Avr:
     """An AVR image.
 
-    The walk follows the frame pointer Y: Y holds the stack pointer at some depth, and the compiler moves the stack
-    pointer by writing a changed Y back. `known["y"]` is the depth that belongs to Y.
+    The walk follows the frame pointer Y: the compiler copies the stack pointer to Y, changes Y, and moves the stack
+    pointer by writing Y back. `known["y"]` is the depth of the stack, in bytes, to which Y points.
     """
 
     unit = 1
@@ -71,7 +71,7 @@ class Avr:
                     target = int(operands[-1], 16)
                 self._code[address] = _Instruction(len(found[2].split()), found[3], operands, target)
                 self._within[address] = function
-        # More than 128 KB of flash need 17 bits of address.
+        # Chips of avr:6 have more than 128 KB of flash, so a return address has 3 bytes.
         self.return_address = 3 if "architecture: avr:6" in _tool("avr-objdump", "-f", elf) else 2
 
     def name(self, address: int) -> str:
@@ -104,11 +104,11 @@ class Avr:
             return Outcome((), state)
         if name in {"jmp", "rjmp"}:
             assert code.target is not None
-            for_ever = code.target in {address, self.at["__vectors"]}  # an endless loop, or a new start
+            for_ever = code.target in {address, self.at["__vectors"]}  # an endless loop, or a restart of the program
             return Outcome(() if for_ever else (code.target,), state)
         if name in {"call", "rcall"}:
             assert code.target is not None
-            if code.target == after:  # the compiler reserves a few bytes by such a call
+            if code.target == after:  # by a call to the next instruction, the compiler reserves stack
                 return Outcome((after,), state.pushed(self.return_address))
             return Outcome((after,), state, (code.target,))
         if name in {"icall", "eicall"}:
@@ -133,7 +133,7 @@ class Avr:
         return tuple(self.at[one] for one in self._indirect[function])
 
     def _moved(self, name: str, operands: tuple[str, ...], state: State) -> State:
-        """Follows Y and the stack pointer."""
+        """Returns the state after an instruction that may change Y or the stack pointer."""
         if not operands:
             return state
         y, low = state.known.get("y"), state.known.get("low")
@@ -149,7 +149,7 @@ class Avr:
             if name in {"adiw", "sbiw"}:
                 step = int(operands[1], 0)
                 return state.with_known(y=y + (step if name == "sbiw" else -step))
-            if name == "subi" and operands[0] == "r29":  # a multiple of 256 bytes
+            if name == "subi" and operands[0] == "r29":  # Y changes by a multiple of 256 bytes
                 step = int(operands[1], 0)
                 return state.with_known(y=y + ((step - 0x100 if step >= 0x80 else step) << 8))
             if name == "subi":
@@ -164,7 +164,7 @@ class Avr:
 
 @dataclass(frozen=True)
 class Bound:
-    """Bytes of stack: main with all functions that it calls, the deepest interrupts on top, and the available room."""
+    """Bytes of stack: main with all functions that it calls, the interrupts on top of main, and the available room."""
 
     main: int
     interrupts: int
@@ -176,9 +176,10 @@ class Bound:
 
 
 def bound(avr: Avr, end_of_ram: int) -> Bound:
-    """Returns the bound of an image.
+    """Returns the largest stack that an image can take, and the room for it.
 
-    A handler blocks other interrupts until it ends. If a handler allows them, all other handlers may come on top of it.
+    A handler blocks other interrupts until it ends, so only the deepest handler counts. If some handler allows other
+    interrupts, all handlers count, because they may run on top of each other.
 
     Args:
         avr: the image.

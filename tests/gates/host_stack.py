@@ -1,4 +1,4 @@
-"""The largest stack of the firmware compiled by this machine's gcc, from gcc's own frames and calls."""
+"""Finds the largest stack of the firmware compiled for this machine, from the frames and calls that gcc reports."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ _INDIRECT = "__indirect_call"
 
 
 def compiled(folder: Path, sources: Sequence[Path], *flags: str) -> None:
-    """Compiles C sources for this machine and leaves gcc's graphs of calls in a folder."""
+    """Compiles C sources for this machine, and writes gcc's call graphs to a folder."""
     if platform.machine() == "x86_64":
-        flags = (*flags, "-mno-red-zone")  # otherwise gcc omits a leaf's 128 bytes below the stack pointer
+        flags = (*flags, "-mno-red-zone")  # else gcc omits 128 bytes of a leaf function below its stack pointer
     for number, source in enumerate(sources):
         command = ["gcc", "-std=c99", "-O2", *flags, "-fstack-usage", "-fcallgraph-info=su", "-c", str(source)]
         subprocess.run([*command, "-o", str(folder / f"{number}.o")], check=True, cwd=ROOT)
@@ -32,7 +32,7 @@ def most(folder: Path, entry: str, indirect: Mapping[str, Sequence[str]]) -> int
     """Returns the most bytes that a function takes together with the functions that it calls.
 
     Args:
-        folder: the folder with the graphs of calls.
+        folder: the folder with the call graphs.
         entry: the function.
         indirect: function that calls through a pointer -> the functions that it may call.
 

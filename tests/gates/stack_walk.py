@@ -1,9 +1,9 @@
-"""The largest stack of a program's functions, by walking the instructions of its linked image.
+"""Finds the largest stack of a program's functions by a walk through the instructions of the linked image.
 
 A walk follows every path from an entry, and keeps the contents of the stack at each instruction. Two paths that meet
-must have the same depth. A call costs as much as the called function. A jump continues the same walk, so a call that
-the compiler turned into a jump is counted. These are errors, because they leave the depth unknown: recursion, a jump
-through a register whose targets are not listed, and a change of the stack pointer that no rule covers.
+must have the same depth. A call costs a return address and the stack of the called function. A jump continues the same
+walk, so a call that the compiler turned into a jump is counted. These are errors, because they leave the depth unknown:
+recursion, a jump through a register whose targets are not listed, and a change of the stack pointer without a rule.
 
 `avr_stack.py` and `h8_stack.py` describe the instructions of the two processors.
 """
@@ -61,8 +61,8 @@ class Outcome:
 
     Attributes:
         to: the addresses that may follow, all with `state`; empty if the function ends.
-        calls: functions; the instruction calls one of them before `to`. `state` also holds before the call.
-        most: the most places on the stack during the instruction, if more than before and after it.
+        calls: functions of which the instruction calls one, and then continues at `to`. `state` holds at the call, too.
+        most: the number of used places on the stack during the instruction, if larger than before and after it.
     """
 
     to: tuple[int, ...]
@@ -88,7 +88,7 @@ class Processor(Protocol):
 
 @dataclass(frozen=True)
 class Walked:
-    """One function.
+    """The result of the walk of one function.
 
     Attributes:
         own: the most bytes that the function itself takes.
@@ -110,7 +110,7 @@ class Depths:
         self._most: dict[int, int] = {}
 
     def walk(self, entry: int) -> Walked:
-        """Walks one function."""
+        """Returns the walk of one function, without the functions that it calls."""
         if entry in self._walked:
             return self._walked[entry]
         processor = self.processor
@@ -153,7 +153,7 @@ class Depths:
         return walked.reached.union(*(self.reached(one) for one in walked.calls))
 
     def deepest(self, entry: int) -> list[str]:
-        """Returns the chain of calls that takes most bytes, each call as "NAME: bytes before the next call"."""
+        """Returns the chain of calls that takes the most stack, each call as "NAME: bytes before the next call"."""
         walked = self.walk(entry)
         for called, before in walked.calls.items():
             if self._through(walked, called, ()) == self.most(entry):

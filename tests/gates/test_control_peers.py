@@ -1,4 +1,4 @@
-"""The control law in the firmware's arithmetic, Q16.16 and soft-float, on the processors of both bricks."""
+"""Programs in Q16.16 and in soft float compute the firmware's control law on both bricks, at the stated cost."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 ROOT = Path(__file__).resolve().parents[2]
 STEPS = 120
 
-# Cycles of the typical and of the worst of all 500 steps, and bytes of flash. If a figure changes by more than
-# TOLERANCE, correct it here and in tools/docs/benchmarks.md.
+# Cycles of the median and of the worst of the 500 steps of `control_peers`, and bytes of flash. If a figure changes by
+# more than TOLERANCE, correct it here and in tools/docs/benchmarks.md.
 TOLERANCE = 0.03
 MEASURED = {
     ("h8", "ours"): (29706, 35276, 3922),
@@ -29,11 +29,11 @@ MEASURED = {
 
 
 recorded = functools.cache(control_peers.record)
-"""As `control_peers.record`, but flies once for all tests."""
+"""`control_peers.record` with a cache: all tests with the same number of steps share one flight."""
 
 
 def built(program: str, folder: Path) -> NDArray[np.int32]:
-    """Builds a program for this machine in the folder with its records, and returns its answers."""
+    """Builds a program for this machine beside its records, and returns its voltages (STEPS, 2) as raw numbers."""
     subprocess.run([ROOT / "tests/peers/build", "host", folder, program], check=True)
     output = subprocess.run([folder / program], stdout=subprocess.PIPE, check=True).stdout
     return np.frombuffer(output, dtype="<i4").reshape(STEPS, 5)[:, :2]
@@ -41,7 +41,7 @@ def built(program: str, folder: Path) -> NDArray[np.int32]:
 
 @pytest.fixture(scope="module")
 def ours(tmp_path_factory: pytest.TempPathFactory) -> NDArray[np.float64]:
-    """The firmware's voltages. Of constants.inc its program reads only the waypoints."""
+    """Returns the firmware's voltages (STEPS, 2), V. Its program reads only the waypoints of constants.inc."""
     folder = tmp_path_factory.mktemp("ours")
     control_peers.write_records(recorded(STEPS), folder)
     return built("ours", folder) * 1e-3

@@ -1,4 +1,4 @@
-"""Instructions, states and stack of a control step on the RCX's processor."""
+"""A control step takes the stated instructions, processor states and stack on the RCX's processor."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ ROOT = Path(__file__).resolve().parents[2]
 SHARE = 0.6
 STACK = 344 - 130
 
-# (target, profile, sensors) -> figures of the worst step: in the whole mission for the brick's programs, in its first 8
-# s for others. If a figure changes by more than TOLERANCE, correct it here and in firmware/README.md.
+# (target, profile, sensors) -> figures of the worst step. The brick's programs, `h8:...`, fly the whole mission; `h8`
+# flies its first 8 s. If a figure changes by more than TOLERANCE, correct it here and in firmware/README.md.
 TOLERANCE = 0.02
 MEASURED = {
     ("h8", "coupled", "imu+encoders"): {"instructions": 9291, "states_external": 94086, "states_on_chip": 36302},
@@ -32,7 +32,7 @@ MEASURED = {
     },
 }
 
-# States in external RAM of each stage, for the last row of MEASURED.
+# Stage -> processor states with the program in external RAM, for the last row of MEASURED.
 STAGES = {
     "model": 17232,
     "heading": 7861,

@@ -1,6 +1,6 @@
-"""The counted instructions in the inner loops of plant and firmware must not grow: tests/speed.
+"""The inner loops of plant and firmware take as many instructions as tests/speed keeps, within its tolerance.
 
-`run_gates` of tests/run builds the program that is counted.
+`run_gates` of tests/run builds the program whose instructions are counted.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The builds of the RCX's port and programs, and both on the simulator of its processor with brickOS's own kernel."""
+"""The RCX's port and programs build, and work with brickOS's own kernel on a simulator of the RCX's processor."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PORT = ROOT / "hal/rcx"
 TARGET = ROOT / "firmware/targets/rcx"
 CONFIGURATIONS = ["imu", "rotation"]
-# Tests of cases that the simulator or the brick cannot show; hal/rcx/README.md lists the same tests.
+# Skipped contract tests, whose case the simulator or the brick cannot show; hal/rcx/README.md lists the same tests.
 CANNOT = {
     "imu": {"test_a_device_that_is_not_there_is_absent"},
     "rotation": {"test_a_device_that_is_not_there_is_absent", "test_a_silent_device_is_stale_and_recovers"},
@@ -58,7 +58,7 @@ def autopilot(folder: Path) -> h8_stack.H8:
 
 
 class Tower:
-    """A brick behind a tower on a pseudo-terminal: gives the simulated brick's answers, but loses some answers."""
+    """An infrared tower on a pseudo-terminal. Its brick gives stored answers, of which some get lost or damaged."""
 
     def __init__(self, packets: dict[bytes, bytes]) -> None:
         self.master, slave = os.openpty()
@@ -219,7 +219,7 @@ def test_the_program_flies_the_scenario_mission() -> None:
 
 
 def is_whole(folder: Path, name: str, own_stack: int) -> None:
-    """Asserts that the program has brickOS's format, and the size that the report says."""
+    """Asserts that the program has brickOS's format, and the size that the report of its build states."""
     program = (folder / f"{name}.lx").read_bytes()
     # brickOS's header, big-endian: "brickOS\0", version, base, sizes of text, data, bss and stack, offset, relocations.
     assert program[:8] == b"brickOS\0"

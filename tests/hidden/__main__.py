@@ -1,4 +1,4 @@
-"""``python -m hidden SUITE OUT``: writes a suite's data sets and their truths. PYTHONPATH must hold the folder above.
+"""``python -m hidden SUITE OUT``: writes a suite's data sets and their truths. PYTHONPATH must hold `tests`.
 
 Existing data sets are kept, so that an interrupted call continues where it stopped.
 """

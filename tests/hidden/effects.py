@@ -1,4 +1,4 @@
-"""The effects that may be hidden: the parameters at which each effect is clearly visible, and how these are drawn."""
+"""The effects that may be hidden: parameters at which each effect is clearly visible, and how parameters are drawn."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ Kind = Literal["plain", "torque", "force", "moment", "mass", "spin", "voltage", 
 
 @dataclass(frozen=True)
 class Effect:
-    """How one effect is drawn.
+    """How the parameters of one effect are drawn.
 
     Attributes:
-        visible: parameters at size 1 on `recipe.BENCH`, which change some signal by at least 5 noise sd, rms.
+        visible: parameters at size 1 on `recipe.BENCH`: the rms change of some signal is at least 5 sd of its noise.
         scaled: the parameters that grow with the size; the other parameters are constant.
         offset: parameter -> its value at size 0, for a limit that the effect lowers.
         signed: whether the scaled parameters may have either sign.
@@ -26,7 +26,7 @@ class Effect:
         kind: a physical quantity. The scaled parameters are multiplied by the `strength` of this quantity on the
             vehicle, so that the effect is visible on each vehicle.
         grid: if above 0, scaled parameters are whole multiples of this number.
-        absent: nominal values that must be 0 in the vehicle, because their law is also the law of the effect.
+        absent: nominal values that must be 0 in the vehicle, because their law is the same as the law of the effect.
     """
 
     visible: Mapping[str, float]
@@ -140,7 +140,7 @@ LIBRARY: dict[str, Effect] = {
     ),
     "gyro_asymmetry": _one("difference", 0.06, signed=True),
 }  # fmt: skip
-"""Every effect of the library that these engines can make, with the library's names, parameters and signs."""
+"""Every effect of the library that the engines can simulate, with the library's names, parameters and signs."""
 
 ODD: dict[str, Effect] = {
     "odd_periodic_force": Effect(

@@ -99,7 +99,7 @@ def ramps(name: str, duration_s: float, *points: tuple[float, float, float]) -> 
 
 
 def chirp(name: str, duration_s: float, amplitude: float, periods: Sequence[float], *, opposite: bool) -> Manoeuvre:
-    """Returns square waves of +-`amplitude` V; `periods` (s) are used cyclically. At the end the voltage is 0."""
+    """Returns square waves of +-`amplitude` V, one for each of `periods` (s) in turn; at the end the voltage is 0."""
     stages, now, index = [], 0.0, 0
     while now < duration_s - 1.0:
         half = 0.5 * periods[(index // 2) % len(periods)]

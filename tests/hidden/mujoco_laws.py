@@ -1,4 +1,4 @@
-"""Laws of `other_laws` for the vehicle that MuJoCo moves, and the only law of the library that has a state.
+"""Laws of `other_laws` for the vehicle that MuJoCo moves, and `coupled_inertia`, a law of the library with a state.
 
 Each function takes a law's parameters, the number of the run and the vehicle, and returns a function that changes a
 `Step`. The returned function may have a state.
@@ -63,8 +63,9 @@ def _coulomb_tanh(p: Parameters, _: int, __: Vehicle) -> Act:
 
 
 def _bristles(stiffness: float, damping: float, bound: Callable[[float], float]) -> Act:
-    """Returns bristle friction: z' = w - stiffness |w| z / bound(w), torque = stiffness z + damping z'.
+    """Returns the friction of bristles with bend z at wheel speed w.
 
+    z' = w - stiffness |w| z / bound(w), torque = stiffness z + damping z'.
     LuGre: Canudas de Wit et al. 1995, IEEE TAC 40(3). Without damping and with a constant bound: Dahl 1968.
     """
     bent = [0.0, 0.0]

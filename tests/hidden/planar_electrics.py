@@ -136,7 +136,7 @@ def supply_saturation(plant: Plant, p: Parameters) -> None:
 
 
 def pwm_coast(plant: Plant, p: Parameters) -> None:
-    """Each tick is a pulse or a pause, by first-order pulse density."""
+    """Each tick is a pulse or a pause, which first-order pulse-density modulation chooses."""
     period, brakes = p.get("period", 0.001), p.get("brakes", 0.0) >= 0.5
     due, on, tick = plant.memory(2), plant.memory(2), plant.memory(1)
     tick -= 1
@@ -227,7 +227,7 @@ def cogging(plant: Plant, p: Parameters) -> None:
 
 
 def gear_backlash(plant: Plant, p: Parameters) -> None:
-    """The gear teeth are soft enough for the step size, damped so that they do not bounce, and never pull."""
+    """The contact of the teeth is soft enough for the step size, damped so that no tooth bounces, and never pulls."""
     half = 0.5 * p["gap"]
     plant.rotor_share = p["rotor_share"]
 
@@ -264,5 +264,5 @@ def gravity_load(plant: Plant, p: Parameters) -> None:
 
 
 def _hardened(twist: Floats, p: Parameters) -> Floats:
-    """Returns the twist of an equivalent linear spring. With `stretch` the spring stiffens like rubber."""
+    """Returns the twist at which a linear spring has this torque. With `stretch` the spring stiffens like rubber."""
     return np.asarray(twist * (1 + (twist / p["stretch"]) ** 2)) if "stretch" in p else twist

@@ -29,7 +29,7 @@ BRUSH_DAMPING = 0.6  # damping ratio of the wheel relative to the body, at rest
 SPRING_SHARE, DAMPER_SHARE = 0.2, 0.6  # dry friction
 TEETH_SPRING, TEETH_DAMPER = 0.1, 0.9  # gear teeth: overdamped, so that they do not bounce
 
-COPPER = 0.00393  # 1/K
+COPPER = 0.00393  # 1/K: relative change of copper's resistance
 SUPPLY_FILTER_S = 0.001  # the drive's buffer capacitor
 SUPPLY_FLOOR = 0.01  # least supply as a share of the nominal battery voltage
 
@@ -210,11 +210,11 @@ class Plant:
         return a, b
 
     def losses(self) -> Floats:
-        """Returns the losses of each wheel, N m s/rad, as nominal values define them: with the whole weight on each."""
+        """Returns the losses (2, 1) of the wheels, N m s/rad: as in nominal values, each wheel bears all weight."""
         return self.vehicle.viscous_friction + self.mass * GRAVITY * self.vehicle.rolling_friction * self.radius**2
 
     def _tyre(self, a: Floats, k: int, side: float, inertia: float) -> None:
-        """Adds the tyre force for the slip s = r_w w - (u +- b r). Here the body's rows of `a` still hold forces."""
+        """Adds the tyre force for the slip s = r_w w - (u +- b r). The body's rows of `a` hold forces here."""
         radius, track = self.radius[k, 0], self.vehicle.half_track
         slip = np.zeros(len(a))
         wheel, brush = WHEEL.start + k, BRUSH.start + k
@@ -281,7 +281,7 @@ class Plant:
         self.time += self.step
 
     def _draw(self, running: NDArray[np.bool_]) -> None:
-        """Applies the supply, the drive, and the current of both motors."""
+        """Turns commands into voltages at the motors, by supply, drive and warm windings; adds up charge and heat."""
         nominal = self.vehicle.battery_voltage
         falling = bool(self.supply_slope or self.supply_resistance or self.supply_fade or self.falls)
         if falling:

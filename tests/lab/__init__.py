@@ -13,7 +13,7 @@
 
 `sh tests/lab/run real`, on measured data sets:
 
-    real_logs.py       the public logs that are known, of real_logs.toml, and their data sets
+    real_logs.py       the public logs of real_logs.toml, and their data sets
     peers              other libraries on the same runs; its own docstring lists them
     real_score.py      the score: fit percent of a free run
     real_run.py        runs discovery and its peers on one data set

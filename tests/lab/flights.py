@@ -1,8 +1,8 @@
-"""Does a flight tell what the firmware does not know? Flies the paper's mission with one hidden effect, and asks why.
+"""Flies the paper's mission with one hidden effect at a time, and scores whether discovery names the effect.
 
     python tests/lab/flights.py DIR [--changed] [--sensors imu+encoders] [--count 24] [--seed 1] [--jobs 1]
 
-With --changed, it asks instead what is different from a flight without an effect and with another seed.
+With --changed, scores instead whether `changed` names the difference from an effect-free flight with another seed.
 
 The effects are drawn from the library, at their preset sizes. The packaged IMU has biases that the nominal model lacks,
 so an answer may always name `accel_bias` and `gyro_bias`, too. Each flight's data set and answer are kept in DIR, so an
@@ -51,7 +51,7 @@ def data_of(effect: str, folder: Path, sensors: str, seed: int) -> Path:
 
 
 def answer(effect: str, folder: Path, jobs: int) -> dict[str, Any]:
-    """Returns a flight's answer and its score: right, among rivals, silent (unknown or nothing missing), or wrong."""
+    """Returns the verdict on a flight, and its score: right, among rivals, silent (unknown or no effect), or wrong."""
     began = time.perf_counter()
     found = bp.discover(reading.read(folder / "data"), jobs=jobs)
     names = [one.name for one in found.effects if one.claimed]
@@ -69,7 +69,7 @@ def answer(effect: str, folder: Path, jobs: int) -> dict[str, Any]:
 
 
 def change(effect: str, folder: Path, before: Path, jobs: int) -> dict[str, Any]:
-    """Returns the answer of `changed` from the flight `before` to this flight, scored by mechanism as in `answer`."""
+    """Returns the verdict of `changed` from the flight `before` to this flight, and its score by mechanism."""
     began = time.perf_counter()
     found = bp.changed(before, folder / "data", jobs=jobs)
     (verdict,) = found.verdicts.values()
@@ -88,7 +88,7 @@ def change(effect: str, folder: Path, before: Path, jobs: int) -> dict[str, Any]
 
 
 def main(words: list[str]) -> None:
-    """Flies each effect, runs discovery, and prints a line for each effect and the counts."""
+    """Flies each effect, runs discovery, and prints a line for each effect and the number of flights of each score."""
     parser = argparse.ArgumentParser(description=str(__doc__).partition("\n")[0])
     parser.add_argument("out", type=Path)
     parser.add_argument("--changed", action="store_true")

@@ -1,8 +1,9 @@
-"""How much of an odd law's error the nearest law of the library leaves: python -m lab.nearest_laws [--write].
+"""Measures how much error of an odd law the nearest law of the library leaves: python -m lab.nearest_laws [--write].
 
-The data are those of the suite `outside`, with the same laws, sizes and vehicles, but without noise: all error is the
-law's. Each effect of the library is tried alone as an addition to the nominal model, whose values are fitted with their
-sds as priors. Only the most promising effects are fitted, by plain least squares in units of the noise.
+The data are those of the suite `outside`, with the same laws, sizes and vehicles, but without noise, so that all
+error comes from the law. Each effect of the library is tried alone as an addition to the nominal model, whose values
+are fitted with their sds as priors. Only the most promising effects are fitted, by plain least squares in units of the
+noise.
 """
 
 from __future__ import annotations
@@ -36,8 +37,8 @@ FITTED = 3
 """Number of effects that are fitted."""
 
 WITHIN_NOISE = 0.5
-"""Mean square, in variances of the noise, below which an error counts as hidden by noise. Laws of the library leave up
-to 0.13 of their own data, because the engine and the plant have different steps."""
+"""Mean square, in variances of the noise, below which an error counts as hidden by noise. In data of its own, a law of
+the library leaves up to 0.13, because the engine and the plant have different steps."""
 
 
 @dataclass(frozen=True)
@@ -46,8 +47,8 @@ class Nearest:
 
     Attributes:
         odd, law: the odd law, and the effect of the library.
-        error, left: mean square of the error over all samples, in squares of the noise's sd, with the nominal model
-            alone and with the effect.
+        error, left: mean square of the error over all samples, in variances of the noise: with the nominal model alone,
+            and with the effect.
     """
 
     odd: str

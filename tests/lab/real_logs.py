@@ -1,4 +1,4 @@
-"""The public logs that the benchmark knows, and their data sets, made from clones of their repositories.
+"""Reads the table of public logs of the benchmark, and makes their data sets from clones of their repositories.
 
 The head of real_logs.toml explains its keys.
 """
@@ -88,7 +88,7 @@ def read(path: Path = TABLE) -> tuple[RealLog, ...]:
     """Returns the logs of a table.
 
     Raises:
-        InputError: the file is no TOML, or an entry lacks a key or has an unknown one.
+        InputError: the file is not TOML, or an entry lacks a key or has an unknown key.
     """
     try:
         entries = tomllib.loads(path.read_text(encoding="utf-8"))["log"]

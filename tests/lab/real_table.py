@@ -130,7 +130,7 @@ def _limits(result: Result) -> dict[str, float]:
 
 
 def removed(result: Result) -> float | None:
-    """Returns the share of the predictable error that the written model removes on the scored runs.
+    """Returns the share of the predictable error that the explanation removes on the scored runs; None: unknown.
 
     The predictable error is the squared error of the calibrated nominal model minus the attainable squared error. The
     error of each signal is divided by the signal's norm.
@@ -185,7 +185,7 @@ def _roles(results: Sequence[Result]) -> str:
 
 
 def _wins(results: Sequence[Result], peers: Sequence[str], model: str) -> str:
-    """Returns on how many logs a model of discovery is better than these peers, of all logs that have both results."""
+    """Returns "N of M": of the M logs with results of both, on N a model of discovery beats all these peers."""
     both = []
     for one in results:
         role = judged_on(one)

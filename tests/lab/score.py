@@ -14,10 +14,10 @@ from typing import Any
 Result = Mapping[str, Any]
 
 VISIBLE = 5.0
-"""A clearly visible effect changes at least one signal by this rms, in noise sd."""
+"""The least rms change, in noise sd, of the most changed signal by a clearly visible effect."""
 
 AMONG = {"imu+encoders": 3, "imu": 4}
-"""Sensors -> the largest number of names per hidden effect in an `ambiguous` verdict."""
+"""Sensors -> the largest number of names per hidden effect with which an `ambiguous` verdict has credit."""
 AMBIGUOUS_CREDIT = {"imu+encoders": 0.5, "imu": 1.0}
 """Sensors -> the credit of an `ambiguous` verdict."""
 REMOVED = 0.8
@@ -49,7 +49,7 @@ class Share:
 
 
 def kind(result: Result) -> str:
-    """Returns the kind of hidden effects: "none", "single", "pairs", "triples" or "odd"; "unmade" without a set."""
+    """Returns the kind of hidden effects: "none", "single", "pairs", "triples" or "odd"; "unmade": no set."""
     hidden = result["hidden"]
     if hidden is None:
         return "unmade"
@@ -117,7 +117,7 @@ def credit(result: Result) -> float:
 
 
 def wrong(result: Result) -> bool:
-    """Returns whether a verdict claims a wrong name as certain: if it is `named`, or beside a composed term."""
+    """Returns whether a `named` verdict, or an `unknown` verdict beside its composed term, claims a wrong name."""
     return result["verdict"] in ("named", "unknown") and bool(set(named(result)) - set(result["hidden"]))
 
 

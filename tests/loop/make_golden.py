@@ -1,4 +1,4 @@
-"""Writes golden/motor_streams.txt: the SHA-256 of the motor commands with seed 0. A commit explains each change."""
+"""Writes golden/motor_streams.txt: the SHA-256 of the motor commands with seed 0. Its commit explains each change."""
 
 from __future__ import annotations
 

@@ -1,12 +1,13 @@
-"""Tunes three robots that are not the packaged one, as far as a log of each tells what they are.
+"""Tunes the gains of three robots other than the packaged robot; the tuning knows each robot only from its log.
 
     PYTHONPATH=tests .venv/bin/python tests/loop/tune_study.py [--jobs N] [--out DIR]
 
 The planar engine of `tests/hidden`, which shares no code with the plant, drives each robot, with one hidden effect,
 through eight runs. `brickpilot discover` reads the log and nominal values that are 5 % off. `brickpilot tune` starts
-from the gains that `brickpilot firmware` gives that model, and flies robots that the log allows. 1,000 fresh ones fly
-before and after; then the robot as it truly is does, which neither the log nor the tuning knew. Prints the table of
-tools/docs/benchmarks.md, and writes the figures to tuned.json beside this file.
+from the gains that `brickpilot firmware` gives the model that was found, and flies robots that the log allows. Then
+1,000 fresh robots fly with the gains before and after tuning, and so does the plant with the true values, which the
+tuning did not know. The program prints the table of tools/docs/benchmarks.md, and writes the figures to tuned.json
+beside this file.
 """
 
 from __future__ import annotations
@@ -114,7 +115,7 @@ def command(*words: str) -> dict[str, Any]:
 
 
 def truth(one: Study, name: str) -> Model:
-    """Returns the plant with the true values."""
+    """Returns the model with the true parameters of the robot and of its hidden effect."""
     presets = {effect.name: {info.name: 0.0 for info in effect.parameters} for effect in catalogue.effects()}
     effects = {effect: {**presets[effect], **table} for effect, table in one.hidden.items()}
     return dataclasses.replace(
@@ -123,7 +124,7 @@ def truth(one: Study, name: str) -> Model:
 
 
 def route(one: Study, model: Path, file: Path) -> str:
-    """Writes a mission: the first waypoints of the mission that `firmware` gives the robot, in their share of time."""
+    """Writes the first waypoints of the robot's mission, with their share of its duration; returns the file."""
     whole = simulate.mission(load(model), None)
     share = one.waypoints / len(whole.waypoints)
     length = round((simulate.REST_S + share * (whole.duration - simulate.REST_S)) / STEP_S) * STEP_S
@@ -152,7 +153,7 @@ def true_flights(name: str, one: Study, model: Path, tuned: Path, mission: str |
 
 
 def fly_true(given: problems.Problem, devices: Any, model: Model, raw: problems.Raw, seed: int) -> problems.Outcome:
-    """Flies the true robot once."""
+    """Returns the outcome of one flight of the true robot, with biases drawn by `seed`."""
     random = np.random.default_rng([STREAM, seed])
     biases = {key: float(random.normal(0.0, abs(value))) for key, value in devices.items() if "_bias" in key}
     own = Robot(seed, model, {**devices, **biases}, seed)

@@ -1,8 +1,8 @@
-"""Asks Frama-C's Eva for a second opinion on the whole loop, with an int of 16 bits.
+"""Checks the whole control loop by Frama-C's Eva, beside CBMC, for an int of 16 bits.
 
-Eva follows intervals through all of `firmware/` at once, where CBMC proves module by module. A fault that Eva cannot
-exclude is an alarm. Each alarm has to stand in eva.toml with the proof that excludes it, and Eva has to raise each
-alarm of eva.toml. Then a fault is planted in a copy, which has to raise one more alarm.
+Eva computes the intervals of all values through `SOURCES` at once; CBMC proves one module at a time. A fault that Eva
+cannot exclude is an alarm. Each alarm has to stand in eva.toml with the proof that excludes it, and Eva has to raise
+each alarm of eva.toml. Then Eva reads a copy with a mutant, and has to raise one more alarm.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ PLANT = (
     "fix_add32(state->integral_mv_q16, change_mv_q16)",
     "state->integral_mv_q16 + change_mv_q16",
 )
-"""File, old text and new text of a fault: the sum of a PID's integral may overflow."""
+"""File, old text and new text of the mutant: the sum of a PID's integral may overflow."""
 
 _ALARM = re.compile(r"\[eva:alarm\] (\S+):(\d+): Warning")
 
@@ -72,7 +72,7 @@ def excluded() -> dict[Alarm, str]:
 
 
 def planted() -> set[Alarm]:
-    """Returns the alarms of a copy with the fault."""
+    """Returns the alarms of a copy of the sources with the mutant."""
     source, old, new = PLANT
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)

@@ -1,4 +1,4 @@
-"""An Arduino's boot loader on a pseudo-terminal, with all that avrdude's programmer `arduino` (STK500 v1) uses."""
+"""An Arduino's boot loader on a pseudo-terminal, with all commands of avrdude's programmer `arduino` (STK500 v1)."""
 
 from __future__ import annotations
 
@@ -63,11 +63,11 @@ class BootLoader:
             return
 
     def _answer(self, command: int) -> bytes | None:
-        """Reads the rest of a command, and returns its answer without frame; None: not a command."""
+        """Reads the rest of a command, and returns the answer without IN_SYNC and OK; None: not a command."""
         if command == 0x41:  # a parameter
             self._bytes(2)
             return b"\x03"
-        if command in (0x42, 0x45):  # parameters of the device: 20 bytes, or 4 to 5 after their number
+        if command in (0x42, 0x45):  # parameters of the device: 20 bytes, or (0x45) 4 to 5 bytes after their number
             self._bytes(21 if command == 0x42 else self._byte())
             return b""
         if command == 0x55:  # the address, in words

@@ -46,7 +46,7 @@ def too_late(_: Any) -> None:
 
 
 def dies_once(argument: tuple[int, str]) -> int:
-    """Returns the number; the first worker that gets a number with a mark leaves the mark and kills itself."""
+    """Returns the number; if the mark names a file that does not exist, first makes the file and kills the worker."""
     number, mark = argument
     if mark and not Path(mark).exists():
         Path(mark).touch()
@@ -66,7 +66,7 @@ def fails(argument: Any) -> None:
 
 
 def threads(_: Any) -> list[int]:
-    """Returns the threads that each numeric library of the worker uses."""
+    """Returns the number of threads of each numeric library in the worker."""
     from threadpoolctl import threadpool_info
 
     return [one["num_threads"] for one in threadpool_info()]

@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[2]
 
 
 def motors(headers: Path, flags: Sequence[str], plan: Plan, scratch: Path) -> NDArray[np.int16]:
-    """Builds the image with these headers and flags in `scratch`, and returns its duties, (steps, 2)."""
+    """Builds the image in `scratch`, flies the plan with it, and returns the duties (steps, 2), 32767 = 1."""
     built = boards.run([str(ROOT / "firmware/targets/h8sim/build"), str(scratch / "h8"), f"-I{headers}", *flags], ROOT)
     simulator = boards.run([str(ROOT / "hal/h8sim/simulator")], ROOT).strip()
     brick, link = ends.start_program(["stdbuf", "-o0", simulator, built.strip()])

@@ -2,9 +2,9 @@
 
     loader_resets.py LOADER [COUNT [SEED [LAST_S]]]     prints a JSON line for each reset
 
-LOADER is of `arduino_loaders.LOADERS`, or "none". A reset comes COUNT times, at random, up to LAST_S after power-on.
-The mission is simulated once. At each moment this process forks: the child goes on with a reset and tells what
-the motors do, the parent with the mission. Run it in a checkout.
+LOADER is a key of `arduino_loaders.LOADERS`, or "none". COUNT resets come at random times, up to LAST_S seconds after
+power-on. The mission is simulated once. At the time of each reset this process forks: the child resets the AVR and
+reports what the motors do; the parent goes on with the mission. Run this program in a checkout.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from brickpilot.vehicle.model import rcx
 STEP_S = 0.003
 CAUSES = ("watchdog", "stuck interrupt", "brown-out", "reset pin")
 OFF_S = 0.036
-"""Longest time, s, for which motors may stay driven after a program hangs: the watchdog's time, and a step."""
+"""Longest time, s, for which motors may stay driven after a program hangs: the watchdog's time, and a control step."""
 
 WATCH_S, LOADER_S = 4.5, 1.3
 """Time, s, for which motors are watched: the slowest loader takes LOADER_S, and an image rests for 2 s."""
@@ -53,8 +53,8 @@ class Outcome:
         resets: number of resets of the chip, including resets by the loader.
         off_s: seconds from the cause until no motor was driven; None: a motor was driven until the end.
         driven_s: seconds for which a motor was driven after `off_s` and after `OFF_S`.
-        obeys: whether the robot drives when a host tells it to afterwards.
-        said: cause of the chip's start, bits of the message BOARD; -1: no message.
+        obeys: whether the robot drives afterwards when a host commands a start.
+        said: cause of the chip's start, as bits of the message BOARD; -1: no message.
     """
 
     loader: str
@@ -105,10 +105,10 @@ def _cause(flight_: Flight, cause: str) -> list[bool]:
 
 
 class InSteps:
-    """A host's end of the line to a flying robot, whose time passes in control steps.
+    """A host's end of the link to a flying robot; while the host waits for a message, the robot flies control steps.
 
     Attributes:
-        driven: number of control steps that passed here at whose end a motor was driven.
+        driven: number of these control steps at whose end a motor was driven.
     """
 
     def __init__(self, flight_: Flight) -> None:
@@ -129,7 +129,7 @@ class InSteps:
         """Does nothing."""
 
     def session(self, other: Callable[[int, bytes], None] = lambda _identifier, _data: None) -> Session:
-        """Returns a host's session over this line; its clock is the robot's time."""
+        """Returns a host's session over this link; its clock is the robot's time."""
         return Session(self, "avr", other, clock=lambda: self.now_s)
 
 
@@ -212,7 +212,7 @@ def resets(loader: str, count: int, seed: int, last_s: float) -> Iterator[Outcom
             moments = sorted(drawn.randrange(step, round(last_s / STEP_S)) for _ in range(count))
             for number, moment in enumerate(moments):
                 driven = True
-                while step < moment or not driven:  # a motor is on when the reset comes
+                while step < moment or not driven:  # a motor has to be driven when the reset comes
                     driven = flight_.drives()
                     step += 1
                 cause, at_s = CAUSES[(number + seed) % len(CAUSES)], round(step * STEP_S, 3)

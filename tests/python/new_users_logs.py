@@ -1,4 +1,4 @@
-"""Logs of robots as new users write them, with columns of an Arduino; simulated by engines other than the plant."""
+"""Logs as a new user's Arduino writes them, of robots that engines other than the plant simulate."""
 
 from __future__ import annotations
 

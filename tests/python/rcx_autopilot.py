@@ -1,4 +1,4 @@
-"""An RCX that runs the autopilot: the firmware, built for this machine, with the LNP link of hal/rcx/infrared.c."""
+"""An RCX that runs the autopilot: the firmware, built for this machine, and a link that acts as hal/rcx/infrared.c."""
 
 from __future__ import annotations
 

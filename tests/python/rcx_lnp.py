@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 IDLE_BYTES = 1.5
-"""Silence, in byte times, after which the receiver starts anew: 7 ms at 2400 baud."""
+"""Silence, in byte times, after which the receiver waits for a new packet: 7 ms at 2400 baud."""
 
 
 class Packet(NamedTuple):

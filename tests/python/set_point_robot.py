@@ -26,7 +26,7 @@ _MASS, _YAW_INERTIA = 1.4, 0.012
 
 @dataclass(frozen=True)
 class Controller:
-    """A PI controller of each wheel with feedforward: V = EMF (feedforward wanted + proportional error) + integral."""
+    """A PI controller of each wheel: V = EMF (feedforward wanted + proportional error + integral (sum of error dt))."""
 
     feedforward: float = 1.0
     proportional: float = 0.5

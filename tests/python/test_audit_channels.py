@@ -1,4 +1,4 @@
-"""Wrong signs and units of channels are found by physics: from other channels of the run, or from other runs."""
+"""The audit finds wrong signs and units of channels by physics, from other channels of the run or from other runs."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SOME = {**synthetic.MANOEUVRES, "pivot": (5.0, 0.0), "right": (-5.0, 6.0)}
 
 
 def robot(folder: Path, factors: dict[str, float], *runs: str, noise: dict[str, float] = NOISE, **options) -> Dataset:
-    """A synthetic set with some columns multiplied by a factor, in `runs` or, if none is given, in all."""
+    """Returns a synthetic data set with columns multiplied by `factors`, in `runs` or, if none are given, in all."""
 
     def spoil(run: str, table: dict[str, np.ndarray]) -> None:
         if not runs or run in runs:
@@ -42,7 +42,7 @@ def robot(folder: Path, factors: dict[str, float], *runs: str, noise: dict[str, 
 
 
 def is_mended(dataset: Dataset) -> bool:
-    """Whether the data set has a wiring fault whose channel is corrected in sign or scale."""
+    """Returns whether the data set has a wiring fault whose channel is corrected in sign or scale."""
     return any(one.is_mended for one in dataset.wiring)
 
 
@@ -154,7 +154,7 @@ def test_the_only_channel_is_turned_back_and_not_lost(tmp_path: Path) -> None:
 
 
 def test_a_channel_that_states_its_error_is_no_fault(tmp_path: Path) -> None:
-    """Counts without a sign disagree with the drives and the other sensors whenever a wheel turns backward."""
+    """Counts without a sign contradict drives and other sensors in backward motion; once stated, they are no fault."""
     sensor = next(one for one in catalogue.effects() if one.stated_by and one.acts_on == "sensor")
     truth = dataclasses.replace(synthetic.robot(), effects={sensor.name: {}})
     assert {kind for kind, _ in wrong(robot(tmp_path / "s", {}, truth=truth)).values()} == {"sign"}
@@ -169,7 +169,7 @@ def test_a_channel_that_states_its_error_is_no_fault(tmp_path: Path) -> None:
 @pytest.mark.parametrize("effect", [effect.name for effect in catalogue.effects() if not effect.stated_by])
 @pytest.mark.parametrize("size", [1.0, 2.5])
 def test_no_effect_is_taken_for_a_fault(effect: str, size: float, tmp_path: Path) -> None:
-    """Clearly visible effects, and larger ones, with roughly known geometry and with none.
+    """Neither a clearly visible effect nor a larger one is a fault, with roughly stated geometry and with none.
 
     Effects that a channel can state (`stated_by`) are left out: a reading without a sign is wrong in backward motion.
     """

@@ -1,4 +1,4 @@
-"""A gyro is compared with the wheels: turns show a mirrored gyro, and a saturated gyro determines no geometry."""
+"""The audit compares gyro and wheels: turns show a mirrored gyro; turns beyond a gyro's range determine no geometry."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def written(folder: Path, spoil, *runs: str) -> Dataset:
 
 
 def saturate(limit: float):
-    """A gyro with noise added after saturation, so that no plateau shows the end of its range."""
+    """Returns a function that cuts a table's gyro at `limit` rad/s and adds noise, so that no plateau shows it."""
 
     def spoil(_: str, table: Table) -> None:
         noise = np.random.default_rng(1).normal(0.0, 0.014, len(table["t"]))
@@ -39,7 +39,7 @@ def saturate(limit: float):
 
 
 def learnt(data: Dataset) -> float:
-    """Returns the yaw per difference of the wheel speeds."""
+    """Returns the ratio of yaw rate to difference of the wheel speeds that the audit finds."""
     windows = {k: cut(run.time, run.raw_outputs) for k, run in enumerate(data.runs)}
     return _turned(windows, list(NOISE), Geometry(None, None, {}))["yaw_rate", "speed"]
 

@@ -1,4 +1,4 @@
-"""Every wrong option and scenario: one clear line on stderr, status 2, nothing written. Data sets: test_bad_datasets.py."""
+"""A wrong option or scenario gives one line on stderr and status 2, and writes nothing. Data sets: test_bad_datasets.py."""
 
 # ruff: noqa: E501 - one row of the table a line
 

@@ -27,7 +27,7 @@ STEP = 0.01
 
 
 def motor_run(volts, *, friction=0.3, start=0.0):
-    """Returns the speed of a motor with dry friction: dv/dt = 8 u - 4 v - 8 friction sgn(v), at 1 ms."""
+    """Returns the speed (n,) of a motor under `volts` (n,), 10 ms each: dv/dt = 8 u - 4 v - 8 friction sgn(v)."""
     speed, found = start, []
     for volt in np.repeat(volts, 10):
         found.append(speed)
@@ -46,7 +46,7 @@ def steps(seed, count=300):
 
 
 def motor_set(folder, *, scramble=0.0, runs=4):
-    """Writes a data set of one motor; `scramble` is added to the speed of the held-out run."""
+    """Writes and returns a data set of one motor; `scramble` is added to the speed of the held-out run."""
     folder.mkdir()
     tables = ['name = "bench"\nvehicle = "motor"\n[signals]']
     tables.append('time = { column = "t", unit = "s" }\nvoltage = { column = "u", unit = "V" }')
@@ -81,7 +81,7 @@ def test_fit_percent_is_the_share_of_the_signal(tmp_path):
     held = data.runs[-1].outputs["speed"]
     off = fit_of(data, {data.runs[-1].name: {"speed": held + 0.25 * float(np.sqrt(np.mean(held**2)))}})
     assert off["held_out"].by_signal["speed"] == pytest.approx(75.0)
-    assert off["fit"].pooled == pytest.approx(0.0)  # not predicted: nothing is explained
+    assert off["fit"].pooled == pytest.approx(0.0)  # runs without a prediction: nothing is explained
 
 
 def test_the_figure_of_a_model_is_that_of_compare(tmp_path):
@@ -118,7 +118,7 @@ def test_peer_fits_a_motor_and_never_sees_the_held_out_run(tmp_path, peer: Peer)
         pytest.skip(missing)
     data = motor_set(tmp_path / "a")
     predicted = peer.load()(data, roles_of(data))
-    # SysIdentPy and nfoursid have no dry friction, and that of MuJoCo is a soft constraint.
+    # SysIdentPy and nfoursid have no dry friction, and the dry friction of MuJoCo is a soft constraint.
     least = {"SysIdentPy NARX": 75.0, "nfoursid": 75.0, "mujoco.sysid": 85.0}.get(peer.name, 93.0)
     assert fit_of(data, predicted)["held_out"].pooled > least
     other = motor_set(tmp_path / "b", scramble=40.0)

@@ -1,4 +1,4 @@
-"""`brickpilot campaign`: the same runs on any workers, each run flown again on demand, and one line for each fault."""
+"""`brickpilot campaign` gives the same runs with any workers, replays each run, and refuses a bad file in one line."""
 
 from __future__ import annotations
 

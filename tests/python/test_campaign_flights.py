@@ -1,4 +1,4 @@
-"""One flight as one row of figures."""
+"""A flight of a campaign becomes one row of figures."""
 
 from __future__ import annotations
 

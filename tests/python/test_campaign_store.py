@@ -1,4 +1,4 @@
-"""The folder of a campaign: a part is there as a whole or not at all, and the merged bytes depend on the rows alone."""
+"""The folder of a campaign holds a part as a whole or not at all; the bytes of the table depend on the rows alone."""
 
 from __future__ import annotations
 
@@ -176,7 +176,7 @@ with Parts(folder, {}) as parts:
 
 
 def filling(folder: Path, limit: int) -> list[str]:
-    """Returns the lines of a process that writes a part, fills its space, and then writes and merges again."""
+    """Returns the lines of a process that writes a part, runs out of space, and then tries to write and to merge."""
     done = subprocess.run(
         [sys.executable, "-c", FULL, str(folder), str(limit)],
         capture_output=True, text=True, check=True, env={**os.environ, "PYTHONPATH": str(Path(__file__).parent)},

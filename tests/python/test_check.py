@@ -1,4 +1,4 @@
-"""`brickpilot check`: what a data set can show, for runs whose information is known."""
+"""`brickpilot check` states which effects and parameters a data set can show; here the right answer is known."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_what_straight_runs_hide_the_advised_manoeuvre_shows(tmp_path: Path) -> 
 def test_discovery_names_an_effect_from_its_smallest_visible_size_on(
     times: float, verdict: str, tmp_path: Path
 ) -> None:
-    """Below this size, the effect explains less than a fifth of the residual floor that every simulator has."""
+    """Below this size, the effect explains less than a fifth of the model-error floor, so it is not named."""
     size = checked(tmp_path / "plain", BOTH).visible["yaw_scrub"].size
     rubbing = dataclasses.replace(robot(), effects={"yaw_scrub": {"moment": times * size}})
     found = bp.discover(write(tmp_path / "rubbing", rubbing, NOISE, NOMINAL, manoeuvres=BOTH, roles=[None] * len(BOTH)))
@@ -79,7 +79,7 @@ def test_discovery_names_an_effect_from_its_smallest_visible_size_on(
 
 def test_more_noise_hides_smaller_effects(tmp_path: Path) -> None:
     quiet = check(reading.read(write(tmp_path / "quiet", robot(), NOISE, NOMINAL, manoeuvres=BOTH)), jobs=1)
-    loud = {name: 40 * sd for name, sd in NOISE.items()}  # far above the residual floor of every simulator
+    loud = {name: 40 * sd for name, sd in NOISE.items()}  # far above the model-error floor
     noisy = check(reading.read(write(tmp_path / "noisy", robot(), loud, NOMINAL, manoeuvres=BOTH)), jobs=1)
     assert noisy.visible["coulomb_friction"].size > 3 * quiet.visible["coulomb_friction"].size
 

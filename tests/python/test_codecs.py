@@ -1,4 +1,4 @@
-"""The messages of hal/link: a brick's half, which uses tables, agrees with the host's half, which is cantools."""
+"""The brick's codecs of all messages, which use tables, agree with the host's codecs, which cantools generates."""
 
 from __future__ import annotations
 

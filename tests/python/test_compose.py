@@ -1,4 +1,4 @@
-"""Composed terms: found in data of other equations, and written as equations and model files."""
+"""Composed terms are found in data of other equations, and are written as equations and in model files."""
 
 from __future__ import annotations
 
@@ -68,14 +68,14 @@ class Data:
         return compose(self.prepared, judge, weigh(found), str)
 
     def weighed(self) -> Verdict:
-        """Returns the verdict on all laws that are tried."""
+        """Returns the verdict of a search that tries atoms alone."""
         coarse, source = self.prepared.coarse, TermSource(self.prepared.coarse, self.base)
         search = Search(coarse, self.base, source, self.prepared.excitation, 2, NO_LIMIT, str)
         return weigh(search.run(Judge.of(coarse, 0)))
 
 
 def data_of(measured: Callable[[np.ndarray, np.ndarray], Mapping[str, np.ndarray]], nominal: Model) -> Data:
-    """Returns noisy runs, with some nominal parameters known to 5 % and the others exactly."""
+    """Returns data of noisy runs. Some nominal values have an sd of 5 %; the others are known exactly."""
     noise = np.random.default_rng(5)
     is_motor = nominal.vehicle == "motor"
     sds = MOTOR_SIGNALS if is_motor else SIGNALS
@@ -105,7 +105,7 @@ def by_plant(truth: Model | None = None, nominal: Model | None = None, **effects
 
 
 def by_reference(mass: float = 0.92) -> Data:
-    """Returns data of the text-book equations. The caller chooses their air drag."""
+    """Returns data of the textbook equations of `reference_ode`, whose air drag a test replaces."""
     values = {**robot(mass=mass, inductance=1e-3).parameters, "drag_area": 0.0}
 
     def measured(time: np.ndarray, volts: np.ndarray) -> Mapping[str, np.ndarray]:

@@ -1,4 +1,4 @@
-"""Random data sets are read back with the written values; damaged ones are read or refused, nothing else."""
+"""Random data sets are read back with the written values; a damaged data set is read, or refused in one line."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def test_a_data_set_reads_back_as_the_values_it_was_written_from(layout: dict) -
 
 
 def read_or_refusal(folder: Path) -> tuple[Dataset | None, str]:
-    """Returns the data set and "", or None and the one line that refuses it."""
+    """Returns (data set, "") or, if the data set is refused, (None, the line that says why)."""
     try:
         return read(folder), ""
     except InputError as error:

@@ -1,4 +1,4 @@
-"""The headline of discovery: fit in percent before, after and attainable, in sentences and on the page."""
+"""The headline of discovery states the fit in percent before, after and attainable, in sentences and on the page."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The documentation site: it is built from what is there, no link in it is broken, and it needs no network."""
+"""The documentation site shows all commands, effects and documents, has no broken link, and needs no network."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ LOADING = {
     "img": ("src", "srcset"), "script": ("src",), "iframe": ("src",), "audio": ("src",), "video": ("src", "poster"),
     "source": ("src", "srcset"), "embed": ("src",), "object": ("data",), "input": ("src",), "track": ("src",),
 }  # fmt: skip
-"""Tag -> attributes whose target a browser loads. For a link tag, its relation decides."""
+"""Tag -> attributes whose target a browser loads. For the tag `link`, `LOADING_RELATIONS` decides."""
 
 LOADING_RELATIONS = {
     "stylesheet",
@@ -50,7 +50,7 @@ LOADING_RELATIONS = {
 
 
 class Page(HTMLParser):
-    """What a page of the site loads, where its links lead, and the anchors that it has."""
+    """The targets that a page of the site loads, the targets of its links, and its anchors."""
 
     def __init__(self, text: str) -> None:
         super().__init__()

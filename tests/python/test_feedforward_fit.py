@@ -1,4 +1,4 @@
-"""The peer for real logs finds the parameters of its own law, and scores a prediction by its fit percentage."""
+"""The feedforward peer for real logs finds the parameters of its own law, and scores a prediction by fit percent."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ def test_fit_percent_is_100_for_the_measurement_and_0_for_its_mean() -> None:
 def test_a_motor_gives_back_its_friction_its_constants_and_the_delay_of_its_speed(
     tmp_path,
 ) -> None:
-    """Euler's method simulates the motor, so it shares no code with the fit. The speed is logged 40 ms late."""
+    """Euler's method simulates the motor, without code of the fit. The speed is logged 40 ms late."""
     static, per_speed, inertia, late, step = 0.8, 0.5, 0.2, 40, 1e-3
     time = np.arange(0, 3, step)
     for number, volts in enumerate((4.0, -3.0, 6.0)):

@@ -1,4 +1,4 @@
-"""The image that `firmware --board rcx` leaves for the simulator of the RCX's processor, and its flight by `hil`."""
+"""`firmware --board rcx` writes an image for the simulator of the RCX's processor, and `hil` flies this image."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from brickpilot.vehicle.settings import settings
 from command import brickpilot
 from test_firmware import corner, make, write
 
-# The robot of tools/docs/guides/my_robot.md, with an IMU whose ranges differ from the packaged one.
+# The robot of tools/docs/guides/my_robot.md, with an IMU whose range differs from the packaged IMU's.
 ROBOT = """
 [parameters]
 mass = 1.2
@@ -29,7 +29,7 @@ def hil(*options: str, cwd: Path) -> subprocess.CompletedProcess[str]:
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder that `firmware` made for an RCX; its route `route.toml` is beside it."""
+    """Returns the folder that `firmware` made for an RCX; `robot.toml` and `route.toml` are beside this folder."""
     parent = tmp_path_factory.mktemp("rcx")
     done = make(parent / "made", write(parent, "robot", ROBOT), "rcx", "--scenario", str(corner(parent)))
     assert (done.returncode, done.stderr) == (0, "")

@@ -61,7 +61,7 @@ def test_motor_streams_are_those_of_the_golden_file() -> None:
 
 
 def plans_of_all_kinds() -> list[flight.Plan]:
-    """Flights that can run side by side, and others: of another length, profile or tyre, refused or diverging."""
+    """Returns plans that can run side by side, plans of another duration, profile or tyre, and plans that fail."""
     mission = dataclasses.replace(scenario.load(scenario.packaged()["mission"]), duration=3.0, start_at=0.0)
     forward = dataclasses.replace(scenario.load(scenario.packaged()["forward_1m"]), duration=3.0)
     wild = [dataclasses.replace(part, left=1e300) for part in forward.segments]
@@ -121,7 +121,7 @@ def test_waypoints_are_judged_by_the_true_track_and_in_order() -> None:
     near, far = (flight_figures.waypoints_reached(time, x, y, [(1.0, side)]).at for side in (0.199, 0.201))
     assert (near, far) == ([1.0], [None])  # twice the acceptance radius
     reached = flight_figures.waypoints_reached(time, x, y, [(1.0, 0.1), (3.0, 0.0), (2.0, 0.0), (4.0, 0.0)])
-    assert reached.at == [1.0, 3.0, None, None]  # the third lies behind; none after a missed one counts
+    assert reached.at == [1.0, 3.0, None, None]  # the third waypoint lies behind; after a miss, no waypoint counts
     assert reached.closest == pytest.approx([0.1, 0.0, 1.0, 0.0])
 
 

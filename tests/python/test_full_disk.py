@@ -1,4 +1,4 @@
-"""A full disk ends a campaign with one line that names the file; what is done stays.
+"""A full disk ends a campaign with one line that names the file; the finished parts stay.
 
 `test_outputs_whole.py` fills the disk of all other commands.
 """
@@ -11,7 +11,7 @@ from command import brickpilot
 from test_campaign import CAMPAIGN, OTHER, SHORT
 from test_outputs_whole import Begun
 
-ROOM = 2048  # bytes that a file can have, as on a disk that becomes full while it is written
+ROOM = 2048  # largest size of a file, bytes, as on a disk that becomes full while the file is written
 
 
 def test_a_campaign_keeps_what_is_done_and_names_the_file(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""An arm under gravity, on a motor that another engine simulates; it turns by less than one turn."""
+"""Discovery finds gravity on a motor's arm that turns by less than one turn; SciPy simulates motor and arm."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ import pytest
 from scipy.integrate import solve_ivp
 
 RESISTANCE, CONSTANT, INERTIA, DRAG = 4.0, 0.4, 6e-3, 2e-4  # ohm, N m/A and V s/rad, kg m^2, N m s/rad
-WEIGHT, RAISED = 0.25, 0.6  # N m; rad: zero of the sensor, above the horizontal
+WEIGHT, RAISED = 0.25, 0.6  # N m, of the level arm; rad, angle above the horizontal where the sensor reads 0
 STEP, NOISE = 0.01, 0.002  # s; rad/s and rad
 
 
 def swung(random: np.random.Generator) -> pd.DataFrame:
-    """Returns a log of the arm: SciPy's RK45 on its equation of motion."""
+    """Returns a noisy log of the arm, whose equation of motion SciPy's RK45 solves."""
     time = np.arange(0.0, 6.0, STEP)
     voltage = np.repeat(random.uniform(-3.0, 3.0, 12), 50)
 
@@ -47,7 +47,7 @@ def arm() -> bp.Dataset:
 
 
 def test_gravity_on_an_arm_is_found_without_a_full_turn(arm: bp.Dataset) -> None:
-    """Cogging with one period per turn is the same law, so it may be the rival; its order 1 shows this."""
+    """Cogging of order 1, with one period per turn, is the same law, so cogging may be the rival."""
     found = bp.discover(arm)
     assert found.verdict in ("named", "ambiguous")
     assert ("gravity_load",) in [tuple(one.effects) for one in found.explanations]

@@ -1,4 +1,4 @@
-"""The orders at which wheel speeds repeat: found up to the limit that the samples set, and this limit is known."""
+"""The orders at which wheel speeds repeat are found up to a known limit, which the sample period sets."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ RAMPS = ((1.0, 7.0), (-7.0, -1.5), (3.0, 4.0))
 
 
 def ramps(period: float, ripple: float, order: float) -> Dataset:
-    """Slow ramps of both motors for 10 s each; the wheels' speeds ripple by `ripple` rad/s."""
+    """Returns runs of slow ramps, rows `period` s apart; wheel speeds ripple by `ripple` rad/s, `order` a turn."""
     time = np.arange(0.0, 10.0, period)
     random = np.random.default_rng(1)
     runs = []
@@ -55,7 +55,7 @@ def test_a_ripple_is_found_beside_what_is_held_out() -> None:
 
 
 def test_slow_samples_are_no_holes() -> None:
-    """Rows are 0.15 s apart; in one run all samples but one are held out."""
+    """Rows that are 0.15 s apart are no hole, and a run with only one sample that is not held out changes nothing."""
     slow = ramps(0.15, 0.0, 6.0)
     lone = {name: np.where(np.arange(len(one)) == 7, one, np.nan) for name, one in slow.runs[0].outputs.items()}
     first = dataclasses.replace(slow.runs[0], outputs=lone)

@@ -1,6 +1,6 @@
 """A small blind test: the right verdict on eight data sets made by MuJoCo. `tests/lab/run discover` runs the rest.
 
-Nominal values are 2 % off, noise is white, converters have 10 bits. No data are made by the plant that explains them.
+Nominal values are 2 % off, noise is white, converters have 10 bits. The plant that explains the data did not make them.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ pytest.importorskip("mujoco")
 TOLERANCE = 0.05
 """Largest error, as a share of a parameter's true value."""
 TOLERANCE_OF = {"gyro_scale": 0.07}
-"""The same for an effect that other values can imitate: a gyro's scale by track and inertia, both 2 % off."""
+"""The same for an effect that other values can imitate: half track and yaw inertia, 2 % off, imitate a gyro's scale."""
 FLOOR = 1.1
 """Largest error that may be left on held-out runs, as a multiple of the noise."""
 COMPOSED = 0.8
@@ -48,7 +48,7 @@ class Blind:
         return self._found[name]
 
     def hidden(self, name: str) -> dict[str, dict[str, float]]:
-        """Effect -> its true parameters."""
+        """Returns effect -> its true parameters."""
         truth: dict[str, Any] = json.loads((self.folder / f"{name}.truth.json").read_text())
         hidden: dict[str, dict[str, float]] = truth["recipe"]["hidden"]
         return hidden

@@ -1,4 +1,4 @@
-"""Faults in the AVR and at its pins: the motors are safe each time.
+"""After each fault in the AVR and at its pins, the motors are safe.
 
 Each test says what safe means: the bridges coast (every pin is an input), they short the motors (duty 0), or the robot
 goes on as it should. Each flight drives straight ahead when the fault begins.
@@ -92,7 +92,10 @@ def fly(
 
 
 def assert_never_drives_again(faulty: Faulty, within_s: float) -> None:
-    """The flight goes on for 2.5 s after a reset, as an image may start its mission by itself after 2 s."""
+    """Asserts that no motor is driven from `within_s` after the beginning of the fault until the end of the flight.
+
+    An image may start its mission by itself 2 s after power-on, so the flight goes on for more than 2.4 s.
+    """
     after = faulty.after(within_s)
     assert not np.nan_to_num(after).any(), "a motor has been driven again"
     assert len(after) > 2.4 / 0.003
@@ -129,7 +132,7 @@ def test_a_stuck_interrupt_is_reset_by_the_watchdog() -> None:
 
 
 def test_a_stuck_converter_ends_the_run_with_motors_off() -> None:
-    """Safe: without gyro the run ends after blind and lost time, 0.25 s at most, and both motors are shorted."""
+    """Safe: without gyro the run ends after `blind_ms` and `lost_ms`, 0.25 s together, and both motors are shorted."""
     faulty = fly(Fault("converter_stuck", BEGIN_S, BEGIN_S + 0.1))
     assert (faulty.after(0.26) == 0).all()
     assert faulty.last("fault") != 0
@@ -155,7 +158,7 @@ def test_bytes_that_the_receiver_loses_change_nothing_and_the_host_can_still_sto
     during = faulty.flown.flight.log["demand_speed_m_s"][round(BEGIN_S / 0.003) : round((BEGIN_S + 0.5) / 0.003)]
     known = {round(value, 3) for value in during}
     assert known <= {0.5, 0.3}
-    assert 0.3 in known  # some came through
+    assert 0.3 in known  # some requests came through
     assert (faulty.after(0.55) == 0).all()
     assert faulty.last("fault") == COMMANDED
     assert faulty.resets[-1] == 0

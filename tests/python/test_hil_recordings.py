@@ -1,4 +1,4 @@
-"""Recordings of a link: python-can opens them, and a replay repeats the stream bit for bit or says where it differs."""
+"""python-can opens a recording of a link; a replay gives the same motor commands, or says which step differs."""
 
 from __future__ import annotations
 

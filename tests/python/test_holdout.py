@@ -24,7 +24,7 @@ NOISE = {"wheel_speed_left": 0.05, "wheel_speed_right": 0.05, "yaw_rate": 0.01}
 
 
 def written(folder: Path, manoeuvres: Mapping[str, tuple[float, float]], *, stretch: float = 1.0) -> Dataset:
-    """The runs of `synthetic`, 2 s each, with all times multiplied by `stretch`."""
+    """Returns the runs of `synthetic`, 2 s each, with all times multiplied by `stretch`."""
 
     def slow(_: str, table: dict[str, Array]) -> None:
         table["t"] = table["t"] * stretch

@@ -15,7 +15,7 @@ PACKAGE = Path(brickpilot.__file__).parent
 
 @pytest.fixture
 def tree(tmp_path: Path) -> Path:
-    """A checkout as it was installed."""
+    """Returns a copy of the checkout from which the package was installed."""
     for folder in ("tools/brickpilot", *COMPILED):
         shutil.copytree(ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__"))
     return tmp_path
@@ -27,7 +27,7 @@ def test_a_checkout_that_was_installed_is_not_outdated(tree: Path) -> None:
 
 @pytest.mark.parametrize("name", ["tools/brickpilot/errors.py", "tools/brickpilot/new.py", *COPIED])
 def test_a_file_that_differs_is_named(tree: Path, name: str) -> None:
-    when = PACKAGE.stat().st_mtime - 3600  # so that the time does not show the change
+    when = PACKAGE.stat().st_mtime - 3600  # so that only the content shows the change, not the file's time
     with (tree / name).open("a") as file:
         file.write("\n")
     os.utime(tree / name, (when, when))

@@ -1,4 +1,4 @@
-"""Model files: a written file reads back the same, and an error is refused with its place."""
+"""A model file reads back as it was written; a file with an error is refused with the place of the error."""
 
 import dataclasses
 import tomllib

@@ -51,7 +51,7 @@ def test_a_notebook_ends_with_two_or_three_exercises(path: Path) -> None:
 
 
 def stale(change: str) -> Any:
-    """The paper's notebook with one of its outputs changed, as if it had not been run again."""
+    """Returns the paper's notebook with one stored output changed, as if the notebook had not been run again."""
     book = copy.deepcopy(read(notebooks.EXAMPLES / "paper.ipynb"))
     for cell in notebooks.code_cells(book):
         if change == "figure" and notebooks.pictures(cell):

@@ -1,4 +1,4 @@
-"""What `why` says of flights of `run`: the firmware steers by its gyro, so its motors follow the gyro's noise."""
+"""`why` explains flights of `run`, in which the firmware steers by its gyro, so the motors follow the gyro's noise."""
 
 from __future__ import annotations
 
@@ -58,8 +58,11 @@ def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("hidden", [{}, WEAK], ids=["none", "motor_asymmetry"])
 def test_a_flight_shows_what_the_firmware_does_not_know(hidden: dict[str, dict[str, float]], tmp_path: Path) -> None:
-    """The packaged IMU has biases that the nominal model lacks: `why` names them and a weak motor. A noise model
-    that is fitted to the nominal residual hides both; a disturbance of 112 Hz, 0.003 % of the rest, allows one."""
+    """`why` names the biases of the packaged IMU, which the nominal model lacks, and a weak motor.
+
+    A noise model that is fitted to the nominal residual would hide both. A disturbance of 112 Hz with 0.003 % of the
+    residual's power is in the data, and is too small to be a reason for such a noise model.
+    """
     answer = bp.why(flown(tmp_path, "flight", hidden, seed=2))
     assert answer.answer.ending == "cause"  # a mission turns at its waypoints: it is no straight run
     found = answer.finding
@@ -74,9 +77,9 @@ def test_a_flight_shows_what_the_firmware_does_not_know(hidden: dict[str, dict[s
 
 
 def test_what_changed_between_two_flights_is_told_through_the_loop(tmp_path: Path) -> None:
-    """The error of a changed flight has a memory, like noise in a loop, but the other flight lacks it.
+    """The residual of the changed flight is correlated in time, like noise in a loop; that of the other flight is not.
 
-    A gyro that reads 10 % more looks like a narrower robot that turns more easily: two other constants.
+    A gyro that reads 10 % too much also looks like a robot with less half track and less yaw inertia: two constants.
     """
     flights = [("first", {}), ("again", {}), ("turned", {"gyro_scale": {"error": 0.1}})]
     logs = [

@@ -1,4 +1,4 @@
-"""The planar engine of the blind tests against closed forms. It must not know brickpilot's plant; this test may."""
+"""The planar engine of the blind tests agrees with closed forms, and shares no code with brickpilot."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def test_step_response_is_that_of_motor_current_and_what_a_wheel_carries(right):
 
 
 def test_a_null_is_a_null():
-    """Wheels creep by far less than the noise of wheel speeds, 0.05 rad/s, also on a rough floor."""
+    """Without an effect, wheels slip by far less than the noise of wheel speeds, 0.05 rad/s, also on a rough floor."""
     turns = drive(
         {},
         hold(9, 9),

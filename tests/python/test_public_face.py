@@ -1,4 +1,4 @@
-"""The names that `import brickpilot` gives: their examples run, they have types, and the import loads nothing."""
+"""The names that `import brickpilot` gives: their examples run, they have types, and the import loads no module."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ page: str = bp.to_html(finding)
     ],
 )
 def test_the_examples_of_the_docstrings_run(module: str) -> None:
-    assert all(callable(getattr(bp, name).__wrapped__) for name in bp._CALLS)  # loads each one for doctest
+    assert all(callable(getattr(bp, name).__wrapped__) for name in bp._CALLS)  # loads each function for doctest
     with pd.option_context("display.width", 120):
         result = doctest.testmod(importlib.import_module(module))
     assert result.attempted >= 4
@@ -93,11 +93,11 @@ FIRST = (
     "from brickpilot import discover",
     "bp.discover_effects",
 )
-"""Lines after which `discover` is used; the first use decides what is loaded, and in which order."""
+"""Lines that run before `bp.discover` is called: each line loads other modules, or loads them in another order."""
 
 
 def test_discover_is_the_function_and_the_package() -> None:
-    """Each line has a copy of a process that has loaded NumPy and SciPy, which take long, and not yet brickpilot."""
+    """Each line runs in a fork of a process that has loaded NumPy and SciPy, which takes long, but not brickpilot."""
     program = f"""
 import os, sys
 import numpy, scipy.linalg, scipy.optimize, scipy.signal, scipy.stats
@@ -186,7 +186,7 @@ def test_a_run_as_a_table_has_the_frame_of_the_data_set() -> None:
 
 
 def checked(folder: Path, script: str) -> str:
-    """What mypy --strict says of a user's script with the installed package."""
+    """Returns what mypy --strict says of a user's script with the installed package."""
     (folder / "script.py").write_text(script)
     command = [sys.executable, "-m", "mypy", "--strict", "--cache-dir", folder / "cache", "script.py"]
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, check=False).stdout
@@ -216,7 +216,7 @@ class Tags(HTMLParser):
 
 @pytest.fixture(scope="module")
 def results() -> list[Any]:
-    """One result of each kind that the functions return, for a data set with a bad name."""
+    """Returns one result of each kind that the functions return, for a data set whose name is an HTML tag."""
     time = np.arange(0.0, 1.0, 0.01)
     volts = np.where(time > 0.1, 4.0, 0.0)
     frame = pd.DataFrame({"time": time, "voltage": volts, "speed": np.cumsum(volts) * 0.02})

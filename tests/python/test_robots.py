@@ -1,4 +1,4 @@
-"""Robots that the data allow: they scatter by the fit's covariance, within physical ranges, and repeat exactly."""
+"""Drawn robots scatter by the fit's covariance, within physical ranges, and a seed gives the same robots again."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def allowed(given: Spread | None, **more: object) -> Allowed:
 
 
 def together(sd: float, correlation: float) -> Spread:
-    """Mass and torque constant, in logarithms; and a friction that may be 0, in its own unit."""
+    """Returns a spread of mass and torque constant, in logarithms, and of friction, which may be 0, per 0.05 N m."""
     own = rcx().parameters
     covariance = sd**2 * np.array([[1.0, correlation, 0.0], [correlation, 1.0, 0.0], [0.0, 0.0, 1.0]])
     names = ("mass", "torque_constant", "coulomb_friction.torque")
@@ -42,7 +42,7 @@ def test_parameters_that_only_go_together_are_drawn_together() -> None:
     assert np.corrcoef(logs.T)[0, 1] == pytest.approx(0.99, abs=0.002)
     torques = np.array([one.model.effects["coulomb_friction"]["torque"] for one in drawn])
     assert torques.min() >= 0
-    assert np.std(torques) == pytest.approx(0.005, rel=0.1)  # of a normal distribution cut off at 2 sd
+    assert np.std(torques) == pytest.approx(0.005, rel=0.1)  # the normal distribution is cut off at 2 sd
 
 
 def test_what_the_data_do_not_tell_goes_no_further_than_is_stated() -> None:

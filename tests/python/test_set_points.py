@@ -1,4 +1,4 @@
-"""A log with set points and no voltage: the model holds the controller, and a missing effect is still found."""
+"""For a log with set points and no voltage, the model has the controller, and discovery finds a missing effect."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def test_a_log_of_set_points_is_calibrated_and_lacks_nothing(plain: bp.Finding) 
 
 @pytest.mark.parametrize(("times", "verdict"), [(0.6, "none"), (1.5, "named")])
 def test_none_says_how_much_dry_friction_would_have_shown(plain: bp.Finding, times: float, verdict: str) -> None:
-    """In a closed loop the model error that every simulator has, not the noise, hides a small dry friction."""
+    """In a closed loop the model-error floor, not the noise, hides a small dry friction."""
     size = plain.power["coulomb_friction"].size
     assert bp.discover(dataset(logs(SOFT, dry_friction=times * size))).verdict == verdict
 
@@ -96,7 +96,7 @@ def test_dry_friction_is_found_behind_a_controller(rubbing: dict[str, pd.DataFra
 
 
 def test_dry_friction_is_found_in_one_long_recording(rubbing: dict[str, pd.DataFrame]) -> None:
-    """Behind an integral, friction shows for some tenths of a second at each start, below the floor elsewhere."""
+    """Under integral control, friction exceeds the model-error floor only for some tenths of a second at each start."""
     lasts = ROW_S * len(rubbing["ahead"])
     table = pd.concat([log.assign(time=log.time + k * lasts) for k, log in enumerate(rubbing.values())])
     nominal = {"wheel_radius": RADIUS, "half_track": HALF_TRACK}
@@ -118,7 +118,8 @@ def test_stated_gains_are_kept(soft: dict[str, pd.DataFrame]) -> None:
     known = dataset(soft, effects={CONTROLLER.name: gains}, **losses)
     found = bp.calibrate(known)
     assert found.model.effects[CONTROLLER.name] == gains
-    later = 0.2  # the controller acts every 10 ms, the model's at once; motor and load have a time constant of 27 ms
+    # The true controller acts every 10 ms, the model's at once; motor and load have a time constant of 27 ms.
+    later = 0.2
     assert found.model.parameters["resistance"] == pytest.approx(2.2, rel=later)
 
 

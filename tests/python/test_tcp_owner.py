@@ -1,4 +1,4 @@
-"""TCP has one owner, who knows the token: the first client keeps the brick, and a second one is told so."""
+"""A TCP link has one owner, who knows the token: the first client keeps the brick, and a second client is told so."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_a_second_host_gets_a_line_and_the_next_one_the_brick(address: str) -> N
         second.receive(5.0)
     second.close()
     assert first.read("cruise") > 0
-    for _ in range(20):  # each client comes right after the last one ends
+    for _ in range(20):  # each client connects right after the last client has closed
         first.link.close()
         first = opened(address)
     first.link.close()
@@ -108,7 +108,7 @@ def test_no_token_and_a_wrong_one_are_refused_with_a_line(
 def test_a_brick_without_a_token_is_no_brick_of_ours(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(TOKEN_NAME, TOKEN)
     connect = socket.create_connection
-    monkeypatch.setattr(socket, "create_connection", lambda place, timeout: connect(place, timeout / 10))  # of silence
+    monkeypatch.setattr(socket, "create_connection", lambda place, timeout: connect(place, timeout / 10))  # 0.5 s
     with pytest.raises(InputError, match="the brick asks for no token"):
         open_tcp("tcp", address)
 

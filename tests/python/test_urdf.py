@@ -35,7 +35,7 @@ def opened(model: Model) -> Any:
 
 @pytest.mark.parametrize("make", [models.rcx, small, large, lambda: small(**CHANGED)])
 def test_the_links_together_have_the_robots_mass_and_inertia(make: Any) -> None:
-    """MuJoCo, which reads URDF by itself, sums them up."""
+    """The masses, places and inertias of the links are those that MuJoCo reads from the URDF."""
     model = make()
     engine = mujoco.MjModel.from_xml_string(fused(urdf.write(model).text))
     data = mujoco.MjData(engine)

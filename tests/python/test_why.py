@@ -1,4 +1,4 @@
-"""`brickpilot why`: from a log to an answer; and the constants that it hands to other programs."""
+"""`brickpilot why` turns a log into an answer, and writes the robot's constants for other programs."""
 
 from __future__ import annotations
 
@@ -143,7 +143,7 @@ def test_a_log_in_the_place_of_a_data_set_is_sent_to_why(tmp_path: Path) -> None
 
 
 def test_feed_forward_is_that_of_the_equations() -> None:
-    """Eqs. 12 to 14 without inductance: kV = D / (r K_t), and dry friction costs torque R / K_t volts."""
+    """Eqs. 12 to 14 without inductance, with D = `steady`: kV = D / (r K_t), kS = dry friction torque R / K_t."""
     p = robot().parameters
     weight = p["mass"] * p["gravity"] * p["wheel_radius"] ** 2
     steady = p["torque_constant"] * p["emf_constant"]

@@ -26,7 +26,7 @@ ROBOTS, JUDGES, BUDGET = 6, 60, Budget(44, None)
 
 
 class Here:
-    """Workers that are this process; they finish the last part first."""
+    """Runs all parts in this process, the last part first."""
 
     @contextmanager
     def started(self, function: Function) -> Iterator[Results]:
@@ -34,7 +34,7 @@ class Here:
 
 
 def ready(folder: Path, name: str = "bench", seed: int = 0) -> Problem:
-    """Returns the problem of the packaged robot and its mission, with the usual sd of each kind of value."""
+    """Returns the tuning problem of the packaged robot on a short mission, with the usual sd of each kind of value."""
     (folder / "short.toml").write_text(SHORT)
     model.save(dataclasses.replace(rcx(), name=name), folder / "model.toml")
     route = str(folder / "short.toml")
@@ -43,7 +43,7 @@ def ready(folder: Path, name: str = "bench", seed: int = 0) -> Problem:
 
 @cache
 def poor(folder: Path) -> Tuned:
-    """Returns a tuning with start gains by which many robots turn too late to reach the second waypoint."""
+    """Returns the tuning of start gains with which many robots turn too late to reach the second waypoint."""
     given = ready(folder, HOSTILE)
     firmware = {**given.firmware, "heading_kp": 90, "heading_ki": 0, "pivot": 15000}
     return tune(
