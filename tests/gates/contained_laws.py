@@ -1,4 +1,4 @@
-"""Finds by simulation whether a law acts as another law if some of its parameters are 0 or equal to each other."""
+"""Simulates whether a law, with some of its parameters 0 or equal to each other, acts as another law."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ def machines() -> tuple[Model, ...]:
 def is_contained(other: EffectInfo, law: EffectInfo) -> bool:
     """Returns whether `law`, with some parameters 0 or equal, acts as `other` on every machine on which `other` acts.
 
-    A load is judged on a body that is lighter by the load's mass: the load may replace part of the vehicle's mass and
-    inertia.
+    If `law` is a load, the load's mass is taken from the body, because a load may stand for part of the vehicle's own
+    mass and inertia.
     """
     given = {one.name: _visible(one) for one in other.parameters}
     if len(law.parameters) <= len(other.parameters) or _is_off(other.name, given):
@@ -47,7 +47,10 @@ def is_contained(other: EffectInfo, law: EffectInfo) -> bool:
 
 
 def is_made_of(law: EffectInfo, others: Sequence[EffectInfo]) -> bool:
-    """Returns whether a law with only its first parameter is `others` together, each at its size or half of it."""
+    """Returns whether `law`, of which only the first parameter is set, acts as all `others` together.
+
+    The first parameter of each other law is set, up to its sign, to the same value or to half of this value.
+    """
     size = _visible(law.parameters[0])
     alone = (law.name, ((law.parameters[0].name, size),))
     sizes = [[sign * share * size for share in (0.5, 1.0) for sign in (1, -1)] for _ in others]
@@ -83,9 +86,10 @@ def _visible(one: ParameterInfo) -> float:
 
 
 def _special_cases(law: EffectInfo, other: EffectInfo, given: Mapping[str, float]) -> Iterator[dict[str, float]]:
-    """Yields values of `law`, each 0 or a value of `other` in the same unit; any other parameter is preset.
+    """Yields parameters of `law`. Each is 0 or a value of `other` in the same unit, or the preset if none is in range.
 
-    An order may also be 1, one period per turn. An angle may be the phase of a sine or of a cosine.
+    An order may also be 1 (one period per turn). An angle may also be pi/2 less an angle of `other`: a sine in place of
+    a cosine.
     """
     choices = []
     for one in law.parameters:
@@ -120,7 +124,7 @@ _KEPT: dict[tuple[object, ...], Simulated] = {}
 
 
 def _flown(machine: Model, *effects: tuple[str, tuple[tuple[str, float], ...]]) -> Simulated:
-    """Returns the drive of `machine` with only these effects, from a start with some age and charge."""
+    """Returns `machine` with only these effects, simulated over DRIVE from a start with some age and charge."""
     key = (machine.name, machine.profile, effects)
     if key not in _KEPT:
         model = dataclasses.replace(machine, effects={name: dict(values) for name, values in effects})

@@ -1,4 +1,4 @@
-"""The rules that say which file may include which, for C and assembly, with a line for each break of a rule."""
+"""States which C and assembly files may include which others, and lists each line that breaks these rules."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def room_of(path: Path) -> str:
 
 
 def may_include(room: str) -> set[str] | None:
-    """Returns the rooms that `room` may include besides itself, or None without a rule for `room`."""
+    """Returns the rooms that `room` may include besides itself, or None if no rule names `room`."""
     if room in MAY:
         return MAY[room]
     parts = room.split("/")
@@ -119,7 +119,7 @@ def c_faults(root: Path) -> list[Fault]:
 
 
 def c_cycles(root: Path) -> list[str]:
-    """Returns each circle of headers that include one another."""
+    """Returns at least one cycle of each group of headers that include one another."""
     graph = {path.as_posix(): set[str]() for path in sources(root)}
     for path in sources(root):
         for _, include in includes(root, path):
@@ -129,7 +129,7 @@ def c_cycles(root: Path) -> list[str]:
 
 
 def cycles(graph: Mapping[str, set[str]]) -> list[str]:
-    """Returns one circle of each part of `graph` that has circles, as "a -> b -> a"."""
+    """Returns at least one cycle of each part of `graph` that has cycles, as "a -> b -> a"."""
     done: set[str] = set()
     circles = []
 

@@ -1,4 +1,4 @@
-"""The port to AVR chips, on simavr with a simulated board, and the images for these chips."""
+"""The AVR port keeps the contract on a board that simavr simulates; its images keep to stack and control period."""
 
 from __future__ import annotations
 
@@ -18,15 +18,16 @@ ROOT = Path(__file__).resolve().parents[2]
 PORT = ROOT / "hal/avr"
 IMAGES = [("328p", "imu"), ("328p", "rotation"), ("2560", "all"), ("328p", "imu-mpu6050"), ("2560", "all-lsm6ds")]
 
-# Tests of cases that the simulator or the chip cannot show; hal/avr/README.md lists the same tests.
+# Tests that are skipped, because the simulator or the chip cannot show their cases; hal/avr/README.md lists them, too.
 ABSENT = "test_a_device_that_is_not_there_is_absent"
 SILENT = "test_a_silent_device_is_stale_and_recovers"
 CANNOT = {"imu": {ABSENT}, "rotation": {ABSENT, SILENT}, "all": {ABSENT, SILENT}}
 
 SHARE = 0.9
-"""Largest busy share of a period, with interrupts and commands. The rest is for time not counted by simavr."""
+"""Largest busy share of a control period, with interrupts and commands. The rest is a reserve for time that simavr does
+not count."""
 STACK = 200
-"""Most bytes of stack, by the graph of calls. The build leaves at least 400 bytes."""
+"""Largest stack that an image may need by its graph of calls, bytes. The build leaves at least 400 bytes."""
 
 
 def run(name: str, chip: str, sensors: str, *port: Path) -> subprocess.CompletedProcess[str]:
@@ -111,7 +112,7 @@ def test_an_image_is_elf_hex_and_sizes_with_the_fuses(image: tuple[str, Path], t
         subprocess.run(command, check=True)
     assert (tmp_path / "ihex").read_bytes() == (tmp_path / "elf32-avr").read_bytes()
     subprocess.run(["avr-objcopy", "-j", ".fuse", "-O", "binary", elf, tmp_path / "fuses"], check=True)
-    assert (tmp_path / "fuses").read_bytes() == bytes([0xFF, 0xD9, 0xFC])  # crystal; no boot loader; 4.3 V
+    assert (tmp_path / "fuses").read_bytes() == bytes([0xFF, 0xD9, 0xFC])  # crystal; no boot loader; reset below 4.3 V
 
 
 @pytest.mark.parametrize("target", ["avr:328p-imu", "avr:2560"])

@@ -1,7 +1,7 @@
-"""The numbers that decide a verdict stand only in one file, each with its reason.
+"""discover/numbers.py alone holds the numbers that decide a verdict, each with its reason.
 
-The syntax tree shows them: literals in comparisons, and literals of module constants used in comparisons. 0, 1, -1, 2
-and 0.5 count as arithmetic.
+A number decides if a comparison contains the number, or a module constant whose value contains the number. 0, 1, -1, 2
+and 0.5 do not decide: they count as arithmetic.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ WORK = {
 """Constants in comparisons that limit work or decide how something is shown."""
 
 SEALED = {"prepare", "pipeline"}
-"""The only modules up to the verdict that may name the seal: the first closes it, the second has it opened."""
+"""The only modules up to the verdict that may import the seal: `prepare` closes it, `pipeline` lets it be opened."""
 
 BEHIND_THE_SEAL = {"conclude", "yardstick", "seal"}
 """Modules that work with the opened data, after the last choice."""
 
 
 def literals(path: Path) -> dict[str, list[ast.Constant]]:
-    """Returns name -> the numeric literals in the value of this name at the top of a module."""
+    """Returns name -> the numeric literals in the value that the top level of a module gives this name."""
     found: dict[str, list[ast.Constant]] = {}
     for node in ast.parse(path.read_text(encoding="utf-8")).body:
         if isinstance(node, (ast.Assign, ast.AnnAssign)) and node.value is not None:
@@ -58,7 +58,7 @@ def is_number(node: ast.AST) -> bool:
 
 
 def bound_numbers(path: Path) -> dict[str, str]:
-    """Returns each name of numbers.py that is bound to a plain number -> the docstring below the name."""
+    """Returns name -> the docstring below the name, for each name of numbers.py whose value uses no other constant."""
     body = ast.parse(path.read_text(encoding="utf-8")).body
     found: dict[str, str] = {}
     for node, after in zip(body, [*body[1:], ast.Pass()], strict=True):
@@ -151,7 +151,7 @@ def test_no_stage_before_the_verdict_names_the_seal() -> None:
 
 
 def reached(name: str, known: dict[str, Path], seen: set[str], without: Collection[str] = SEALED) -> set[str]:
-    """Returns the modules that a module needs when it runs, including itself, without the modules in `without`."""
+    """Returns a module and all modules that it needs when it runs; those in `without` are left out and not followed."""
     if name not in seen:
         seen.add(name)
         for _, other in imports(name, known[name], known, run=True):

@@ -1,4 +1,4 @@
-"""core/h8/layout.h is right about each struct field that the RCX's assembly reads; otherwise it stops the build."""
+"""layout.h states the offset of each struct field that the RCX's assembly reads; a wrong offset stops the build."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ ROW = re.compile(r"^    X\((\w+), (\w+)(?:\[1\])?, (\w+)\)", re.MULTILINE)
 
 
 def listed() -> dict[str, list[str]]:
-    """Returns struct -> its fields in the list, each once."""
+    """Returns struct -> the names of its fields in layout.h, without repeats."""
     fields: dict[str, list[str]] = {}
     for struct, field, _ in ROW.findall(LIST.read_text()):
         if field not in fields.setdefault(struct, []):
@@ -83,7 +83,7 @@ def test_every_field_of_a_listed_struct_is_listed_in_its_order() -> None:
 
 
 def test_the_assembly_reads_no_struct_by_a_number_of_its_own() -> None:
-    """Exceptions are the stack, and the second word of a number at a moving pointer."""
+    """Exceptions: offsets from the stack pointer, and 2, for the second word of a number at a moving pointer."""
     for source in (ROOT / "firmware").rglob("*.S"):
         found = re.findall(r"@\((\d+),r([0-6])\)", source.read_text())
         assert {offset for offset, _ in found} <= {"2"}, source.name

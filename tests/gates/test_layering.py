@@ -1,4 +1,4 @@
-"""The layers of C and assembly hold, and a fault of each kind is named: file, line, and what its room may include."""
+"""C and assembly keep to the layers, and each kind of fault is named: file, line, and what its room may include."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The package as users get it: an sdist, a wheel from this sdist, and the installed wheel, which runs elsewhere."""
+"""The package as users get it: an sdist, a wheel built from this sdist, and the wheel installed outside a checkout."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def build(what: str, source: Path, out: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def unpacked(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The sdist of the checkout, unpacked outside any checkout."""
+    """Returns the folder of the unpacked sdist, outside any checkout."""
     folder = tmp_path_factory.mktemp("package")
     with tarfile.open(build("sdist", ROOT / "tools", folder / "sdist")) as archive:
         archive.extractall(folder / "there", filter="data")

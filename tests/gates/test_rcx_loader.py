@@ -1,4 +1,4 @@
-"""The RCX's programs in brickOS's kernel, on the simulated brick: sent by the tools, run, ended."""
+"""On the simulated brick, brickOS's kernel receives the RCX's programs from the tools, runs them and ends them."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ NINE_VOLTS, LEVEL = 319, 512
 STEP_MS = 9
 
 BYTE_S = 0.002
-"""Time for each byte, s, used only for time-outs: the pseudo-terminal carries the simulator's bytes at once."""
+"""Byte time, s, for time-outs only: the pseudo-terminal carries the bytes of the simulator without delay."""
 flash = functools.partial(rom.flash_program, progress=lambda *_: None, byte_s=BYTE_S)
 
 
@@ -66,7 +66,7 @@ def kernel() -> Iterator[Kernel]:
 
 
 def linked(folder: Path, name: str, at: int) -> bytes:
-    """Returns text and data, linked for the address `at`."""
+    """Returns the text and data sections of a program, linked for the address `at`."""
     script = ("-T", str(BRICKOS / "brickOS.lds"), "-relax", "-Ttext", f"{at:#x}", "--oformat", "coff-h8300")
     objects = sorted(str(file) for file in (folder / f"{name}-objects").iterdir())
     subprocess.run(["h8300-hms-ld", *script, "-o", "there.coff", *objects], cwd=folder, check=True)
@@ -82,7 +82,7 @@ def address(folder: Path, name: str) -> int:
 
 
 def periods(kernel: Kernel, clock: int) -> list[int]:
-    """Returns the times from one control step to the next, ms by the kernel's clock, during a second."""
+    """Returns the times between successive control steps during one second, ms by the kernel's clock."""
     times = []
     for _ in range(1000):
         kernel.run(1)
@@ -91,7 +91,7 @@ def periods(kernel: Kernel, clock: int) -> list[int]:
 
 
 def is_in(kernel: Kernel, folder: Path, name: str) -> bool:
-    """Returns whether memory holds text and data, linked for their address, and the copy of data for the next start."""
+    """Returns whether memory holds a program linked for its address, and the copy of its data for the next start."""
     program = image_files.read_program(folder / f"{name}.lx")
     at = kernel.word(PROGRAMS)
     assert HEAP[0] <= at
@@ -138,13 +138,13 @@ def test_the_autopilot_arrives_runs_and_ends(kernel: Kernel, built: Path) -> Non
         session.link.close()
     kernel.run(300)
     assert kernel.shows("run 1")
-    assert min(kernel.driven) > 0  # straight ahead: the program's own route begins with a turn
+    assert min(kernel.driven) > 0  # straight ahead on the host's route; the program's own route begins with a turn
 
     kernel.press(RUN_BUTTON)
     kernel.run(600)
     assert kernel.user_tasks == 0
     assert kernel.driven == (0, 0)
-    kernel.press(RUN_BUTTON)  # a new start: data and bss have their first values
+    kernel.press(RUN_BUTTON)  # a new start: data and bss have their initial values
     kernel.run(2300)
     assert kernel.shows("run 1")
     assert min(kernel.driven) < 0
@@ -204,7 +204,7 @@ def test_a_wrong_relocation_is_seen(kernel: Kernel, imu: Path, wrong: str) -> No
 
 
 def some_command(random: Random, brick: BrickOs) -> bytes:
-    """Returns a command for the brick's loader, in or out of turn, whole or cut short; no command runs a program."""
+    """Returns a command for the brick's loader, in or out of order, complete or truncated; none starts a program."""
     number = random.randrange(3)
     slot = brick.slots[number]
     kind = random.choice([*2 * [DELETE], *3 * [CREATE], *8 * [DATA], RUN, SET_HOST, 0, 9])
@@ -223,7 +223,7 @@ def some_command(random: Random, brick: BrickOs) -> bytes:
 
 
 def without_addresses(reply: bytes) -> bytes:
-    """Returns a reply of CREATE, or an empty reply, without addresses and their sum; distances of sections stay."""
+    """Returns a reply to CREATE with the distances of sections in place of addresses and sum, or an empty reply."""
     if not reply:
         return reply
     text, data, bss = struct.unpack(">HHH", reply[6:12])

@@ -1,4 +1,4 @@
-"""The firmware's stack bound on this machine by the graph of calls, and planted faults that all three bounds must find.
+"""The graph of calls bounds the firmware's stack on this machine; planted faults are found here, on AVR and on H8.
 
 test_avr.py and test_rcx.py bound the stacks of the images that they build.
 """
@@ -17,7 +17,7 @@ from stack_walk import REQUESTS, UnboundedError
 
 ROOT = Path(__file__).resolve().parents[2]
 HOST_STACK = 1024
-"""Most bytes of stack of the firmware on this machine, whose words are four times as large."""
+"""Largest stack of the firmware on this machine, bytes. Its pointers are four times as large as a brick's."""
 
 
 def test_the_firmware_keeps_within_a_kilobyte_on_this_machine(tmp_path: Path) -> None:

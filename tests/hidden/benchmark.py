@@ -25,7 +25,7 @@ ADDED = "next_experiment"
 
 
 def recipe_of(data: Path) -> Recipe:
-    """Returns the recipe of the set in `data` from its truth. The commands come from its files, with five digits."""
+    """Returns the recipe of the set in `data` from its truth, with the voltages of its logs, which have five digits."""
     facts = json.loads(data.with_name(f"{data.name}.truth.json").read_text(encoding="ascii"))["recipe"]
     runs = tuple(_driven(data, name) for name in facts["runs"])
     return Recipe(**{**facts, "vehicle": Vehicle(**facts["vehicle"]), "runs": runs})

@@ -1,8 +1,8 @@
 """The supply, drive and motors of a vehicle, in plain Python numbers. Physics engines lack these parts.
 
-The equations are those of a brushed motor (eq. 12 of Worrall & McGookin 2006, seen at the wheel) and of the effects
-named in `Hidden`. `Electrics.step` is called once per step; the current is exact for a speed that changes linearly
-within the step.
+The equations are those of a brushed motor (eq. 12 of Worrall & McGookin 2006, referred to the wheel) and of the effects
+named in `Hidden`. `Electrics.step` is called once per step; the current is exact for a speed that keeps its mid-step
+value during the step.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from hidden.by_run import delays, place
 from hidden.electrics_laws import Circuit
 from hidden.recipe import Hidden, Vehicle
 
-COPPER = 0.00393  # 1/K, IEC 60028
+COPPER = 0.00393  # 1/K, temperature coefficient of copper's resistance (IEC 60028)
 FLOOR = 0.01  # least ratio of battery voltage to nominal voltage
 ZERO = 0.01  # a coasting drive treats a command below this share of the battery's voltage as 0
 
@@ -60,7 +60,7 @@ def arriving(commands: NDArray[np.float64], hidden: Hidden, step_s: float, numbe
 
 
 class Electrics:
-    """State of the battery, the drive and both motors. `step` is called once for each `step_s`."""
+    """State of the battery, the drive and both motors. `step` is called once for each interval of `step_s` seconds."""
 
     def __init__(self, vehicle: Vehicle, hidden: Hidden, step_s: float) -> None:
         self._vehicle, self._step = vehicle, step_s
@@ -75,11 +75,11 @@ class Electrics:
         self._slope, self._sag = p("battery_discharge", "slope"), p("battery_sag", "resistance")
         self._crosstalk, self._quantum = p("odd_crosstalk", "share"), p("pwm_quantisation", "step")
         lag = p("actuator_lag", "time_constant")
-        # shares of a difference that the lag removes: by the end of a step, and on average over the step
+        # shares of the difference to the new voltage that the lag removes: at the end of a step, and on average in it
         self._closed = -math.expm1(-step_s / lag) if lag > 0 else 1.0
         self._midway = 1 - self._closed * lag / step_s if lag > 0 else 1.0
         slew = p("slew_limit", "time_per_volt")
-        self._climb = step_s / slew if slew > 0 else math.inf  # V a step
+        self._climb = step_s / slew if slew > 0 else math.inf  # largest change of the voltage in a step, V
         self._across = p("current_limit", "voltage", math.inf)
         self._deadband, self._by_direction = p("actuator_deadband", "voltage"), 0.5 * p("direction_asymmetry", "gain")
         self._fade, self._limit = p("odd_voltage_gain", "loss"), p("supply_saturation", "voltage", math.inf)
@@ -88,7 +88,7 @@ class Electrics:
         self._fading, self._compression = p("battery_fade", "rate"), p("voltage_compression", "compression")
         self._coasting, self._dead = p("zero_coast", "share"), p("dead_time", "voltage")
         self._stages = electrics_laws.heat_stages(hidden)
-        self.heat = [[0.0] * len(self._stages), [0.0] * len(self._stages)]  # K by side and stage, from run to run
+        self.heat = [[0.0] * len(self._stages), [0.0] * len(self._stages)]  # K, by side and stage; kept between runs
         self._saturation = (p("one_motor_saturates", "loss"), 0.0)
         self._circuit = Circuit(vehicle, step_s)
         self._falls = [(act, hidden[name]) for name, act in electrics_laws.SUPPLY.items() if name in hidden]
@@ -112,7 +112,10 @@ class Electrics:
         self._circuit.start_run()
 
     def _decays(self, resistance: float) -> tuple[float, float]:
-        """Returns the remaining shares of a current's distance to its steady value: after a step, on average in it."""
+        """Returns two shares of a current's distance to its steady value that remain.
+
+        The first share remains at the end of a step, the second on average over the step.
+        """
         if self._vehicle.inductance <= 0:
             return 0.0, 0.0
         x = self._step * resistance / self._vehicle.inductance
@@ -213,7 +216,7 @@ class Electrics:
         return max(-self.battery, min(self.battery, level))
 
     def _pulse(self, side: int, volts: float, fresh: bool) -> float | None:
-        """Returns the voltage in a tick, pulse or pause (first-order pulse density, as in brickOS); None: it floats."""
+        """Returns a pulse's or a pause's voltage (first-order pulse density, as in brickOS); None: the motor floats."""
         if fresh:
             self._sum[side] += abs(volts) / self.battery
             self._on[side] = self._sum[side] >= 1 - 1e-9

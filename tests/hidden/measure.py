@@ -1,4 +1,4 @@
-"""Makes a log of the true motion, with sensor errors, noise and converters; computes how visible an effect is."""
+"""Makes a log of the true motion, with sensor errors, noise and A/D converters; computes how visible an effect is."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def resolution(signal: str) -> float:
 
 
 def engine(name: str) -> Engine:
-    """Returns the engine `name`; only its own modules are loaded."""
+    """Returns the engine `name` and loads the modules of this engine alone."""
     if name == "mujoco":
         from hidden import mujoco_engine
 
@@ -77,7 +77,7 @@ def _sense(track: Track, recipe: Recipe, age: float, number: int) -> dict[str, F
     surge, sway, rate = ideal.surge, ideal.sway, ideal.rate
     arm = hidden.get("imu_lever_arm")
     if arm:
-        turn = rate - 0.5 * fine * track.yaw_accel  # at the middle of the interval of the mean accelerations
+        turn = rate - 0.5 * fine * track.yaw_accel  # yaw rate at mid-interval, as the accelerations are means
         surge = surge - turn**2 * arm["x"] - track.yaw_accel * arm["y"]
         sway = sway - turn**2 * arm["y"] + track.yaw_accel * arm["x"]
     angle = hidden.get("accel_misalignment", {}).get("angle", 0.0)

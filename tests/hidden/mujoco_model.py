@@ -1,4 +1,4 @@
-"""The vehicle as a MuJoCo model: bodies, joints, contacts. Lengths in m from the middle of the axle, y to the left."""
+"""The vehicle as a MuJoCo model: bodies, joints, contacts. Positions: m from the middle of the axle, y to the left."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ EFFECTS = frozenset(
 
 @dataclass(frozen=True)
 class Slip:
-    """The slip of the tyres along or across the vehicle, while the other direction is firm; or equal slip in both."""
+    """How the tyres slip: along or across the vehicle, without slip in the other direction, or equally in both."""
 
     across: bool
-    creep: float  # m/(N s) for one tyre
-    limit: float  # N for one tyre
+    creep: float  # slip speed per force of one tyre, m/(N s)
+    limit: float  # largest force of one tyre, N
     both: bool = False
 
 
@@ -73,7 +73,7 @@ def build(vehicle: Vehicle, hidden: Hidden) -> tuple[mujoco.MjModel, Names]:
     across = 0.6 * spin
     casters = _casters(hidden, radius)
     chassis = mass - 2 * wheel_mass - CASTER_MASS * len(casters)
-    # centre of the chassis alone, chosen so that the whole vehicle has the stated centre and inertia
+    # centre of mass of the chassis alone, chosen so that the whole vehicle has the stated centre of mass and inertia
     centre_x, centre_y = mass * ahead / chassis, -mass * right / chassis
     others = 2 * (across + wheel_mass * (track**2 + ahead**2 + right**2))
     others += chassis * ((centre_x - ahead) ** 2 + (centre_y + right) ** 2)
@@ -116,7 +116,7 @@ def build(vehicle: Vehicle, hidden: Hidden) -> tuple[mujoco.MjModel, Names]:
         <joint name="rotor_{name}" axis="0 1 0" armature="{rotor:.12g}"/>
         <inertial pos="0 0 0" mass="1e-6" diaginertia="1e-10 1e-10 1e-10"/>
       </body>""")
-        tendon = _play(0.5 * backlash["gap"]) if "gear_backlash" in hidden else ""  # soft teeth: `mujoco_laws`
+        tendon = _play(0.5 * backlash["gap"]) if "gear_backlash" in hidden else ""  # `mujoco_laws` models soft teeth
         names.motor_dof, names.motor_angle = (8, 9), (9, 10)
     pairs = ""
     first = 8 + (2 if backlash else 0)
@@ -179,7 +179,7 @@ def build(vehicle: Vehicle, hidden: Hidden) -> tuple[mujoco.MjModel, Names]:
 
 
 def _sprung(load: Mapping[str, float], low: float) -> str:
-    """Returns a load on a spring and a damper that can move along the vehicle, at a distance from its middle."""
+    """Returns the XML of a load that slides along the vehicle on a spring and a damper, beside its middle line."""
     omega = 2 * math.pi * load["frequency"]
     spring, damper = load["mass"] * omega**2, 2 * load["damping"] * omega * load["mass"]
     return f"""
@@ -201,7 +201,7 @@ def deflate(model: mujoco.MjModel, vehicle: Vehicle, hidden: Hidden, age: float)
 
 
 def _play(half_gap: float) -> str:
-    """Returns tendons that let each rotor turn ahead of its wheel, or behind it, by up to `half_gap` rad."""
+    """Returns the XML of tendons that let each rotor turn ahead of its wheel, or behind, by up to `half_gap` rad."""
     limits = f'limited="true" range="{-half_gap:.12g} {half_gap:.12g}" solreflimit="0.002 1"'
     fixed = [
         f"""<fixed {limits} solimplimit="0.99 0.999 0.001">
@@ -212,7 +212,7 @@ def _play(half_gap: float) -> str:
 
 
 def _casters(hidden: Hidden, radius: float) -> list[tuple[float, float]]:
-    """Returns (position ahead in m, friction in N) of each dragged ball: a caster, and half the force of a carpet."""
+    """Returns (position ahead in m, friction in N) of each dragged ball: a caster, one for half a carpet's force."""
     out = []
     if "caster_drag" in hidden:
         out.append((hidden["caster_drag"]["forward"], hidden["caster_drag"]["force"]))
@@ -238,7 +238,7 @@ def _slip(hidden: Hidden, mass: float) -> Slip | None:
 def soften(model: mujoco.MjModel, data: mujoco.MjData, slip: Slip) -> None:
     """Makes tangent 1 (or both tangents) of the wheels' contacts soft, for the contact loads in `data`.
 
-    A contact creeps at R / B times its force, with B its damping and R = R_normal / impratio in tangent 1.
+    A contact creeps at R / B times its force; B is the contact's damping and, in tangent 1, R = R_normal / impratio.
     """
     if any(model.pair(i).name.startswith("caster") for i in range(model.npair)):
         raise ValueError("impratio belongs to the whole model: no ball that drags beside a tyre that slips")

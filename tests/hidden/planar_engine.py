@@ -1,7 +1,7 @@
 """Engine "planar": drives `planar_plant` through a sequence of runs and adds texture, as in a real log.
 
-Texture is vibration in the accelerations and roughness under the wheels. It is small and drawn from a seed. No model
-describes it.
+Texture is small random vibration in the accelerations and roughness under the wheels; the seed determines both. No
+model describes texture.
 """
 
 from __future__ import annotations
@@ -25,19 +25,19 @@ ROUGHNESS = 4e-4  # rms slope under each wheel
 ROUGH_WAVES_M = (0.04, 0.4)
 ROUGH_CELL_M = 0.001
 ROUGH_CELLS = 8192
-ROUGH_ROLLS = 0.3  # wheel speed, rad/s, that halves the roughness force; at rest it is 0, as for a wheel in a hollow
+ROUGH_ROLLS = 0.3  # wheel speed, rad/s, that halves the roughness force; at rest the force is 0, as in a hollow
 
 STEPS_PER_SAMPLE = 2
 CARRY_ERROR = 1e-5  # largest error of the charge and heat that carry over, as a share of the largest value
 
 
 class Roughness:
-    """Forces of small slopes of the ground under each wheel, by rolled distance. It is one of `plant.loads`."""
+    """Forces of small slopes of the ground under each wheel, by rolled distance; an element of `plant.loads`."""
 
     def __init__(self, plant: Plant, seeds: Sequence[np.random.SeedSequence], scale: float) -> None:
         length = ROUGH_CELLS * ROUGH_CELL_M
         place = 2 * np.pi * np.arange(ROUGH_CELLS) / ROUGH_CELLS
-        waves = np.unique(np.round(length / np.geomspace(*ROUGH_WAVES_M, 8)))  # whole waves, so that the table closes
+        waves = np.unique(np.round(length / np.geomspace(*ROUGH_WAVES_M, 8)))  # whole waves: the table is periodic
         phase = np.stack([np.random.default_rng(seed).uniform(0, 2 * np.pi, (2, len(waves))) for seed in seeds], axis=1)
         slopes = np.zeros((2, plant.runs, ROUGH_CELLS))
         for k, wave in enumerate(waves):
@@ -131,7 +131,7 @@ def _record(plant: Plant, runs: Sequence[Manoeuvre], sample_s: float, samples: N
 
 
 def _commands(plant: Plant, runs: Sequence[Manoeuvre], sample_s: float, steps: int) -> Floats:
-    """Returns (steps, 2, runs): the mean arriving voltages over each step. A delay may be a fraction of a step."""
+    """Returns (steps, 2, runs): the mean voltages, V, that arrive in each step. A delay may be a fraction of a step."""
     out = np.zeros((steps, 2, plant.runs))
     clock = np.asarray(np.arange(steps + 1) * plant.step, dtype=np.float64)
     late = np.broadcast_to(plant.late_start, plant.runs)

@@ -63,12 +63,15 @@ def other(seed_offset: int = 0, engine: Engine = "mujoco") -> list[Recipe]:
 
 
 def outside(seed_offset: int = 0, engine: Engine = "mujoco") -> list[Recipe]:
-    """Returns sets with one odd effect each, with wheel speeds."""
+    """Returns sets with one effect each that no law of the library describes, with wheel speeds."""
     return _each("outside", effects.ODD, seed_offset, engine)
 
 
 def nulls(seed_offset: int = 0, engine: Engine = "mujoco", count: int = 200) -> list[Recipe]:
-    """Returns sets with nothing hidden: six kinds of robots, three noise levels; half, all or no sds are stated."""
+    """Returns sets with nothing hidden: six kinds of robots and three noise levels.
+
+    An sd is stated for half of the nominal values, for all or for none.
+    """
     kinds = _KINDS + scales.KINDS
     return [
         _set(

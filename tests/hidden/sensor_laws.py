@@ -1,4 +1,4 @@
-"""Sensor errors whose laws are not in the library. They act on an engine's track, so both engines have them."""
+"""Sensor errors whose laws are not in the library. They act on an engine's track, so they work with both engines."""
 
 from __future__ import annotations
 

@@ -91,7 +91,7 @@ def lab_discover(
     suite: str, engine: str, only: tuple[str, ...], limit: int | None, seed_offset: int, data: str | None, jobs: int,
     at_a_time: int, scheduler: str | None, out: str, table_alone: bool, readme: str | None, as_json: bool,
 ) -> None:  # fmt: skip
-    """Runs discovery on data sets with one hidden effect, with several, with none, and with an effect of no library.
+    """Runs discovery on data sets with one hidden effect, with several, with none, or one that the library lacks.
 
     The quick suites hide laws that are not the library's, wrong nominal values and robots of other scales. tests/hidden
     makes the sets. Each set is deleted after its run and leaves a line in results.jsonl. A rerun continues where the
@@ -169,10 +169,10 @@ def lab_real(
 ) -> None:  # fmt: skip
     """Runs discovery on measured data sets, and beside it well-known libraries on the same runs and inputs.
 
-    FOLDERs hold data sets, at any depth; without one, and without --fetched, BRICKPILOT_DATA names the folder. All are
-    fitted on the fit runs, and score by the free run: 100 (1 - rms error / rms of the signal). A peer that is not
-    installed is left out: pip install 'brickpilot[peers]'. The table is written as a page with figures too, report.html
-    beside the results.
+    FOLDERs hold data sets, at any depth; without one, and without --fetched, BRICKPILOT_DATA names the folder.
+    Discovery and the libraries are fitted on the fit runs. The free run gives the score: 100 (1 - rms error / rms of
+    the signal). A peer that is not installed is left out: pip install 'brickpilot[peers]'. The table is also written
+    as a page with figures, report.html beside the results.
     """
     known = real_logs.by_name()
     kept = real_results.load(Path(results))
@@ -221,7 +221,7 @@ def lab_changed(
     engine: Any, size: float, nulls: int, only: tuple[str, ...], limit: int | None, seed_offset: int, data: str | None,
     out: str, readme: str | None, jobs: int, as_json: bool,
 ) -> None:  # fmt: skip
-    """Asks what changed between two recordings: pairs of the engines with one effect new or gone, or with nothing new.
+    """Measures how often `changed` is right on two simulated recordings: one effect is new or gone, or nothing differs.
 
     An interrupted call goes on where it stopped.
     """

@@ -1,8 +1,8 @@
 """How often `changed` is right: on pairs of simulated recordings, on labelled real pairs, and on halves of logs.
 
 For a simulated pair, an engine drives one vehicle twice, with different voltages and noise. One of the two recordings
-has an effect, or neither recording has one. A right answer names only the right mechanism, the right mechanism with an
-extra name, or the right mechanism among rivals.
+has an effect, or neither recording has one. The score says whether an answer names the mechanism that differs
+alone, with an extra name, or among rivals.
 """
 
 from __future__ import annotations

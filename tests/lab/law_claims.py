@@ -11,7 +11,7 @@ from lab import law_score
 from lab.claims import Claim, Wanted, share_of
 from lab.score import Result, Share, detected, intervals_hold
 
-_NULLS = 200  # a share of the sets with nothing hidden is meaningful from this number of sets on
+_NULLS = 200  # least number of sets with nothing hidden from which a share is meaningful
 _WORDS = {
     "same": "one effect, by the library's law",
     "other": "one effect, by another law",
@@ -37,7 +37,7 @@ def _named_alone(results: Sequence[Result]) -> Iterator[Claim]:
     yield share_of("law right, or said to differ", results, law_score.law_right, (0.90, 1.0))
     yield share_of("first name right, claimed or suspected", results, law_score.name_right)
     yield share_of("a wrong name given as certain", results, law_score.false_names)
-    told = [one for one in results if one.get("held") is not None]  # older results lack the set
+    told = [one for one in results if one.get("held") is not None]  # older results lack the explanations
     yield share_of("95 % sets of explanations that hold the right mechanism", told, law_score.set_holds, (0.90, 0.99))
     held = intervals_hold(results)
     yield Claim("95 % intervals that hold the truth", held.value, held.of, held.interval, "%", (0.90, 0.99))

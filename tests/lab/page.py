@@ -215,7 +215,7 @@ def _share(value: float | None) -> str:
 
 
 def _log(result: Result) -> dict[str, Any]:
-    """Returns model -> fit percent of one log by role.
+    """Returns name, role and attainable fit of one log, and model -> role -> fit. Fits are in percent.
 
     "nominal" is the calibrated nominal model, "discover" the written explanation, "predictor" that of `--predictor`.
     """

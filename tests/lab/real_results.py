@@ -45,7 +45,7 @@ def pooled(entry: Mapping[str, Any] | None, role: str) -> float | None:
 
 
 def models(result: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Returns "before", "after" and "predictor" -> role -> fit percent by signal, of the models of discovery."""
+    """Returns model of discovery ("before", "after" or "predictor") -> role -> signal -> fit percent."""
     found: Mapping[str, Any] = result.get("discover", {}).get("fit") or {}
     return found
 

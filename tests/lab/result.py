@@ -60,7 +60,7 @@ def append(path: Path, result: Mapping[str, Any]) -> None:
 
 
 def put_in_order(path: Path, keys: Sequence[tuple[str, str, int]]) -> list[dict[str, Any]]:
-    """Returns a file's results with those of `keys` last, in their order; writes the file if the order changes.
+    """Returns a file's results, those of `keys` last and in the order of `keys`; writes the file if the order changes.
 
     Args:
         keys: engine, name and seed of results, in the wanted order.
@@ -176,7 +176,7 @@ def _interval(ci95: Sequence[float] | None) -> list[float] | None:
 def held_out_gap(found: Finding) -> dict[str, Any]:
     """Returns the gap on the held-out runs: the rms over all samples of (measured - simulated) / noise floor.
 
-    The floor is the stated noise of the data set with the converter's step, so it does not depend on discovery's
+    The floor combines the data set's stated noise and the converter's step, so it does not depend on discovery's
     estimate of the noise. If the data set states no noise, the floor is discovery's estimate. `removed` is the share of
     the mean square above the floor that the augmented model removes.
     """

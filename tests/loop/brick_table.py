@@ -1,6 +1,6 @@
 """Writes the table of firmware/README.md that puts the RCX beside the ATmega328P and the ATmega2560.
 
-.venv/bin/python tests/loop/brick_table.py            measures anew by `brickpilot bench`; minutes
+.venv/bin/python tests/loop/brick_table.py            measures by `brickpilot bench`, which takes minutes
 .venv/bin/python tests/loop/brick_table.py --kept     writes the table from bricks.json beside this file
 """
 

@@ -1,12 +1,12 @@
-"""Flies robots that the firmware does not know: the mission without and with what `brickpilot discover` found of them.
+"""Flies the mission on robots that the firmware does not know, without and with what `brickpilot discover` found.
 
     PYTHONPATH=tests .venv/bin/python tests/loop/robot_study.py [--robots N] [--out DIR]
 
 Each robot is drawn at random, with one hidden effect that the firmware can undo. The planar engine of `tests/hidden`,
 which shares no code with the plant, drives it through eight runs of 5 s. `brickpilot discover` reads the log and
-nominal values that are 5 % off, and writes `compensation.toml`. Then the firmware, whose constants are those of the
-packaged robot, flies the mission on the plant with the robot's true values. Prints the table of firmware/README.md,
-and writes the figures to robots.json beside this file.
+nominal values with errors of 5 % (sd), and writes `compensation.toml`. Then the firmware, whose constants are those of
+the packaged robot, flies the mission on the plant with the robot's true values. The program prints the table of
+firmware/README.md, and writes the figures to robots.json beside this file.
 """
 
 from __future__ import annotations
@@ -34,8 +34,9 @@ NOMINAL_ERROR = 0.05  # relative sd
 SENSORS = ("imu+encoders", "imu")
 UNDONE = tuple(name for name in effects.LIBRARY if compensation.undone(name))
 SIZES = (0.5, 2.0)  # range of an effect's size; an effect of size 1 shows clearly in a log
-HELD = 4 / 3  # ratio of friction to a constant load
-FASTEST_WHEEL, FASTEST_SPIN = 45.0, 22.0  # rad/s at full voltage; sensors read to 51, spins (at 3.3 of 9 V) to 10.5
+HELD = 4 / 3  # ratio of the dry friction to the constant load that it holds at rest
+# rad/s at full voltage. The sensors read wheel speeds to 51 and yaw rates to 10.5; the runs spin at 3.3 of 9 V.
+FASTEST_WHEEL, FASTEST_SPIN = 45.0, 22.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,9 +64,9 @@ def _vehicle(random: np.random.Generator) -> Vehicle:
 
     mass, battery = between(0.3, 8.0), between(6.5, 14.0)
     radius, half_track = between(0.02, 0.06), between(0.05, 0.15)
-    top_speed, acceleration = between(0.8, 2.0), between(2.5, 8.0)  # without load, at full voltage; from rest
+    top_speed, acceleration = between(0.8, 2.0), between(2.5, 8.0)  # m/s without load, m/s^2 from rest; at full voltage
     emf = battery * radius / top_speed
-    torque = emf * random.uniform(0.75, 1.0)  # gears lose up to a quarter
+    torque = emf * random.uniform(0.75, 1.0)  # gears lose up to a quarter of the torque
     wheel_inertia = between(0.02, 0.4) * mass * radius**2 / 2
     stall = acceleration * (wheel_inertia / radius + mass * radius / 2)
     return Vehicle(
@@ -95,7 +96,7 @@ def draw(number: int) -> Robot:
     effect = UNDONE[number % len(UNDONE)]
     size = float(np.exp(random.uniform(*np.log(SIZES))))
     hidden = {effect: effects.draw(effect, size, vehicle, random)}
-    if effect == "constant_offset":  # without friction it moves the robot, but a robot learns the gyro's bias at rest
+    if effect == "constant_offset":  # friction holds the robot at rest, where it learns the gyro's bias
         hidden["coulomb_friction"] = {"torque": HELD * sum(abs(torque) for torque in hidden[effect].values())}
     return Robot(f"robot-{number}", vehicle, hidden)
 
@@ -106,7 +107,7 @@ def _scaled(run: Manoeuvre, factor: float) -> Manoeuvre:
 
 
 def measure(robot: Robot, number: int, parent: Path) -> Path:
-    """Writes the data set of a robot into `parent`, with voltages for its battery. Keeps an existing data set."""
+    """Writes the data set of a robot into `parent`, with voltages that suit its battery. Keeps an existing data set."""
     runs = tuple(_scaled(run, robot.vehicle.battery_voltage / 9.0) for run in short())
     recipe = Recipe(
         robot.name, robot.hidden, robot.vehicle, "planar", nominal_error=NOMINAL_ERROR, runs=runs, seed=STREAM + number
@@ -157,7 +158,7 @@ def study(number: int, parent: Path, seeds: int = SEEDS) -> dict[str, Any]:
 
 
 def missions(figures: dict[str, Any], how: str) -> int:
-    """Returns how many missions reached all 8 waypoints, of those flown in the way `how`."""
+    """Returns how many missions of the kind `how` ("SENSORS, without" or "SENSORS, with") reached all 8 waypoints."""
     return sum(reached == 8 for reached in figures["waypoints"][how])
 
 

@@ -1,14 +1,16 @@
-"""Looks for the longest control period of a brick, for any start and settings, with the link full both ways.
+"""Looks for the longest control period of a brick over starts and settings, with a link that is full both ways.
 
     PYTHONPATH=tests python tests/loop/worst_case.py [TARGET...] [--flights N] [--seconds S] [--seed N]
 
 It prints a JSON line for each target.
 
-Each flight draws its settings, a third of them at each end of their range, and how it begins: by itself after power-on,
-or in a host's session. All the time the host sends as much as the line carries, or a message in a period: half of these
-requests write settings and routes. The brick sends telemetry as often as it can.
+Flights of even seeds begin by themselves after power-on, the others in a host's session, which draws settings. The host
+always sends as much as the line carries, or one message in each period. Of its requests for settings, waypoints and
+routes, half write and half read. A third of the drawn settings are at each end of their range. The brick sends
+telemetry as often as it can.
 
-An AVR chip's period is counted in cycles of simavr, all but sleep. Of an RCX it is the time from one step to the next.
+The period of an AVR chip is the number of its cycles in simavr without sleep. The period of an RCX is the time in ms
+from one control step to the next.
 """
 
 from __future__ import annotations
@@ -55,7 +57,7 @@ def value_of(setting: Setting, drawn: random.Random) -> int:
 
 
 def requests(drawn: random.Random) -> Iterator[Message]:
-    """Yields requests without end."""
+    """Yields random requests without end."""
     named, sequence = list(settings().values()), 0
     by_name, commands = book().by_name, book().choices("MODE_COMMAND", "command")
     while True:

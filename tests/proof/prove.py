@@ -1,7 +1,7 @@
-"""Proves what proofs.toml lists with CBMC, and shows that each proof has something to prove and finds planted faults.
+"""Proves with CBMC what proofs.toml lists, and shows that no proof is empty and that the proofs find planted faults.
 
-prove.py [--full] [NAME...] all proofs, or those named; exits 1 where one does not hold. --full: the long ones, too
-prove.py --plants [NAME...] plants each fault of plants.toml in a copy and asks for the proof's failure
+prove.py [--full] [NAME...] all proofs, or those named; exits with 1 if a proof fails. --full: also the long proofs
+prove.py --plants [NAME...] plants each fault of plants.toml in a copy of the sources; the fault's proof has to fail
 prove.py --write            writes the times of the last run into the table of README.md
 """
 
@@ -33,7 +33,7 @@ Table = dict[str, dict[str, Any]]
 
 
 def table(name: str) -> Table:
-    """Returns a file of this folder with its defaults filled in."""
+    """Returns the rows of a TOML file of this folder, with the defaults of the file filled in."""
     rows: Table = tomllib.loads((HERE / name).read_text(encoding="utf-8"))
     defaults = rows.pop("defaults", {})
     return {key: {**defaults, **row} for key, row in rows.items()}
@@ -46,7 +46,7 @@ def checker() -> Path:
 
 
 def command(programs: Path, name: str, row: dict[str, Any], bits: int, root: Path, *more: str) -> list[str]:
-    """Returns cbmc's call for a proof, over the sources below `root`."""
+    """Returns the command line of cbmc for a proof of the sources below `root`."""
     headers = [f"-I{root / folder}" for folder in ("firmware", "hal", "hal/include")]
     if bits == 16:
         headers.insert(0, f"-I{root / 'hal/h8/include'}")
@@ -94,7 +94,7 @@ def shown(rows: Table, full: bool) -> list[str]:
 
 
 def prove_all(names: list[str], jobs: int, full: bool) -> bool:
-    """Proves the rows of these names, prints a line each and keeps the results."""
+    """Proves the rows of these names, or all rows; prints a line for each. Returns whether all proofs hold."""
     programs, rows = checker(), table("proofs.toml")
     BUILD.mkdir(parents=True, exist_ok=True)
     (BUILD / "ranges_gen.h").write_text(ranges.header(), encoding="utf-8")
@@ -114,7 +114,7 @@ def prove_all(names: list[str], jobs: int, full: bool) -> bool:
 
 
 def plant(programs: Path, name: str, row: dict[str, Any], proof: dict[str, Any]) -> str:
-    """Plants a fault in a copy of the sources and returns the trouble: "" if the proof fails, as it should."""
+    """Plants a fault in a copy of the sources. Returns what went wrong, or "" if the proof fails, as it should."""
     with tempfile.TemporaryDirectory(dir=BUILD) as folder:
         root = Path(folder)
         for one in ("firmware", "hal"):
@@ -133,7 +133,7 @@ def plant(programs: Path, name: str, row: dict[str, Any], proof: dict[str, Any])
 
 
 def plant_all(names: list[str], jobs: int, _full: bool) -> bool:
-    """Plants the faults with these names, or all faults."""
+    """Plants the faults with these names, or all faults. Returns whether the proofs find all."""
     programs, rows, proofs = checker(), table("plants.toml"), table("proofs.toml")
     BUILD.mkdir(parents=True, exist_ok=True)
     (BUILD / "ranges_gen.h").write_text(ranges.header(), encoding="utf-8")

@@ -12,7 +12,7 @@ CORE = Path("/usr/share/arduino/hardware/arduino/avr")
 """Debian's package arduino-core-avr."""
 
 DEBIAN = "-DDECIMAL_DIG=9"
-"""A flag for platform.local.txt: Debian's compiler lacks this constant of C++11, which the core's String reads."""
+"""A flag as in platform.local.txt: Debian's compiler lacks this constant of C++11, which the core's String uses."""
 
 IDE_VERSION = "10819"
 

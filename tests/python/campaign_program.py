@@ -1,4 +1,4 @@
-"""A small campaign as a program, to be killed: 40 parts of 20 rows, kept in a folder and merged at the end.
+"""A small campaign as a program that tests can kill: 40 parts of 20 rows, kept in a folder and merged at the end.
 
 python campaign_program.py FOLDER JOBS|SCHEDULER [slow]
 """

@@ -16,7 +16,7 @@ Worker = subprocess.Popen[bytes]
 
 
 class Cluster:
-    """A scheduler for a `with` block, which ends all programs. A part may kill two workers, not four as by default."""
+    """A scheduler for a `with` block, whose end kills all programs. A part may kill two workers, not Dask's four."""
 
     def __init__(self, scratch: Path) -> None:
         self._scratch = scratch

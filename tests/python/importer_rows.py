@@ -1,4 +1,4 @@
-"""Finds files in the room of importers that the table does not name."""
+"""Finds files of the importers' folder that the table of importers misses."""
 
 from __future__ import annotations
 
@@ -8,10 +8,9 @@ from pathlib import Path
 
 
 def files_without_a_row(room: Path) -> list[str]:
-    """Returns one line for each importer without a row, and for each file that no file of the room uses.
+    """Returns one line for each importer without a row, and for each other file with neither row nor user.
 
-    An importer is a file with a public function `import_...`. A file of the room, or a row, has to name
-    each other file.
+    An importer is a file with a public function `import_...`. A user of a file is a file of the room that imports it.
     """
     trees = {path.stem: ast.parse(path.read_text(encoding="utf-8")) for path in sorted(room.glob("*.py"))}
     listed = set(re.findall(r"""(?:kind|module)="(\w+)",""", (room / "__init__.py").read_text(encoding="utf-8")))

@@ -1,6 +1,6 @@
-"""Logs of two robots with planted wiring faults, simulated by engines other than the plant. Also a program.
+"""Logs of two robots with planted wiring faults, simulated by engines other than the plant; also a program.
 
-PYTHONPATH=tests:tests/python python -m miswired_logs [LOGS]     # prints the table: fault, robots, named, false
+PYTHONPATH=tests:tests/python python -m miswired_logs [LOGS]  # prints a table: fault, robots, logs judged right
 """
 
 from __future__ import annotations
@@ -124,7 +124,7 @@ WORDS = {
     "time in ms": "1000 times too long", "time in us": "1e+06 times too long", "PWM taken as volts": "PWM of 255",
     "left PWM of another scale": "full drive",
 }  # fmt: skip
-"""Fault -> words of its sentence, for faults that are named, whether they are also corrected or not."""
+"""Fault -> words that its sentence contains, for faults that are named; some of these faults are also corrected."""
 
 
 def channels(log: Log) -> Channels:
@@ -139,7 +139,7 @@ def dataset(runs: Sequence[Log], robot: str) -> Dataset:
 
 
 def _mirrored(log: Log) -> Iterator[Log]:
-    """Yields the log, and logs that no check can tell from this log: driven backwards, mirrored, and both."""
+    """Yields a log and three logs that no check can tell from the first: driven backwards, mirrored, and both."""
     sides = [name for name in log if name.endswith(("_left", "_right"))]
     turned = _swapped("duty")(_swapped("wheel_angle")(_scaled("yaw_rate")(log)))
     for one in (log, turned):
@@ -183,9 +183,9 @@ def spoil(runs: Sequence[Log], faults: Sequence[str]) -> list[Log]:
 
 
 def pairs() -> list[tuple[str, str]]:
-    """Returns pairs of faults that one log can show: not two scales of one channel, no other fault of a dead encoder.
+    """Returns the pairs of faults that one log can show.
 
-    With a dead encoder nothing determines the unit of the gyro.
+    Two scales of one channel are left out, and what a dead encoder hides: other faults of encoders, the gyro's unit.
     """
     scales = [{"gyro in degrees", "gyro in rpm"}, {"time in ms", "time in us"},
               {"1440 counts taken as 960", "wheel radius half of it"}]  # fmt: skip

@@ -1,4 +1,4 @@
-"""Logs of other programs, each written by its own library; for ULog and dataflash logs, by parts of their libraries.
+"""Writes logs in the formats of other programs, by the library of each format; ULog and dataflash by parts of theirs.
 
 A ULog file is written by `ULog.write_ulog`, a dataflash log by the buffers of `DFReader_binary`.
 
@@ -180,7 +180,7 @@ def write_rosbag1(path: Path, messages: Messages) -> Path:
 
 
 def _typed(store: Any, kind: str, message: Mapping[str, Any]) -> Any:
-    """Returns a message as an object of rosbags; a header of ROS 1 also counts its messages."""
+    """Returns a message as an object of rosbags; a header of ROS 1 gets the number 0 of a message."""
     values = []
     if kind.endswith("Header") and any(name == "seq" for name, _ in store.fielddefs[kind][1]):
         message = {"seq": 0, **message}

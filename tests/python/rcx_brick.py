@@ -38,10 +38,10 @@ class Device(Protocol):
     """The software on the brick. It takes bytes and returns the bytes that it sends."""
 
     def silence(self, quiet_s: float) -> None:
-        """The line was quiet for `quiet_s`, longer than the receiver waits."""
+        """Is called after the line was quiet for `quiet_s` seconds, longer than the receiver waits."""
 
     def damaged(self) -> None:
-        """A byte arrived with wrong parity."""
+        """Is called when a byte arrives with wrong parity."""
 
     def byte(self, value: int) -> bytes: ...
 

@@ -1,9 +1,9 @@
 """The RCX's ROM as a receiver of firmware, byte by byte, modelled after brickEmu's replacement ROM and RCX Internals.
 
-A sender has to know these rules. Data are written to memory as they arrive, before their complement. A repeated index
-goes back to the start of its block. A repeated opcode repeats the last reply and does nothing else. The index increases
-even if a block's checksum was wrong. A wrong complement, a wrong parity or 30 ms of silence discard an incomplete
-packet, and the next bytes are read as another packet.
+A sender has to know these rules. Data are written to memory as they arrive, before their complement. A block with
+the index of the last block is written over this block. A request with the last opcode repeats the last reply and does
+nothing else. The index increases even if a block's checksum was wrong. A wrong complement, a wrong parity or 30 ms of
+silence discard an incomplete packet, and the next bytes are read as another packet.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ _OPCODE, _OPERANDS, _SUM, _BLOCK_SUM, _BLOCK, _END = 2, 3, 4, 5, 6, 99
 
 
 class Rom:
-    """The ROM; a device for `rcx_brick.RcxBrick`. `entry` is the entry of the image that was started."""
+    """The ROM; a device for `rcx_brick.RcxBrick`. `entry` is the entry address of the started image, or None."""
 
     def __init__(self, *, broken_sums: int = 0) -> None:
         self.memory = bytearray(0x10000)
@@ -36,7 +36,7 @@ class Rom:
         self.silence(0.0)
 
     def silence(self, _quiet_s: float) -> None:
-        """Waits for a new packet, after a silence."""
+        """Discards an incomplete packet after a silence."""
         self._state, self._previous, self._complement = _OPCODE, 0xFF, False
 
     def damaged(self) -> None:

@@ -34,7 +34,7 @@ def motor(**values: float) -> Model:
 
 
 def steps(left: float, right: float, *, seconds: float = 2.0, period: float = 0.01, jitter_seed: int | None = None):
-    """Time (n,) and voltages (n, 2): rest, the step, then both motors shorted. `jitter_seed`: irregular samples."""
+    """Returns time (n,), s, and voltages (n, 2), V: 0, the step, 0. With `jitter_seed` the samples are irregular."""
     time = np.arange(0.0, seconds, period)
     if jitter_seed is not None:
         time = time + np.random.default_rng(jitter_seed).uniform(-0.4, 0.4, len(time)) * period

@@ -23,7 +23,7 @@ NOISE = {
 
 
 def drift(by: float) -> Callable[[Column], Column]:
-    """A clock with the right rate at first, and a rate higher by the share 2 `by` at the end."""
+    """Returns a function that makes a clock drift: its rate is right at first, and 1 + 2 `by` times that at the end."""
     return lambda time: time + by * (time - time[0]) ** 2 / (time[-1] - time[0])
 
 
@@ -37,7 +37,7 @@ def leap(by: float) -> Callable[[Column], Column]:
 
 @pytest.fixture(scope="module")
 def sets(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
-    """Returns the folder of a measured set by its name; the logs of FRC are imported once."""
+    """Returns a function: name of a measured set -> its folder. The logs of FRC are imported once."""
     folder = tmp_path_factory.mktemp("frc") / "frc"
 
     def path(name: str) -> Path:
@@ -73,7 +73,7 @@ def test_a_wrong_clock_planted_in_a_measured_set_is_found(
     found = planted.plant(sets(name), tmp_path / "s", [column], change, *runs)
     expected = {(run.name, "time", "clock") for run in sound.runs if not runs or run.name in runs}
     assert planted.new_faults(found, sound) == expected
-    for run, before in zip(found.runs, sound.runs, strict=True):  # a run is blank after a collision, with any clock
+    for run, before in zip(found.runs, sound.runs, strict=True):  # a collision blanks the end of a run with any clock
         known, was_known = (any(np.isfinite(one[-1]) for one in each.outputs.values()) for each in (run, before))
         assert known == (was_known and (run.name, "time", "clock") not in expected)
 

@@ -119,7 +119,7 @@ def test_a_frozen_stretch_is_longer_than_a_held_sample(tmp_path: Path) -> None:
 
 
 def still(seconds: float) -> Callable[[str, Table], None]:
-    """Wheels that stand for `seconds` after power-on; their encoders then give speeds without noise."""
+    """Returns a function that lets the wheels stand for `seconds` after the voltage step, with speeds of exactly 0."""
 
     def spoil(_: str, table: Table) -> None:
         for side in ("left", "right"):

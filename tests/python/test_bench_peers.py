@@ -1,4 +1,4 @@
-"""The peers of `brickpilot bench`: SciPy solves the plant's robot as accurately, and MuJoCo does no idle work."""
+"""The peers of `brickpilot bench`: SciPy is as accurate as the plant on the same robot, MuJoCo does no extra work."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from brickpilot.vehicle.model import Model, rcx
 
 
 def shortened(name: str) -> speed.Manoeuvre:
-    """Returns the first second of a manoeuvre, which is a curve; with held inputs, all three seconds."""
+    """Returns the first 0.6 s of a manoeuvre, a curve; of the manoeuvre with held inputs, all three seconds."""
     manoeuvre: speed.Manoeuvre = getattr(speed, name)()
     return manoeuvre if name == "held" else dataclasses.replace(manoeuvre, voltages=manoeuvre.voltages[:200])
 
@@ -75,7 +75,7 @@ def test_a_robot_that_is_not_the_plants_has_no_equal_accuracy(monkeypatch: pytes
 def test_mujoco_does_no_work_that_its_robot_does_not_need() -> None:
     mujoco = pytest.importorskip("mujoco")
     model = speed._mujoco_model()
-    assert model is speed._mujoco_model()  # compiling it is not timed
+    assert model is speed._mujoco_model()  # compiled once, outside the timed part
     idle = (mujoco.mjtDisableBit.mjDSBL_CONTACT, mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     idle += (mujoco.mjtDisableBit.mjDSBL_GRAVITY, mujoco.mjtDisableBit.mjDSBL_SENSOR)
     assert all(model.opt.disableflags & int(one) for one in idle)

@@ -1,4 +1,4 @@
-"""The table that compares the bricks in firmware/README.md is the one that its script writes from the figures."""
+"""firmware/README.md holds the table of bricks that brick_table.py writes from the kept figures."""
 
 from __future__ import annotations
 

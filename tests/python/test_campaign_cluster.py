@@ -1,4 +1,4 @@
-"""Campaigns on a real Dask scheduler with two workers, and the message for each fault of theirs."""
+"""Campaigns on a real Dask scheduler with two workers; each fault of scheduler or workers gives one line."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def cluster(scheduler: Cluster) -> Cluster:
 def results(
     address: str, function: Callable[[Any], Any], arguments: Iterable[Any], then: Callable[[], Any] = lambda: None
 ) -> dict[str, Any]:
-    """Returns the cluster's results, by key; `then` is called after the first result."""
+    """Returns key of a part -> the cluster's result; `then` is called after the first result."""
     kept: dict[str, Any] = {}
 
     def keep(part: Part, result: Any) -> None:
@@ -161,7 +161,7 @@ def test_a_worker_of_another_version_is_named_before_anything_runs(
 
     try:
         late = refused(cluster.address, function=campaign_parts.process, arguments=itertools.count(), then=join)
-        monkeypatch.setattr(dask_workers.DaskWorkers, "submit", None)  # no part may be given to a worker
+        monkeypatch.setattr(dask_workers.DaskWorkers, "submit", None)  # fails if a worker is given a part
         at_start = refused(cluster.address)
     finally:
         other[0].send_signal(signal.SIGKILL)

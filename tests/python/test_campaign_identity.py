@@ -65,7 +65,7 @@ def changed(folder: Path, name: str) -> None:
 @pytest.mark.parametrize("name", ["own.toml", "short.toml", "model.toml", "gains.toml", "compensation.toml"])
 def test_a_folder_is_refused_when_a_file_has_another_number(name: str, folder: Path) -> None:
     conducted(folder)
-    conducted(folder)  # without a change it continues
+    conducted(folder)  # without a change the campaign continues
     changed(folder, name)
     with pytest.raises(InputError, match="holds another campaign"):
         conducted(folder)

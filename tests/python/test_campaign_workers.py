@@ -1,4 +1,4 @@
-"""Workers of this machine: each part is kept once, whatever happens to the workers, with memory for a few parts."""
+"""Workers of this machine: each part is kept once, even if workers die, and few parts are in memory at a time."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def silent(total: int = 1) -> PartProgress:
 
 
 def results(function: Callable[[Any], Any], arguments: Iterator[Any] | list[Any], jobs: int = 2) -> dict[str, Any]:
-    """Returns the results of local workers, by key."""
+    """Returns key of a part -> the result of local workers."""
     kept: dict[str, Any] = {}
 
     def keep(part: Part, result: Any) -> None:
@@ -111,7 +111,7 @@ def test_workers_have_one_thread_of_blas() -> None:
     (found,) = results(campaign_parts.threads, [0]).values()
     assert found
     assert set(found) == {1}
-    assert os.environ.get("MKL_NUM_THREADS") is None  # this process keeps its own
+    assert os.environ.get("MKL_NUM_THREADS") is None  # this process keeps its own number of threads
 
 
 def test_a_worker_that_does_not_start_leaves_nothing_behind(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -51,7 +51,7 @@ def test_the_page_of_a_run_is_self_contained(tmp_path: Path) -> None:
 def test_the_track_of_a_page_ends_when_the_robot_has_come_to_rest(tmp_path: Path) -> None:
     brickpilot("run", "--sensors", "imu+encoders", "--out", "out", cwd=tmp_path)
     track, motion, *_ = figures((tmp_path / "out" / "report.html").read_text()).values()
-    assert 36.3 < track["time"][-1] < 39.0 < 60.0  # the last waypoint, and the end of the scenario
+    assert 36.3 < track["time"][-1] < 39.0 < 60.0  # s; the last waypoint is reached at 36.3, the scenario ends at 60
     assert [one["name"] for one in track["lines"]] == ["true track", "estimated track", "legs"]
     assert len(track["time"]) == len(track["heading"]) == len(track["lines"][0]["x"]) == len(track["lines"][1]["y"])
     assert [one["reached"] for one in track["circles"]] == [True] * 8
@@ -161,7 +161,7 @@ def test_effects_lists_the_table_of_the_plant(capsys: pytest.CaptureFixture[str]
 def test_bench_reports_values_beside_a_peer(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """tests/gates/test_control_peers.py measures what the control law costs on a brick."""
+    """The control law's costs are made up here; tests/gates/test_control_peers.py measures the costs on a brick."""
 
     def costs(brick: str) -> dict[str, control_peers.LawCost]:
         cycles = {"ours": 100, "q16": 300, "float": 200}

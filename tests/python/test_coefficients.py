@@ -1,4 +1,4 @@
-"""The firmware's motor model: its coefficients for a robot whose inductance is not known."""
+"""Coefficients of the firmware's motor model for a robot of unknown inductance."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Composed terms of a floor that is not level: found in data of the plant, and written as equations."""
+"""Terms of a floor that is not level are composed from data of the plant, and written as equations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The criterion on simulated machines: close to new fits without a stretch, and it changes none of its inputs."""
+"""On simulated machines the criterion is close to new fits without a stretch, and it changes none of its inputs."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def lacking(data: Residual, stretch: NDArray[np.int64], one: int) -> Residual:
 
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory: pytest.TempPathFactory) -> tuple[Judge, Explanation]:
-    """A motor with dry friction, and its nominal model, whose predictions depend on the data of the fit."""
+    """Returns the judge of a motor with dry friction, and its nominal model, whose predictions depend on the log."""
     truth = dataclasses.replace(motor(battery_voltage=9.0), effects={"coulomb_friction": {"torque": 0.004}})
     volts = {"low": (3.0, 0.0), "high": (6.0, 0.0), "back": (-4.0, 0.0), "fast_back": (-7.0, 0.0), "half": (4.5, 0.0)}
     known = {name: value for name, value in truth.parameters.items() if value and name != "drag_area"}
@@ -46,7 +46,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> tuple[Judge, Explanation]
 def test_on_a_motor_it_is_near_that_of_a_fit_without_the_stretch(
     bench: tuple[Judge, Explanation], name: str | None
 ) -> None:
-    """Leaving a stretch out changes the prediction, and its density, as a new fit without the stretch does."""
+    """The step that leaves a stretch out changes prediction and density nearly as a new fit without it does."""
     judge, found = bench
     if name is not None:
         part = next(one for one in library_parts(found.model) if one.effect == name)
@@ -80,7 +80,7 @@ def test_a_robot_s_noise_alone_is_the_top(tmp_path: Path) -> None:
 
 
 def test_weighing_and_judging_twice_gives_the_same_bytes(bench: tuple[Judge, Explanation]) -> None:
-    """The same in either order, with other work between: no stage changes its inputs."""
+    """A repetition after other work gives the same bytes: no stage changes its inputs."""
     judge, found = bench
     measured = judge.data.measured.tobytes()
     scales = dict(judge.data.scales)

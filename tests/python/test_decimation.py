@@ -12,7 +12,7 @@ SIGNALS = {"voltage": "u", "speed": "w", "current": "i"}
 
 
 def log(time: np.ndarray) -> pd.DataFrame:
-    """Returns a log: a voltage that rises by 1 V a ms, a speed of ten times that, and a current that is seldom read."""
+    """Returns a log: a voltage that rises by 1 V per ms, a speed ten times as large, a current in one row of 30."""
     current = np.where(np.arange(time.size) % 30 == 4, 1e3 * time, np.nan)
     return pd.DataFrame({"time": time, "u": 1e3 * time, "w": 1e4 * time, "i": current})
 

@@ -1,6 +1,6 @@
 """The verdict depends on the vehicle, not on how its data are written: mirrored, in other units, thinned, reordered.
 
-One small data set of the planar engine, a right motor weaker than the left one, is written again in each way.
+The tests rewrite one small data set of the planar engine, whose right motor is weaker than the left, in each way.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ SAME, NEAR = 0.02, 0.05
 """Allowed relative change of a parameter: for the same data written differently, and for a part of the data."""
 
 _SECONDS = 4.2
-# Steps are at even samples of 3 ms, so every second sample still shows when a step was made.
+# The voltages step at even samples of 3 ms, so every second sample still shows the time of each step.
 _RUNS = tuple(
     manoeuvre.steps(name, _SECONDS, (0.3, left, right), (3.0, 0.0, 0.0))
     for name, left, right in (
@@ -97,7 +97,7 @@ def found_in(log: Log, folder: Path, *, seed: int = 0, jobs: int = 2) -> Finding
 
 @pytest.fixture(scope="module")
 def found(log: Log, tmp_path_factory: pytest.TempPathFactory) -> Finding:
-    """The finding with two jobs, even if a worker of xdist has one processor."""
+    """Returns the finding with two jobs, even where xdist gives its worker one processor."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(side_by_side, "_processors", lambda: 2)
         return found_in(log, tmp_path_factory.mktemp("as_written") / "data")
@@ -125,7 +125,7 @@ def mirrored(log: Log) -> Log:
 
 
 def in_other_units(log: Log) -> Log:
-    """Writes deg/s, rpm, mV, g and ms. Noise and range of a signal are in the same units."""
+    """Writes deg/s, rpm, mV, g and ms. The noise and the range of a signal have the signal's unit."""
     units = {
         "time": ("ms", 1e3),
         "voltage_left": ("mV", 1e3),

@@ -1,4 +1,4 @@
-"""Run ends the RCX's program at any tick of a host's mission: motors off, no answers, and no memory of the mission."""
+"""The button Run ends the RCX's program at any tick of a host's mission: motors off, no answers, commands forgotten."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ from brickpilot.vehicle.model import rcx
 from rcx_kernel import PROGRAMS, SYSTEM_TASKS, TASKS
 
 TICK_MS = 9
-"""ms: a control step of the RCX's program."""
+"""Control step of the RCX's program, ms."""
 NOTICED_MS = 4
-"""ms: twice the 2 ms after which the kernel reads its buttons and switches tasks."""
+"""Time, ms, in which the kernel notices a button: twice the 2 ms after which it reads buttons and switches tasks."""
 LAST_S = 6.0
 ROUTE_MM = [(600, 600), (600, -200)]
 SLOWER = 4000
@@ -59,7 +59,7 @@ def session(brick: SimulatedRcx) -> Session:
 
 
 def answers(brick: SimulatedRcx) -> bool:
-    """Returns whether the brick answers a host that requests a reset of the mode once."""
+    """Returns whether the brick answers one request of a host to reset the mode."""
     layout = book().by_name["MODE_COMMAND"]
     head = bytes([200, layout.id & 255, layout.id >> 8])
     packet = lnp.packet(head + layout.seal(9, 3), lnp.BRICK, lnp.HOST)
@@ -90,7 +90,7 @@ def tasks(brick: SimulatedRcx) -> int:
 
 @dataclass(frozen=True)
 class Program:
-    """The autopilot, and where the brick holds its commands (session, settings, route) and its loop's state."""
+    """The autopilot's image, and address and size, bytes, of the host's commands in it: session, settings, route."""
 
     image: Image
     begins: int
@@ -124,7 +124,7 @@ def flies(brick: SimulatedRcx) -> Iterator[int]:
 
 
 def test_its_motors_are_off_nobody_answers_and_it_begins_as_new(tmp_path: Path, full: bool) -> None:
-    """Run is pressed at every tenth tick of 6 s (--full: at each), at any ms within it: in rest, turn and drive."""
+    """The test presses Run in each tenth tick of 6 s (--full: each tick), at varying ms: at rest, in turns, on legs."""
     program = built(tmp_path)
     every, tried, drove = 1 if full else 10, 0, 0
     with SimulatedRcx() as brick:

@@ -26,7 +26,7 @@ def held(found: list[tuple[float, float, float]], time: np.ndarray) -> np.ndarra
 
 @pytest.mark.parametrize("drive", ALL, ids=lambda one: one.name)
 def test_the_steps_drive_the_manoeuvre(drive: Manoeuvre, tmp_path: Path) -> None:
-    """Steps are exact; a ramp has an error of at most half a step of 0.05 s."""
+    """Constant voltages are exact; in a ramp the error is at most what the voltage changes in half a step of 0.05 s."""
     time = np.arange(0.0, drive.duration_s, 0.001) + 0.0005
     steepest = 9.0 * 0.4 / 4.0  # V/s of the ramps
     wrong = np.abs(held(steps(drive), time) - commands(drive, time))

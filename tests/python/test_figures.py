@@ -1,4 +1,4 @@
-"""The figures of the pages: what is thinned, drawn and described."""
+"""What the figures of pages draw, thin and describe."""
 
 from __future__ import annotations
 

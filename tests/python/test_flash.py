@@ -46,7 +46,7 @@ def run(*command: str, cwd: Path) -> None:
 
 @pytest.fixture(scope="module")
 def kernel(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    """Returns brickOS's kernel as binutils read it."""
+    """Returns the bytes of brickOS's kernel, which binutils read from its S-records."""
     folder = tmp_path_factory.mktemp("kernel")
     run("h8300-hms-objcopy", "-I", "srec", "-O", "binary", str(KERNEL), "kernel.bin", cwd=folder)
     return (folder / "kernel.bin").read_bytes()
@@ -93,7 +93,7 @@ def program(linked: Callable[[int], Path]) -> Path:
 
 
 def plain_image() -> image_files.Image:
-    """Returns 727 bytes, which are sent as 200, 200, 200 and 127."""
+    """Returns an image of 727 bytes, which are sent in blocks of 200, 200, 200 and 127 bytes."""
     return image_files.Image(bytes(n * n % 61 | 0x80 for n in range(700)) + image_files.KNOCK, 0x8000)
 
 
@@ -122,7 +122,7 @@ def downloads(brick: RcxBrick) -> int:
     ("command", "last_block"),
     [
         (("firmdl3", "-s", "--tty={}", str(KERNEL)), 56),
-        (("nqc", "-S{}", "-firmware", str(KERNEL)), 0),  # its last block has number 0, so that the ROM plays a sound
+        (("nqc", "-S{}", "-firmware", str(KERNEL)), 0),  # nqc numbers its last block 0: then the ROM plays a sound
     ],
 )
 def test_other_tools_deliver_the_kernel_bit_for_bit(
@@ -175,9 +175,9 @@ def test_flash_delivers_the_whole_kernel_on_a_bad_line(kernel: bytes) -> None:
 
 @pytest.mark.parametrize(("lost", "lego"), [*((lost, False) for lost in range(1, 9)), (7, True), (8, True)])
 def test_a_lost_reply_costs_a_packet_and_not_the_image(lost: int, lego: bool) -> None:
-    """The replies are to alive, delete, begin, four blocks and start. The ROM repeats a reply without acting again.
+    """The brick replies to alive, delete, begin, four blocks and start. The ROM repeats a reply without acting again.
 
-    Whether the image is LEGO's matters only once it has been started, with or without the reply.
+    `lego` matters only after the start of the image, whether the reply to start arrives or not.
     """
     image = plain_image()
     with RcxBrick(lose_replies=frozenset([lost]), lego=lego) as brick:
@@ -202,7 +202,7 @@ def test_several_lost_replies_to_one_block_shorten_it_and_skip_no_byte() -> None
 
 @pytest.mark.parametrize("back_after", [1300, 2000])
 def test_a_delivery_continues_when_the_brick_comes_back_into_the_beam(back_after: int) -> None:
-    """The brick is away for a few tries, or for more than half of all tries; then it is asked whether it is alive."""
+    """The brick is away for a few or more than half of all tries; then the sender asks whether the brick is alive."""
     image = plain_image()
     with RcxBrick(vanish_after=700, back_after=back_after) as brick:
         done = flash_firmware(image, brick.path)
@@ -267,8 +267,8 @@ def test_flash_delivers_a_program_on_a_line_that_damages_one_byte_of_a_hundred(f
 
 @pytest.mark.parametrize("lost", [*([number] for number in range(1, 10)), [3, 4, 5], [8, 9, 10], [2, 4]], ids=str)
 def test_a_program_arrives_complete_although_acknowledgements_are_lost(lost: list[int]) -> None:
-    """brickOS acknowledges delete, create, six packets of data and run. Create and the last data, sent
-    again, get no second acknowledgement."""
+    """brickOS acknowledges delete, create, six packets of data and run. If create or the last data are sent
+    again, brickOS does not acknowledge them again."""
     program = large_program()
     with RcxBrick(brickos=True, lose_replies=frozenset(lost)) as brick:
         flash_program(program, brick.path, execute=True)
@@ -278,7 +278,7 @@ def test_a_program_arrives_complete_although_acknowledgements_are_lost(lost: lis
 
 
 def test_a_reply_counts_only_if_complete_and_not_from_the_echo() -> None:
-    """A block of an image may hold, with its complements, exactly the bytes of the reply to it."""
+    """The echo of a block counts for nothing, even if block and complements contain the bytes of the block's reply."""
     reply = rom.frame(b"\xba\x00")
     assert rom.find_reply(b"\x12" + reply, 0x45, 2) == b"\xba\x00"
     for at in range(3, len(reply)):  # the header may be damaged

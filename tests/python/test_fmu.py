@@ -30,7 +30,7 @@ STEP_S = 0.003
 
 
 def tired() -> Model:
-    """A robot with an effect of each site: timing, drive, supply, motor, gear, wheel, tyre, body and sensors."""
+    """Returns a robot with effects at each site: timing, drive, supply, motor, gear, wheel, tyre, body and sensors."""
     effects: dict[str, dict[str, float]] = {
         "input_delay": {"delay": 0.05},
         "battery_sag": {"resistance": 2.0},
@@ -66,7 +66,7 @@ def made(folder: Path, model: Model, version: str) -> Path:
 
 @pytest.fixture(scope="module", params=fmu.VERSIONS)
 def units(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
-    """The unpacked FMU of each robot, for one version of FMI."""
+    """Returns a function: name of a robot -> the folder of its unpacked FMU, for one version of FMI."""
     folder = tmp_path_factory.mktemp("fmu")
     done: dict[str, Path] = {}
 
@@ -98,7 +98,10 @@ def unit(units: Callable[[str], Path]) -> Iterator[Callable[..., Unit]]:
 
 
 def driven(model: Model) -> tuple[Array, Array]:
-    """Times whose differences are exact, in steps of many lengths, and voltages; some are NaN (a floating motor)."""
+    """Returns times (n,), s, and voltages (n, 1 or 2), V; at NaN the motor floats.
+
+    The steps have many lengths, and all differences of times are exact.
+    """
     rng = np.random.default_rng(7)
     time = np.concatenate([[0.0], np.cumsum(rng.integers(1, 40, 400) / 1024)])
     volts = rng.uniform(-9.0, 9.0, (len(time), 1 if model.vehicle == "motor" else 2))
@@ -309,7 +312,7 @@ def test_another_description_is_refused(unit: Callable[..., Unit]) -> None:
 def test_its_sources_compile_elsewhere_to_the_same_numbers(
     units: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """CMake builds them without optimisation, which takes less time and changes no bit."""
+    """CMake builds the sources without optimisation, which takes less time and changes no bit of a result."""
     (archive,) = units("tired").glob("*.fmu")
     with zipfile.ZipFile(archive) as file:
         file.extractall(tmp_path, [name for name in file.namelist() if not name.startswith("binaries")])

@@ -1,4 +1,4 @@
-"""A gain set: the chosen raw integers fly in simulation, over a link, on both bricks' processors."""
+"""A gain set flies as the same raw integers in simulation, over a link and on the RCX's processor; images hold it."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def test_an_image_holds_the_raw_integers_and_the_rest_stays(name: str, tmp_path:
 
 
 def constants_in(header: str) -> dict[str, str]:
-    """Returns path of a field ("outer.inner.field") -> number, for the constants of a header."""
+    """Returns path of a field ("outer.inner.field") -> number as text, for the constants of a header."""
     found, inside = {}, []
     for line in header.partition("PARAMS_COUPLED = {")[2].splitlines():
         if opens := re.fullmatch(r" *\.(\w+) = \{", line):

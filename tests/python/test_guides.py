@@ -26,7 +26,7 @@ INSTALLING = ("sh tools/fly", ". .venv/bin/activate", "pip install ", "python -m
 def type_page(text: str, folder: Path, kept: Path) -> list[str]:
     """Types a page's blocks: commands of `sh`, programs of `python`, files of `toml`. Returns the commands that ran.
 
-    Two pages search the same log: the folder `kept` keeps what the first one has found.
+    Two pages run `why` on the same log: the folder `kept` keeps the files that the first search writes.
     """
     typed = []
     for kind, body in BLOCK.findall(text):
@@ -70,7 +70,7 @@ def told(folder: Path) -> None:
 
 
 def asked(folder: Path) -> None:
-    """Checks what the robot that asks has found out, and the files that it has written."""
+    """Checks what `brickpilot ask` has found and the files that it has written."""
     told = json.loads((folder / "runs/ask/ask.json").read_text())
     assert told["stopped"] == "decided"
     assert len(told["manoeuvres"]) >= 2

@@ -1,4 +1,4 @@
-"""The headline number: what it says, and that all commands give the same one for the same model and the same runs."""
+"""All commands give the same headline number, the explained share of a signal, for the same model and runs."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def test_the_mean_over_signals_leaves_out_those_without_a_number_and_the_battery
 
 @pytest.fixture(scope="module", params=["robot", "parts", "motor"])
 def data(request, tmp_path_factory):
-    """A robot with stated roles, a robot whose runs are held out in part, or a motor with a logged position."""
+    """Returns a data set: a robot with stated roles, a robot with parts of runs held out, or a motor with positions."""
     folder = tmp_path_factory.mktemp("headline") / request.param
     if request.param == "motor":
         truth = dataclasses.replace(
@@ -124,7 +124,7 @@ def numbers(found):
 
 
 def in_verdict(finding, which):
-    """Returns the same numbers from verdict.json; `which` is "before" or "after"."""
+    """Returns the numbers as `numbers` does, but from verdict.json; `which` is "before" or "after"."""
     fits = json.loads(json.dumps(finding.yardstick.fit_json(), allow_nan=False))
     found = {"fit": {}, "held_out": {}}
     for signal, horizons in fits.items():
@@ -169,7 +169,7 @@ def start_of(data):
 
 
 def test_another_start_of_the_runs_is_noticed(data, finding, monkeypatch):
-    """The test above can fail: runs that start from their first sample alone have other numbers."""
+    """Runs that start from their first sample alone have other numbers, so the comparison with discover can fail."""
     monkeypatch.setattr(compared_runs, "started", lambda measured, inputs: measured)
     one_sample = with_numbers(numbers(compare(data, finding.augmented).headline))
     assert one_sample != with_numbers(in_verdict(finding, "after"))

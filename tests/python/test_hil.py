@@ -29,7 +29,7 @@ from brickpilot.vehicle.model import rcx
 from brickpilot.vehicle.settings import settings as known_settings
 from command import brickpilot
 
-LATE = 7  # number of the fault of a run that the watchdog ended, see firmware/autopilot/mode.h
+LATE = 7  # fault number, in firmware/autopilot/mode.h, of a run that the watchdog ended
 PATIENT_S = 5.0  # longest wait for a reply: a busy machine may not schedule the brick for a second
 STARTED_HERE = ["serial:pty", "tcp", "can:slcan", "can:virtual"]
 
@@ -68,7 +68,7 @@ def session() -> Iterator[Session]:
     ("spec", "sensors"), [("serial:pty", "ideal"), *((spec, "imu+encoders") for spec in STARTED_HERE)]
 )
 def test_the_mission_over_every_link_is_bit_for_bit_the_golden_one(spec: str, sensors: str) -> None:
-    """Until 2 s after the mission's end: then the robot stands, and the test of the paper's profile goes on to 60 s.
+    """Flights end 2 s after the mission, when the robot stands; the test of the paper's profile goes on to 60 s.
 
     The sensors change the readings in the messages and not how a link carries them.
     """
@@ -240,7 +240,7 @@ def test_a_lost_link_gives_status_1_and_keeps_the_flight_until_then(tmp_path: Pa
 
 @pytest.mark.parametrize("pace", [LOCKSTEP, pytest.param(REALTIME, marks=pytest.mark.realtime)])
 def test_a_brick_without_messages_stops_and_needs_a_reset(pace: str) -> None:
-    """After a silence longer than its watchdog allows, the brick drives only after reset and start."""
+    """After a silence longer than its watchdog allows, the brick keeps its motors off: only a reset ends the fault."""
     silent_s = 1.3 if pace == LOCKSTEP else 0.3
     wanted = plan(duration=9.0 if pace == LOCKSTEP else 3.0)
 
@@ -349,7 +349,7 @@ def test_two_flights_can_use_the_same_brick_in_turn() -> None:
 
 
 def test_claim_priority_returns_whether_the_system_grants_it() -> None:
-    """Runs in another process, so that this one keeps its priority."""
+    """The call runs in another process, so that the process of the tests keeps its priority."""
     code = (
         "import os; from brickpilot.hil.ends import claim_priority as c; print(c() is (os.sched_getscheduler(0) == 1))"
     )

@@ -1,4 +1,4 @@
-"""The message BOARD in words: what a flight reports of the board's latest start."""
+"""A flight reports in words what the message BOARD says about the board's latest start."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ FLOWN = 'name = "s"\nkind = "mission"\nduration_s = 6\nwaypoints_m = [[0.3, 0.1]
 
 
 class Replaying(WrappedLink):
-    """A link that sends the host's first messages again, before the set of messages of step REPLAYED_AT."""
+    """A link that sends chosen earlier messages of the host again, before the messages of step REPLAYED_AT."""
 
     def __init__(self, link: Link, names: Sequence[str]) -> None:
         super().__init__(link)

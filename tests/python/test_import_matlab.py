@@ -79,7 +79,7 @@ def test_nan_in_a_mat_file_becomes_a_blank(tmp_path: Path) -> None:
 def test_a_mat_variable_that_cannot_be_a_signal_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, entry: str, says: str
 ) -> None:
-    monkeypatch.setattr(matlab, "load", mat_file.parse)  # saves one process for each case
+    monkeypatch.setattr(matlab, "load", mat_file.parse)  # parses in this process, which saves time
     more = {"word": "abc", "short": np.ones(3), "far": np.where(SAMPLES > 0.2, np.inf, 0.0)}
     savemat(tmp_path / "a.mat", {**mat_content(), **more})
     with pytest.raises(InputError) as caught:

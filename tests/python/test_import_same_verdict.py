@@ -39,7 +39,7 @@ def write_mcap(path: Path, table: Table) -> Path:
 
 def write_wpilog(path: Path, table: Table) -> Path:
     time, volts, speed = table.values()
-    changed = np.flatnonzero(np.diff(volts, prepend=np.nan))  # WPILib's own entries are written when they change
+    changed = np.flatnonzero(np.diff(volts, prepend=np.nan))  # WPILib writes an entry when its value changes
     entries = {
         "/motor/volts": ("double", time[changed], volts[changed]),
         "/motor/speed": ("double", time, speed),
@@ -56,7 +56,7 @@ WRITERS: dict[str, tuple[Callable[[Path, Table], Path], list[str]]] = {
 
 
 def tables(folder: Path) -> dict[str, Table]:
-    """The runs of a motor with dry friction. The clock begins at 1 s, because a WPILOG cannot hold the time 0."""
+    """Returns run -> table, of a motor with dry friction. Times begin at 1 s: a WPILOG cannot hold the time 0."""
     truth = synthetic.motor(wheel_inertia=1e-3)
     dry = dataclasses.replace(truth, effects={"coulomb_friction": {"torque": 0.02}})
     synthetic.write(folder, dry, {"speed": 0.02}, "", manoeuvres=MANOEUVRES)
@@ -70,7 +70,7 @@ def tables(folder: Path) -> dict[str, Table]:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the same runs as logs of each kind, and a data set imported from each by the command line."""
+    """Returns a folder with the same runs as logs of each kind, and the data sets that the CLI imports from these."""
     place = tmp_path_factory.mktemp("logs")
     known = [
         word
@@ -97,7 +97,7 @@ def test_the_tables_agree_to_the_digit(folder: Path) -> None:
 
 
 def test_the_verdict_is_the_same(folder: Path) -> None:
-    """Two kinds are enough: the tables of the other kinds have the same digits."""
+    """Two kinds of logs are enough: the tables of the other kinds have the same digits."""
     verdicts = {}
     for ending in ("csv", "mcap"):
         done = brickpilot("discover", f"from_{ending}", "--out", f"found_{ending}", "--jobs", "1", cwd=folder)

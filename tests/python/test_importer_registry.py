@@ -63,7 +63,7 @@ for arguments in json.loads(sys.argv[1]):
 
 
 class Ended(NamedTuple):
-    """What a command has said until it ended."""
+    """Exit status, standard output and standard error of a command."""
 
     status: int
     said: str
@@ -71,7 +71,7 @@ class Ended(NamedTuple):
 
 
 def commands_of(folder: Path, *commands: list[str]) -> list[Ended]:
-    """Runs `import` of the package in a folder, all commands in one process, since it takes long to start."""
+    """Runs commands of `import` with the package in a folder, in one process, because a process takes long to start."""
     called = [sys.executable, "-c", COMMANDS, json.dumps(commands)]
     done = subprocess.run(called, cwd=folder, capture_output=True, text=True, timeout=120, check=True)
     return [Ended(*json.loads(line)) for line in done.stdout.splitlines()]

@@ -1,4 +1,4 @@
-"""A slow log whose commands act late, each with another delay, is not explained by slip."""
+"""Slip does not explain a log with a row every 40 ms whose commands act late, each with its own delay."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SLIPS = {"wheel_slip", "side_slip"}
 
 
 def commands(rng: np.random.Generator) -> np.ndarray:
-    """Returns (n, 3): s, V left, V right: eight drives of four commands each, with rests between them."""
+    """Returns (n, 3): time in s, left V, right V: eight drives of four commands each, with rests between them."""
     rows, time = [(0.0, 0.0, 0.0)], 0.5
     for left, right in DRIVES:
         for _ in range(4):
@@ -37,7 +37,7 @@ def commands(rng: np.random.Generator) -> np.ndarray:
 
 
 def write_logs(folder: Path, truth: Model, latest_s: float, seed: int) -> None:
-    """Writes a row every 40 ms, and the commands; each acts up to `latest_s` after the robot has logged it."""
+    """Writes rows every 40 ms, and the commands; each command acts up to `latest_s` s after the robot has logged it."""
     rng = np.random.default_rng(seed)
     given = commands(rng)
     grid = np.arange(0.0, given[-1, 0], 0.001)

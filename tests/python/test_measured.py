@@ -65,7 +65,7 @@ def test_micromouse_straight_runs_are_fitted_up_to_their_collisions():
     off = {run.name: run.signals["wheel_travel_left"].share for run in compared.runs}
     assert off["t0_2"] < 0.22
     assert off["t0_3"] < 0.07
-    assert max(off["t0_4"], off["t0_4_2"]) < 0.15  # two repeats, of which one was fitted
+    assert max(off["t0_4"], off["t0_4_2"]) < 0.15  # two replicates; one of them was fitted
 
 
 def test_frc_drivetrain_needs_dry_friction(tmp_path, full):
@@ -78,6 +78,6 @@ def test_frc_drivetrain_needs_dry_friction(tmp_path, full):
     told = {one.name: one.value for one in dry.combinations}
     assert 0.7 < told["dry friction in volts"] < 1.2
     assert told["speed per volt"] == pytest.approx(0.417, rel=0.1)
-    # The held-out run is a slow turn, near the friction: only on the fitted runs does the error fall by half.
+    # The held-out run is a slow turn, at voltages near the friction: only on the fit runs does the error fall by half.
     assert after.share("held_out", "wheel_velocity_left") < 0.7 * before.share("held_out", "wheel_velocity_left")
     assert plain.roles == dry.roles

@@ -1,4 +1,4 @@
-"""Laws that are not the library's, against closed forms in both engines; and the table that says what they are."""
+"""Laws that the library lacks agree with closed forms in both engines; a table states their mechanisms and names."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def current(volts: float, speed: float) -> float:
 
 
 def by_load(volts: float, share: float, speed: float) -> float:
-    """Returns the speed, rad/s, if friction takes a share of the motor's torque, the largest share near rest."""
+    """Returns the steady speed, rad/s, if friction takes a share of the motor's torque that is largest near rest."""
 
     def miss(w: float) -> float:
         taken = share * (0.3 + 0.7 * math.exp(-((w / speed) ** 2)))
@@ -168,7 +168,7 @@ def test_a_motor_that_floats_coasts_on_its_losses_alone(engine) -> None:
     kept = math.exp(-1.9 * BENCH.wheel_damping() / inertia)
     assert track.wheel_speed_left[2950] == pytest.approx(kept * track.wheel_speed_left[1050], rel=1e-3)
     assert np.abs(track.current_left[1010:3490]).max() < 1e-4
-    assert abs(track.wheel_speed_left[-1]) < 0.2 * track.wheel_speed_left[3490]  # and then it brakes
+    assert abs(track.wheel_speed_left[-1]) < 0.2 * track.wheel_speed_left[3490]  # then the motor brakes
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -223,7 +223,7 @@ def test_a_second_inertia_adds_to_the_first_and_swings(engine) -> None:
     )
     settled = alone[-1]
     assert coupled[-1] == pytest.approx(settled, rel=0.01)
-    # The speed missing to the settled one, summed up, grows with the moved mass: half as much again.
+    # The sum of the differences to the settled speed grows with the moved inertia, here by half.
     missing = [float(np.sum(settled - one[200:])) for one in (alone, coupled)]
     assert missing[1] / missing[0] == pytest.approx(1.5, rel=0.02)
     swing = coupled[250:1250] - alone[250:1250]
@@ -262,13 +262,13 @@ def test_drag_in_curves_grows_with_the_square_of_the_side_force(engine) -> None:
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_wavy_floor_gives_back_what_it_takes(engine) -> None:
-    """Energy: the speed varies with the height, and its mean is that on a smooth floor."""
+    """The floor takes and returns energy: the speed varies with the height, and its mean is that on a smooth floor."""
     wave = {"slope": 0.05, "wave": 0.4}
     rough, smooth = (drive(engine, h, hold(9, 9, 3.0))[0] for h in ({"floor_wavy": wave}, {}))
     last = rough.time > 1.5
     assert np.ptp(rough.surge[last]) > 0.02
     assert np.mean(rough.surge[last]) == pytest.approx(np.mean(smooth.surge[last]), rel=0.01)
-    # on a slope, an accelerometer shows the push of the tyres: here that of the motors alone
+    # on a slope, an accelerometer measures the push of the tyres alone, here from the torque of the motors
     push = (2 * (BENCH.torque_constant * rough.current_left - BENCH.wheel_damping() * rough.wheel_speed_left)) / RADIUS
     spin = 2 * BENCH.wheel_inertia / RADIUS * np.gradient(rough.wheel_speed_left, 0.001)
     np.testing.assert_allclose(rough.accel_surge[1000:], ((push - spin) / BENCH.mass)[1000:], atol=0.06)
@@ -325,7 +325,7 @@ SHARED = [name for name, law in other_laws.OTHER.items() if set(law.engines) == 
 
 @pytest.mark.parametrize("name", [name for name in SHARED if name not in sensor_laws.LAWS])
 def test_both_engines_agree_on_what_a_law_changes(name) -> None:
-    """The engines share no physics: the change that the law makes differs by less than a tenth."""
+    """The engines share no physics; the change that a law makes differs between them by less than a tenth."""
     hidden = {name: dict(other_laws.OTHER[name].effect.visible)}
     runs = [
         steps("a", 2.0, (0.03, 8, 5), (1.2, -5, -3), (1.7, 0, 0)),

@@ -1,4 +1,4 @@
-"""The C plant against independent ODEs, its convergence, and the Python that calls it."""
+"""The C plant agrees with independent ODEs and converges; the Python that calls it refuses bad models and runs."""
 
 import copy
 import dataclasses
@@ -18,21 +18,24 @@ ODES = {"coupled": reference_ode.coupled, "paper": reference_ode.paper}
 
 
 def another_robot(profile: str) -> Model:
-    """A robot whose values all differ from the packaged robot's: a constant typed into the plant would show."""
+    """Returns a robot whose values all differ from the packaged robot's: a constant typed into the plant shows."""
     scales = np.random.default_rng(7).uniform(0.7, 1.4, len(rcx().parameters))
     values = {name: value * scale for (name, value), scale in zip(rcx().parameters.items(), scales, strict=True)}
     return Model("another", "diff_drive", profile, values)
 
 
 def manoeuvre(step: float = 0.003) -> tuple[np.ndarray, np.ndarray]:
-    """Forward, curve, one wheel braked, spin, one wheel floating, both floating, backward: 0.5 s each."""
+    """Returns time (n,), s, and voltages (n, 2), V, with 0.5 s for each piece.
+
+    The pieces: forward, curve, one wheel braked, spin, one wheel floating, both floating, backward.
+    """
     pieces = [(6, 6), (7, 3), (7, 0), (-5, 5), (6, math.nan), (math.nan, math.nan), (-8, -4)]
     time = np.arange(0, 0.5 * len(pieces) + step / 2, step)
     inputs = np.array([pieces[min(int((t + step / 2) / 0.5), len(pieces) - 1)] for t in time], dtype=float)
     return time, inputs
 
 
-# The error at 3 ms is that of the body step: in `paper` the velocity turns at 15 rad/s in the body's axes.
+# With steps of 3 ms, the body step causes the error: in `paper` the velocity turns at 15 rad/s in the body's axes.
 @pytest.mark.parametrize(("profile", "share"), [("coupled", 1e-4), ("paper", 4e-3)])
 def test_plant_agrees_with_a_stiff_ode_solver(profile: str, share: float) -> None:
     model = another_robot(profile)
@@ -305,7 +308,7 @@ def test_the_attributes_of_an_effect_s_row_reach_python() -> None:
 
 
 def test_the_longest_step_of_friction_by_load_resolves_it() -> None:
-    """The friction uses the current of the step before: in steps of 10 ms the wheels are wrong by 0.2 %."""
+    """The friction depends on the previous step's current: with steps of 10 ms, wheel speeds are wrong by 0.2 %."""
     info = catalogue.effect("load_friction")
     assert info.motor_step > 0
     model = dataclasses.replace(rcx(), effects={info.name: {one.name: one.preset for one in info.parameters}})

@@ -1,4 +1,4 @@
-"""The manual of each file that a user writes is its reader's docstring: it names each key, and its example works."""
+"""The docstring of a module that reads a user's file is the file's manual: it names each key, and its example works."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Values that differ from run to run: planted values are found, and their common part keeps its name."""
+"""Planted values that differ from run to run are found; what all runs share is named as an effect of the library."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ STARTS = dict(zip(VOLTAGES, (0.15, 0.25, 0.2, 0.3, 0.12, 0.35, 0.18, 0.22), stri
 
 @pytest.fixture(scope="module")
 def logged(tmp_path_factory):
-    """Eight runs of a robot whose values are known to 2 %, with their commands."""
+    """Returns a data set of eight runs of a robot whose values are known to 2 % (sd)."""
     known = {name: value for name, value in robot().parameters.items() if value}
     nominal = "\n".join(f"{name} = {{ value = {value}, sd = {0.02 * value} }}" for name, value in known.items())
     return reading.read(write(tmp_path_factory.mktemp("runs") / "set", robot(), SIGNALS, nominal,
@@ -38,7 +38,7 @@ def logged(tmp_path_factory):
 
 
 def measured(logged, kind="supply_gain", values=None, **effects):
-    """Returns the data set as a robot with these values of its runs, and these effects, would have written it."""
+    """Returns `logged` with the outputs of a robot that has these values of its runs and these effects."""
     truth = dataclasses.replace(robot(), effects=effects, by_run={kind: values or {}})
     simulated = Replay(logged).simulate([truth])[0]
     random, runs = np.random.default_rng(3), []

@@ -38,7 +38,7 @@ def runs_held_out(folder: Path) -> Dataset:
 
 
 def stretches_held_out(folder: Path) -> Dataset:
-    """Each manoeuvre occurs once, so the last part of its drive is held out."""
+    """Returns a data set without roles: each manoeuvre occurs once, so the last part of its drive is held out."""
     return reading.read(write(folder, TRUTH, NOISE, STATED, manoeuvres=MOVES, roles=[""] * 5))
 
 
@@ -53,7 +53,7 @@ KINDS = [runs_held_out, stretches_held_out, motor_held_out]
 
 
 def held_out_rows(run: Run, prepared: Prepared) -> np.ndarray:
-    """Returns (n,) whether a sample is held out."""
+    """Returns (n,): whether each sample of a run is held out."""
     if prepared.roles.by_run[run_of(run.name)] == "held_out":
         return np.ones(len(run.time), dtype=bool)
     first, last = prepared.roles.stretches.get(run_of(run.name), (np.inf, -np.inf))
@@ -100,7 +100,7 @@ def arrays(given: object, where: str = "prepared", seen: set[int] | None = None)
 
 
 def numbers_in(array: np.ndarray, where: str) -> Iterator[tuple[str, np.ndarray]]:
-    """Yields an array, or each field of an array of structures, without addresses: these differ each time."""
+    """Yields an array, or each field of an array of structures, without addresses, which differ from call to call."""
     for name in array.dtype.names or ():
         yield from numbers_in(array[name], f"{where}.{name}")
     if array.dtype.names is None and array.dtype.kind != "u":
@@ -159,7 +159,7 @@ def test_a_leak_would_be_found(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_other_held_out_values_leave_all_that_is_prepared_as_it_was(kind: Any, tmp_path: Path) -> None:
-    """To the byte: the residuals, their weights, the start states, the roles, the calibrated model."""
+    """Equal to the byte are the residuals, their weights, the start states, the roles and the calibrated model."""
     data = kind(tmp_path / "set")
     first, _ = prepare(data, None, seed=0, jobs=1)
     second, _ = prepare(wild(data, first, seed=1), None, seed=0, jobs=1)

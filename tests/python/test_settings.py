@@ -31,7 +31,7 @@ ROW = (
 NAMED = {
     "firmware/simulate.py",  # the cruise speed that scales the mission
     "firmware/robot.py",  # the rules by which the gains of another robot follow, and the cruise speed that they use
-    "firmware/params_header.py",  # battery_floor, on which the range of the battery voltage depends; checks of defaults
+    "firmware/params_header.py",  # rest_speed, checks of pairs of gains, and the scale of the travel
     "vehicle/settings.py",  # defaults that follow from other values
     "gen/value_headers.py",  # settings that the reference controller in floating point lacks
     "link/brick.py",  # what a flight needs
@@ -41,7 +41,7 @@ NAMED = {
     "tune/task.py",  # the gains that are tuned, and their ranges
     "vehicle/gains.py",  # pairs of gains: one may not exceed the other
     "vehicle/flight.py",  # a scenario's cruise
-    "vehicle/compensation.py",  # the equations, the gains in any case, and the reserve by the robot's own battery
+    "vehicle/compensation.py",  # the equations, and the gains in the damping ratio of the heading controller
     "constants.py",  # reads the value of a setting from the vehicle file
 }
 
@@ -103,7 +103,7 @@ def append(root: Path, row: str) -> None:
 
 @pytest.fixture
 def copy(tmp_path: Path) -> Path:
-    """A checkout with all that a brick and its generated files need."""
+    """Returns a copy of what a brick and its generated files need of the checkout."""
     for folder in ("firmware", "hal", "sim_host", "tests/numeric", "tests/unit/link"):
         shutil.copytree(ROOT / folder, tmp_path / folder)
     (tmp_path / "tools").mkdir()
@@ -121,7 +121,7 @@ def build(root: Path) -> subprocess.CompletedProcess[str]:
 
 @pytest.fixture
 def brick(copy: Path) -> Iterator[str]:
-    """A brick whose firmware has one setting more, and a package in `copy` that knows it; gives the brick's link."""
+    """Yields the link of a brick whose firmware has one more setting, which the package in `copy` also knows."""
     append(copy, ROW.format(len(settings()), "default = 0.25, "))
     made = run(copy, sys.executable, "-m", "brickpilot.gen")
     assert made.returncode == 0, made.stdout + made.stderr

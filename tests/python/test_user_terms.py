@@ -41,7 +41,7 @@ WHEELS = r"\b([Ww]heels?|[Rr]obots?|[Vv]ehicle|[Mm]ission|[Dd]riving)\b"
 
 @pytest.fixture(scope="module")
 def sets(tmp_path_factory):
-    """The same runs in the paper's frame and SI, and as a robot of ROS would log them: FLU, degrees, rpm."""
+    """Returns the same runs as two data sets: in the paper's frame and SI, and as ROS logs them: FLU, degrees, rpm."""
     folder = tmp_path_factory.mktemp("frames")
     ours = write(folder / "frd", robot(), NOISE, "")
     theirs = write(folder / "flu", robot(), NOISE, "", frame="FLU", units=DEGREES)
@@ -49,7 +49,7 @@ def sets(tmp_path_factory):
 
 
 def words_of(page):
-    """Returns what a reader sees of a page."""
+    """Returns the text of a page that a reader sees."""
     page = re.sub(r"<(script|style)[^>]*>.*?</\1>", "", page, flags=re.S)
     return html.unescape(re.sub(r"<[^>]+>", " ", page)).replace("\N{NO-BREAK SPACE}", " ")
 
@@ -64,7 +64,7 @@ def test_a_signal_is_stated_as_its_file_states_it(sets):
 
 
 def test_plots_show_the_values_of_the_file(sets, monkeypatch):
-    """This holds on every page; the residual changes its sign with the signal."""
+    """Every page draws the signal as the file has it; the residual has the same sign and unit."""
     _, theirs = sets
     drawn = []
 
@@ -166,7 +166,7 @@ def test_no_word_says_noise_beside_a_large_remainder(tmp_path):
 
 @pytest.fixture(scope="module")
 def of_a_motor(tmp_path_factory):
-    """A motor with dry friction, whose resistance is unknown: the size of the friction is known only in volts."""
+    """Returns the finding for a motor of unknown resistance: the size of its dry friction is known only in volts."""
     truth = dataclasses.replace(motor(), effects={"coulomb_friction": {"torque": 0.02}})
     volts = {f"up_{k:g}": (k, 0.0) for k in (3.0, 4.0, 5.0, 6.0)} | {
         f"down_{k:g}": (-k, 0.0) for k in (3.0, 4.0, 5.0, 6.0)

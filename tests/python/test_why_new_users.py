@@ -1,4 +1,4 @@
-"""First answer of `why` to a log of another engine than the plant: the weak side with its size, nothing, or advice."""
+"""`why` answers the log of an engine other than the plant with the weak side and its size, nothing, or advice."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def said_of(folder: Path, robot: str, hidden: dict[str, dict[str, float]]) -> li
 
 @pytest.fixture(scope="module")
 def weak_right(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[str]]:
-    """The folder of one straight run with a weak right motor, and the lines of `why` about it."""
+    """Returns the folder of one straight run with a weak right motor, and the lines of `why` about this run."""
     folder = tmp_path_factory.mktemp("weak_right")
     return folder, said_of(folder, "mujoco", WEAK_RIGHT)
 
@@ -97,7 +97,7 @@ def test_a_gyro_that_the_wheels_contradict_is_not_nothing(tmp_path: Path) -> Non
     answered = bp.why(tmp_path / "log.csv", nominal={**nominal, "battery_voltage": 9.0})
     found = answered.answer
     assert found.ending == "contradiction", found.what
-    assert found.what in discover_text.verdict(answered.finding)  # `discover` says it of the same data
+    assert found.what in discover_text.verdict(answered.finding)  # `discover` says the same
     said = re.match(
         rf"These data contradict themselves: the gyro turns {PERCENT} more than the wheels do \(", found.what
     )
@@ -150,7 +150,7 @@ def test_a_dead_band_shows_in_four_manoeuvres(tmp_path: Path) -> None:
 
 
 def test_what_a_black_box_predicts_of_the_noise_is_nothing(tmp_path: Path) -> None:
-    """It predicts a fifth of the rounding of the counts: 99.54 % can be explained, and the model explains 99.53 %."""
+    """The black box predicts a fifth of the counts' rounding: 99.54 % can be explained, the model explains 99.53 %."""
     write_log(tmp_path / "log.csv", "planar", MANY, {}, seed=33)
     found = bp.why(tmp_path / "log.csv")
     assert found.finding.verdict == "none"
@@ -194,7 +194,7 @@ def test_what_rests_on_a_guess_is_not_confirmed_until_it_is_stated(tmp_path: Pat
 
 
 def test_data_that_contradict_themselves_are_said_to_before_all_else(tmp_path: Path) -> None:
-    """This holds while the fault is too uncertain to be mended; a mended fault is the cause."""
+    """The contradiction comes first while the fault is too uncertain to be mended; a mended fault is the cause."""
     made = finding(measured(tmp_path / "set"), "named")
     unsure = Miswired("scale", ("yaw_rate",), "yaw_rate is 57.3 times what the wheels say", 0.95, {})
     open_data = dataclasses.replace(made.dataset, wiring=(unsure,))
@@ -220,7 +220,7 @@ REWIRED = {
 
 @pytest.mark.parametrize(("robot", "fault"), [*zip(itertools.cycle(ROBOTS), REWIRED)])
 def test_wrong_wiring_is_the_first_line_with_what_mends_it(robot: str, fault: str, tmp_path: Path) -> None:
-    """The robots take turns: test_wiring.py finds each fault on both."""
+    """Each fault is planted on one of the two robots; test_wiring.py finds each fault on both."""
     change, begins, options = REWIRED[fault]
     write_log(tmp_path / "log.csv", robot, MANY, {})
     rewire(tmp_path / "log.csv", change)

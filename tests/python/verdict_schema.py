@@ -12,7 +12,7 @@ SCHEMA = json.loads(resources.files("brickpilot").joinpath("report/verdict.schem
 
 
 def closed(schema):
-    """Returns the schema without room for undescribed keys. The published schema leaves room for later keys."""
+    """Returns the schema, changed to refuse keys that it does not describe; the published schema allows later keys."""
     if isinstance(schema, list):
         return [closed(one) for one in schema]
     if not isinstance(schema, dict):
@@ -25,7 +25,7 @@ CLOSED = closed(SCHEMA)
 
 
 def check(finding):
-    """Returns the verdict as written, after a check."""
+    """Returns the content of verdict.json after a check against the schema."""
     figures = json.loads(json.dumps(verdict_json(finding), allow_nan=False))
     faults = [f"{one.json_path}: {one.message}" for one in Draft202012Validator(CLOSED).iter_errors(figures)]
     assert faults == []
