@@ -274,7 +274,8 @@ class Search:
     def _gained(found: Found, count: int) -> bool:
         """Returns whether `count` parts predict better than fewer parts do, by more than chance and laws' own errors.
 
-        This is not yet sure, because samples are correlated. But as long as parts are missing, their error is correlated.
+        This gain is not sure, because samples are correlated. But the error of parts that are missing is correlated,
+        too, so the search goes on.
         """
         fewer = max(known.total for key, known in found.table.items() if len(key) < count)
         most = max((known.total for key, known in found.table.items() if len(key) == count), default=fewer)
