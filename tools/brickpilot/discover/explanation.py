@@ -21,6 +21,7 @@ from brickpilot.fit.problem import Problem
 from brickpilot.fit.residual import Residual
 from brickpilot.side_by_side import side_by_side
 from brickpilot.vehicle.model import Model
+from brickpilot.vehicle.replay import RUN_KINDS
 
 Array = NDArray[np.float64]
 _Item = TypeVar("_Item")
@@ -83,7 +84,8 @@ class Explanation:
     @cached_property
     def shaped(self) -> frozenset[str]:
         """The names of its laws that have a shape: without run values and constants added to readings."""
-        return frozenset(part.name for part in self.parts if part.has_shape)
+        exact = {effect.name for effect in catalogue.effects() if effect.shapeless}.union(RUN_KINDS)
+        return frozenset(part.name for part in self.parts if part.effect not in exact)
 
     @property
     def effects(self) -> tuple[Part, ...]:

@@ -48,11 +48,6 @@ class Part:
         return "order" in self.free
 
     @property
-    def has_shape(self) -> bool:
-        """Whether the law's shape may be wrong. A constant that is added to a reading has no shape."""
-        return not catalogue.effect(self.effect).shapeless
-
-    @property
     def infos(self) -> dict[str, ParameterInfo]:
         """Parameter -> its row of the effect table, for all parameters of the effect."""
         return {row.name: row for row in catalogue.effect(self.effect).parameters}
@@ -109,8 +104,6 @@ class Part:
 @dataclass(frozen=True)
 class RunPart(Part):
     """Run values of one kind, such as delays, one for each fit run. `effect` is the kind; `free` lists the runs."""
-
-    has_shape = False
 
     @property
     def infos(self) -> dict[str, ParameterInfo]:

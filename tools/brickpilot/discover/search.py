@@ -2,9 +2,9 @@
 
 The search fits single parts, then pairs of the best parts. Then it adds one part to the best two explanations and to
 the best fit. It stops if no added part surely predicts better, or if the best fit leaves no more error than wrong
-shapes of its laws may leave. It replaces each part of the best fit once by other laws of the same mechanism. To find
-rivals, it searches again without each part of the best explanation in turn. If an explanation fits worse than a smaller
-one inside it, its fit has failed, and is repeated from the values of the smaller one.
+shapes of its laws may leave; but first it tries offsets of readings. It replaces each part of the best fit once by
+other laws of the same mechanism. To find rivals, it searches again without each part of the best explanation. If an
+explanation fits worse than a smaller one inside it, its fit has failed, and is repeated from the smaller one's values.
 """
 
 from __future__ import annotations
@@ -213,24 +213,25 @@ class Search:
         nothing = judge.of_explanation(self.base)
         found = Found(judge, nothing, {self.base.key: nothing})
         base = len(self.base.parts)
-        shaped = [effect.name for effect in catalogue.effects() if not effect.shapeless]
+        gained, shaped = True, [effect.name for effect in catalogue.effects() if not effect.shapeless]
         for count in range(1, self.source.most + 1):
-            forbidden = [] if self._may_gain(found) else shaped
-            if forbidden and not self._may_gain(found, without_shape=True):
-                break
-            if not self.deadline.allows(f"the search for {self.source.word} {count}"):
+            # The error of an offset is the same in all samples and makes other gains uncertain: it is tried at the end.
+            forbidden = [] if gained and self._may_gain(found) else shaped
+            may_gain = not forbidden or self._may_gain(found, without_shape=True)
+            if not may_gain or not self.deadline.allows(f"the search for {self.source.word} {count}"):
                 break
             self.tell(f"searching for {self.source.word} {count}")
             for parent in self._parents(found, base + count - 1):
                 found.add(self.beside(found, parent, forbidden), self.jobs)
             if count == 1 and (expected := self._as_expected()) is not None:
                 found.add(self.beside(found, judge.of_explanation(expected), every=True), self.jobs)
-            if count == 2 and self.source.width.paired:
+            if count == 2 and self.source.width.paired and not forbidden:
                 singles = found.ranked(base + 1)[: self.source.width.paired]
                 found.add(self._pairs([one.explanation for one in singles]), self.jobs)
             self._prune(found)
             self._repair(found)
-            if not self._gained(found, base + count):
+            gained = self._gained(found, base + count)
+            if forbidden and not gained:
                 break
         if len(found.table) > 1 and self.deadline.allows("the search for rivals"):
             self.tell("searching for rivals")
@@ -272,14 +273,10 @@ class Search:
 
     @staticmethod
     def _gained(found: Found, count: int) -> bool:
-        """Returns whether `count` parts predict better than fewer parts do, by more than chance and laws' own errors.
-
-        This gain is not sure, because samples are correlated. But the error of parts that are missing is correlated,
-        too, so the search goes on.
-        """
+        """Returns whether `count` parts surely predict better than fewer parts do, whatever the prior odds."""
         fewer = max(known.total for key, known in found.table.items() if len(key) < count)
         most = max((known.total for key, known in found.table.items() if len(key) == count), default=fewer)
-        return most - fewer > max(numbers.CHANCE_NATS, numbers.LAW_ERROR * (most - found.nothing.total))
+        return most - fewer > found.temperature * numbers.CHANCE_NATS
 
     def _may_gain(self, found: Found, *, without_shape: bool = False) -> bool:
         """Returns whether a further part that leaves only white noise would raise the best score.

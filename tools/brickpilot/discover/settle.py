@@ -67,7 +67,8 @@ def settle(prepared: Prepared, found: Explanation) -> Settled:
     There is no fit to whole runs if the samples already compare whole runs, or if a feedback loop biases free runs.
     """
     found = (refine(prepared.fine, [found], prepared.jobs) or [found])[0]
-    whole = None if prepared.innovations or _are_whole(prepared) else whole_runs(prepared)
+    compares_parts = prepared.dataset.vehicle == "motor" or not SUMMED.isdisjoint(prepared.fine.signals)
+    whole = whole_runs(prepared) if compares_parts and not prepared.innovations else None
     best, data, notes = found, prepared.fine, tuple[str, ...]()
     if whole is not None:
         with suppress(SimulationError):
@@ -75,11 +76,6 @@ def settle(prepared: Prepared, found: Explanation) -> Settled:
             if _is_better(prepared, followed[1].model, found.model):
                 data, best, notes = *followed, (_WHOLE,)
     return written(prepared, data, best, notes)
-
-
-def _are_whole(prepared: Prepared) -> bool:
-    """Returns whether the residual at the measured samples compares whole runs, and values, not changes, of signals."""
-    return prepared.dataset.vehicle != "motor" and SUMMED.isdisjoint(prepared.fine.signals)
 
 
 def at_samples(prepared: Prepared, nominal: Explanation, best: Explanation) -> Found:

@@ -202,9 +202,8 @@ def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozen
       of parts would together outweigh a name.
 
     Laws of a wrong shape may leave error in a signal: a share of what these laws remove in addition to run values and
-    constants of readings. A larger explanation gains nothing if it removes such error by a further law with a shape. If
-    it does not surely remove more, no part is missing, and the simpler explanation gets the likelier evidence of the
-    two. But a wrong shape leaves hardly any constant, so a constant of a reading does gain.
+    offsets of readings. A larger explanation gains nothing if it removes such error by a further law with a shape. If
+    it does not surely remove more, no part is missing, and the simpler explanation gets the likelier evidence of both.
 
     A refuted nominal model leaves no explanation out, because a law is missing. A refuted explanation with laws leaves
     others out unless a larger one removes enough: its laws may have a wrong shape, which an added law only imitates.
@@ -218,18 +217,18 @@ def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozen
     larger = {one: [each for each in ranked if each.explanation.contains(one.explanation)] for one in ranked}
     contained = {one: sum(one in others for others in larger.values()) for one in ranked}
 
-    def adds_shape(simpler: Evidence, bigger: Evidence) -> bool:
-        """Returns whether `bigger` has a law with a shape that `simpler` lacks."""
-        return not bigger.explanation.shaped <= simpler.explanation.shaped
+    def own_error(simpler: Evidence, bigger: Evidence) -> Any:
+        """Returns (signals,): the error of wrong shapes in `simpler`; 0 if `bigger` adds only offsets of readings."""
+        return shape[simpler] * (not bigger.explanation.shaped <= simpler.explanation.shaped)
 
     def gain(simpler: Evidence, bigger: Evidence) -> float:
         """Returns the error of `simpler` that `bigger` removes, without error that wrong shapes of laws may leave."""
-        gone, own = excess[simpler] - excess[bigger], shape[simpler] * adds_shape(simpler, bigger)
+        gone, own = excess[simpler] - excess[bigger], own_error(simpler, bigger)
         return float((gone - np.clip(gone, 0.0, own)).sum()) / 2 + moved[simpler] - moved[bigger]
 
     def sure(simpler: Evidence, bigger: Evidence) -> float:
         """Returns the least gain that is sure if wrong shapes may leave error; 0 if they leave none."""
-        return temperature * numbers.CHANCE_NATS * bool(shape[simpler].any() and adds_shape(simpler, bigger))
+        return temperature * numbers.CHANCE_NATS * bool(own_error(simpler, bigger).any())
 
     def removes_enough(simpler: Evidence, bigger: Evidence) -> bool:
         """Returns whether `bigger` removes at least as much error of `simpler` as it leaves, and surely some error."""

@@ -99,7 +99,8 @@ def blocks(dataset: Dataset, model: Model, fitted: set[str], bins: Bins = SAMPLE
             rows = np.flatnonzero(np.isfinite(measured))
             if len(rows) < 2:
                 continue
-            if _frozen(measured[rows], rates.get(MOTOR_RATE_OF.get(signal, ""))):
+            rate = rates.get(MOTOR_RATE_OF.get(signal, ""), np.empty(0))
+            if np.ptp(measured[rows]) == 0 and np.any(np.abs(rate[np.isfinite(rate)]) > 0):
                 notes.append(f"Run {run.name}: {signal} is frozen while its rate is not; left out of the fit.")
                 continue
             described = dataset.signals.get(signal)
@@ -217,11 +218,6 @@ def _fitted_signals(run: Run, names: Sequence[str], rates: Mapping[str, Array], 
             del fitted[summed]
             fitted[rate] = rates[rate]
     return fitted
-
-
-def _frozen(known: Array, rate: Array | None) -> bool:
-    """Whether a signal never changes while its measured rate is not zero."""
-    return rate is not None and np.ptp(known) == 0 and bool(np.any(np.abs(rate[np.isfinite(rate)]) > 0))
 
 
 _STEPS_PER_BIN = 3
