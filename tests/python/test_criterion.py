@@ -217,21 +217,31 @@ def judged(table: list[Evidence], temperature: float) -> verdict.Verdict:
     return verdict.weigh(found_in(table, temperature))
 
 
-def plain_of(one: Evidence, table: list[Evidence]) -> Evidence:
-    """Returns the evidence of the offsets of `one` alone: an offset has no shape that could be wrong."""
-    offsets = one.explanation.key & {"gyro_bias", "accel_bias"}
-    return next((each for each in table if each.explanation.key == offsets), table[0])
+OFFSETS = {"gyro_bias", "accel_bias"}
 
 
-def dominates(one: Evidence, other: Evidence, plain: Evidence) -> bool:
+def own_error(small: Evidence, large: Evidence, table: list[Evidence]) -> float:
+    """Returns the squared error that wrong shapes of the laws of `small` may leave, and that `large` may not claim.
+
+    It is a twentieth of what `small` removes in addition to its offsets, which have no shape. It is 0 if `large` adds
+    only offsets, which a wrong shape does not leave.
+    """
+    if large.explanation.key - OFFSETS <= small.explanation.key:
+        return 0.0
+    offsets = small.explanation.key & OFFSETS
+    plain = next((one for one in table if one.explanation.key == offsets), table[0])
+    return max(4.0**plain.explanation.cost - 4.0**small.explanation.cost, 0.0) / 20
+
+
+def dominates(one: Evidence, other: Evidence, table: list[Evidence]) -> bool:
     """Whether `one` is simpler than `other`, and no worse by the data and by the prior.
 
     An `other` that contains `one` is also dominated if it removes less than half of the squared error that `one`
-    leaves. A twentieth of what `one` removes beside `plain` is not counted: it may be the error of its own law.
+    leaves. Error that may come from the own shapes of the laws of `one` is not counted.
     """
     first, second = one.explanation, other.explanation
-    before, left, then = (4.0**each.cost for each in (plain.explanation, first, second))
-    if contains(second.key, first.key) and left - then - max(before - left, 0.0) / 20 <= then:
+    left, then = (4.0**each.cost for each in (first, second))
+    if contains(second.key, first.key) and left - then - own_error(one, other, table) <= then:
         return True
     fewer = len(first.names) < len(second.names)
     return fewer and odds_of(one) >= odds_of(other) and one.by_stretch.sum() >= other.by_stretch.sum()
@@ -245,19 +255,18 @@ def contains(larger: frozenset[str], smaller: frozenset[str]) -> bool:
 
 def reference_verdict(table: list[Evidence], temperature: float) -> tuple[str, set[frozenset[str]], set[str]]:
     """Returns the kind, the minimal sets among those that hold 95 % of the weight, and the sure names."""
-    best, plain = {one.explanation.key: one for one in table}, {id(one): plain_of(one, table) for one in table}
+    best = {one.explanation.key: one for one in table}
     for large in table:
         for small in table:
-            before, left, then = (4.0**one.explanation.cost for one in (plain[id(small)], small, large))
-            beyond = max(left - then - max(before - left, 0.0) / 20, min(left - then, 0.0)) / 2
-            if contains(large.explanation.key, small.explanation.key) and beyond < temperature * CHANCE * (
-                before > left
-            ):
+            left, then = (4.0**one.explanation.cost for one in (small, large))
+            own = own_error(small, large, table)
+            beyond = max(left - then - own, min(left - then, 0.0)) / 2
+            if contains(large.explanation.key, small.explanation.key) and beyond < temperature * CHANCE * (own > 0):
                 both = (best[small.explanation.key], large)
                 best[small.explanation.key] = max(
                     both, key=lambda one: one.by_stretch.sum() / temperature + odds_of(one)
                 )
-    table = [one for one in table if not any(dominates(other, one, plain[id(other)]) for other in table)]
+    table = [one for one in table if not any(dominates(other, one, table) for other in table)]
     sets = [one.explanation.key for one in table]
     gains = {key: one.by_stretch.sum() for key, one in zip(sets, table, strict=True)}
     weight = weights_of(
@@ -474,17 +483,19 @@ def test_the_correlation_time_of_a_residual_is_that_of_its_autocorrelation() -> 
 
 
 @pytest.mark.parametrize(
-    ("first", "named"),
+    ("first", "second", "named"),
     [
-        (Part("coulomb_friction", ("torque",), {}), "coulomb_friction"),
-        (RunPart("supply_gain", ("a", "b", "c"), {}), "supply_gain gyro_bias"),
+        (Part("coulomb_friction", ("torque",), {}), "dead_time", "coulomb_friction"),
+        (Part("coulomb_friction", ("torque",), {}), "gyro_bias", "coulomb_friction gyro_bias"),
+        (RunPart("supply_gain", ("a", "b", "c"), {}), "dead_time", "supply_gain dead_time"),
     ],
-    ids=["law", "values of runs"],
+    ids=["two laws", "a law and an offset", "values of runs and a law"],
 )
-def test_only_a_law_is_weighed_by_what_its_own_shape_may_have_left(first: Part, named: str) -> None:
-    """Beside the first part, a gyro's bias removes less than the error that a law's shape may leave. So the bias is not
-    needed if the first part is a law, which then wins. Values of runs have no shape: beside them the bias is needed."""
-    gains = {"": 0.0, "coulomb_friction": 60.0, "coulomb_friction gyro_bias": 120.0, "wheel_slip": 80.0}
+def test_only_a_law_is_weighed_by_what_its_own_shape_may_have_left(first: Part, second: str, named: str) -> None:
+    """The second part removes less than the error that a law's shape may leave. So a second law is not needed beside a
+    law, which then wins. A wrong shape leaves no offset: an offset is needed. Values of runs have no shape: beside them
+    a law is needed."""
+    gains = {"": 0.0, "coulomb_friction": 60.0, f"coulomb_friction {second}": 120.0, "wheel_slip": 80.0}
     costs, table = (100.0, 92.0, 90.0, 91.0), []
     for one, cost in zip(tables(0, gains), costs, strict=True):
         parts = tuple(first if part.name == "coulomb_friction" else part for part in one.explanation.parts)
@@ -494,14 +505,15 @@ def test_only_a_law_is_weighed_by_what_its_own_shape_may_have_left(first: Part, 
 
 
 @pytest.mark.parametrize(
-    ("alone", "named"), [(True, "supply_gain wheel_slip gyro_bias"), (False, "supply_gain wheel_slip")]
+    ("alone", "named"), [(True, "supply_gain wheel_slip dead_time"), (False, "supply_gain wheel_slip")]
 )
 def test_what_values_of_runs_removed_is_no_shape_of_the_law_beside_them(alone: bool, named: str) -> None:
-    """The values of runs alone leave 64 of 4096 squares, with slip 32, with slip and a gyro's bias 8. The bias removes
-    24: more than 5 % of what slip removed. If the values were not fitted alone, slip may have removed all 4064."""
+    """The values of runs alone leave 64 of 4096 squares, with slip 32, with slip and a dead time 8. The dead time
+    removes 24: more than 5 % of what slip removed. If the values were not fitted alone, slip may have removed all
+    4064."""
     runs = RunPart("supply_gain", ("a", "b", "c"), {})
     gains = {"": 0.0, "coulomb_friction": 60.0, "coulomb_friction wheel_slip": 100.0}
-    gains["coulomb_friction wheel_slip gyro_bias"] = 130.0
+    gains["coulomb_friction wheel_slip dead_time"] = 130.0
     costs, table = (96, 93, 92.5, 91.5), []
     for one, cost in zip(tables(0, gains), costs, strict=True):
         parts = tuple(runs if part.name == "coulomb_friction" else part for part in one.explanation.parts)

@@ -93,7 +93,7 @@ def test_where_no_part_alone_surely_predicts_better_no_two_are_tried(tmp_path: P
     found = search.run(judge)
     assert "searching for effect 1" in said
     assert "searching for effect 2" not in said
-    assert max(map(len, found.table)) == 1
+    assert all(len(key - {"gyro_bias"}) <= 1 for key in found.table)  # beside an offset another part may be sure
 
 
 def test_two_parts_that_make_one_law_are_tried_as_that(tmp_path: Path) -> None:

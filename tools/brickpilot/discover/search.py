@@ -2,9 +2,9 @@
 
 The search fits single parts, then pairs of the best parts. Then it adds one part to the best two explanations and to
 the best fit. It stops if no added part surely predicts better, or if the best fit leaves no more error than wrong
-shapes of its laws may leave; but first it tries offsets of readings. It replaces each part of the best fit once by
-other laws of the same mechanism. To find rivals, it searches again without each part of the best explanation. If an
-explanation fits worse than a smaller one inside it, its fit has failed, and is repeated from the smaller one's values.
+shapes of its laws may leave; but first it tries offsets of readings. It replaces each part of the best fit by other
+laws of its mechanism. To find rivals, it searches again without each part of the best explanation. A fit that is worse
+than that of a smaller explanation inside it has failed, and is repeated from the smaller one's values.
 """
 
 from __future__ import annotations
@@ -215,12 +215,12 @@ class Search:
         base = len(self.base.parts)
         gained, shaped = True, [effect.name for effect in catalogue.effects() if not effect.shapeless]
         for count in range(1, self.source.most + 1):
-            # The error of an offset is the same in all samples and makes other gains uncertain: it is tried at the end.
-            forbidden = [] if gained and self._may_gain(found) else shaped
-            may_gain = not forbidden or self._may_gain(found, without_shape=True)
-            if not may_gain or not self.deadline.allows(f"the search for {self.source.word} {count}"):
+            forbidden = [] if gained and self._may_gain(found) else shaped  # an offset makes other gains uncertain
+            may_gain = not forbidden or (self.source.width.swapped and self._may_gain(found, without_shape=True))
+            wanted = "offsets of readings" if forbidden else f"{self.source.word} {count}"
+            if not may_gain or not self.deadline.allows(f"the search for {wanted}"):
                 break
-            self.tell(f"searching for {self.source.word} {count}")
+            self.tell(f"searching for {wanted}")
             for parent in self._parents(found, base + count - 1):
                 found.add(self.beside(found, parent, forbidden), self.jobs)
             if count == 1 and (expected := self._as_expected()) is not None:
