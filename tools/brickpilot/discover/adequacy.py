@@ -96,7 +96,7 @@ class Adequacy:
 
 
 def adequacy(judge: Judge, best: Evidence, nothing: Evidence, plain: Evidence, seed: int) -> Adequacy:
-    """Returns the adequacy of an explanation on the fit runs. `plain`: `best` without its laws that have a shape."""
+    """Returns the adequacy of an explanation on the fit runs. `plain`: the nominal model with the offsets of `best`."""
     signals = judge.data.signals
     found = predictable(judge, best.explanation.model, plain.explanation.model, seed)
     left = {one: float(np.log(judge.squares(best, one))) / 2 - float(np.log(judge.data.floor(one))) for one in signals}

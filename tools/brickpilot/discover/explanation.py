@@ -21,7 +21,6 @@ from brickpilot.fit.problem import Problem
 from brickpilot.fit.residual import Residual
 from brickpilot.side_by_side import side_by_side
 from brickpilot.vehicle.model import Model
-from brickpilot.vehicle.replay import RUN_KINDS
 
 Array = NDArray[np.float64]
 _Item = TypeVar("_Item")
@@ -82,10 +81,9 @@ class Explanation:
         return sum(any(part.owns(free) for part in self.parts) for free in self.plan.free)
 
     @cached_property
-    def shaped(self) -> frozenset[str]:
-        """The names of its laws that have a shape: without run values and constants added to readings."""
-        exact = {effect.name for effect in catalogue.effects() if effect.shapeless}.union(RUN_KINDS)
-        return frozenset(part.name for part in self.parts if part.effect not in exact)
+    def offsets(self) -> frozenset[str]:
+        """The names of its effects that are offsets of readings: constants, which have no shape that could be wrong."""
+        return frozenset(part.name for part in self.effects if catalogue.effect(part.effect).shapeless)
 
     @property
     def effects(self) -> tuple[Part, ...]:

@@ -151,8 +151,8 @@ def explain(prepared: Prepared, nominal: Explanation, tell: Stages, most: int = 
 
     @cache
     def left_of(one: Explanation) -> Adequacy:
-        best = found.table[one.key]
-        return adequacy(judge, best, found.nothing, found.without_shapes(best), prepared.seed)
+        plain = found.table.get(found.nothing.explanation.key | one.offsets, found.nothing)
+        return adequacy(judge, found.table[one.key], found.nothing, plain, prepared.seed)
 
     verdict: Verdict = adequate(found, left_of)
     if prepared.deadline.left_out and verdict.kind != "unknown":

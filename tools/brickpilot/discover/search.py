@@ -39,6 +39,7 @@ from brickpilot.fit.descent import descend, natural_start
 from brickpilot.fit.problem import Problem
 from brickpilot.fit.residual import Residual
 from brickpilot.side_by_side import side_by_side
+from brickpilot.vehicle.replay import RUN_KINDS
 
 Array = NDArray[np.float64]
 Tell = Callable[[str], None]
@@ -172,8 +173,9 @@ class Found:
 
     def without_shapes(self, evidence: Evidence) -> Evidence:
         """Returns the evidence of an explanation without its laws that have a shape; if not fitted, of `nothing`."""
-        added = evidence.explanation.shaped - self.nothing.explanation.key
-        return self.table.get(evidence.explanation.key - added) or self.table[self.nothing.explanation.key]
+        found, nothing = evidence.explanation, self.nothing.explanation.key
+        shaped = {part.name for part in found.effects} - found.offsets - nothing
+        return self.table.get(found.key - shaped) or self.table[nothing]
 
     def shape_error(self, evidence: Evidence) -> Array:
         """Returns (signals,): the squared error that wrong shapes of the laws may leave, in squared floors.
@@ -213,9 +215,9 @@ class Search:
         nothing = judge.of_explanation(self.base)
         found = Found(judge, nothing, {self.base.key: nothing})
         base = len(self.base.parts)
-        gained, shaped = True, [effect.name for effect in catalogue.effects() if not effect.shapeless]
+        gained, no_offsets = True, [*RUN_KINDS, *(info.name for info in catalogue.effects() if not info.shapeless)]
         for count in range(1, self.source.most + 1):
-            forbidden = [] if gained and self._may_gain(found) else shaped  # an offset makes other gains uncertain
+            forbidden = [] if gained and self._may_gain(found) else no_offsets  # an offset makes other gains uncertain
             may_gain = not forbidden or (self.source.width.swapped and self._may_gain(found, without_shape=True))
             wanted = "offsets of readings" if forbidden else f"{self.source.word} {count}"
             if not may_gain or not self.deadline.allows(f"the search for {wanted}"):

@@ -219,7 +219,7 @@ def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozen
 
     def own_error(simpler: Evidence, bigger: Evidence) -> Any:
         """Returns (signals,): the error of wrong shapes in `simpler`; 0 if `bigger` adds only offsets of readings."""
-        return shape[simpler] * (not bigger.explanation.shaped <= simpler.explanation.shaped)
+        return shape[simpler] * bool(bigger.explanation.key - bigger.explanation.offsets - simpler.explanation.key)
 
     def gain(simpler: Evidence, bigger: Evidence) -> float:
         """Returns the error of `simpler` that `bigger` removes, without error that wrong shapes of laws may leave."""
@@ -242,7 +242,7 @@ def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozen
     for other in sorted(ranked, key=lambda one: (len(one.explanation.parts), contained[one])):  # contained first
         for one in stands:
             if other in larger[one]:
-                if gain(one, other) < sure(one, other):
+                if (least := sure(one, other)) and gain(one, other) < least:
                     best[one] = max(best[one], other, key=lambda each: prior[each] + each.total / temperature)
                 if not removes_enough(one, other):
                     left_out.add(other)
