@@ -173,9 +173,9 @@ class Found:
 
     def without_shapes(self, evidence: Evidence) -> Evidence:
         """Returns the evidence of an explanation without its laws that have a shape; if not fitted, of `nothing`."""
-        found, nothing = evidence.explanation, self.nothing.explanation.key
-        shaped = {part.name for part in found.effects} - found.offsets - nothing
-        return self.table.get(found.key - shaped) or self.table[nothing]
+        shaped = {part.name for part in evidence.explanation.effects} - evidence.explanation.offsets
+        nothing = self.nothing.explanation.key
+        return self.table.get(evidence.explanation.key - (shaped - nothing)) or self.table[nothing]
 
     def shape_error(self, evidence: Evidence) -> Array:
         """Returns (signals,): the squared error that wrong shapes of the laws may leave, in squared floors.
@@ -283,17 +283,17 @@ class Search:
     def _may_gain(self, found: Found, *, without_shape: bool = False) -> bool:
         """Returns whether a further part that leaves only white noise would raise the best score.
 
-        A part gains by the error that it removes, and by moving values of the model nearer to their priors. The error
-        that wrong shapes of the best explanation's laws may leave counts as removed only if the part is `without_shape`
-        itself. The priors of run values do not count: a law that replaces run values is found without them.
+        A part gains by error that it removes; error that wrong shapes of laws may leave counts only for a part that is
+        `without_shape`. It also gains if values of the model, but not of runs, move nearer to their priors.
         """
         best = found.ranked()[0]
         temperature = found.judge.law_error(max(found.table.values(), key=lambda one: one.total), found.nothing)
         of_model = best.away[[k for k, one in enumerate(best.explanation.plan.free) if not one.run]]
         surprise = min(best.explanation.log_odds - best.log_prior(temperature), evidence.surprise(of_model))
-        left, own = max(found.judge.top - best.total, 0.0), found.shape_error(best)  # noise may score above `top`
-        if own.any() and not without_shape:
-            left = min(left, float(np.maximum(found.judge.excess(best) - own, 0.0).sum()) / 2)
+        own = np.zeros(1) if without_shape else found.shape_error(best)
+        beyond = float(np.maximum(found.judge.excess(best) - own, 0.0).sum()) / 2
+        left = max(found.judge.top - best.total, 0.0)  # noise may score above `top`, also in one signal alone
+        left = beyond if without_shape else min(left, beyond if own.any() else left)
         return bool(left / temperature + surprise > -np.log(numbers.COMMON))
 
     def beside(
