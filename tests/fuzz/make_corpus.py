@@ -1,6 +1,7 @@
 """Writes those files of corpus/ that are named after flights: the messages of a short one, as the host sends them.
 
-Those named by a hash were found by fuzzing: the fewest that reach as much (-set_cover_merge=1 -use_counters=0).
+Files named by a hash come from fuzzing: few inputs that together reach the same code as all that were found
+(-set_cover_merge=1 -use_counters=0).
 """
 
 from __future__ import annotations

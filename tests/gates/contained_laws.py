@@ -88,8 +88,8 @@ def _visible(one: ParameterInfo) -> float:
 def _special_cases(law: EffectInfo, other: EffectInfo, given: Mapping[str, float]) -> Iterator[dict[str, float]]:
     """Yields parameters of `law`. Each is 0 or a value of `other` in the same unit, or the preset if none is in range.
 
-    An order may also be 1 (one period per turn). An angle may also be pi/2 less an angle of `other`: a sine in place of
-    a cosine.
+    An order may also be 1 (one period per turn). An angle may also be pi/2 minus an angle of `other`, for a
+    sine in place of a cosine.
     """
     choices = []
     for one in law.parameters:

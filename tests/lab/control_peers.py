@@ -134,7 +134,7 @@ def figures_here() -> tuple[dict[str, LawFigure], list[str]]:
 
 
 def figures(brick: str, costs: Mapping[str, LawCost]) -> dict[str, LawFigure]:
-    """Returns name -> figure of `brickpilot bench`: the firmware's arithmetic compared with each other arithmetic."""
+    """Returns name -> figure of `brickpilot bench`: the firmware's arithmetic beside each of the others in `costs`."""
     ours = costs["ours"]
     value = float(np.median(ours.cycles))
     return {

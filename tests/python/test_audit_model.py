@@ -73,7 +73,7 @@ def test_a_lone_wrong_channel_is_found_by_the_other_runs_or_the_model(
     assert {(fault.run, fault.signal, fault.kind) for fault in found} == {
         (run.name, signal, "sign" if factor < 0 else "unit") for run in dataset.runs if not runs or run.name in runs
     }
-    # Friction halves the motion. So instead of a factor that is unusual for the signal, that of inches would fit, too.
+    # Friction halves the motion. So if the true factor is unusual for the signal, the factor of inches fits, too.
     if runs or factor < 0 or max(factor, 1 / factor) in usual_factors(signal):
         np.testing.assert_allclose([fault.factor for fault in found], factor, rtol=0.03)
 

@@ -174,7 +174,7 @@ def test_pulses_on_a_rotation_sensor_do_not_move_the_robot_off() -> None:
 
 
 def test_in_a_storm_on_the_rotation_sensors_the_host_can_still_stop_the_robot() -> None:
-    """Safe: 100,000 false pulses a second leave time to hear the host: no motor is driven 0.1 s after the command.
+    """Safe: in 100,000 false pulses a second the brick hears the host. 0.1 s after its command no motor is driven.
 
     A tick that is 20 ms late also stops the motors, and so does the watchdog. The robot's estimate of its travel is
     wrong by then.

@@ -104,7 +104,7 @@ def scenario_names(_context: click.Context, _parameter: click.Parameter, typed: 
 
 
 def import_kinds(context: click.Context, _parameter: click.Parameter, typed: str) -> list[CompletionItem]:
-    """Completes the kinds of log as the first word, or files; all further words are files."""
+    """Completes the first word to a kind of log or a file, and all further words to files."""
     from brickpilot.importers import IMPORTERS
 
     is_first = not context.params.get("words")

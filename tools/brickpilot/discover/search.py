@@ -44,7 +44,7 @@ from brickpilot.vehicle.replay import RUN_KINDS
 Array = NDArray[np.float64]
 Tell = Callable[[str], None]
 
-_PROMISED = 0.3  # least share of the needed gain for a fit of a part; below 1, as the screen tries only a few sizes
+_PROMISED = 0.3  # share of the needed gain: a part with more is fitted; below 1, as the screen tries only a few sizes
 _NEAR = 6.0  # a rough fit is refined if its cost is at most this much above the best cost; unit: `Evidence.nat`
 _STARTS = 3  # number of starts of a periodic part, each from another order
 _BEAM = 2

@@ -194,10 +194,10 @@ def best_so_far(found: Found) -> Explanation:
 def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozenset[str]]) -> dict[Evidence, Evidence]:
     """Returns the explanations that are weighed, each with the evidence that sets its weight.
 
-    A kept, simpler explanation leaves a larger one out in two cases:
+    If a simpler explanation is kept, a larger one is left out in two cases:
 
-    - The larger one contains the simpler one, but removes less error than it leaves. Error is the squared error above
-      noise plus the distance of fitted values from stated values.
+    - The larger one contains the simpler one, but the error that it removes is smaller than the error that remains.
+      Error is the squared error above noise plus the distance of fitted values from stated values.
     - The larger one has more parts, but no better evidence and no better prior. Without this rule, the many large sets
       of parts would together outweigh a name.
 

@@ -225,7 +225,7 @@ def _wheels(radius: float) -> list[float]:
     return [factor for factor in factors if SMALLEST_WHEEL < radius * factor < LARGEST_WHEEL]
 
 
-READING_MOST = 32.767  # m/s^2 or rad/s: a reading of hal.h in mm/s^2 or mrad/s has 16 bits
+READING_MOST = 32.767  # m/s^2 or rad/s: the largest reading; hal.h has readings in mm/s^2 or mrad/s, with 16 bits
 ROUNDING = 0.005  # largest relative rounding error of the travel per count
 COUNT_UM_Q2 = 4e6  # units per m in the format of the travel per count
 FLOOR = 1.0  # V: the least battery voltage that the mixer assumes

@@ -48,7 +48,7 @@ class Free:
         keeps_sign: whether the coordinate is log(value / `unit`), so that the value keeps the sign of `unit`. If the
             data do not determine a vehicle's mass, the cost has a valley along which mass and forces grow together.
             This valley is straight only in logarithms.
-        centred: for a value of a single run: whether a prior holds the mean of this value over all runs near 0.
+        centred: for a value of a single run: whether a prior pulls the mean of this value over all runs to 0.
         natural: a usual size on this vehicle, SI, of a parameter that is not stated; 0: no prior. A logarithm's prior
             has the mean log(`natural`) and the sd log(10); a value's prior has the mean 0 and the sd 10 `natural`.
     """

@@ -136,8 +136,8 @@ class Problem:
     def prior(self, point: Array) -> Array:
         """Returns (parameters + kinds,): the distance of each parameter from its prior's centre, in prior sd.
 
-        For each kind of value of a run, such as the delay, a last row holds the mean over all runs near 0. The mean
-        belongs to the model, because only the model applies to a held-out run.
+        The last rows have, for each centred kind of value of a run, such as the delay, the mean over all runs, in sd of
+        a prior about 0. This mean belongs to the model, because only the model applies to a held-out run.
         """
         centre = self.plan.start()
         terms = []

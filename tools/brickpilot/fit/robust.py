@@ -114,7 +114,7 @@ def whitening(coefficients: Array, length: int) -> csr_array:
     """Returns a matrix (n, n), lower banded, that turns a residual (n,) into innovations of equal variance.
 
     Lower orders of the model (Levinson's recursion backwards) predict the first p samples. Their innovations are scaled
-    to the variance of the later innovations. This is exact for a stationary residual, and no row is zero.
+    to the variance of the later innovations, which is exact for a stationary residual. So no row is left zero.
 
     Args:
         coefficients: (p,), from `noise_model`; every reflection coefficient lies between -1 and 1.

@@ -210,8 +210,8 @@ def _advise(
 ) -> tuple[tuple[Advice, ...], tuple[str, ...]]:
     """Returns the manoeuvres that add most information, and the effects that the runs would not show at any size.
 
-    An effect is not listed if it changes the measured signals neither in the runs nor in any manoeuvre, because the
-    effect belongs to another vehicle or another sensor.
+    The second list has only effects that change a measured signal in some run or some manoeuvre. All other effects
+    belong to another vehicle or another sensor.
 
     Args:
         nominal: the nominal model, fitted to the fit runs.

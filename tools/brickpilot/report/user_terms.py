@@ -139,7 +139,7 @@ def clauses(dataset: Dataset, effect: str, parameters: Mapping[str, Parameter]) 
 
 
 def _parts(name: str, key: str) -> tuple[str, str]:
-    """Returns effect and parameter of a key "effect.parameter", or of a key "parameter" and the effect `name`."""
+    """Splits a key "effect.parameter" into effect and parameter. A key without a dot is a parameter of `name`."""
     effect, _, parameter = key.rpartition(".")
     return effect or name, parameter
 

@@ -38,7 +38,7 @@ LAGS = (
     0.1,
 )  # lags that are tried, each as the share of a step response that is reached after one window
 _DEAD = 0.01  # a wheel stands still if its motion is at most this share of the other wheel's motion
-_APART = 0.3  # share of the drives' rms: if a still wheel's drive is weaker, its encoder does not count as dead
+_APART = 0.3  # share of the drives' rms: a wheel whose drive is weaker may stand still, with an encoder that works
 FREE = 1.33  # largest factor, up or down, by which slip and inexact lengths may change a ratio
 UNIT_FITS = 3.0  # a unit explains a ratio if (ratio / the unit's factor) is below this, up or down
 _ONE_RUN = 30.0  # times the runs' median motion: a run with more motion has another unit
