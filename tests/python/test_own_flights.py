@@ -70,7 +70,7 @@ def test_a_flight_shows_what_the_firmware_does_not_know(hidden: dict[str, dict[s
     assert answer.answer.ending == "cause"  # a mission turns at its waypoints: it is no straight run
     found = answer.finding
     assert found.closed_loop is not None
-    assert found.closed_loop.gain > 0.15
+    assert found.closed_loop.gain > (0.15 if hidden is DRY else 0.2)  # friction weakens the loop
     assert found.verdict == "named"
     assert {one.name for one in found.effects} == {"accel_bias", "gyro_bias", *hidden}
     sizes = {one.name: next(iter(one.parameters.values())) for one in found.effects}

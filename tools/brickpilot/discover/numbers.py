@@ -39,7 +39,7 @@ LAW_ERROR = 0.01
 
 LAW_SHAPE = 0.05
 """Error that a law's wrong shape may leave in a signal, as a share of the squares that the law removes; a fifth in
-amplitude. This error supports no other law. For four of five laws not in the library, a similar law left 3 to 6 %."""
+amplitude. It supports no law but an offset. For four of five laws not in the library, a similar law left 3 to 6 %."""
 
 SHARED_REST = 0.2
 """Another law might remove this share of the squared error that the best explanation leaves, so a smaller difference
