@@ -356,7 +356,7 @@ LINEAR = 0.1
 """Growth is called linear if the exponent's 95 % interval lies within 1 +- `LINEAR`, or if `NARROW` applies."""
 
 NARROW = 0.3
-"""Growth is also linear if the interval contains 1 and is at most 2 `NARROW` wide: it then lies within 0.4 and 1.6."""
+"""Growth is also linear if the interval contains 1 and lies within 1 +- `NARROW`: it excludes a root and a square."""
 
 
 @dataclass(frozen=True)
@@ -371,8 +371,8 @@ class PowerLaw:
     @property
     def verdict(self) -> str:
         """The growth in words: "linear", "less than linear", "more than linear", or "not determined"."""
-        within = self.low >= 1 - LINEAR and self.high <= 1 + LINEAR
-        if within or (self.low <= 1 <= self.high and self.high - self.low <= 2 * NARROW):
+        away = max(1 - self.low, self.high - 1)
+        if away <= LINEAR or (self.low <= 1 <= self.high and away <= NARROW):
             return "linear"
         if self.high < 1:
             return "less than linear"

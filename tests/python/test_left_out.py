@@ -14,7 +14,8 @@ from brickpilot.discover.evidence import Evidence
 from brickpilot.discover.explanation import Explanation
 from brickpilot.fit.problem import Problem
 from numpy.typing import NDArray
-from test_criterion import ODDS, Array, given
+from test_criterion import ODDS
+from test_density import Array, given
 
 
 class Line(Problem):

@@ -39,6 +39,20 @@ def test_a_power_law_is_found_again(exponent: float, verdict: str) -> None:
     assert found.verdict == verdict
 
 
+@pytest.mark.parametrize(
+    ("low", "high", "verdict"),
+    [
+        (0.92, 0.98, "linear"),
+        (0.72, 1.28, "linear"),
+        (0.45, 1.02, "not determined"),
+        (0.98, 1.55, "not determined"),
+        (0.45, 0.98, "less than linear"),
+    ],
+)
+def test_an_interval_that_holds_a_root_or_nearly_a_square_is_not_linear(low: float, high: float, verdict: str) -> None:
+    assert scaling.PowerLaw((low + high) / 2, low, high, 1.0).verdict == verdict
+
+
 def test_scattered_times_determine_no_growth() -> None:
     assert scaling.fit((1, 2, 4, 8), [[1.0], [5.0], [2.0], [9.0]]).verdict == "not determined"
 
