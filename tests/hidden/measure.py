@@ -13,7 +13,7 @@ from scipy.signal import cont2discrete, lfilter
 
 from hidden import regions, sensor_laws
 from hidden.manoeuvre import Manoeuvre
-from hidden.recipe import GRAVITY, Engine, Floats, Recipe, Track, Vehicle
+from hidden.recipe import GRAVITY, Engine, Floats, Hidden, Onset, Recipe, Track, Vehicle
 
 NOISE_SD = {
     "accel_surge": 0.025, "accel_sway": 0.025, "yaw_rate": 0.014, "wheel_speed_left": 0.05, "wheel_speed_right": 0.05,
@@ -63,15 +63,20 @@ def sense(tracks: Sequence[Track], recipe: Recipe) -> list[dict[str, Floats]]:
     Accelerometers give the mean over the past sampling interval, like an integrating converter. Other signals are
     instantaneous.
     """
-    signals, age = [], 0.0
+    signals, age, begins = [], 0.0, recipe.begins
     for number, track in enumerate(tracks):
-        signals.append(_sense(track, recipe, age, number))
+        read = _sense(track, recipe, recipe.hidden if begins is None or number >= begins.run else {}, age, number)
+        if begins is not None and number == begins.run:
+            first = math.ceil(begins.at_s / recipe.sample_s)
+            before = _sense(track, recipe, {}, age, number)
+            read = {name: np.concatenate([before[name][:first], own[first:]]) for name, own in read.items()}
+        signals.append(read)
         age += float(track.time[-1])
     return signals
 
 
-def _sense(track: Track, recipe: Recipe, age: float, number: int) -> dict[str, Floats]:
-    hidden, fine = recipe.hidden, track.oversample_s
+def _sense(track: Track, recipe: Recipe, hidden: Hidden, age: float, number: int) -> dict[str, Floats]:
+    fine = track.oversample_s
     hold = round(recipe.sample_s / fine)
     ideal = sensor_laws.read(track, hidden, age, number)
     surge, sway, rate = ideal.surge, ideal.sway, ideal.rate
@@ -159,7 +164,7 @@ def tracks(recipe: Recipe) -> list[Track]:
         (name, tuple(sorted(values.items()))) for name, values in recipe.hidden.items() if name not in SENSOR_EFFECTS
     )
     seed = recipe.seed if recipe.engine in SEEDED else 0
-    return _driven(recipe.engine, recipe.vehicle, physics, recipe.runs, seed, recipe.sample_s)
+    return _driven(recipe.engine, recipe.vehicle, physics, recipe.runs, seed, recipe.sample_s, recipe.begins)
 
 
 @lru_cache(maxsize=4)
@@ -170,8 +175,16 @@ def _driven(
     runs: tuple[Manoeuvre, ...],
     seed: int,
     sample_s: float,
+    begins: Onset | None,
 ) -> list[Track]:
-    return engine(name)(vehicle, {effect: dict(values) for effect, values in physics}, runs, seed, sample_s)
+    hidden = {effect: dict(values) for effect, values in physics}
+    if begins is None:
+        return engine(name)(vehicle, hidden, runs, seed, sample_s)
+    if name != "planar":
+        raise ValueError(f"the engine {name!r} has no effect that begins within a run")
+    from hidden import planar_engine
+
+    return planar_engine.simulate_from(begins, vehicle, hidden, runs, seed, sample_s)
 
 
 @dataclass(frozen=True)
@@ -195,7 +208,7 @@ def visibility(recipe: Recipe) -> dict[str, float]:
 def shown(recipe: Recipe) -> Shown:
     """Returns the change of the signals by the hidden effects."""
     driven = tracks(recipe)
-    bare = replace(recipe, hidden={})
+    bare = replace(recipe, hidden={}, begins=None)
     with_it, without = sense(driven, recipe), sense(tracks(bare), bare)
     moved, sds = {}, {}
     for name in with_it[0]:

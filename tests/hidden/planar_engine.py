@@ -7,16 +7,17 @@ model describes texture.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import butter, sosfilt
 
 from hidden.by_run import delays
 from hidden.manoeuvre import Manoeuvre
 from hidden.planar_effects import install
-from hidden.planar_plant import HEADING, SURGE, SWAY, WHEEL, YAW, Plant
-from hidden.recipe import GRAVITY, OVERSAMPLE_S, Floats, Hidden, Track, Vehicle
+from hidden.planar_plant import HEADING, PLAY, ROTOR, SURGE, SWAY, WHEEL, YAW, Plant
+from hidden.recipe import GRAVITY, OVERSAMPLE_S, Floats, Hidden, Onset, Track, Vehicle
 
 VIBRATION_BAND_HZ = (30.0, 80.0)
 VIBRATION = 0.03  # rms m/s^2 per m/s of rim speed
@@ -28,6 +29,9 @@ ROUGH_CELLS = 8192
 ROUGH_ROLLS = 0.3  # wheel speed, rad/s, that halves the roughness force; at rest the force is 0, as in a hollow
 
 STEPS_PER_SAMPLE = 2
+CARRYING = frozenset({"battery_discharge", "motor_heating"})
+"""The effects whose charge or heat a run leaves to the next run."""
+
 CARRY_ERROR = 1e-5  # largest error of the charge and heat that carry over, as a share of the largest value
 
 
@@ -69,24 +73,107 @@ def simulate(
         ValueError: this plant does not know an effect.
         KeyError: a parameter of an effect is missing.
     """
-    count = len(runs)
-    samples = np.array([round(float(run.held(sample_s)[0][-1]) / OVERSAMPLE_S) for run in runs])
-    seeds = [one.spawn(2) for one in np.random.SeedSequence(seed).spawn(count)]
+    course = _Runs(runs, seed, sample_s, texture)
 
     def drive(charge: Floats, heat: Floats) -> tuple[Plant, Floats]:
-        plant = Plant(vehicle, count, OVERSAMPLE_S / STEPS_PER_SAMPLE)
-        plant.age[:] = (np.cumsum(samples) - samples) * OVERSAMPLE_S
-        install(plant, hidden)
-        if texture > 0:
-            plant.loads.append(Roughness(plant, [ground for ground, _ in seeds], texture))
-        plant.assemble(charge, heat)
-        return plant, _record(plant, runs, sample_s, samples)
+        plant = course.plant(vehicle, hidden, charge, heat)
+        return plant, course.drive(plant)
 
-    plant, record = _in_sequence(drive, count, carries=bool({"battery_discharge", "motor_heating"} & set(hidden)))
-    return [
-        _track(plant, record[: samples[k] + 1, :, k], run, sample_s, texture, np.random.default_rng(seeds[k][1]))
-        for k, run in enumerate(runs)
-    ]
+    plant, record = _in_sequence(drive, len(runs), carries=bool(CARRYING & set(hidden)))
+    return [course.track(plant, record, number) for number in range(len(runs))]
+
+
+def simulate_from(
+    begins: Onset, vehicle: Vehicle, hidden: Hidden, runs: Sequence[Manoeuvre], seed: int, sample_s: float = 0.003
+) -> list[Track]:
+    """Drives the runs as `simulate` does, but the effects act from the moment `begins`: a whole number of ms.
+
+    In the run in which they begin, the vehicle with the effects goes on from the state of the vehicle without them.
+
+    Raises:
+        ValueError: an effect carries charge or heat over to the next run, so it cannot begin within a run.
+    """
+    if carrying := CARRYING & set(hidden):
+        raise ValueError(f"{', '.join(sorted(carrying))}: cannot begin within a run")
+    course, cold = _Runs(runs, seed, sample_s, 1.0), np.zeros((3, len(runs)))
+    first, number = round(begins.at_s / OVERSAMPLE_S), begins.run
+    handover = _Handover(number, first * STEPS_PER_SAMPLE)
+    plants = [course.plant(vehicle, acting, cold[0], cold[1:]) for acting in ({}, hidden)]
+    without, with_effects = (course.drive(plant, handover) for plant in plants)
+    with_effects[:first, :, number] = without[:first, :, number]
+    made = []
+    for run in range(len(runs)):
+        before, after = (course.track(plant, without if run < number else with_effects, run) for plant in plants)
+        made.append(before if run < number else after if run > number else _spliced(before, after, first))
+    return made
+
+
+def _spliced(before: Track, after: Track, first: int) -> Track:
+    """Returns the samples of `before` up to sample `first`, then those of `after`."""
+    joined: dict[str, Any] = {
+        name: np.concatenate([own[:first], getattr(after, name)[first:]])
+        for name, own in vars(before).items()
+        if isinstance(own, np.ndarray)
+    }
+    return replace(after, **joined)
+
+
+class _Runs:
+    """The runs, how long they last, and the seeds of their texture."""
+
+    def __init__(self, runs: Sequence[Manoeuvre], seed: int, sample_s: float, texture: float) -> None:
+        self.runs, self.sample_s, self.texture = runs, sample_s, texture
+        self.samples = np.array([round(float(run.held(sample_s)[0][-1]) / OVERSAMPLE_S) for run in runs])
+        self.seeds = [one.spawn(2) for one in np.random.SeedSequence(seed).spawn(len(runs))]
+
+    def plant(self, vehicle: Vehicle, hidden: Hidden, charge: Floats, heat: Floats) -> Plant:
+        """Returns the vehicle at the start of all runs, which begin with `charge` (runs,) C and `heat` (2, runs) K."""
+        plant = Plant(vehicle, len(self.runs), OVERSAMPLE_S / STEPS_PER_SAMPLE)
+        plant.age[:] = (np.cumsum(self.samples) - self.samples) * OVERSAMPLE_S
+        install(plant, hidden)
+        if self.texture > 0:
+            plant.loads.append(Roughness(plant, [ground for ground, _ in self.seeds], self.texture))
+        plant.assemble(charge, heat)
+        return plant
+
+    def drive(self, plant: Plant, handover: _Handover | None = None) -> Floats:
+        """Drives the runs. Returns (samples, 11, runs): ten states and the supply voltage, every OVERSAMPLE_S."""
+        longest = int(self.samples.max())
+        command = _commands(plant, self.runs, self.sample_s, longest * STEPS_PER_SAMPLE)
+        record = np.empty((longest + 1, 11, plant.runs))
+        for step in range(longest * STEPS_PER_SAMPLE + 1):
+            if handover is not None and step == handover.step:
+                handover(plant)
+            sample, within = divmod(step, STEPS_PER_SAMPLE)
+            if within == 0:
+                record[sample, :10], record[sample, 10] = plant.state[:10], plant.supply
+                running = self.samples > sample
+            if sample < longest:
+                plant.advance_by(command[step], running)
+        return record
+
+    def track(self, plant: Plant, record: Floats, number: int) -> Track:
+        """Returns one run of a record (samples, 11, runs) as a track."""
+        own = record[: self.samples[number] + 1, :, number]
+        shaken = np.random.default_rng(self.seeds[number][1])
+        return _track(plant, own, self.runs[number], self.sample_s, self.texture, shaken)
+
+
+class _Handover:
+    """Takes the state of run `run` at step `step` from the first plant that gets there, and gives it to the second."""
+
+    def __init__(self, run: int, step: int) -> None:
+        self.run, self.step = run, step
+        self.state: Floats | None = None
+
+    def __call__(self, plant: Plant) -> None:
+        own = plant.state[:, self.run]
+        if self.state is None:
+            self.state = own.copy()
+            return
+        own[: len(self.state)] = self.state
+        if plant.rotor_share:  # the motor's side of the play turns with the wheel, in the middle of the play
+            own[ROTOR], own[PLAY] = own[WHEEL], 0.0
 
 
 def _in_sequence(
@@ -113,21 +200,6 @@ def _in_sequence(
             break
         before, start = (start, end), ahead
     return plant, record
-
-
-def _record(plant: Plant, runs: Sequence[Manoeuvre], sample_s: float, samples: NDArray[np.int64]) -> Floats:
-    """Drives the runs. Returns (samples, 11, runs): ten states and the supply voltage, every OVERSAMPLE_S."""
-    longest = int(samples.max())
-    command = _commands(plant, runs, sample_s, longest * STEPS_PER_SAMPLE)
-    record = np.empty((longest + 1, 11, plant.runs))
-    for step in range(longest * STEPS_PER_SAMPLE + 1):
-        sample, within = divmod(step, STEPS_PER_SAMPLE)
-        if within == 0:
-            record[sample, :10], record[sample, 10] = plant.state[:10], plant.supply
-            running = samples > sample
-        if sample < longest:
-            plant.advance_by(command[step], running)
-    return record
 
 
 def _commands(plant: Plant, runs: Sequence[Manoeuvre], sample_s: float, steps: int) -> Floats:

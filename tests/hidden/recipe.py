@@ -142,6 +142,14 @@ class Engine(Protocol):
 
 
 @dataclass(frozen=True)
+class Onset:
+    """The moment from which the hidden effects act: `at_s` s after the start of run number `run`, and in later runs."""
+
+    run: int
+    at_s: float
+
+
+@dataclass(frozen=True)
 class Recipe:
     """The recipe of one data set.
 
@@ -159,6 +167,7 @@ class Recipe:
             should find the error.
         called: effects of the library that cause the same difference as `wrong`.
         suite: the suite of `quick_suites` that the set belongs to; empty: none.
+        begins: the moment from which the hidden effects act; None: always. Only the engine "planar" has such moments.
     """
 
     name: str
@@ -178,3 +187,4 @@ class Recipe:
     wrong: Mapping[str, float] = field(default_factory=dict)
     called: tuple[str, ...] = ()
     suite: str = ""
+    begins: Onset | None = None

@@ -1,13 +1,14 @@
 """How often `changed` is right: on pairs of simulated recordings, on labelled real pairs, and on halves of logs.
 
 For a simulated pair, an engine drives one vehicle twice, with different voltages and noise. One of the two recordings
-has an effect, or neither recording has one. The score says whether an answer names the mechanism that differs
-alone, with an extra name, or among rivals.
+has an effect, or has it from a moment on, or neither recording has one. The score says whether an answer names the
+mechanism that differs alone, with an extra name, or among rivals.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import json
 import time
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -18,17 +19,20 @@ from typing import Any, Literal
 import brickpilot as bp
 import numpy as np
 from brickpilot import catalogue
-from hidden import effects, folder, other_laws, scales
-from hidden.manoeuvre import short, varied
-from hidden.recipe import VEHICLES, Hidden, Recipe, specimen
+from hidden import effects, folder, other_laws, planar_engine, scales
+from hidden.manoeuvre import Manoeuvre, short, varied
+from hidden.recipe import VEHICLES, Hidden, Onset, Recipe, specimen
 
 from lab import measured
 from lab.parts import part
 
 Engine = Literal["mujoco", "planar"]
+Way = Literal["new", "gone", "begins"]
+"""Which recording has the effect: only the second, only the first, or the second from a moment on."""
 BEGIN, END = "<!-- changed -->", "<!-- end of changed -->"
 
-_STREAM = 17  # random stream that no other suite uses
+_STREAM, _MOMENTS = 17, 18  # random streams that no other suite uses
+_MOMENT_S = 0.5  # largest error of the moment of a change
 _KINDS = tuple(VEHICLES.values())
 _SDS: tuple[Literal["half", "all", "none"], ...] = ("half", "all", "none")
 
@@ -48,20 +52,20 @@ class Pair:
     Attributes:
         effect: the effect that only one recording has; None: the recordings do not differ.
         size: ratio of the effect's size to its clearly visible size.
-        gone: True: only the first recording has the effect; False: only the second recording has it.
+        way: which recording has the effect.
         index: number of the pair in its suite.
     """
 
     engine: Engine
     effect: str | None
     size: float
-    gone: bool
+    way: Way
     index: int
     seed_offset: int
 
     @property
     def name(self) -> str:
-        way = "" if self.effect is None else "-gone" if self.gone else "-new"
+        way = "" if self.effect is None else f"-{self.way}"
         return f"{self.engine}-{self.effect or 'nothing'}{way}-{self.size:g}-{self.index}-{self.seed_offset}"
 
     def recipes(self) -> tuple[Recipe, Recipe]:
@@ -71,7 +75,7 @@ class Pair:
         absent = effects.TABLE[self.effect].absent if self.effect in effects.TABLE else ()
         vehicle = replace(vehicle, **dict.fromkeys(absent, 0.0))
         drawn: Hidden = {} if self.effect is None else {self.effect: self._drawn(vehicle, random)}
-        first, second = (
+        sound, changed = (
             Recipe(
                 name=f"{self.name}-{number}",
                 hidden=hidden,
@@ -85,7 +89,15 @@ class Pair:
             )
             for number, hidden in enumerate(({}, drawn))
         )
-        return (second, first) if self.gone else (first, second)
+        if self.way == "begins":
+            changed = replace(changed, begins=self._begins(changed.runs))
+        return (changed, sound) if self.way == "gone" else (sound, changed)
+
+    def _begins(self, runs: Sequence[Manoeuvre]) -> Onset:
+        """Returns a moment in the middle of a run; runs follow and precede."""
+        random = np.random.default_rng((_MOMENTS, self.seed_offset, self.index))
+        run = int(random.integers(1, len(runs) - 1))
+        return Onset(run, round(float(random.uniform(0.2, 0.8)) * runs[run].duration_s, 3))
 
     def _drawn(self, vehicle: Any, random: np.random.Generator) -> Mapping[str, float]:
         assert self.effect is not None
@@ -93,17 +105,19 @@ class Pair:
 
 
 def pairs(engine: Engine, size: float, nulls: int, seed_offset: int) -> Iterator[Pair]:
-    """Yields two pairs for each effect of the library, one new and one gone, and pairs without a difference."""
+    """Yields a pair for each effect and each `Way` that the engine has, and pairs without a difference."""
     for index, effect in enumerate(effects.LIBRARY):
-        for gone in (False, True):
-            yield Pair(engine, effect, size, gone, index, seed_offset)
+        for way in ("new", "gone", "begins"):
+            if way != "begins" or (engine == "planar" and effect not in planar_engine.CARRYING):
+                yield Pair(engine, effect, size, way, index, seed_offset)
     for index in range(nulls):
-        yield Pair(engine, None, 0.0, False, 1000 + index, seed_offset)
+        yield Pair(engine, None, 0.0, "new", 1000 + index, seed_offset)
 
 
 def ask(pair: Pair, data: Path, jobs: int) -> dict[str, Any]:
     """Returns a summary of the answer for a pair, with its score."""
-    made = [data / one.name if (data / one.name).is_dir() else folder.write(one, data) for one in pair.recipes()]
+    recipes = pair.recipes()
+    made = [data / one.name if (data / one.name).is_dir() else folder.write(one, data) for one in recipes]
     began = time.perf_counter()
     said = _short(bp.changed(*made, jobs=jobs))
     truth = None if pair.effect is None else catalogue.effect(pair.effect).mechanism
@@ -114,6 +128,7 @@ def ask(pair: Pair, data: Path, jobs: int) -> dict[str, Any]:
         "measured": measured.state(),
         **said,
         "score": score(said, truth),
+        "moment": moment_is_right(said, recipes[1], json.loads((data / f"{recipes[1].name}.truth.json").read_text())),
         "seconds": round(time.perf_counter() - began, 1),
     }
 
@@ -136,6 +151,25 @@ def score(said: Mapping[str, Any], truth: str | None) -> str:
     if verdict == "ambiguous":
         return "among rivals"
     return "right" if names == {truth} else "right, and an extra name"
+
+
+def moment_is_right(said: Mapping[str, Any], recipe: Recipe, truth: Mapping[str, Any]) -> bool | None:
+    """Returns whether the first change has the right moment; None: the effect acts always, or no change is told.
+
+    A moment is right from 0.5 s before the effect begins to 0.5 s after it first shows. The effect shows where `truth`
+    has a region: it may not act in the manoeuvre in which it begins.
+    """
+    begins = recipe.begins
+    if begins is None or not said["changes"]:
+        return None
+    names = [run.name for run in recipe.runs]
+    starts = np.cumsum([0.0, *(run.duration_s for run in recipe.runs)]).tolist()
+    clock = dict(zip(names, starts, strict=False))
+    first = clock[names[begins.run]] + begins.at_s
+    shows = [max(clock[one["run"]] + one["from_s"], first) for one in truth["regions"]]
+    since = said["changes"][0]["since"]
+    told = clock[since["run"]] + since["at_s"] if since else 0.0
+    return bool(first - _MOMENT_S <= told <= min(shows, default=first) + _MOMENT_S)
 
 
 def labelled(data: Path, jobs: int) -> Iterator[dict[str, Any]]:
@@ -166,16 +200,20 @@ def lines(results: Iterable[Mapping[str, Any]]) -> list[str]:
     """Returns the table in Markdown: the scores for each kind of pair."""
     rows = [one for one in results if "score" in one]
     real = [one for one in results if "right" in one]
-    kinds = {
-        "new": [one for one in rows if one["effect"] and not one["gone"]],
-        "gone": [one for one in rows if one["effect"] and one["gone"]],
-        "nothing": [one for one in rows if not one["effect"]],
-    }
+    kinds: dict[str, list[Mapping[str, Any]]] = {}
+    for one in sorted(rows, key=lambda one: (not one["effect"], -one["size"])):
+        kinds.setdefault(f"{one['way']}, size {one['size']:g}" if one["effect"] else "nothing", []).append(one)
     columns = ("right", "right, and an extra name", "among rivals", "unknown", "nothing", "not among rivals", "wrong")
     made = [f"| what differs | pairs | {' | '.join(columns)} |", f"|---|---|{'---|' * len(columns)}"]
     for kind, some in kinds.items():
         counts = Counter(one["score"] for one in some)
         made.append(f"| {kind} | {len(some)} | {' | '.join(str(counts[name]) for name in columns)} |")
+    timed = [one["moment"] for one in rows if one["moment"] is not None]
+    if timed:
+        made += [
+            "",
+            f"- The moment is right within {_MOMENT_S:g} s in {sum(timed)} of {len(timed)} changes that begin.",
+        ]
     made += ["", f"- {measured.told((one.get('measured') for one in rows), 'pairs')}.".replace("- m", "- M")]
     for one in real:
         made.append(f"- {one['name']}: {_told(one)}")

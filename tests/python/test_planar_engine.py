@@ -14,7 +14,7 @@ from closed_forms import CONDUCTANCE, RADIUS, TRACK, balance, hold
 from hidden import planar_effects, planar_engine
 from hidden.effects import TABLE
 from hidden.manoeuvre import Manoeuvre, ramps, steps
-from hidden.recipe import BENCH, HEAVY, RCX, Track, Vehicle
+from hidden.recipe import BENCH, HEAVY, RCX, Onset, Track, Vehicle
 from scipy.integrate import solve_ivp
 
 
@@ -272,3 +272,35 @@ def test_the_engine_shares_no_code_with_brickpilot():
             "hidden", "hidden.by_run", "hidden.manoeuvre", "hidden.recipe", "hidden.planar_plant",
             "hidden.planar_effects", "hidden.planar_electrics",
         }  # fmt: skip
+
+
+# ---- effects that begin within a run
+
+
+def test_an_effect_that_begins_changes_nothing_before_and_all_runs_after() -> None:
+    """Before the moment the vehicle is the one without the effect; the next run is as if the effect always acted."""
+    runs = [replace(hold(4.0, 3.0, 2.001), name=f"run_{number}") for number in range(3)]
+    hidden = {"coulomb_friction": {"torque": 0.01}, "floor_slope": {"slope_x": 0.02, "slope_y": 0.0}}
+    found = planar_engine.simulate_from(Onset(1, 0.9), BENCH, hidden, runs, 3)
+    without, always = (planar_engine.simulate(BENCH, acting, runs, 3) for acting in ({}, hidden))
+    for name, values in signals(found[1]).items():
+        np.testing.assert_array_equal(values[:900], signals(without[1])[name][:900])
+    assert found[1].wheel_speed_left[899] - found[1].wheel_speed_left[901] < 0.02
+    assert found[1].wheel_speed_left[-1] == pytest.approx(always[1].wheel_speed_left[-1], rel=0.01)
+    assert found[1].wheel_speed_left[-1] < 0.9 * without[1].wheel_speed_left[-1]
+    for run, expected in ((0, without), (2, always)):
+        for name, values in signals(found[run]).items():
+            np.testing.assert_array_equal(values, signals(expected[run])[name])
+
+
+def test_the_teeth_are_apart_by_nothing_when_a_play_begins() -> None:
+    runs = [hold(4.0, 4.0, 2.001)]
+    track = planar_engine.simulate_from(
+        Onset(0, 1.0), BENCH, {"gear_backlash": {"gap": 0.15, "rotor_share": 0.5}}, runs, 3
+    )[0]
+    assert np.abs(np.diff(track.wheel_speed_left[990:1010])).max() < 0.02
+
+
+def test_charge_that_carries_over_cannot_begin_within_a_run() -> None:
+    with pytest.raises(ValueError, match="battery_discharge: cannot begin within a run"):
+        planar_engine.simulate_from(Onset(0, 1.0), BENCH, {"battery_discharge": {"slope": 1e-3}}, [hold(4.0, 4.0)], 3)

@@ -19,6 +19,7 @@ from brickpilot.vehicle.replay import Replay, in_recording
 from click.testing import CliRunner
 from command import brickpilot
 from hidden import folder
+from hidden.recipe import Onset
 from lab import changed_sets
 
 RESISTANCE, CONSTANT, INERTIA = 20.0, 0.3, 1e-3  # ohm, N m/A and V s/rad, kg m^2
@@ -147,12 +148,28 @@ def test_what_sets_in_within_a_run_is_told_with_its_moment(monday: bp.Dataset) -
 @pytest.mark.parametrize("effect", ["speed_lag", "start_delay"])
 def test_an_effect_that_is_gone_is_told(effect: str, tmp_path: Path) -> None:
     """The change is minus the whole earlier size: a larger decrease has no influence, so the interval excludes it."""
-    pair = changed_sets.Pair("planar", effect, size=2.0, gone=True, index=1, seed_offset=64_000_000)
+    pair = changed_sets.Pair("planar", effect, size=2.0, way="gone", index=1, seed_offset=64_000_000)
     before, after = (folder.write(one, tmp_path) for one in pair.recipes())
     (one,) = bp.changed(before, after).changes
     assert one.what == effect
     assert one.after == 0.0
     assert -1.1 * one.before < one.change.ci95[0] < one.change.ci95[1] < -0.9 * one.before
+
+
+@pytest.mark.parametrize(
+    ("run", "at_s", "right"),
+    [(3, -0.4, True), (3, 0.4, True), (3, -0.6, False), (4, 1.4, True), (4, 1.6, False), (None, 0.0, False)],
+)
+def test_the_score_of_a_moment_waits_until_the_effect_shows(run: int | None, at_s: float, right: bool) -> None:
+    """The effect begins in run 3, and first shows 1 s after the start of run 4."""
+    pair = changed_sets.Pair("planar", "gyro_scale", size=2.0, way="begins", index=0, seed_offset=0)
+    recipe = dataclasses.replace(pair.recipes()[1], begins=Onset(3, 2.0))
+    names = [one.name for one in recipe.runs]
+    since = None if run is None else {"run": names[run], "at_s": at_s + (2.0 if run == 3 else 0.0)}
+    said = {"changes": [{"since": since}]}
+    truth = {"regions": [{"run": names[4], "from_s": 1.0}, {"run": names[6], "from_s": 0.0}]}
+    assert changed_sets.moment_is_right(said, recipe, truth) is right
+    assert changed_sets.moment_is_right({"changes": []}, recipe, truth) is None
 
 
 def test_a_change_within_what_runs_of_one_recording_differ_by_is_none() -> None:
