@@ -4,7 +4,7 @@
 
 The error of a sample is the measured value minus the simulated value. Every sample has the same weight. No mean is
 removed from the signal, so a model whose output is always 0 has 0 %. R2 compares the model with the signal's mean. The
-rms of the error is in the signal's unit u, and the integral of its square (integral least squares, eq. 20) in u^2 s.
+rms of the error has the signal's unit u; the integral of the squared error (integral least squares, eq. 20) has u^2 s.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Agreement:
 
     @property
     def share(self) -> float | None:
-        """The ratio of the error's norm to the signal's norm, 1 - `fit_percent` / 100. None: as for `fit_percent`."""
+        """The ratio of the error's norm to the signal's norm, 1 - `fit_percent` / 100; None: `fit_percent` is None."""
         return None if self.fit_percent is None else round(1 - self.fit_percent / 100, 8)
 
     def percent_of(self, error: float) -> float | None:

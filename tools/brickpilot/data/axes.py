@@ -17,9 +17,9 @@ Settings = tuple[tuple[str, float], ...]
 """(name, value) of each setting that shapes a periodic term."""
 
 _NEIGHBOURS = (-1.0, -0.75, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0)  # offsets from a peak, in units of `resolution`
-_LEAST_STEPS = 20  # number of sampling steps: a run is used if its coordinate changes by more
+_LEAST_STEPS = 20  # number of sampling steps: a run is used only if its coordinate changes by more
 
-# Setting that states a period -> (names of the coordinate; its sampling step; length of one turn or metre), rad or m.
+# Setting that states a period -> (names of the coordinate; its sampling step; one turn or 1 m), in rad or m.
 _COORDINATES = {
     "order": (("wheel_angle_left", "wheel_angle_right", "angle"), 2 * math.pi / 100, 2 * math.pi),
     "wavelength": (("x", "position"), 0.005, 1.0),
@@ -53,10 +53,10 @@ class Axis:
 
     Attributes:
         setting: the setting that states a period: "frequency" in Hz, "order", or "wavelength" in m.
-        clock: ("clock", 0): time counts from the start of each run; ("clock", 1): from power-on; empty: the axis is
-            not time.
-        tracks: for each name of the coordinate (such as each wheel's angle), pairs of a segment and its coordinate
-            (n,).
+        clock: ("clock", 0): time counts from the start of each run; ("clock", 1): it counts from power-on;
+            empty: the axis is not time.
+        tracks: for each name of the coordinate (such as each wheel's angle), pairs of a segment and the values (n,) of
+            the coordinate in it.
         step: the sampling step for a spectrum, in the coordinate's unit.
         turn: the length over which periods are counted (1 s, one turn or 1 m), in the coordinate's unit.
         extent: the longest span of the coordinate over which a periodic term keeps its phase, in the coordinate's unit.

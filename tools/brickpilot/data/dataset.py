@@ -39,7 +39,7 @@ PRESET_BATTERY_VOLTAGE = catalogue.parameter("battery_voltage").preset
 
 _SHOWN_RUNS = 8  # largest number of runs that a printed data set lists
 
-_DROPOUT_SHARE = 0.25  # share of the running median: if the voltage deviates by more, it is a dropout
+_DROPOUT_SHARE = 0.25  # share of the running median: a voltage that deviates from the median by more is a dropout
 _MEDIAN_SAMPLES = 5
 
 
@@ -53,7 +53,7 @@ class Run:
         role: "fit" or "held_out"; None: the program chooses the role.
         time: s, strictly increasing, as logged; it may start at any value and have uneven steps. Rows closer than the
             plant's motor step are merged (`reading.decimated`).
-        inputs: signal -> values; NaN where the cell is blank: there the motor floats.
+        inputs: signal -> values; NaN where the cell is blank, which means that the motor floats.
         outputs: signal -> values; NaN where the cell is blank or the sample is damaged (`Dataset.faults`).
         raw_outputs: as `outputs`, but with the damaged samples as measured.
         gap_s: pause in s between the end of the previous run in the file and the start of this run.
@@ -264,7 +264,7 @@ def joined(datasets: Sequence[Dataset]) -> Dataset:
 
 
 def with_all_runs(datasets: Mapping[str, Dataset]) -> Dataset:
-    """Returns the first data set with the runs, faults and notes of all data sets; a run's name becomes key + name."""
+    """Returns the first data set with the runs, faults and notes of all data sets; the key is put before the names."""
     first = next(iter(datasets.values()))
     signals: dict[str, Signal] = {}
     for dataset in reversed(list(datasets.values())):

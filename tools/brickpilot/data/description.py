@@ -9,7 +9,7 @@
     as_wired = false             # true: channels that look swapped, reversed or wrongly scaled are not mended
     guessed = []                 # numbers that an importer had to guess, in words
 
-    [signals]                    # column and unit; optional, in unit: scale and offset (value = scale * cell
+    [signals]                    # column and unit; optional, in this unit: scale, offset (value = scale * cell
     time          = { column = "t_s", unit = "s" }                       # + offset), noise_sd, resolution, range
     voltage_left  = { column = "v_left", unit = "V" }
     voltage_right = { column = "v_right", unit = "V" }

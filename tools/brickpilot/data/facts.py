@@ -21,7 +21,7 @@ _LATE = 0.99  # this quantile of the time steps is reported beside the median
 _EQUAL = 0.02  # share of the larger command: two commands count as equal if they differ by less
 _WINDOW_S, _LEAST_WINDOWS = 0.25, 4  # length and least number of the windows in which the two sides are compared
 _FAST = 0.5  # share of the fastest window's motion: windows with less motion are ignored
-_CORRECTION = 0.05  # share of the driven rows: a straight run has fewer turning rows
+_CORRECTION = 0.05  # share of the driven rows: a run counts as straight if fewer of them turn
 _REST = 10  # the gyro's bias is taken from the samples before a run's first command if there are at least 10
 _BLOCKS = 20  # number of blocks of consecutive windows; their scatter gives the error of a ratio
 
@@ -100,7 +100,7 @@ class Measure:
 
 
 def weaker_side(dataset: Dataset) -> WeakerSide | None:
-    """Returns which wheel turns less under equal commands; None: the wheels do not differ clearly, or too few data.
+    """Returns which wheel turns less under equal commands; None: no clear difference, or too few windows.
 
     The motions of the two wheels are compared in windows of 0.25 s in which both motors get the same voltage. No model
     is needed.
@@ -118,7 +118,7 @@ def weaker_side(dataset: Dataset) -> WeakerSide | None:
 
 
 def bend(dataset: Dataset, wheel_radius: float) -> Measure | None:
-    """Returns the curvature of the path under equal commands, rad/m, positive to the right; None: not clear.
+    """Returns the path's curvature under equal commands, rad/m, positive to the right; None: its sign is not clear.
 
     Args:
         wheel_radius: m, converts measured wheel angles to distance.
@@ -134,7 +134,7 @@ def bend(dataset: Dataset, wheel_radius: float) -> Measure | None:
 
 
 def yaw_over_wheels(dataset: Dataset) -> Measure | None:
-    """Returns measured yaw / yaw computed from the wheels' motion and stated lengths; None: not known.
+    """Returns (measured yaw) / (yaw computed from the wheels' motion and the stated lengths); None: not known.
 
     A constant bias of the gyro is removed. The ratio is not known if slip or the gyro's range disturbs it.
     """

@@ -22,9 +22,9 @@ from brickpilot.data.signals import RATE_OF, Array, input_names
 _BLOCKS = 20  # number of blocks in cross-validation; 10 to 30 are usual for batch means (Schmeiser 1982, Oper. Res. 30)
 _PER_UNKNOWN = 10  # least number of decisions for each coefficient of a regression
 _PAST = (1, 2, 4, 8, 16, 32)  # numbers of past decisions tried as predictors of the next; the best number is used
-_SMOOTHED = 8  # number of means of the command, over 2, 4 ... 256 rows; they stand for a memory of the plan or machine
+_SMOOTHED = 8  # number of means of the command, over 2, 4 ... 256 rows; with a memory, the command follows them
 _READINGS = 3  # number of readings at past decisions that are used: an incremental PID law needs three
-_SHOWN = 3 + _READINGS  # number of table columns for the output: earlier readings, and the change in the row
+_SHOWN = 3 + _READINGS  # number of columns for the output in `_decisions`: earlier readings, and the change in the row
 _HUBER = 1.345  # sds: a larger residual gets less weight; 95 % efficient for normal noise (Huber 1964)
 _NORMAL_MAD = 1.4826  # ratio of sd to median absolute deviation for normal noise
 _EXACT = 1e-6  # share of the rms change: if the prediction error is smaller, the commands are an exact plan
@@ -68,14 +68,14 @@ def follows_outputs(dataset: Dataset, level: float) -> Loop | None:
     test is one of Granger causality from outputs to commands. Only rows in which a command changes count. Three
     predictions of the change are compared. The first uses the earlier commands: the latest commands, and means over 2
     to 256 rows, which cover a machine's memory. The second also uses the earlier readings. The third also uses the
-    reading of the same row. The third counts only if the command opposes the motion, as feedback with the right sign
-    does. The reason: a command that was logged late also changes the reading of its row. Each block of a run is
-    predicted by a fit to the other blocks. A t-test over the blocks shows whether the mean of log(squared error without
-    readings / with readings) is above 0. Runs that are too short for a separate fit are pooled.
+    reading of the same row. A command that was logged late changes that reading, too. So the third prediction counts
+    only if the command opposes the motion, as feedback with the right sign does. Each block of a run is predicted by a
+    fit to the other blocks. A t-test over the blocks shows whether the mean of log(squared error without readings /
+    with readings) is above 0. Runs that are too short for a separate fit are pooled.
 
     Only speeds, angles and positions count as outputs: accelerations, forces and currents respond in the row of the
-    command. If the battery's voltage is measured, a voltage has to follow the output both as volts and as duty. The
-    reason: volts or duty may have been planned, and the battery's voltage drops with the motion. The test misses a loop
+    command. The battery's voltage drops with the motion. So if the duty was planned, the volts follow the motion, and
+    the reverse. If this voltage is measured, both volts and duty have to follow the output. The test misses a loop
     whose readings have no noise or disturbance, because then the past commands predict the next command. It also misses
     a loop in which the command changes too rarely, such as a relay. It sometimes finds a false loop if the commands are
     coarsely rounded sines (15 of 240 simulated data sets).
@@ -138,8 +138,8 @@ def _chance(gained: Array) -> float:
 def _sign(command: str, output: str) -> float:
     """Returns the sign with which a command drives an output, by the signals' definitions; 0: no sign is defined.
 
-    The data cannot give this sign: if a loop holds a constant speed, the data show the sign of the feedback, not that
-    of the motor.
+    The data cannot give this sign: if a loop holds a constant speed, the data show the sign of the feedback, not
+    the sign of the motor.
     """
     if output.startswith("yaw"):
         return {"left": 1.0, "right": -1.0, "diff": 1.0}.get(command.rpartition("_")[2], 0.0)
@@ -154,8 +154,8 @@ class _Prediction:
     """How well the readings of some runs predict a command.
 
     Attributes:
-        past: (blocks,) log of a ratio of squared errors: those of a prediction from commands alone, divided by those of
-            a prediction that also uses earlier readings.
+        past: (blocks,) log of (squared error of a prediction from the commands alone / squared error of a prediction
+            that also uses earlier readings).
         now: (blocks,) as `past`, but the second prediction also uses the reading of the same row.
         feedback: the coefficient of the reading of the same row; below 0: the command opposes the reading.
         lag: the age of the reading that predicts best, s.

@@ -14,8 +14,8 @@ from brickpilot.data.signals import SUMMED, Array
 
 Outputs = Mapping[str, Array]
 
-_SHOWN_S = 0.1  # length of the windows in which the rms of a difference is computed
-_BRIDGED_S = 0.3  # a shorter break between two spans is bridged
+_SHOWN_S = 0.1  # s: length of the windows in which the rms of a difference is computed
+_BRIDGED_S = 0.3  # s: two spans with a shorter break between them become one
 _CONDITION_SHARE = 0.6  # a condition is reported only if it covers this share of a place's gap
 _CONDITION_LIFT = 1.3  # a condition's share of the gap has to exceed this factor times its share of the time
 
@@ -80,7 +80,7 @@ def gaps(
 
 
 def residual(run: Run, signal: str, simulated: Array) -> Array:
-    """Returns measured minus simulated, (n,); NaN where not measured. For signals of `SUMMED`, it starts from 0."""
+    """Returns measured minus simulated, (n,); NaN where not measured. A residual of a `SUMMED` signal starts at 0."""
     left = run.outputs[signal] - simulated
     if signal in SUMMED:
         known = np.flatnonzero(np.isfinite(left))
@@ -96,7 +96,7 @@ def places(
     noise_sd: Mapping[str, float],
     above: float,
 ) -> tuple[Place, ...]:
-    """Returns the spans of runs and signals in which `changed` and `plain` differ, the largest difference first.
+    """Returns the spans of runs and signals in which `changed` and `plain` differ, the largest share of the gap first.
 
     Args:
         changed, plain: the outputs to compare: run -> signal -> (n,), SI, over whole runs; NaN: unknown.
@@ -137,7 +137,7 @@ def _spans(time: Array, square: Array, above: float) -> list[slice]:
 
 
 def _condition(time: Array, outputs: Outputs, part: Array) -> str:
-    """Returns the condition of motion for which (share of the place's gap) / (share of the time) is largest.
+    """Returns the condition of motion with the largest (share of the gap) / (share of the time), or "throughout".
 
     Args:
         part: (n,) squared differences, 0 outside the place.

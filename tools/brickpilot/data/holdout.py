@@ -24,7 +24,7 @@ _PURE = 0.25
 _AS_LARGE = 1.5
 # Share of a run's input: if less of the input is in one direction, the run belongs to the other direction.
 _ONE_WAY = 0.1
-# A shorter stretch (s) is not held out, because it tests a free run poorly.
+# In s: a shorter stretch is not held out, because it tests a free run poorly.
 _SHORTEST_S = 0.3
 # Shares of the input's energy: the fit's share in total, the fit's share in each direction, and the least held-out
 # share.
@@ -271,7 +271,7 @@ def _kept(dataset: Dataset, chosen: set[str]) -> tuple[Run, ...]:
 
 
 def repeats(dataset: Dataset) -> tuple[tuple[str, str, float], ...]:
-    """Returns pairs of runs with equal inputs from the start, and for how many s, stated as replicates or not."""
+    """Returns (run, run, s): pairs whose inputs are equal for the first s seconds, also if not stated as replicates."""
     inputs = {run.name: motor_inputs(run, dataset) for run in dataset.runs}
     pairs = []
     for first, second in combinations(dataset.runs, 2):
@@ -283,7 +283,7 @@ def repeats(dataset: Dataset) -> tuple[tuple[str, str, float], ...]:
 
 
 def _same_for(first: Run, second: Run, inputs: Mapping[str, Array], grid: Array) -> float:
-    """Returns how long the inputs of two runs are the same, in s from their starts, at the compared times `grid`."""
+    """Returns for how many s from the start two runs have the same inputs, compared at the times `grid` in s."""
     rows = (np.searchsorted(run.time - run.time[0], grid + 1e-9, side="right") - 1 for run in (first, second))
     of_first, of_second = (inputs[run.name][held] for run, held in zip((first, second), rows, strict=True))
     if not np.array_equal(np.isnan(of_first), np.isnan(of_second)):

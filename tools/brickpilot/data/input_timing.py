@@ -28,7 +28,7 @@ INPUT_TIMINGS: tuple[InputTiming, ...] = ("held", "linear", "unknown")
 UNKNOWN_TIMING = "how the inputs change between two rows is not known: they are taken as held"
 """The note of a data set whose `input_timing` is "unknown"."""
 
-_STEP_S = 0.005  # the longest time for which a linear input is held
+_STEP_S = 0.005  # s: longest row while an input changes linearly
 _MOST_STEPS = 200  # largest number of steps between two rows
 _PARTS = 8  # number of steps into which a row of a log is divided
 
@@ -164,7 +164,7 @@ def inputs_acting(run: Run, time: Array, timing: Timing, behind: Behind) -> dict
 
 
 def _lagged(time: Array, values: Array, lag: float) -> Array:
-    """Returns (n, columns): the row means of `values` after a first-order lag, settled at the start; NaN stays NaN."""
+    """Returns (n, columns): the row means of `values` after a first-order lag that starts settled; NaN stays NaN."""
     steps = np.diff(time, append=2 * time[-1] - time[-2])
     kept = np.exp(-steps / lag)
     means = np.empty_like(values)

@@ -19,7 +19,7 @@ MOVING_SAMPLES = 12
 """Number of samples to which a line is fitted if a run starts in motion."""
 _LEAST_KNOWN = 4  # least number of known samples for the fit of a line
 _LEAST_BENT = 6  # least number of known samples to test whether a motion is curved
-_HELD_S = 0.1  # s from a run's start within which the first sample of a held channel is sought
+_HELD_S = 0.1  # s: the first sample of a held channel is sought within this time from a run's start
 _TREND_SD = 3.0  # sds of a polynomial's leading coefficient: a larger coefficient is motion and not noise
 _OF_MOTION = (1, 2, 3)  # degrees of the polynomials tested for a trend: a swinging pendulum may have no slope
 _SPIKE = 3.0  # times the span of the middle 90 % of samples: a sample farther from the median is damaged
@@ -80,7 +80,7 @@ def _samples_at_rest(run: Run, driven: Array) -> int:
 
 
 def _first_value(time: Array, values: Array, rest: int, moving: int) -> float:
-    """Estimates the first of `values` (n,) from known values in the first `rest`, or else `moving`, samples."""
+    """Estimates the first of `values` (n,) from the first `rest` samples, or else from the first `moving` samples."""
     known = _without_spikes(values, np.flatnonzero(np.isfinite(values[: max(rest, moving)])))
     chosen = known[known < rest]
     if len(chosen) >= _LEAST_KNOWN and not any(_trends(time[chosen], values[chosen], degree) for degree in _OF_MOTION):
@@ -116,7 +116,7 @@ MOTOR_RATE_OF = {summed: RATE_OF[summed] for summed in ("position", "angle")}
 """Position or angle of a motor -> its rate."""
 
 _SAMPLES = 21  # number of samples in the filter's window
-_FINEST = 20  # largest ratio of interpolated to measured samples; a limit for very uneven spacing
+_FINEST = 20  # largest ratio of interpolated to measured samples, in case the times are very uneven
 
 
 def measured_rates(run: Run) -> dict[str, Array]:

@@ -26,15 +26,15 @@ _THIRD = np.array([20.0, -30.0, 12.0, -2.0])  # variance of a third difference: 
 _FILTERS = np.array([0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9])  # lag-one autocorrelations that are tried
 _MOST = 0.85  # a larger autocorrelation is not accepted: such smooth noise looks like motion
 _CLEARLY = 0.5  # a colour is accepted if its misfit is below this share of white noise's misfit
-_MULTIPLE = 0.05  # share of a step: a distance within this limit of a whole number of steps counts as one
-_DISTANCES_TRIED = 300  # this number of the smallest distances between values is used
-_SKIPPED = 60  # largest number of steps in the smallest distance: a fast counter skips values
-_TEXT = 30.0  # in steps: if the noise is larger, the step is only that of the log's decimal digits
-_ALL = 0.98  # a larger share of the distances has to be whole numbers of steps
-_LEAST_PIECE = 8  # least number of samples in a piece; a longer gap ends a piece
+_MULTIPLE = 0.05  # share of a step: a distance that is this close to a whole number of steps counts as whole
+_DISTANCES_TRIED = 300  # number of the smallest distances between values from which the step is computed
+_SKIPPED = 60  # largest number of steps in the smallest distance between values, because a fast counter skips values
+_TEXT = 30.0  # in steps: if the noise is larger, the step comes only from the log's decimal digits
+_ALL = 0.98  # a step is accepted if a larger share of the distances are whole numbers of this step
+_LEAST_PIECE = 8  # least number of samples in a piece; a longer dropout ends a piece
 _COARSE = 0.5  # share of repeated samples: above it, the error comes from the steps and not from noise
 _LAGS = 400
-_SAME, _SELDOM = 1e-6, 0.05  # relative distance at which a third difference equals the median; limit of the equal share
+_SAME, _SELDOM = 1e-6, 0.05  # coarse: at least `_SELDOM` of the third differences are within `_SAME` of their median
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ def noise_of(parts: Sequence[Array], step: float = 0.0) -> Noise:
 
 
 def _without_long_holes(part: Array) -> list[Array]:
-    """Returns the known samples, cut into pieces at long holes: across a hole, motion would count as noise."""
+    """Returns the known samples, cut into pieces at long dropouts: across a dropout, motion would count as noise."""
     known = np.flatnonzero(np.isfinite(part))
     return [np.asarray(part[piece]) for piece in np.split(known, np.flatnonzero(np.diff(known) > _LEAST_PIECE) + 1)]
 

@@ -11,8 +11,8 @@ from brickpilot.catalogue import ParameterInfo
 from brickpilot.data.signals import Frame, Vehicle
 from brickpilot.data.toml_file import Key, TomlFile
 
-# If an effect acts on a sensor or the body, its lateral values change their sign with the frame. Parameters named left
-# or right keep their sign.
+# Lateral values of an effect on a sensor or the body change their sign with the frame. Parameters named left or right
+# keep their sign.
 _IN_AXES = frozenset({"sensor", "body"})
 _SIDES = frozenset({"left", "right"})
 
@@ -88,7 +88,7 @@ def turns_with_frame(effect: str, parameter: str) -> bool:
 
 
 def lengths(nominal: Mapping[str, Nominal], vehicle: Vehicle) -> dict[str, float]:
-    """Returns the stated nominal values without the half track of a skid steer, because slip changes its turns."""
+    """Returns the stated nominal values, without the half track of a skid steer because slip changes how it turns."""
     return {n: known.value for n, known in nominal.items() if (vehicle, n) != ("skid_steer", "half_track")}
 
 

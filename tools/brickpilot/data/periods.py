@@ -21,7 +21,7 @@ Spectrum = NDArray[np.complex128]
 
 _STEP = 2 * math.pi / 256  # rad
 _LOWEST, _HIGHEST = 0.9, 115.0  # orders; `_STEP` resolves 128
-_SLOW = 0.1  # quantile of the turn per sample, because the slow parts of runs resolve the highest orders
+_SLOW = 0.1  # quantile of the turn per sample: slow parts of runs, with a small turn, resolve the highest orders
 _TURNS = 1e-3  # rad per sample: a wheel that turns less counts as at rest
 PADDING = 4
 """The number of points of a spectrum within one resolution (1 / span of the data)."""
@@ -31,7 +31,7 @@ _PROMINENCE = 6.0  # least ratio of a peak's power to the median power in its ne
 _PEAKS = 3  # largest number of peaks of a spectrum that are tried
 _LEAST_ROWS = 3  # least number of rows from which accelerations can be computed
 _SAME = 0.003  # orders that differ by less count as one order
-_LONGEST = 2**15  # steps of angle, 800 rad; larger angles wrap around
+_LONGEST = 2**15  # in `_STEP`: 800 rad; larger angles wrap around
 _RESOLUTION = 2 * math.pi / (_STEP * _LONGEST * PADDING)
 
 
@@ -108,7 +108,7 @@ def _peaks(power: Array) -> list[float]:
 def separate(
     places: Array, indices: NDArray[np.intp], apart: float, counts: Callable[[int], bool] = lambda _: True
 ) -> list[float]:
-    """Returns up to `_PEAKS` of `places[indices]`, accepted by `counts`; each is at least `apart` from the others."""
+    """Returns up to `_PEAKS` of `places[indices]` that `counts` accepts, each at least `apart` from the others."""
     chosen: list[float] = []
     for index in indices.tolist():
         if all(abs(places[index] - other) >= apart for other in chosen) and counts(index):
@@ -119,13 +119,13 @@ def separate(
 
 
 def _sums(angle: Array, values: Array) -> Spectrum:
-    """Returns (orders,): the Fourier sum over the angle of `values` (n,) at `angle` (n,)."""
+    """Returns (orders,): the Fourier sums over the angle of `values` (n,), which were measured at `angle` (n,), rad."""
     length = _LONGEST * PADDING
     bins = np.round(angle / _STEP).astype(np.intp) % length
     return np.asarray(np.fft.rfft(np.bincount(bins, values, length)))
 
 
-_AROUND = 8  # frequencies on each side of a peak: 32 degrees of freedom per piece, so the background is known to 25 %
+_AROUND = 8  # number of frequencies on each side of a peak; 32 degrees of freedom give a piece's background to 25 %
 _GRID = 32  # number of grid times in the shortest period: a sample is moved by at most 1/64 period
 _FINER = 20  # number of frequencies between two multiples of 1 / duration at which a peak is evaluated
 
@@ -215,9 +215,9 @@ def _pieces(time: Array, left: Array, duration: float) -> Iterator[tuple[Array, 
 def _power_at_multiples(time: Array, left: Array, duration: float, count: int) -> Array:
     """Returns (count,): Lomb-Scargle power divided by variance, at 1..`count` periods in `duration`, by two FFTs.
 
-    Samples are moved to the nearest of evenly spaced times. The sums of sines and cosines are then two Fourier sums:
-    one of the residual, and one, at twice the frequency, of the number of samples at each time (Press & Rybicki 1989,
-    Astrophys. J. 338).
+    Samples are moved to the nearest of evenly spaced times. Then two Fourier sums replace the sums of sines and cosines
+    (Press & Rybicki 1989, Astrophys. J. 338): that of the residual, and that of the number of samples at each time. The
+    second is taken at twice the frequency.
     """
     length = next_fast_len(_GRID * count, real=True)
     bins = np.round(time / duration * length).astype(np.intp) % length

@@ -114,9 +114,9 @@ def joined(rows: Iterable[Sequence[str]]) -> str:
 
 
 def parse_rows(rows: str, delimiter: str, width: int) -> tuple[pyarrow.Table, list[tuple[int, int]]]:
-    """Returns the table of cells as text, and (index from 0, number of cells) of each row whose number is not `width`.
+    """Returns the cells as a table of text, and (index from 0, number of cells) of each row without `width` cells.
 
-    The table does not contain these rows of another width.
+    The table does not contain these other rows.
 
     Args:
         rows: text with a line for each row, without quotes. An empty line has no cells.

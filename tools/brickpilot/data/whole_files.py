@@ -56,7 +56,7 @@ def read_text(path: Path, size_limit: int = SIZE_LIMIT, *, damaged: bool = False
 
 @contextmanager
 def beside(place: Path, *, is_folder: bool = False) -> Iterator[Path]:
-    """Yields a new empty file or folder beside `place`. The caller fills and renames it, or else it is removed.
+    """Yields a new empty file or folder beside `place`. The caller fills and renames it; otherwise it is removed.
 
     First removes the unfinished files for the same `place` that killed processes left behind. Such a file is not
     locked, because a lock ends with the process that holds the lock.
@@ -75,7 +75,7 @@ def beside(place: Path, *, is_folder: bool = False) -> Iterator[Path]:
         made.mkdir() if is_folder else made.touch(exist_ok=False)
         lock = _locked(made)
         if lock is not None or fcntl is None:
-            break  # else another process removed the new file as a leftover before it was locked
+            break  # otherwise another process removed the new file as a leftover, before it was locked
     try:
         yield made
     finally:
@@ -109,7 +109,7 @@ def _remove(path: Path) -> None:
 
 
 def plain_name(name: str) -> str:
-    """Returns `name` with "_" in place of all but letters and digits: any file system and program accepts this."""
+    """Returns `name` with "_" for all but letters and digits; every file system and program accepts the result."""
     return re.sub(r"\W", "_", name, flags=re.ASCII) or "model"
 
 

@@ -22,8 +22,8 @@ from brickpilot.data.dataset import Dataset, Run
 _LEAST = 9.0  # smaller factors between two units are ignored
 _FITS = (0.45, 1.6)  # a unit explains a ratio if (ratio / its factor) is within these limits; the model is inexact
 _MOVES = 0.3  # a run is moving if its simulated motion is at least this share of the largest of all runs
-_ALIKE = 2.0  # runs share a fault only if (largest / smallest ratio) is below this; median ratio above 1
-_ALIKE_SMALL = 1.3  # the same limit if the median ratio is 1 or less
+_ALIKE = 2.0  # runs with a median ratio above 1 share a fault only if (largest / smallest ratio) is below this
+_ALIKE_SMALL = 1.3  # the same limit for runs with a median ratio of 1 or less
 
 
 @dataclass(frozen=True)

@@ -25,12 +25,12 @@ from brickpilot.data.signals import RATE_OF, Frame
 __all__ = ["Audited", "Fault", "audit"]
 
 _WITHIN_S = 0.1  # s: a collision stops a vehicle within this time; friction, a weak battery and a slope need longer
-_SETTLED_S = 0.3  # time after a change of command in which the command itself may change the speed
+_SETTLED_S = 0.3  # s: within this time after a change of command, the command itself may change the speed
 _CHANGE = 0.05  # share of the largest command: smaller changes of a command are ignored
 _FAST = 0.4  # share of the fastest motion of any run: friction may stop a slower wheel
-_LOST = 0.5  # share of its speed: a vehicle loses at least this share in a collision; a rough floor takes less
-_SMOOTH_S = 0.02  # the span over which a rate is averaged, or a summed signal differenced
-_STEPS = 4.0  # in resolutions: least loss of speed that counts, for coarse channels
+_LOST = 0.5  # least share of the speed that a vehicle loses in a collision; a rough floor takes less
+_SMOOTH_S = 0.02  # s: the span over which a rate is averaged, or a sum (angle or travel) is differenced
+_STEPS = 4.0  # in resolutions: a smaller loss of speed does not count, because a channel may be coarse
 _AFTER_S = 0.03  # s: least time for which the speed stays low after a collision
 
 
@@ -120,7 +120,7 @@ class _Search:
                 one.blank_repeats(view.outputs[name])
 
     def wrong_channels(self, nominal: Mapping[str, float]) -> None:
-        """Finds whole wrong channels. If an input or the time is wrong, all channels of that run are blanked."""
+        """Finds channels that are wrong as a whole. If an input or the time is wrong, the whole run is blanked."""
         for one in contradictions(self.views, nominal):
             inputs = self.views[0].inputs
             signals = _columns(one.names, inputs)
@@ -162,8 +162,8 @@ class _Search:
         """Finds the first collision of each run, and leaves out all samples after it.
 
         In a collision, a fast vehicle loses speed although its command does not change. The motion after a collision
-        does not follow from the inputs, because the obstacle was not measured. Two kinds of runs are skipped: runs
-        without a measured wheel or shaft, and runs with a wrong clock, because a clock's jump looks like a collision.
+        depends on the obstacle, which was not measured. Two kinds of runs are skipped: runs without a measured wheel or
+        shaft, and runs with a wrong clock, because a clock's jump looks like a collision.
         """
         wrong_clocks = {one.run for one in self.faults if one.kind == "clock"}
         rates = [_rates(view) for view in self.views]
@@ -239,7 +239,7 @@ def _rates(view: RunView) -> dict[str, Vector]:
 
 
 def _loss(view: RunView, name: str, rate: Vector, fastest: float) -> int | None:
-    """Returns the last sample before a sudden loss of speed at a settled command; None: there is none."""
+    """Returns the last sample before the first sudden loss of speed at a settled command; None: no such loss."""
     within, after = (max(1, round(seconds / view.interval)) for seconds in (_WITHIN_S, _AFTER_S))
     count = len(rate) - within - after
     if count < 1 or fastest == 0.0:

@@ -1,8 +1,8 @@
 """Finds whole channels that contradict the other channels or the other runs: a reversed sign, or another unit.
 
 No model is needed and no parameter is fitted, because only relations that hold for any machine are used (`relations`).
-A trial corrects one channel of a broken relation by a factor, in one run or in all runs. The trial that repairs most
-relations and breaks none is accepted. If two trials repair equally many relations, the trial with the lower cost is
+A trial corrects one or more channels of a broken relation by a factor, in some runs or in all. The trial that repairs
+most relations and breaks none is accepted. If two trials repair equally many, the trial with the lower cost is
 accepted. The cost says how unusual the corrected channels still are, compared with the other runs and with a typical
 small machine.
 """
@@ -23,10 +23,10 @@ _MOST = 8  # a search stops after this number of contradictions
 _INTERVAL_RATIO = 1.4  # a factor explains the ratio of two sampling intervals if (ratio / factor) is below this
 _UNSATURATED = 0.8  # share of the fastest turn of all runs: the geometry is estimated from slower turns only
 _TURNS = 0.3  # rad/s: the geometry is estimated only if the rms turn rate is at least this
-_TURN_PER_METRE = (0.5, 50.0)  # 1 / (2 b): b from 1 cm to 1 m
-_TURN_PER_RADIAN = (0.03, 1.2)  # r / (2 b)
+_TURN_PER_METRE = (0.5, 50.0)  # 1/m: 1 / (2 b) for a half track b from 1 cm to 1 m
+_TURN_PER_RADIAN = (0.03, 1.2)  # r / (2 b), with the wheel radius r
 _LEVEL = 0.4  # share of the strongest drive of any run: with a weaker drive, other causes may move the machine
-_WITH_DRIVE = 0.8  # least correlation of a motion with its drive, for the motion to have a gain
+_WITH_DRIVE = 0.8  # a motion has a gain only if its correlation with its drive is at least this
 _LARGE = 9.0  # a comparison with the other runs finds only factors above this
 _GAINS_FIT, _NOISE_FIT = 1.3, 2.0  # a factor explains a ratio of gains or noise if (ratio / factor) is below this
 _GAINS_ALIKE = 2.0  # two gains agree if their ratio is below this; the gains of most other runs have to agree
@@ -37,7 +37,7 @@ _TYPICAL_BATTERY, _HIGHEST_BATTERY = 9.0, 500.0  # V
 # Costs of a trial, in logarithms of a ratio.
 _PER_CHANNEL = 0.01  # cost of each blamed channel; it decides only between trials that are equal otherwise
 _IMPLAUSIBLE = 0.25  # weight of the comparison with a typical small machine; other comparisons have weight 1
-_LIKELIER = 2.0  # prior in favour of a mistake in all runs over a mistake in a single run
+_LIKELIER = 2.0  # logarithm of the prior odds of a mistake in all runs against a mistake in a single run
 _UNUSUAL = 0.3  # cost of a factor that is unusual for the channel's unit
 
 
@@ -115,8 +115,7 @@ def contradictions(views: Sequence[RunView], nominal: Mapping[str, float]) -> li
     geometry = Geometry(nominal.get("wheel_radius"), nominal.get("half_track"), {})
     found = _clocks_in_other_units(windows)
     found += _search(windows, names, geometry)
-    # The yaw per difference of the wheels is estimated after this search, so the wheels no longer contradict each
-    # other.
+    # The yaw per difference of the wheels is estimated only now, because the wheels no longer contradict each other.
     if learnt := _turned(windows, names, geometry):
         found += _search(windows, names, replace(geometry, turned=learnt))
     found += _against_other_runs(RunSet(windows, names, geometry))
@@ -138,7 +137,7 @@ def _is_near(ratio: float, factor: float, by: float) -> bool:
 
 
 def _beside_others(values: Mapping[int, float], factors: Sequence[float], by: float) -> dict[int, float]:
-    """Returns run -> the factor of `factors` that explains (its value / the median of the other runs' values).
+    """Returns run -> the factor of `factors` that explains (the run's value / the median of the other runs' values).
 
     Runs without such a factor have no entry. `by`: as in `_is_near`.
     """
@@ -152,7 +151,7 @@ def _beside_others(values: Mapping[int, float], factors: Sequence[float], by: fl
 
 
 def _clocks_in_other_units(windows: dict[int, Windows]) -> list[Contradiction]:
-    """Returns runs whose sampling interval differs by the factor of a unit of time, and corrects their windows."""
+    """Returns runs whose sampling interval is in another unit than in the other runs, and corrects their windows."""
     intervals = {number: one.interval for number, one in windows.items()}
     odd = _beside_others(intervals, CLOCK_FACTORS, _INTERVAL_RATIO)
     if len(odd) == len(intervals) == 2:
@@ -215,7 +214,7 @@ def _gain(runs: RunSet, number: int, trial: Trial) -> int:
 
 
 def _may_share(runs: RunSet, number: int, trial: Trial, mended: tuple[int, ...]) -> bool:
-    """Whether a run may share the fault of the `mended` runs: not if its noise is like their noise after correction."""
+    """Whether a run may share the fault of the `mended` runs. False: its noise is like their noise after correction."""
     if abs(trial.factor) == 1.0 or trial.group == ("time",) or len(mended) > 1:
         return True
     own, shown = runs.windows[number].roughness, runs.windows[mended[0]].roughness
@@ -298,8 +297,8 @@ def _turned(windows: Mapping[int, Windows], names: Iterable[str], geometry: Geom
     """Returns (yaw channel, kind of wheel channel) -> median over the runs of the yaw per difference of the wheels.
 
     Pairs for which the data set states the geometry have no entry. An implausible value is divided by the first factor
-    of a unit that makes the value plausible. Then the relation is broken in all runs, and the search finds the fault.
-    The fastest turns are left out, because a gyro at the end of its range would bias the estimate.
+    between units that makes the value plausible. Then the relation is broken in all runs, and the search finds the
+    fault. The fastest turns are left out, because a gyro at the end of its range would bias the estimate.
     """
     found: dict[tuple[str, str], float] = {}
     for kind in WHEEL_KINDS:
@@ -337,8 +336,8 @@ def _plausible(ratio: float, limits: tuple[float, float]) -> float:
 def _against_other_runs(runs: RunSet) -> list[Contradiction]:
     """Returns channels whose gain (motion per drive) differs from the other runs' gain by the factor of a unit.
 
-    A sticking wheel may make the gain too small. If another channel confirms a gain, the machine itself may have
-    changed. In both cases the channel counts as wrong only if its noise has changed by the same factor.
+    A sticking wheel may make the gain too small. If another channel confirms the gain, the machine may have changed.
+    In both cases the channel counts as wrong only if its noise has changed by the same factor.
     """
     found: list[Contradiction] = []
     large = [one for factor in FACTORS if factor > _LARGE for one in (factor, 1 / factor)]
@@ -354,7 +353,7 @@ def _against_other_runs(runs: RunSet) -> list[Contradiction]:
         for number, factor in _beside_others(gains, large, _GAINS_FIT).items():
             others = [k for k in gains if k != number]
             usual_gain = float(np.median([gains[k] for k in others]))
-            # If the other gains disagree, their median is no reference.
+            # If the other gains disagree, no comparison with their median is possible.
             if np.mean([_log_ratio(gains[k], usual_gain) < log(_GAINS_ALIKE) for k in others]) <= 0.5:
                 continue
             own, rough = runs.windows[number].roughness[name], [runs.windows[k].roughness[name] for k in others]

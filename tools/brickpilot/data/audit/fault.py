@@ -11,7 +11,7 @@ from brickpilot.data.signals import SIGNALS
 
 Kind = Literal["swapped", "dropout", "clipped", "frozen", "sign", "unit", "clock", "collision"]
 
-_MANY = 4  # a note names the runs if there are fewer than this number; otherwise it gives their number
+_MANY = 4  # a note names the runs if they are fewer than this; otherwise it gives their number
 _UNITS = {
     "rad": {180 / pi: "degrees", 1 / (2 * pi): "turns"},
     "rad/s": {180 / pi: "degrees per second", 30 / pi: "rpm", 1 / (2 * pi): "turns per second"},

@@ -26,10 +26,10 @@ WHEEL_KINDS = ("travel", "velocity", "angle", "speed")
 
 _PHYSICAL = 5.0  # largest ratio of two motions, up or down, that is possible without another unit
 _ONE_SENSOR, _TWO_SENSORS = 1.15, 1.6  # a unit explains a ratio if (ratio / its factor) is below this, up or down
-_MOVES = 0.3  # rad/s or m/s^2: least motion that is evidence on a relation of two sensors
-_WITH = 0.8  # least ratio of |sum of motion x drive| to the sum of |motion x drive| that is evidence
+_MOVES = 0.3  # rad/s or m/s^2: a relation of two sensors is tested only if the motion is at least this
+_WITH = 0.8  # |sum of motion x drive| / (sum of |motion x drive|): a smaller ratio is no evidence
 _DRIVEN = 0.4  # share of the stronger side's drive: a weaker drive is no evidence
-_APART = 0.5  # (left less right) / their mean: unequal wheels or motors may cause a smaller ratio
+_APART = 0.5  # (left less right) / (mean of both): unequal wheels or motors may cause a smaller ratio
 _AS_HARD = 1.5  # the two sides are compared only if the ratio of their drives is smaller than this, up or down
 _WIDE = 0.2  # m: least radius of a turn that counts, well above a sensor's distance from the centre
 
@@ -178,7 +178,7 @@ def relations(names: Iterable[str], geometry: Geometry, least: Mapping[str, floa
 
 
 def _yaw_groups(name: str, present: set[str]) -> tuple[Group, ...]:
-    """Returns groups that may be wrong together: the channel, all yaw channels, all channels that a frame reverses."""
+    """Returns groups that may be wrong together: the channel, all yaw channels, all that a wrong frame reverses."""
     both = tuple(sorted(present & {"yaw_rate", "yaw_angle"}))
     return tuple(dict.fromkeys([(name,), both, tuple(sorted({*both, *(present & {"accel_sway"})}))]))
 
@@ -256,7 +256,7 @@ def _turning(yaw: str, kind: str, per: float | None) -> Motions:
 
 
 def _surging(kind: str, metres: float) -> Motions:
-    """Returns the integral of the surge acceleration and the change of the mean wheel speed, less their means."""
+    """Returns the integral of the surge acceleration and the change of the mean wheel speed, each without its mean."""
 
     def motions(windows: Windows) -> tuple[Vector, Vector]:
         nothing = np.full_like(windows.seconds, np.nan)
@@ -282,7 +282,7 @@ def _swaying(yaw: str, kind: str, metres: float) -> Motions:
 
 
 def _left_and_right(left: str, right: str, least: Mapping[str, float]) -> Relation:
-    """Returns the relation of left to right; silent unless both drives are strong and similar."""
+    """Returns the relation of left to right; silent unless both drives are strong and about equally large."""
 
     def sides(windows: Windows) -> tuple[Vector, Vector]:
         one, other = windows.of(left), windows.of(right)

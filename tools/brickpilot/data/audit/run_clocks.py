@@ -23,14 +23,14 @@ from brickpilot.data.signals import RATE_OF
 
 _BLOCKS = 20
 _LEAST_SAMPLES = 60
-_STEADY = 0.002  # largest relative spread at which sampling intervals, or a sensor's ratio, count as equal
-_OFF = 0.008  # relative difference of a run's interval from the other runs': a smaller difference is no fault
-_ON_PURPOSE = 0.15  # the same difference: a larger one is a sampling rate chosen on purpose
+_STEADY = 0.002  # sampling intervals, or a sensor's ratios, count as equal if their relative spread is below this
+_OFF = 0.008  # relative difference of a run's interval from the other runs' interval: a smaller one is no fault
+_ON_PURPOSE = 0.15  # an interval with a larger relative difference was chosen by the user
 _ALIKE = 2 / 3  # least share of the runs that have the usual interval
 _SMOOTH = 0.15  # largest residual of the parabola fitted to a drift, as a share of the drift's size
 _ROUND = 3e-4  # a value counts as round if rounding changes it by less than this share
 _WINDOWS = 24
-_BOUNDED = 0.5  # factor on a ratio's sd, because the residuals of a summed signal are not independent
+_BOUNDED = 0.5  # a ratio's sd is multiplied by this, because the residuals of a summed signal are not independent
 _RATIO_OFF, _DRIFTS = 0.012, 0.02  # largest deviation and trend of a ratio that bias and slip may cause
 _SURE = 5.0  # in standard errors: a larger deviation is certain
 _WANDER = {"yaw_angle"}  # angles whose rate has a slowly changing bias, which looks like a wrong clock
@@ -40,7 +40,7 @@ _STOOD = 0.35  # share of the motion expected during a jump: with less motion, t
 _LOCAL = 10  # number of samples before and after a jump from which the speeds there are computed
 _STEPS = 10.0  # in resolutions: a jump tells something only if at least this motion was expected during it
 _LONGEST_S = 0.2  # longest delay that is tried, s; no sensor has a longer delay
-_SPAN_S = 0.04  # the span over which a summed signal is differenced, and over which a rate is averaged
+_SPAN_S = 0.04  # s: the span over which a sum is differenced and a rate is averaged
 _CLEARER = 0.8  # a delay is clear if (residual with the delay) / (residual without a delay) is at most this
 _TRIED = 20  # number of delays that are tried in each direction, up to the longest delay
 _AGREES = 0.5  # largest spread of the runs' delays, as a share of their median delay
@@ -65,7 +65,7 @@ class ClockFault:
 
 @dataclass(frozen=True)
 class _Ratio:
-    """`value`: (growth of an angle or travel) / (integral of its rate) in a run; `trend`: its relative change."""
+    """`value`: growth of an angle or travel / integral of its rate, in a run; `trend`: its relative change there."""
 
     value: float
     sd: float
@@ -116,7 +116,7 @@ def _spread(values: Vector) -> float:
 
 
 def _usual_interval(intervals: list[float]) -> float | None:
-    """Returns the interval that most runs have; of two runs, the rounder interval in ms or Hz; None: not known."""
+    """Returns the interval that most runs have; of two runs, the one that is rounder in ms or Hz; None: not known."""
     for one in intervals:
         alike = sum(abs(other / one - 1.0) < _STEADY for other in intervals)
         if alike >= max(2.0, _ALIKE * len(intervals)) or len(intervals) == 1:
@@ -135,7 +135,7 @@ def _digits(value: float) -> int:
 
 
 def _drifts(blocks: Vector, usual: float) -> bool:
-    """Whether the interval changes smoothly in the run, by more than noise and less than a change on purpose."""
+    """Whether the interval changes smoothly in the run, by more than noise causes and less than a user would choose."""
     place = np.linspace(-1.0, 1.0, len(blocks))
     smooth = np.polyval(np.polyfit(place, blocks, 2), place)
     change = float(np.ptp(smooth))
@@ -271,7 +271,7 @@ def _stood(view: RunView, at: int) -> bool:
 
 
 def delays(views: Sequence[RunView]) -> dict[str, float]:
-    """Returns rate -> delay behind the derivative of its angle or travel, s, for delays that all runs show alike."""
+    """Returns rate -> delay in s behind the derivative of its angle or travel, if the delay is alike in all runs."""
     found: dict[str, float] = {}
     for sums, rate in RATE_OF.items():
         each = [one for view in views if (one := _delay(view, sums, rate)) is not None]

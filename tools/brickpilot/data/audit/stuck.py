@@ -16,8 +16,8 @@ from brickpilot.data.audit.view import LEAST_SAMPLES, Held, Mask, RunView, Vecto
 from brickpilot.data.signals import RATE_OF, SUMMED
 
 _ANALOGUE = ("accel_", "yaw_rate", "current", "force", "battery")  # they repeat values only at a coarse resolution
-_LEAST_CLIPPED = 8  # an extreme of a run with fewer samples than this does not count as clipped
-_CLIPPED_BEYOND = 5.0  # a clipped extreme is at least this many times as frequent as any other value
+_LEAST_CLIPPED = 8  # an extreme at which fewer samples lie does not count as clipped
+_CLIPPED_BEYOND = 5.0  # least ratio of how often a clipped extreme occurs to how often any other value occurs
 _EDGE_STEPS = 3.0  # in resolutions: least jump to and from a plateau
 _DITHERS = 0.6  # largest share of repeats in a signal whose noise is at least half a resolution
 _BLOCK = 50  # number of samples from which one share of repeats is computed
@@ -26,7 +26,7 @@ _UNLIKELY = 4.0  # a frozen stretch is at least this many times as long as the l
 _LEAP = 8.0  # least ratio of the jump at a frozen stretch's end to the signal's largest other change
 _NEAR = 4.0  # in usual changes between samples: a sample that is closer to an extreme counts as near it
 _FEW = 0.2  # (samples near an extreme) / (samples at the extreme): above this, the sensor froze in steady motion
-_STALE = 0.75  # share of repeats in the same sensor's other channel: with more, that channel is no evidence
+_STALE = 0.75  # the sensor's other channel is evidence if at least this share is known and at most this share repeats
 _FAR = 0.25  # share of the stated range: a value farther outside counts as far beyond the range
 _NOW_AND_THEN = 0.02  # share of samples far beyond the range: if it is larger, clipping is not the cause
 _BATTERY = "battery_voltage"
@@ -136,7 +136,7 @@ def _plateau(values: Vector, resolution: float) -> Mask:
 
 
 def frozen(view: RunView, name: str, across: AcrossRuns) -> tuple[Mask, Mask]:
-    """Finds frozen stretches: one value, contrary to the noise, the drive, other channels or a jump at the end.
+    """Finds frozen stretches: stretches of one value that noise, drive, other channels or a jump at the end contradict.
 
     Returns the frozen samples, and the samples that are not frozen but clipped.
     """
@@ -179,7 +179,7 @@ def _stands(view: RunView, name: str, start: int, stop: int) -> bool:
 
 
 def _at_extreme(view: RunView, name: str, stands: Mask) -> Mask:
-    """Finds samples at an extreme of the run, if a stretch of `stands` is there: the sensor is at its range's end.
+    """Finds samples at an extreme of the run at which `stands` has a stretch: there the sensor's range ends.
 
     Four cases are excluded: an angle or travel, which may stop at its extreme; zero, the value of a dead sensor; a
     stretch up to the run's end, as after a sensor failure; and an extreme with many samples near it, as after a freeze
@@ -215,8 +215,8 @@ def _moves_elsewhere(view: RunView, name: str, start: int, stop: int) -> bool:
 def _too_long(view: RunView, name: str, start: int, stop: int, across: AcrossRuns) -> bool:
     """Whether the stretch is too long for a signal that seldom repeats values outside the stretch.
 
-    The channel of a standing wheel does not count as frozen. A turning wheel is also compared with turning wheels
-    alone, because a standing or creeping wheel repeats values more often.
+    The channel of a standing wheel does not count as frozen. A moving wheel's stretch is compared a second time,
+    with samples of at least half its speed, because a standing or creeping wheel repeats values more often.
     """
     level = view.outputs[name][start]
     analogue = name.startswith(_ANALOGUE) or (name == "yaw_angle" and level != 0.0)
@@ -231,7 +231,7 @@ def _too_long(view: RunView, name: str, start: int, stop: int, across: AcrossRun
 
 
 def _expected_once(pieces: Sequence[Vector], least: float) -> float:
-    """Returns the length, in samples, of a constant stretch that is expected once; infinite: values repeat too often.
+    """Returns the samples in the longest constant stretch that chance explains; infinite: values repeat too often.
 
     `least`: only values of this size or more count. If `least` is above 0, the longest stretch found is returned
     instead of the expected length, because a wheel may turn slowly for a while.
@@ -281,7 +281,7 @@ def _contradicts_partner(view: RunView, name: str, start: int, stop: int, across
 
 
 def _never_stands(view: RunView, name: str, start: int, stop: int, across: AcrossRuns) -> bool:
-    """Whether an angle or travel stands although its drive, in both directions, is about as strong as in motion.
+    """Whether an angle or travel stands although it is driven in both directions about as strongly as in motion.
 
     A machine that is driven in one direction only may be at its end stop. A yaw angle has no end stop, so for it one
     direction is enough.
@@ -338,7 +338,7 @@ _LEAST_CHANGES = 20
 _LEAST_ROWS = 1.5  # least mean number of rows for each sample
 _ROW = 1.1  # in rows: the largest delay with which a change is logged
 _REGULAR = 0.9  # more than this share of the changes has to be whole beats (sampling times) apart
-_STEPS = 2.5  # in resolutions: smaller changes give no beat; a coarse channel steps regularly at constant speed
+_STEPS = 2.5  # in resolutions: smaller changes give no beat, because a coarse channel steps regularly at constant speed
 _TOGETHER = 0.9  # a larger share of a coarse channel's changes has to be in rows where another channel changes
 
 
@@ -433,7 +433,7 @@ def _falls_on(mask: Mask, grid: Mask) -> bool:
 
 
 def _fresh(time: Vector, grid: Mask, beat: float, row: float) -> Mask:
-    """Returns the rows of `grid`, and in gaps of `grid` also the rows at whole beats."""
+    """Returns the rows of `grid`, and the rows at whole beats between rows of `grid` that are far apart."""
     fresh = grid.copy()
     at = np.append(np.flatnonzero(grid), len(time))
     for start, stop in zip(at[:-1].tolist(), at[1:].tolist(), strict=True):

@@ -32,7 +32,7 @@ _TYPICAL = {
     "yaw_": 3.0, "wheel_travel": 0.5, "wheel_velocity": 0.5, "wheel_": 10.0, "position": 0.2, "velocity": 0.2,
     "angle": 10.0, "speed": 10.0, "accel_": 1.0,
 }  # fmt: skip
-_EDGE = 0.15  # share of a window: the velocity at a window's edge is the mean over this time on each side
+_EDGE = 0.15  # share of a window: the velocity at a window's edge is a mean over this time before and after the edge
 
 
 @dataclass(frozen=True, eq=False)

@@ -149,7 +149,7 @@ def _of_drives(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[M
     fit = min(fits, key=lambda one: one.sd)
     ratio = log(fit.gains[0] / fit.gains[1])
     sure = _beyond(abs(ratio), log(_SIDES_FREE), fit.sd)
-    is_unit = any(abs(abs(ratio) - abs(log(one))) < log(1.2) for one in _UNITS)  # a wheel's unit, which the audit finds
+    is_unit = any(abs(abs(ratio) - abs(log(one))) < log(1.2) for one in _UNITS)  # the audit finds a wheel's unit
     if sure < 0.9 or is_unit:
         return []
     weak, strong = ("right", "left") if ratio > 0 else ("left", "right")

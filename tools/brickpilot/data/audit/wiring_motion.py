@@ -29,7 +29,7 @@ _WINDOW_S = 0.1
 _PER_SECOND = 4.0  # number of independent windows in a second
 _MOST = 60.0  # a larger number of independent windows counts as this number, because the model is rough
 _FLOOR = 0.02  # share of the motion that even the right hypothesis leaves unexplained
-_EXPLAINED = 0.4  # share of the motion: a hypothesis that explains less gets no credit
+_EXPLAINED = 0.4  # share of the motion: to explain less does not raise a hypothesis's likelihood
 _PER_FAULT = 6.0  # natural logarithm of the prior odds against each fault
 LAGS = (
     1.0,
@@ -41,7 +41,7 @@ _DEAD = 0.01  # a wheel stands still if its motion is at most this share of the 
 _APART = 0.3  # share of the drives' rms: a wheel whose drive is weaker may stand still, with an encoder that works
 FREE = 1.33  # largest factor, up or down, by which slip and inexact lengths may change a ratio
 UNIT_FITS = 3.0  # a unit explains a ratio if (ratio / the unit's factor) is below this, up or down
-_ONE_RUN = 30.0  # times the runs' median motion: a run with more motion has another unit
+_ONE_RUN = 30.0  # times the runs' median motion: the channel of a run with more motion is in another unit
 _ONE_NUMBER = 0.93  # least share of the yaw that two wheels without slip explain
 _COLLINEAR = 1e4  # largest condition number of the normal equations at which left and right can be told apart
 
@@ -93,7 +93,7 @@ class Motion:
     """The motion of drives, wheels and yaw in short windows of all runs; (w,) each, NaN where unknown."""
 
     def __init__(self, runs: Sequence[Channels]) -> None:
-        from scipy.signal import lfilter  # to load this takes longer than most commands that read no data
+        from scipy.signal import lfilter  # takes longer to load than most commands that read no data take to run
 
         self.inputs = list(runs[0].inputs)
         self.names = [name for name in runs[0].outputs if any(np.isfinite(run.outputs[name]).any() for run in runs)]
@@ -117,7 +117,7 @@ class Motion:
             usual = float(np.median(sizes[sizes > 0.0])) if sizes.any() else 0.0
             for part, size in zip(parts, sizes, strict=True):
                 if size > _ONE_RUN * usual:
-                    part[name][:] = np.nan  # another unit in this run alone; the audit finds this fault
+                    part[name][:] = np.nan  # this run alone is in another unit; the audit finds this fault
         self.at = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
     @cached_property
@@ -127,7 +127,7 @@ class Motion:
 
     @cached_property
     def still(self) -> tuple[str, ...]:
-        """The wheels that stand still in all runs although the other wheel moves, or although the body turns."""
+        """The wheels that stand still in all runs although the other wheel moves or the body turns."""
         sizes = {name: _rms(self.at[name]) if name in self.at else np.nan for name in self.wheels}
         largest = max(sizes.values(), default=0.0)
         turns = self.yaw is not None and _rms(self.at[self.yaw]) > 0.05
@@ -181,7 +181,7 @@ class Motion:
         return [*first, replace(last, text=last.text + (f", or as well {', '.join(rivals)}" if rivals else ""))]
 
     def turning(self) -> Gains | None:
-        """Returns the gains from the left and the right wheel to the yaw; None: missing, or not constant."""
+        """Returns the gains from the left and the right wheel to the yaw; None: not measured, or the gains vary."""
         if self.yaw is None or len(self.moving) < 2:
             return None
         left, right = (self.at[name] for name in self.wheels)
@@ -209,7 +209,7 @@ class Motion:
         return _gains(x, np.concatenate([self.at[name] for name in self.wheels]), seconds)
 
     def geometry(self, nominal: Mapping[str, float]) -> float | None:
-        """Returns the yaw per motion of a wheel, from the stated lengths; None: a length is not stated."""
+        """Returns the yaw per difference of the wheels, from the stated lengths; None: a length is not stated."""
         stated = Geometry(nominal.get("wheel_radius"), nominal.get("half_track"), {})
         return stated.turn("", self.kind or "")
 
