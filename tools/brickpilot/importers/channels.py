@@ -1,6 +1,6 @@
-"""Defines `Log`, which each function that reads a log returns, and functions that several of these readers use.
+"""Defines `Log`, the result of each function that reads a log, and functions that several readers use.
 
-`brickpilot import --list` shows of each channel: type, unit, samples, rate, times and range.
+`brickpilot import --list` shows type, unit, samples, rate, times and range of each channel.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ def check_file(file: Path, start: bytes = b"", kind: str = "") -> None:
 
 
 def is_wanted(group: str, texts: Collection[str] | None) -> bool:
-    """Returns whether a text, such as a formula, contains `group`: a topic, message or array. No texts: always true."""
+    """Returns whether one of `texts` contains `group`, the name of a topic, message or array; `texts` None: true."""
     return texts is None or any(group in text for text in texts)
 
 
@@ -148,7 +148,7 @@ class Contents:
 def contents(log: Log) -> Contents:
     """Returns the contents of a log.
 
-    The columns of a table have no times. The first column that only increases is used as the time of all columns.
+    The columns of a table have no times. The first column that only increases, preferably in s, is the time of all.
     """
     clock = _clock(log.channels)
     notes = [*log.notes]

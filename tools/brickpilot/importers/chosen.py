@@ -54,7 +54,7 @@ def channels_dataset(
         files: logs with the same channels, columns or variables.
         mapping: ``SIGNAL=CHANNEL[:UNIT]``, or a formula of channels; the default unit is the file's unit, or else the
             SI unit. The module for this kind of log describes the channels' names.
-        vehicle, frame: the kind of vehicle, and the data set's frame; frame None: to be found from wheels and yaw.
+        vehicle, frame: the kind of vehicle, and the data set's frame; frame None: found from wheels and yaw.
         as_wired: whether channels that look swapped, reversed or scaled wrongly are left as they are.
         rate: rows per second, for channels with times; None: a row for each sample of the fastest output.
         split: ``rests``, or ``FROM,TO`` in s of the log's clock, repeatable; each piece becomes a run. Empty: a new run
@@ -191,7 +191,7 @@ def _unit(file: Path, signal: str, formula: Formula, channel: Channel, source: S
     return channel.unit
 
 
-_SAME = 0.01  # a note names a larger shift of samples than this share of a row's duration
+_SAME = 0.01  # share of a row's duration: a note names a shift of samples that is larger
 _ROWS = 10_000_000  # a table with more rows is refused: --rate is too high
 
 
@@ -296,7 +296,7 @@ def _step(rows: Vector) -> float:
 
 
 def _held(time: Vector, values: Vector, rows: Vector, half: float) -> Vector:
-    """Returns a value for each row. A sample holds from the first row after (its time - `half`); before that, NaN."""
+    """Returns a value for each row: the last sample before (the row's time + `half`); NaN before the first sample."""
     last = np.searchsorted(time, rows + half, side="left") - 1
     return np.where(last >= 0, values[np.maximum(last, 0)], np.nan)
 

@@ -2,7 +2,7 @@
 
 So a flight is like the log of a real robot: it can show effects that the firmware's model lacks. The importer takes
 counts per turn and nominal values from the packaged robot, so it refuses a flight with an image that `firmware` made
-for another robot. The battery's voltage is that of the plant; a brick reads this voltage in steps of 28 mV.
+for another robot. The battery's voltage is the plant's exact voltage; a brick reads it in steps of 28 mV.
 """
 
 from __future__ import annotations

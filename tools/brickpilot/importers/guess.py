@@ -136,7 +136,7 @@ def _one_input_set(sources: dict[str, Source], reasons: dict[str, str], vehicle:
 
 
 def _check_found(table: TextTable, sources: Mapping[str, Source], asked: Sequence[str]) -> None:
-    """Refuses a log without time, input or output; `asked`: messages that ask the user to state motor commands."""
+    """Refuses a log without time, input or output. `asked`: messages that ask the user for the motor commands."""
     known = ", ".join(table.names[:20])
     kinds = {SIGNALS[signal].kind for signal in sources}
     for kind, example in (("time", "time=COLUMN:ms"), ("input", "duty_left=COLUMN/255"), ("output", "yaw_rate=COLUMN")):
@@ -168,7 +168,7 @@ _ENCODER = {"enc", "encoder", "tick", "ticks", "count", "counts", "cnt", "odo", 
 _BATTERY = {"bat", "batt", "battery", "vbat", "vbatt", "supply", "vin", "vcc"}
 _SPEED = {"speed", "spd", "vel", "velocity", "rpm", "omega", "w"}
 _FULL_SCALES = (1.0, 100.0, 255.0, 1000.0, 1023.0, 4095.0, 32767.0)
-_ODD_FULL = (300.0, 400.0)  # if the largest command lies between these values, full drive may be 400 or 1000
+_ODD_FULL = (300.0, 400.0)  # full drive may be 400 or 1000 if the largest command lies between these values
 _SERVO, _SERVO_REST = (800.0, 2200.0), 1500.0  # us: the range of servo pulses, and the pulse at rest
 _TURN_RATE = 12.0  # rad/s: a larger yaw rate is taken to be in deg/s
 _RAW_GYRO = 131.0  # counts per deg/s, of the most common gyro in its finest range
@@ -245,7 +245,7 @@ def taken_for(column: Column, columns: Sequence[Column], driven: bool) -> Taken 
     Args:
         column: the column.
         columns: all columns of the log.
-        driven: whether the log has a column of duty; if so, a column named "v" is not a commanded voltage.
+        driven: whether the log has a column of duty; with duty, a column named "v" is no commanded voltage.
     """
     if not np.isfinite(column.values).any():
         return "it holds no numbers"

@@ -29,7 +29,7 @@ from brickpilot.errors import InputError
 from brickpilot.importers.channels import Vector
 
 _LONGEST = 300  # most characters of a formula: formulas are typed by hand, and Python's parser has a limited depth
-_LONGEST_LIST = 200  # characters of the names that an error lists
+_LONGEST_LIST = 200  # largest number of characters of the names that an error lists
 _NUMBER = NUMBER.removeprefix("[+-]?")  # without a sign, because a sign is an operator here
 _IDENTIFIER = r"[^\W\d]\w*(?:\.\w+)*"
 _INDEX = r"(?:\[\d{1,5}\])?"
@@ -42,7 +42,7 @@ _SIGNS: dict[type[ast.AST], Callable[..., Any]] = {
     ast.USub: operator.neg,
 }
 _ALLOWED = (ast.BinOp, ast.UnaryOp, ast.Constant, ast.Name, ast.Load, *_SIGNS)
-_ALIKE = 0.8  # similarity by difflib above which a text counts as a misspelled name, such as /drive/left
+_ALIKE = 0.8  # least similarity by difflib of a text that counts as a misspelled name of the form /drive/left
 
 
 class FormulaError(ValueError):

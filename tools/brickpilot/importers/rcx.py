@@ -24,7 +24,7 @@ from brickpilot.importers.writer import NewDataset, NewRun
 from brickpilot.link import lnp
 from brickpilot.link.tower import BYTE_S, Tower
 
-PATIENCE = 4.0  # s: longest wait for a reply; the brick itself may wait first until the line is quiet
+PATIENCE = 4.0  # s: longest wait for a reply, because the brick may first wait until the line is quiet
 TRIES = 8
 VERSION = 1
 BLOCK_SAMPLES, SAMPLE_SIZE = 20, 5

@@ -54,9 +54,9 @@ class Topic:
 def log_of(file: Path, topics: Iterable[Topic], others: Iterable[str] = (), *, cut: bool = False) -> Log:
     """Returns the log of the topics.
 
-    The times of a topic are the stamps in its headers, or the log times if a stamp is missing. If the stamps
-    follow another clock than the log, e.g. the clock of a simulation, the log times of other topics are shifted to the
-    stamps' clock by the median difference.
+    The times of a topic are the stamps in its headers, or the log times if a stamp is missing. The stamps may follow
+    another clock than the log, e.g. the clock of a simulation. Then the log times of the other topics are shifted to
+    the stamps' clock by the median difference.
     """
     full = [topic for topic in topics if topic.log_ns]
     stamped = [topic for topic in full if all(topic.stamp_ns)]

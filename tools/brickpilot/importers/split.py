@@ -26,7 +26,7 @@ Spans = Sequence[tuple[float, float]] | None
 _SHORTEST_REST_S = 0.3
 _KEPT_S = 0.5  # s: a manoeuvre's run keeps this much of the rest before it and after it
 _SPAN_S = 0.1  # s: a rate is computed over this span on each side of a sample
-_PAUSE_S, _PAUSE_STEPS = 1.0, 20.0  # in s; in 0.9-quantiles of the steps: a pause is longer than both limits
+_PAUSE_S, _PAUSE_STEPS = 1.0, 20.0  # s, and multiples of the steps' 0.9 quantile: a pause is longer than both
 _STILL = 0.05  # motion slower than this share of the log's fastest motion counts as rest
 
 
@@ -155,8 +155,8 @@ def _stated(time: Vector, spans: Sequence[tuple[float, float]]) -> list[tuple[st
 def manoeuvres(time: Vector, signals: Mapping[str, Vector]) -> list[tuple[str, slice]]:
     """Returns kind and rows of each manoeuvre, with up to 0.5 s of the rest before it and after it.
 
-    The kind is straight, spin or curve; for a motor, drive.
-    The vehicle rests if no input drives it and it hardly moves for at least 0.3 s.
+    The kind is straight, spin or curve; for a motor, drive. In a rest, no input drives the vehicle and the vehicle
+    hardly moves, for at least 0.3 s.
 
     Args:
         time: (n,), in s, strictly increasing.

@@ -39,14 +39,14 @@ def import_table(
     Args:
         files: text files with the same columns.
         mapping: ``SIGNAL=COLUMN[:UNIT]`` or ``SIGNAL=FORMULA[:UNIT]``; COLUMN is a name, or a number from 0 on.
-        vehicle, frame: the kind of vehicle, and the data set's frame; frame None: to be found from wheels and yaw.
+        vehicle, frame: the kind of vehicle, and the data set's frame; frame None: found from wheels and yaw.
         as_wired: whether channels that look swapped, reversed or scaled wrongly are left as they are.
-        delimiter: one of `data.rows.DELIMITERS`; ``tab`` and ``\\t`` (two characters) mean a tab; None: to be found.
+        delimiter: one of `data.rows.DELIMITERS`; ``tab`` and ``\\t`` (two characters) mean a tab; None: it is found.
         header: whether the first line names the columns even if it looks like numbers.
         guessed: whether signals that `mapping` does not name, and the vehicle, are guessed from the first file.
         split: ``rests``, or ``FROM,TO`` in s of the log's clock, repeatable.
         inputs: a file with a table of time and inputs, for a log that is slower than its commands.
-        input_timing: how an input goes from one row to the next; if ``unknown``, `check` and `discover` find out.
+        input_timing: how an input goes from one row to the next; ``unknown``: `check` and `discover` find it out.
 
     Raises:
         InputError: the message names file, line and column, or the option.

@@ -134,7 +134,7 @@ def with_events(columns: Mapping[str, Vector], events: Mapping[str, Vector]) -> 
     return joined
 
 
-_STANDING = 0.5  # rows that repeat a time are left out if they are less than this share of all rows
+_STANDING = 0.5  # share of all rows: if fewer rows repeat the time of the row before, they are left out
 _FIRST_STEP = 100.0  # in usual steps: if the first step is longer, the first row's time has lost digits
 
 
@@ -170,7 +170,7 @@ def ordered(
 
 
 def _lone(time: Vector, cut_start: bool) -> NDArray[np.int64]:
-    """Returns the rows whose time is not between the times of the two neighbours, if the neighbours are in order."""
+    """Returns the rows whose time is not between those of two neighbours in order; also a first row that was cut."""
     if time.size < 3:
         return np.empty(0, dtype=np.int64)
     step = np.diff(time)
@@ -186,10 +186,10 @@ def _count(notes: list[str], lines: NDArray[np.int64], rows: NDArray[np.int64], 
 
 
 _BITS = ((16, 1), (32, 1), (12, 2), (14, 2))  # (bits, overflows needed as a proof); angle sensors have 12 or 14 bits
-_NEAR = 20  # number of steps on each side that determine the usual step
+_NEAR = 20  # number of steps on each side from which the usual step is computed
 _USUAL = 3.0  # largest corrected step at an overflow, as a multiple of the largest step nearby
 _LATE = 50.0  # longest pause of a clock at an overflow, in usual steps
-_FAR_STEPS, _FAR_COUNTS = 10.0, 20.0  # a reset to 0 starts beyond this many usual plus smallest steps
+_FAR_STEPS, _FAR_COUNTS = 10.0, 20.0  # a counter is far from 0 beyond so many usual steps plus so many smallest steps
 _RETURNS = 5  # number of samples within which a misread counter returns; a reset counter does not return
 
 

@@ -278,7 +278,7 @@ def _tried(sample: Sequence[str], delimiter: str, decimal: str) -> tuple[Layout,
 
 
 def is_row(layout: Layout, line: str) -> bool:
-    """Returns whether a line has the width of a row and numbers in half of its cells."""
+    """Returns whether a line has the width of a row and numbers in at least half of its cells."""
     cells = layout.split(line)
     return len(cells) == layout.width and 2 * sum(layout.is_number(cell) for cell in cells) >= len(cells)
 
@@ -287,7 +287,7 @@ def find_header(lines: Sequence[str], layout: Layout, needed: bool) -> tuple[int
     """Returns the line of the header, from 0, and the columns' names; without a header, None and the columns' numbers.
 
     The header is the last line of names above the rows; a line of units below it does not count. If no line of names is
-    above the rows, the first line of names after a row counts, because a logger may start again during a log.
+    above the rows, the first line of names below a row is the header, because a logger may start again in a log.
 
     Args:
         lines: the file's lines.

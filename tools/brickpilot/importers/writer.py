@@ -184,9 +184,9 @@ def _described(new: NewDataset, folder: Path, out: Path) -> Dataset:
 
 
 def _framed(new: NewDataset, as_frd: Dataset, as_flu: Dataset | None) -> dict[str, Any]:
-    """Returns the frame that the data show, and the notes, which include a note on the frame.
+    """Returns the frame that the data show, or else FRD, and the notes, with a note on the frame.
 
-    The data show a frame if, in the other frame, the yaw contradicts wheels and drives. A set point of the yaw rate has
+    The data show a frame if the yaw contradicts wheels and drives in the other frame. A set point of the yaw rate has
     the gyro's frame, so a wrong frame exchanges left and right. With a set point of the yaw rate, the frame with fewer
     wiring faults is chosen.
 
