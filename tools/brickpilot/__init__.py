@@ -4,7 +4,7 @@ You provide a data set: DataFrames, or a folder with `dataset.toml` and a table 
 calibrated model, its gap to the measurement, and the effects that the model lacks. `brickpilot COMMAND` prints the
 result of the function of the same name.
 
-Three runs of a motor, here simulated, as DataFrames. Every value is in SI unless a unit is given:
+Three runs of a motor are simulated here and given as DataFrames. Every value is in SI unless a unit is stated:
 
 >>> import brickpilot as bp
 >>> import numpy as np, pandas as pd
@@ -24,7 +24,7 @@ Three runs of a motor, here simulated, as DataFrames. Every value is in SI unles
 >>> [fault.kind for fault in dataset.faults]                 # damaged samples are left out
 []
 
-The parameters that `nominal` does not give are fitted; each result has its tables as DataFrames:
+The parameters that `nominal` does not state are fitted. Each result gives its tables as DataFrames:
 
 >>> fitted = bp.calibrate(dataset)
 >>> fitted.to_frame()[["parameter", "value", "unit", "identifiable"]].round(3)
@@ -37,7 +37,7 @@ True
 >>> finding.verdict, finding.to_frame().empty
 ('none', True)
 
-The model simulates runs that were never measured, and the robot flies its mission:
+The model simulates runs that were never measured. `fly` flies the mission of the packaged robot:
 
 >>> run = bp.OpenLoopRun(time, np.full((200, 1), 4.5))
 >>> (simulated,) = bp.simulate([(fitted.model, run)])

@@ -33,9 +33,9 @@ class ParameterInfo:
         odd: whether the value changes its sign if left and right are swapped.
         scan: sizes that a search tries one by one; empty: none.
         limits: the signal that this value limits; empty: no signal.
-        arm_of: the load, a parameter of the same effect, of which this parameter is the lever arm; empty: no load.
+        arm_of: the load whose lever arm is this parameter: a parameter of the same effect; empty: no load.
         only_with: the parameter of the same effect to which this parameter adds; empty: no parameter.
-        in_volts: for a torque at the wheel, the name of the voltage torque * R / K_t; else empty.
+        in_volts: for a torque at the wheel, the name of the voltage torque * R / K_t; empty: no such torque.
         variation: how the effect's law differs if this value is not 0, as words after "but"; empty: no difference.
         mechanism: the mechanism if only this parameter is not 0; empty: the effect's mechanism.
         same_as: the nominal parameter to which this parameter adds; empty: none.
@@ -86,7 +86,7 @@ class EffectInfo:
         motor_step: the longest motor step in s that still resolves the effect; 0: no limit.
         carries_over: whether the charge or heat at the end of one run changes the next run.
         composed: whether the effect is a sum of terms that discovery composes, and never a candidate by itself.
-        shapeless: whether the effect adds a constant to a reading, whatever moves: no shape of its law can be wrong.
+        shapeless: whether the effect adds a constant to a reading in any motion: no shape of its law can be wrong.
         variant_of: the better known effect of which this one is a variant; empty: none.
         variation: how the effect's law differs from that of `variant_of`, as words after "but"; empty: no difference.
         contains: the effects whose laws are special cases of this law, in which some parameters of this law are 0, are

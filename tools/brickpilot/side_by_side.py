@@ -2,8 +2,8 @@
 
 Only one thread of Python runs at a time, so two threads make a search only a fifth faster. On Linux this process copies
 itself (fork) instead. A copy has all data that the function needs, and sends back the results. A copy takes 6 ms to
-make, and its memory is lost when it ends. So this process works on items, too. Other systems do not copy processes
-safely, so this process uses threads there. The results depend neither on this choice nor on the number of jobs.
+make, and loses what it stored when it ends. So this process does not only wait, but works on items, too. Other systems
+do not copy processes safely, so this process uses threads there. The results do not depend on the system or on `jobs`.
 """
 
 from __future__ import annotations

@@ -32,7 +32,7 @@ class Session:
 
     Attributes:
         spec: the link or the simulated processor, as `link_of` returns it.
-        telemetry_every: number of steps from one telemetry to the next; None: the default value of `every`.
+        telemetry_every: number of steps from one telemetry to the next; None: the default in `every`.
         settings: raw values to write before the flight.
         watch: called at the beginning of each control step.
     """

@@ -51,7 +51,7 @@ Array = NDArray[np.float64]
 
 _WINDOW_S = 1.0  # s: length of the windows into which runs of a motor are cut, as in `prepare`
 _MANOEUVRES = 3  # largest number of advised manoeuvres
-_UNKNOWN = 0.1  # sd of a parameter's logarithm, or relative sd: a parameter with a larger sd counts as unknown
+_UNKNOWN = 0.1  # relative sd, or sd of the logarithm: a parameter with a larger sd counts as unknown
 _SHARPER = 0.5  # a manoeuvre is advised for an unknown parameter if (sd with it) / (sd without it) is below this
 _OF_SOME = "Intervals, the sizes of effects that show and the advice are those of these runs."
 
@@ -61,8 +61,8 @@ class Advice:
     """One manoeuvre that would give more information.
 
     Attributes:
-        effects: effects of a usual size that this manoeuvre would show, but neither the runs nor the manoeuvres advised
-            before.
+        effects: effects of a usual size that this manoeuvre would show, and that neither the runs nor the manoeuvres
+            before it in the advice show.
         parameters: parameters whose intervals the manoeuvre would narrow to less than half.
     """
 
@@ -157,7 +157,7 @@ def check(dataset: Dataset, *, seed: int = 0, jobs: int = 2) -> Check:
     0  speed  rad/s       0.1  white
     >>> bool(worth.to_frame()["identifiable"].any())        # one step does not tell two parameters apart
     False
-    >>> worth.advice[0].manoeuvre.name                      # but this would
+    >>> worth.advice[0].manoeuvre.name                      # this one would
     'forward and back at a third of the power'
     """
     with threadpool_limits(1, "blas"):  # as in `pipeline.discover`
@@ -216,7 +216,7 @@ def _advise(
     Args:
         nominal: the nominal model, fitted to the fit runs.
         visible: effect -> the smallest size that the runs show.
-        temperature: the number of nats that count as one nat, see `Judge.temperature`.
+        temperature: so many nats of evidence count as one nat; see `Judge.temperature`.
     """
     problem = Problem(prepared.coarse, nominal.plan)
     asked = _Asked.of(prepared, nominal, problem.prior_slopes(nominal.point), temperature)
@@ -257,7 +257,7 @@ class _Asked:
         probes: the probes of all effects whose only free parameter is a size that can be extrapolated.
         usual: (effect, parameter) -> the usual size in the catalogue, scaled to this vehicle.
         prior: (parameters, parameters) information of the parameters' priors.
-        temperature: the number of nats that count as one nat, see `Judge.temperature`.
+        temperature: so many nats of evidence count as one nat; see `Judge.temperature`.
     """
 
     plan: Plan
@@ -305,7 +305,7 @@ class _Asked:
         return {part.effect for part, size in nearest_sizes(tried) if size <= self.usual[part.effect, part.free[0]]}
 
     def sharper(self, before: Array, after: Array) -> tuple[str, ...]:
-        """Returns the parameters that the information `before` determines badly and `after` determines much better."""
+        """Returns the parameters that are unknown by the information `before`, and much better known by `after`."""
         count = len(self.prior)
         wide, narrow = (
             np.sqrt(np.diag(np.linalg.inv(known[:count, :count] + self.prior))) for known in (before, after)
