@@ -29,7 +29,7 @@ def page(asked: Asked, robot: str, command: str) -> str:
 
     Args:
         robot: the robot's name.
-        command: the command line that repeats the questions.
+        command: the command line that repeats the missions.
     """
     names = list(dict.fromkeys(name for one in asked.manoeuvres for name in one.weights))
     return render(

@@ -1,4 +1,4 @@
-"""The page of a campaign: success rates, causes of failure, distributions, worst runs, and what figures depend on."""
+"""The page of a campaign: success rates, causes of failure, distributions, worst runs, and sensitivity indices."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _MOST_ROWS = 20  # largest number of inputs in a chart of sensitivity indices
 
 @dataclass(frozen=True)
 class Histogram:
-    """The distribution of a figure: numbers of succeeded and failed runs (bars,) between `edges` (bars + 1,)."""
+    """The distribution of a figure: how many runs succeeded and failed per bar, (bars,), with `edges` (bars + 1,)."""
 
     figure: str
     unit: str
@@ -49,7 +49,7 @@ class Histogram:
 
 @dataclass(frozen=True)
 class Scatter:
-    """The `values` (n,) of a figure in n runs against the runs' values `x` (n,) of an input; `x` does not decrease."""
+    """A figure's `values` over an input's values `x`, of the same n runs, (n,) each; `x` does not decrease."""
 
     figure: str
     input: str
@@ -103,7 +103,7 @@ def verdict(summary: Mapping[str, Any]) -> str:
 
 
 def _rates_chart(summary: Mapping[str, Any]) -> Markup:
-    """Draws a row for all runs, and a row for each value of each input that has few values."""
+    """Draws the success rate of all runs, and of the runs with each value of an input that has few values."""
     rows = [("all runs", summary["success"])]
     for name, values in summary["by_choice"].items():
         rows += [(f"{name} = {value}", rate) for value, rate in values.items()]

@@ -1,4 +1,4 @@
-"""The lines that `brickpilot check` prints: the content of a data set, and what discovery can find."""
+"""The lines that `brickpilot check` prints: the content of a data set, and what discovery can find in it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _COLUMNS = 3  # number of effects, each with its size, in a line
 
 
 def lines(found: Check) -> Iterator[str]:
-    """Yields the lines, in SI with suitable prefixes."""
+    """Yields the lines; values are in SI units with suitable prefixes."""
     seconds = sum(run.duration_s for run in found.runs)
     samples = sum(run.samples for run in found.runs)
     yield f"{found.dataset}: a {found.vehicle}, {len(found.runs)} runs of {seconds:.0f} s in all, {samples} samples"

@@ -1,4 +1,4 @@
-"""Writes a composed law (terms that discovery adds to an equation) as MathML, and as a C file with an effect."""
+"""Writes a composed law (terms that discovery adds to an equation) as MathML, and as the C file of an effect."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from brickpilot.vehicle.composed_terms import (
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 _WORD = re.compile(r"(?<![>.\w])[A-Za-z_]\w*")
 
-# For each hook (a C function of an effect that the plant calls): symbol -> C code that computes it, in an order in
-# which C can declare the symbols.
+# For each hook, which is a C function of an effect that the plant calls: symbol -> the C code of its value. The symbols
+# are in an order in which C can declare them.
 _STEPS, _AGE = "kept->time + 0.5 * vehicle->step", "vehicle->state.age - kept->start_age"
 _NOW = " + clock * kept->start_age"
 _VOLTS = "isnan(vehicle->voltage[k]) ? 0 : vehicle->voltage[k]"
@@ -80,7 +80,7 @@ _ON_THE_FLOOR = frozenset({"body", "sensor"})  # hooks on which a slope of the f
 
 @dataclass(frozen=True)
 class _Hook:
-    """One hook of the effect, which is a C function that the plant calls.
+    """One hook: a C function of the effect that the plant calls.
 
     Attributes:
         locals: symbol -> the C code that computes it.
@@ -94,7 +94,7 @@ class _Hook:
 
     @property
     def common(self) -> dict[str, str]:
-        """The locals that do not belong to a single wheel k."""
+        """The locals whose code does not use the number k of a wheel."""
         return {symbol: code for symbol, code in self.locals.items() if "[k]" not in code}
 
     @property
@@ -115,7 +115,7 @@ def render(terms: Sequence[Term], settings: Mapping[str, float], *, name: str, v
     """Returns the text of ``NAME.c``: an effect with exactly these terms, whose coefficients are presets.
 
     Args:
-        settings: name -> value of the other parameters of the composed effect, which shape the terms.
+        settings: name -> value of each parameter that shapes terms; the composed effect has these parameters, too.
         name: name of the effect and of the file; a C identifier in lower case.
         vehicle: the only kind of vehicle that the effect acts on.
 
@@ -181,7 +181,7 @@ def _hook(site: str, terms: Sequence[Term], settings: Mapping[str, float], *, mo
 
 
 def _sum(terms: Sequence[Term], kind: str) -> str:
-    """Returns the sum of the terms of one kind; terms of opposite sign left and right are in one bracket."""
+    """Returns the sum of the terms of one kind; terms whose signs differ left and right share one bracket."""
     chosen = [term.basis for term in terms if f"{term.basis.place}_{term.basis.kind}" == kind]
     place = kind.split("_")[0]
 
@@ -241,7 +241,7 @@ def as_html(term: finding.Term) -> str:
 
 
 def mathml(terms: Sequence[Term], settings: Mapping[str, float]) -> str:
-    """Returns, as presentation MathML, what the terms add to each quantity, escaped."""
+    """Returns the sum that the terms add to each quantity, as escaped presentation MathML."""
     out = _Math()
     return "".join(
         f'<math display="block"><mi>Δ</mi>{out.symbol(target)}<mo>=</mo>{added}</math>'

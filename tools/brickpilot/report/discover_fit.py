@@ -29,7 +29,7 @@ class Headline:
 
     @property
     def runs(self) -> str:
-        """The name of all runs with this role."""
+        """The words for the runs with this role: "held-out runs" or "fit runs"."""
         return RUNS[self.role]
 
 
@@ -76,7 +76,7 @@ def shown(finding: Finding) -> dict[str, Any]:
 
 
 def sentences(one: Predictable) -> str:
-    """Returns sentences on the predictable share of the error and the removed part of this share; empty: unknown."""
+    """Returns the predictable share of the error, and how much of it the augmented model removes; empty: unknown."""
     if one.share is None and one.held_out is None:
         return ""
     known = _by_role(percent, one.share, one.held_out)
@@ -123,7 +123,7 @@ def _of(fit: SignalFit, role: str) -> Fit:
 
 
 def _by_role(text: Callable[[float], str], fit: float | None, held_out: float | None) -> list[str]:
-    """Returns a text for each known share, with the name of the runs."""
+    """Returns a text for each known share, such as "40 % on fit runs"."""
     shares = {"fit": fit, "held_out": held_out}
     return [f"{text(share)} on {RUNS[role]}" for role, share in shares.items() if share is not None]
 
@@ -133,7 +133,7 @@ def _removed(share: float) -> str:
 
 
 def _repeats(finding: Finding) -> str:
-    """Returns a sentence on the best fit that runs with repeated inputs allow; empty if no run is repeated."""
+    """Returns a sentence on the fit that a perfect model would reach on repeated runs; empty if no run is repeated."""
     fits: Mapping[str, Mapping[str, SignalFit]] = finding.yardstick.signals
     known = [(say(name), one[_HEADLINE].repeatability) for name, one in fits.items() if _HEADLINE in one]
     listed = [f"{name} {fit_text(value)}" for name, value in known if value is not None]

@@ -108,7 +108,7 @@ def write(finding: Finding, folder: Path, command: str, manoeuvre: Manoeuvre | N
         manoeuvre: the manoeuvre to drive next; None: there is none.
 
     Returns:
-        What the firmware can compensate; None: nothing.
+        The compensation for the firmware; None: the firmware can compensate nothing.
     """
     texts = {
         "verdict.json": json.dumps(verdict_json(finding), indent=2, allow_nan=False) + "\n",
@@ -148,7 +148,7 @@ def _voltages(finding: Finding) -> tuple[Markup | None, dict[str, tuple[tuple[fl
 
 
 def _whisker(value: float, ci95: tuple[float, float] | None) -> Markup | None:
-    """Draws a value with its interval, in a range from 0 to just beyond the interval; None: the interval has no end."""
+    """Draws a value with its interval, in a range that holds 0 and the interval; None: an end is not finite."""
     if ci95 is None or not all(np.isfinite(ci95)):
         return None
     low, high = ci95
@@ -178,7 +178,7 @@ def _unstated(finding: Finding) -> dict[str, Shown]:
 
 
 def ranked_values(one: Rank, model: Model) -> list[tuple[str, Shown]]:
-    """Returns the fitted values of an explanation; of values that differ from run to run, the smallest and largest."""
+    """Returns an explanation's fitted values; for a value that each run has of its own, the smallest and largest."""
     own = {key: value for key, value in one.parameters.items() if "@" not in key}
     shown = _labelled(list(own), [_quantity(key, value, model) for key, value in own.items()])
     for kind, info in RUN_KINDS.items():
@@ -189,7 +189,7 @@ def ranked_values(one: Rank, model: Model) -> list[tuple[str, Shown]]:
 
 
 def _labelled(names: Sequence[str], shown: Sequence[Shown]) -> list[tuple[str, Shown]]:
-    """Returns (label, value). A name is "effect.parameter" or "parameter"; labels name effects if there are several."""
+    """Returns (label, value) pairs. A name is "effect.parameter" or "parameter"; labels name two or more effects."""
     effects = [name.rpartition(".")[0] for name in names]
     several = len(set(effects)) > 1
     labels = [

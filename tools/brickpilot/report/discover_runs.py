@@ -17,7 +17,7 @@ from brickpilot.report.discover_text import OVER_NOISE, gap_change
 from brickpilot.report.plot import Array, Simulated, points_for, superimposed
 from brickpilot.report.quantities import ROLES, gap_text, say
 
-_SHOWN = 4  # number of figures that the page shows at once; all others are folded
+_SHOWN = 4  # number of figures that the page shows at first; the reader can unfold all others
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ def _drawn(run: Run, signal: str, values: Array) -> Array:
 def figures(
     finding: Finding, compared: Mapping[Key, Compared]
 ) -> tuple[list[dict[str, Any]], list[tuple[str, str, list[dict[str, Any]]]]]:
-    """Returns the figures that the page shows at once, and the folded figures as (run, role, figures)."""
+    """Returns the figures that the page shows at first, and the folded figures as (run, role, figures)."""
     chosen = _chosen(finding, compared, _SHOWN)
     points = points_for(len(compared))
     folded = []

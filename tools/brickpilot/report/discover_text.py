@@ -37,7 +37,7 @@ def words(effect: str) -> str:
 def explanation(names: str | Sequence[str]) -> str:
     """Returns effects in words, each followed by its name in parentheses.
 
-    `names` is a sequence of names, or one text with names joined by " + "; an empty sequence: the calibrated model.
+    `names` is a sequence of names, or one text with names joined by " + "; an empty sequence: "nothing is missing".
     """
     chosen = names.split(" + ") if isinstance(names, str) else names
     if not chosen:
@@ -82,7 +82,7 @@ def shown_parameter(one: Parameter) -> Shown:
 
 
 def known_size(name: str, one: Parameter) -> tuple[str, Parameter | Combination]:
-    """Returns name and size of a parameter, or of the combination that the data identify, as "torque, as voltage"."""
+    """Returns a parameter's name and size, or those of the identified combination, named like "torque, as voltage"."""
     if one.ci95 is None and one.identified is not None:
         return f"{name}, as {one.identified.name}", one.identified
     return name, one
@@ -113,7 +113,7 @@ def one_mechanism(finding: Finding) -> str | None:
 
 
 def explanation_lines(finding: Finding) -> list[str]:
-    """Returns the explanations that hold 95 % of the weight, for a terminal; empty if one holds them all."""
+    """Returns the explanations that hold 95 % of the weight, for a terminal; empty if there is only one."""
     if len(finding.explanations) < 2:
         return []
     head = f"{'weight':>8}  explanations that hold 95 % of the weight"
@@ -285,7 +285,7 @@ def _with_sizes(effects: Sequence[Effect]) -> str:
 
 
 def _proof(finding: Finding) -> tuple[str, Gap]:
-    """Returns the role of the runs that the verdict quotes, "held_out" or else "fit", and the gap of these runs."""
+    """Returns the role of the runs whose gap the verdict states, "held_out" or else "fit", and this gap."""
     held_out = finding.gap.get("held_out")
     if held_out is not None and held_out.after is not None:
         return "held_out", held_out

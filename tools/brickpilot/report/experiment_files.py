@@ -24,7 +24,7 @@ Step = tuple[float, float, float]
 
 
 def files_of(manoeuvre: Manoeuvre, vehicle: str) -> dict[str, str]:
-    """Returns file -> text. A scenario is included only up to 20 V, and not for a motor."""
+    """Returns file -> text. There is no scenario for a motor, or if a voltage exceeds 20 V."""
     found = steps(manoeuvre)
     sides = ("voltage",) if vehicle == "motor" else ("voltage_left", "voltage_right")
     texts = {TABLE: _table(found, sides), ARRAY: _array(manoeuvre, found, sides)}
@@ -35,7 +35,7 @@ def files_of(manoeuvre: Manoeuvre, vehicle: str) -> dict[str, str]:
 
 
 def steps(manoeuvre: Manoeuvre) -> list[Step]:
-    """Returns a list of (start in s, V left, V right); a ramp becomes steps with the ramp's mean voltages."""
+    """Returns a list of (start in s, V left, V right); steps replace a ramp, each with the ramp's mean voltage."""
     points = {round(at, 6) for side in (manoeuvre.voltage_left, manoeuvre.voltage_right) for at, _ in side}
     grid = np.arange(0.0, manoeuvre.duration_s, _RAMP_STEP_S).round(6)
     starts = np.array(sorted({0.0, *points, *grid.tolist()} - {round(manoeuvre.duration_s, 6)}))

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:  # the command line prints these lines, and starts without loading the plant
+if TYPE_CHECKING:  # the command line imports this module, and has to start without loading the plant
     from brickpilot.vehicle.flight_figures import Check
 
 
@@ -59,10 +59,10 @@ def junit_text(name: str, checks: Sequence[Check], command: str, error: str | No
     """Returns the file: a test suite `name` with a test case for each check.
 
     Args:
-        command: the command line that repeats the flight; a property of the suite.
+        command: the command line that repeats the flight; the file has it as a property of the suite.
         error: why the flight did not begin; each test case contains this text. None: the flight began.
     """
-    from brickpilot.report.template import render_plain  # the command line starts without jinja2
+    from brickpilot.report.template import render_plain  # here, so that the command line starts without jinja2
 
     now = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%S")
     return render_plain("junit.xml", name=name, checks=checks, command=command, error=error, now=now)

@@ -1,4 +1,4 @@
-"""The headline numbers, which say how much of the measured signals a model explains, in words and tables."""
+"""Writes the headline numbers as sentences and tables: how much of the measured signals a model explains."""
 
 from __future__ import annotations
 

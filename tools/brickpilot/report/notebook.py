@@ -35,7 +35,7 @@ def to_html(result: Result) -> str:
     """Returns a result as a self-contained piece of HTML, which a notebook shows.
 
     Raises:
-        TypeError: `result` is no result of this package.
+        TypeError: `result` is not of a type in `Result`.
     """
     title, sentences = _words(result)
     frame = _figures(result) if isinstance(result, Flown) else result.to_frame()
@@ -48,7 +48,7 @@ def to_text(result: Result) -> str:
     """Returns a result in at most ten lines of plain text: its title and its sentences, without its table.
 
     Raises:
-        TypeError: `result` is no result of this package.
+        TypeError: `result` is not of a type in `Result`.
     """
     title, sentences = _words(result)
     told = ascii_text("\n".join(sentences)).splitlines()
@@ -97,7 +97,7 @@ def _error(comparison: Comparison, signal: str) -> str:
 
 
 def _figures(flown: Flown) -> pandas.DataFrame:
-    """Returns those figures of a flight that are single values."""
+    """Returns the figures of a flight that are single values, without the hashes."""
     import pandas
 
     single = {k: v for k, v in flown.figures.items() if isinstance(v, str | numbers.Real) and not k.endswith("sha256")}

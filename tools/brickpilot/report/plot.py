@@ -50,13 +50,13 @@ class Panel:
     """Curves with one vertical axis.
 
     Attributes:
-        label, unit: the label and unit of the axis; values are shown in a convenient multiple of the unit.
+        label, unit: the label and unit of the vertical axis; values are shown in a convenient multiple of the unit.
         height: the height in pixels.
         band: (low, high) of the shaded band, such as the noise; None: no band.
-        rows: names of the values 0, 1, ..., if the panel has rows with names.
+        rows: names that the axis shows at the values 0, 1, ...; empty: the axis shows numbers.
         spans: (row, low, high) of each horizontal line, such as an interval.
         asked: (row, low, high) of each shaded part of a row, such as a requested range.
-        log: whether the axis is logarithmic, for counts.
+        log: whether the vertical axis is logarithmic, for counts.
     """
 
     label: str
@@ -77,7 +77,7 @@ class Figure:
     Attributes:
         title: the accessible name of the figure.
         x_label, x_unit: the label and unit of the axis `x`.
-        link: name of the group of figures, such as a run's, that share cursor and zoom; empty: no group.
+        link: name of a group of figures that share cursor and zoom, such as all figures of a run; empty: no group.
         stretch: (from, to) of the shaded part of `x`.
         lines: values of `x` at which a line crosses all panels.
         reach: further values of `x` that the axis has to include.
@@ -102,7 +102,7 @@ def points_for(figures: int) -> int:
 
 
 def thin(columns: Array, points: int) -> NDArray[np.intp]:
-    """Returns the indices of about `points` samples: the smallest and largest of each column in each section.
+    """Returns the indices of about `points` samples: in each section, those with a column's smallest or largest value.
 
     `columns` has the shape (columns, n). All peaks and the first and last sample are kept.
     """
@@ -195,7 +195,7 @@ def row_chart(
 def element(spec: dict[str, Any], title: str, height: int, note: str = "") -> Markup:
     """Returns the element that `figures.js` fills. Texts in `spec` are escaped, so they cannot become markup.
 
-    `height`, in pixels, is reserved for the figure. `note` stands below the figure.
+    The page reserves `height` pixels for the figure. `note` stands below the figure.
     """
     text = htmlsafe_json_dumps(spec, separators=(",", ":"), allow_nan=False, ensure_ascii=False)
     below = f'<p class="thinned">{escape(note)}</p>' if note else ""
@@ -351,7 +351,7 @@ def _joined_marks(rows: Rows, single: bool, least: float) -> tuple[Marks, list[t
 
 
 def interval(low: float, value: float, high: float, *, inside: tuple[float, float]) -> Markup:
-    """Draws a value as a dot with its interval, and a line at 0, in the range `inside`; a table has the numbers."""
+    """Draws a value as a dot with its interval, and a line at 0, in the range `inside`; its table has the numbers."""
     share = (np.array([low, value, high, 0.0]) - inside[0]) / (inside[1] - inside[0])
     start, middle, end, zero = np.clip(4.0 + share * (_WHISKER - 8.0), 2.0, _WHISKER - 2.0)
     return Markup(

@@ -12,13 +12,13 @@ ROLES = {"fit": "fit run", "held_out": "held-out run"}
 """Role of a run -> its name on pages."""
 
 RUNS = {"held_out": "held-out runs", "fit": "fit runs"}
-"""Role -> the name of all runs with this role, in the order of pages."""
+"""Role -> the words for the runs with this role, in the order in which pages show them."""
 
 _SPACE = "\N{NO-BREAK SPACE}"
 _MINUS = "\N{MINUS SIGN}"
 
 _PREFIXES = ((1e-9, "n"), (1e-6, "µ"), (1e-3, "m"), (1.0, ""), (1e3, "k"), (1e6, "M"))
-_TAKES_PREFIX = frozenset({"N", "V", "A", "H", "W", "Ω", "m", "s", "rad"})  # as the first factor of a unit
+_TAKES_PREFIX = frozenset({"N", "V", "A", "H", "W", "Ω", "m", "s", "rad"})  # if this is the first factor of a unit
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ def unit_text(unit: str) -> str:
 
 
 def scaled(size: float, unit: str) -> tuple[float, str]:
-    """Returns (factor, unit text): divide a value of about `size` by the factor to show it in that unit."""
+    """Returns (factor, unit text); a value of about `size`, divided by the factor, is in the unit of the text."""
     shown = unit_text(unit)
     first = shown.split(_SPACE)[0].split("/")[0]
     if shown in ("kg", f"kg{_SPACE}m²") and 0 < abs(size) < 0.1:
@@ -96,7 +96,7 @@ def _fixed(value: float, decimals: int) -> str:
 
 
 def _decimals(half: float) -> int:
-    """Returns the decimals that half an interval's width supports: two digits if the first one is 1, else one digit."""
+    """Returns how many decimals an interval of this half width supports: two digits if the first is 1, else one."""
     size = math.floor(math.log10(half) + 1e-9)
     return (1 if half / 10**size < 2 - 1e-9 else 0) - size
 

@@ -1,4 +1,4 @@
-"""The page of a flight: the track, which can be played, the signals, and the signals inside the controller.
+"""The page of a flight: the track, which the reader can play, the robot's signals, and those inside the controller.
 
 `track.js` draws and plays a track, seen from above. For a flight over a link, figures show how long replies took, how
 punctual ticks were, and when errors occurred.
@@ -42,7 +42,7 @@ def samples(flight: Flight) -> int:
 
 
 def _panel(flight: Flight, label: str, unit: str, lines: list[Line], scale: float = 1.0) -> Panel:
-    """Returns a panel of columns of the log, given as (column, legend, colour) and multiplied by `scale`."""
+    """Returns a panel with columns of the log, times `scale`; `lines`: (column, legend, colour) of each curve."""
     count = samples(flight)
     return Panel(
         label, unit, [Curve(name, scale * flight.log[column][:count], colour) for column, name, colour in lines]
@@ -175,8 +175,8 @@ def track_to_html(
 
     Args:
         time, heading: the run's times in s, and its headings in rad, clockwise from straight up; (n,) each.
-        lines: curves, (2, n) each: the positions to the right and up, in m. The first curve, with the samples of
-            `time`, is played.
+        lines: curves, (2, samples) each: the positions to the right and up, in m. Curves with as many samples as
+            `time` are played; the robot moves along the first of them.
         circles: for each waypoint: its positions to the right and up in m, its radius in m, and whether it was reached.
         link, title: see `Figure`.
     """
@@ -225,12 +225,12 @@ _KINDS: dict[str, tuple[str, Colour]] = {
 
 
 def link_figures(ticks: Mapping[str, Array], *, realtime: bool, replies: bool = True) -> dict[str, Any]:
-    """Returns the figures of the ticks on the page, each with a sentence to put above it; a figure may be None.
+    """Returns the page's figures of the ticks, each with the sentence that stands above it; a figure may be None.
 
     Args:
         ticks: the columns of ticks.csv, each (n,).
         realtime: whether ticks follow a clock; only then can ticks be unpunctual.
-        replies: whether each set of readings gets a motor command; a brick with its own sensors and motors sends none.
+        replies: whether the brick replies to each set of readings; a brick with its own sensors and motors does not.
     """
     return {
         "trouble": trouble(ticks),

@@ -65,7 +65,7 @@ def constants_of(finding: Finding) -> Constants:
 
 def files_of(name: str, constants: Constants) -> dict[str, str]:
     """Returns file -> text for other programs. `name`: the robot's name, in comments."""
-    plain = re.sub(r"[^\w .+-]", " ", name)  # no remaining character ends a comment of C or YAML
+    plain = re.sub(r"[^\w .+-]", " ", name)  # so that the name cannot end a comment in C or YAML
     speed = "MPS" if constants.feed_forward.unit == "m" else "RADPS"
     given: Mapping[str, object] = {
         "name": plain, "feed_forward": constants.feed_forward, "odometry": constants.odometry, "speed": speed,

@@ -177,7 +177,7 @@ def _side(one: WeakerSide) -> str:
 
 
 def _either(finding: Finding) -> str:
-    """Returns the explanations that the data allow, as clauses on their values or, without a clause, as words."""
+    """Returns the explanations that the data allow, each as a clause on its values, or in words if it has no clause."""
     rivals = {one.name: one.parameters for effect in finding.effects for one in effect.equivalents}
     if len(finding.effects) == 1:
         rivals[finding.effects[0].name] = finding.effects[0].parameters

@@ -1,13 +1,13 @@
 "use strict";
-// Draws the figures of a page by uPlot, from the JSON inside each `.plot`. `report/plot.py` writes that JSON and says what it means.
-// Text of the data goes into canvases and `textContent` alone, so that none of it can become markup.
+// Draws the figures of a page by uPlot, from the JSON inside each `.plot`. `report/plot.py` writes this JSON and explains its fields.
+// Text from the data is written only to canvases and to `textContent`, so that it cannot become markup.
 
 const root = document.documentElement;
 const PAPER_WIDTH = 690; // px: A4 and letter without their margins
 const NAMES = ["blue", "orange", "green", "purple", "grey", "ink", "faint", "line", "page", "band", "stretch"];
 const palette = {};
 const drawn = []; // every chart: {holder, chart, height(width), link}
-const zooms = new Map(); // link -> the part of its time that is shown
+const zooms = new Map(); // link -> the part of the time that its figures show
 
 function readPalette() {
   const style = getComputedStyle(root);
@@ -70,14 +70,14 @@ function axesOf(spec, panel, last, width) {
   return [across, up];
 }
 
-function rounded(all, digit) { // of the ticks of a logarithmic axis those of one digit, which is such a one
+function rounded(all, digit) { // keeps the ticks of a logarithmic axis that have one digit, if `digit` matches this digit
   return all.map((one) => (digit.test(one.toExponential()) && Math.abs(one.toPrecision(1) - one) < 1e-6 * one ? one : null));
 }
 
 function shortened(text, pixels) {
   const most = Math.floor((pixels - 12) / 6.4);
   const head = Math.ceil(most / 3);
-  return text.length <= most ? text : `${text.slice(0, head)}…${text.slice(head + 1 - most)}`; // its end tells rows apart
+  return text.length <= most ? text : `${text.slice(0, head)}…${text.slice(head + 1 - most)}`; // the end stays, because it distinguishes rows
 }
 
 function shade(u, spec, panel) {
@@ -90,7 +90,7 @@ function shade(u, spec, panel) {
   if (panel.band) box(palette.band, left, y(panel.band[1]), left + width, y(panel.band[0]));
 }
 
-function markOver(u, spec, panel) { // lines through the panel, and intervals
+function markOver(u, spec, panel) { // draws the lines through the panel, and the intervals
   const { left, top, width, height } = u.bbox, half = devicePixelRatio;
   const x = (value) => Math.min(Math.max(u.valToPos(value, "x", true), left), left + width);
   u.ctx.fillStyle = palette.green;
@@ -100,7 +100,7 @@ function markOver(u, spec, panel) { // lines through the panel, and intervals
 }
 
 function horizontalRange(u, low, high, spec) {
-  if (spec.x.values[0] === spec.x.values.at(-1)) low = high = spec.x.values[0]; // which uPlot makes twice as large
+  if (spec.x.values[0] === spec.x.values.at(-1)) low = high = spec.x.values[0]; // undoes the wider range that uPlot gives a single value
   [low, high] = [Math.min(low, ...spec.x.reach), Math.max(high, ...spec.x.reach)];
   const marks = spec.panels[0].curves[0].shape;
   if (marks === "line" || marks === "step" || spec.link) return low === high ? [low - 0.5, high + 0.5] : [low, high];
@@ -127,11 +127,11 @@ function chartOf(holder, spec, panel, last, width) {
   return { holder, chart: u, height: () => height, link: spec.link };
 }
 
-function keepZoom(u, key, link) { // for the figures of the same link that are drawn later
+function keepZoom(u, key, link) { // keeps the zoom for the figures of the same link that are drawn later
   if (link && key === "x" && u.status === 1) zooms.set(link, { min: u.scales.x.min, max: u.scales.x.max });
 }
 
-function byKeyboard(u) { // signals are switched on and off by their names in the legend
+function byKeyboard(u) { // lets keys switch signals on and off at their names in the legend
   for (const name of u.root.querySelectorAll(".u-series:has(.u-marker) th")) {
     name.tabIndex = 0;
     name.title = "switch on or off";
@@ -139,7 +139,7 @@ function byKeyboard(u) { // signals are switched on and off by their names in th
   }
 }
 
-function widthOf(holder) { // on the screen, or on paper, where nothing is laid out yet
+function widthOf(holder) { // returns px on the screen, or on the paper, which is not laid out yet
   if (!root.classList.contains("paper")) return holder.clientWidth;
   return Math.round(PAPER_WIDTH * holder.clientWidth / root.querySelector("main").clientWidth);
 }
@@ -154,7 +154,7 @@ function draw(holder) {
   }
 }
 
-function fit() { // the charts to the width of their holders
+function fit() { // gives the charts the width of their holders
   for (const { holder, chart, height } of drawn) {
     const width = widthOf(holder);
     if (width && width !== chart.width) chart.setSize({ width, height: height(width) });

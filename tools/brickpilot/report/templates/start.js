@@ -1,5 +1,5 @@
 "use strict";
-// Starts a page: draws its figures, and again where the width, the colours or the medium change.
+// Starts a page: draws its figures, and adapts them if the width, the colours or the medium change.
 
 const AHEAD = 1000; // px below the window up to which figures are drawn; the others wait until they come near
 readPalette();

@@ -1,5 +1,5 @@
 "use strict";
-// Draws a track from above, to one scale in both directions, and plays it. Its time is that of the figures of the same link.
+// Draws a track from above, to one scale in both directions, and plays it. It follows the cursor of the figures of the same link.
 
 const SPEEDS = [1, 2, 5, 10];
 
@@ -17,7 +17,7 @@ function oneScale(u, box) {
   return { x: [x - metres * width / 2, x + metres * width / 2], y: [y - metres * height / 2, y + metres * height / 2] };
 }
 
-function trail(state, played) { // the path of a line; that of a played one ends at the present time
+function trail(state, played) { // draws a line; a played line ends at the present time
   return (u, i) => uPlot.orient(u, i, (series, xs, ys, sx, sy, toX, toY, left, top, width, height) => {
     const stroke = new Path2D(), clip = new Path2D();
     clip.rect(left, top, width, height);
@@ -29,7 +29,7 @@ function trail(state, played) { // the path of a line; that of a played one ends
   });
 }
 
-function drawPlaces(u, spec, state) { // the waypoints, and the robot with its nose ahead
+function drawPlaces(u, spec, state) { // draws the waypoints, and the robot, which points along its heading
   const { ctx, bbox } = u, ratio = devicePixelRatio;
   const at = (x, y) => [u.valToPos(x, "x", true), u.valToPos(y, "y", true)];
   ctx.save();
@@ -72,7 +72,7 @@ function sampleAt(time, now) {
   return low;
 }
 
-function nearest(u, spec, state) { // the sample under the cursor, or -1
+function nearest(u, spec, state) { // returns the index of the sample under the cursor, or -1
   let best = -1, least = 20;
   const { x, y } = spec.lines[state.robot];
   for (let k = 0; k < x.length; k++) {
