@@ -42,10 +42,10 @@ def bench(
     target: str, profile: str | None, sensors: str | None, seconds: float | None, scaling: bool, out: str | None,
     as_json: bool,
 ) -> None:  # fmt: skip
-    """Measures speed: on this machine beside peers, or on a brick's processor.
+    """Measures speed: on this machine compared with peers, or on a brick's processor.
 
-    On this machine the full loop and the plant run beside MuJoCo and SciPy; and with a checkout and the bricks'
-    compilers, the control law on each brick's processor beside Q16.16 and floating point in software.
+    MuJoCo and SciPy are the peers of the full loop and of the plant. With a checkout and the bricks' compilers, the
+    control law is compared with Q16.16 and with floating point in software, on the processor of each brick.
     """
     if scaling:
         if target != "host":
@@ -75,7 +75,7 @@ def bench(
 
 
 def _refuse(target: str, **given: str | float | None) -> None:
-    """Raises InputError if an option is given that works only with another target."""
+    """Raises InputError if a `given` option has a value: these options work only with `--target` and this target."""
     for name, value in given.items():
         if value is not None:
             raise InputError(f"works only with --target {target}", field=f"--{name}")

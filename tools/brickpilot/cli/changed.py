@@ -22,7 +22,7 @@ def changed(
     """Says what is different in later recordings of one machine, by how much, how sure that is and since when.
 
     BEFORE and AFTER are data sets, or logs that import reads; BEFORE may be a model.toml. The page changed.html shows
-    how well the model of BEFORE follows each later recording, what changed and what each recording tells alone.
+    how well the model of BEFORE follows each later recording, what changed, and what each recording alone shows.
     """
     from brickpilot.importers.mapping import parse_nominal
     from brickpilot.public import logs as public

@@ -33,10 +33,10 @@ def discover(
 ) -> None:  # fmt: skip
     """Finds where the simulation differs from the measured DATASET, names the missing effect and adds it to the model.
 
-    The verdict is "named", "none", "ambiguous" (no explanation is surely the best, and an experiment is proposed that
-    separates them) or "unknown" (no effect of the library fits, and a term is composed). Writes report.html,
-    verdict.json and model.toml; also the C source of a composed term, and compensation.toml, with which the packaged
-    firmware flies this robot, and next_experiment.toml, .csv and .h where one separates the effects.
+    The verdict is "named", "none", "ambiguous" (no explanation is surely the best, and an experiment that separates
+    the explanations is proposed) or "unknown" (no effect of the library fits, and a term is composed). Writes
+    report.html, verdict.json and model.toml. If they exist, it also writes the C source of a composed term, the
+    compensation.toml for the packaged firmware on this robot, and the experiment as next_experiment.toml, .csv and .h.
     """
     from brickpilot.data import reading
     from brickpilot.discover import conclude, pipeline
@@ -87,8 +87,8 @@ def _lines(found: Finding) -> Iterator[str]:
 def check(dataset: str, seed: int, jobs: int, as_json: bool) -> None:
     """Shows within seconds what a measured DATASET can tell.
 
-    It shows timing, noise and damage, what the runs tell about each nominal value, which effects they would show and
-    from which size, which manoeuvres would tell more, and how long discover will take. It writes nothing.
+    It shows timing, noise and damage; what the runs tell about each nominal value; which effects the runs would show,
+    from which size on; which manoeuvres would tell more; and how long discover will take. It writes nothing.
     """
     from brickpilot.data import reading
     from brickpilot.readiness import data_check

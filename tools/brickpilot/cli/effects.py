@@ -28,10 +28,10 @@ if TYPE_CHECKING:
 @click.option("--long", "whole", is_flag=True, help="Show equation, source, prior and parameters of each effect.")
 @as_json
 def effects(word: str | None, mechanism: str | None, whole: bool, as_json: bool) -> None:
-    """Lists the effects that the simulator can switch on, a line each: name, mechanism and description.
+    """Lists the effects that the simulator can switch on: a line with name, mechanism and description for each.
 
-    NAME shows one effect with its equation, source, prior and parameters. WORD shows the effects whose name or
-    description contains it.
+    With NAME, it shows one effect with its equation, source, prior and parameters. With WORD, it lists the effects
+    whose name or description contains this word.
     """
     from brickpilot import catalogue
 

@@ -31,9 +31,9 @@ _model_option = model_option("A model.toml of discover or calibrate, or your own
 def fmu(model: str | None, fmi: str, sources_only: bool, out: str | None) -> None:
     """Writes a model, effects included, as an FMU for co-simulation.
 
-    Inputs are the voltages of the motors, outputs the signals of the plant, parameters those of the model and of its
-    effects. The FMU holds the C sources and a binary for this machine, made by the C compiler of CC, or else cc. Its
-    numbers are those of `brickpilot run`.
+    The inputs are the voltages of the motors, and the outputs are the signals of the plant. The parameters are those of
+    the model and of its effects. The FMU holds the C sources and a binary for this machine, made by the C compiler of
+    CC, or else cc. The FMU gives the same numbers as `brickpilot run`.
     """
     _write(model, "fmu", out, fmi=fmi, binary=not sources_only)
 

@@ -37,12 +37,12 @@ from brickpilot.report.flight_text import figure_lines, waypoint_lines
 def firmware(as_json: bool, **options: Any) -> None:
     """Makes the firmware of your own robot, and flies the robot with it in simulation.
 
-    The constants follow from the robot: its model, gains that give it the packaged robot's closed-loop poles, and a
-    compensation for the effects of the model file. A value that a fixed-point format cannot hold is an error that names
-    it and its range. DIR gets the image, robot.toml with every value and its source, the generated headers, build.sh to
-    build it again, and the flight; for avr also an Arduino library, and for rcx brickpilot.h8sim, the same firmware
-    without brickOS and drivers, which `hil --image` flies. If the mission was not flown, one line says so and the exit
-    status is 1. The sources are those of a checkout in this folder or above it, or else the package's.
+    The constants are made for the robot: its model, gains that give it the packaged robot's closed-loop poles, and a
+    compensation for the effects of the model file. If a fixed-point format cannot hold a value, an error names the
+    value and its range. DIR gets the image, robot.toml with every value and its source, the generated headers, build.sh
+    to build the image again, and the flight. For avr it gets an Arduino library, too; for rcx, brickpilot.h8sim: the
+    same firmware without brickOS and drivers, which `hil --image` flies. If the mission was not flown, one line says so
+    and the exit status is 1. The sources are those of a checkout in this folder or above it, or else the package's.
     """
     from brickpilot.public import making
 

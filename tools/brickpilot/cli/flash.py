@@ -90,7 +90,7 @@ def flash_rcx(
 def flash_avr(file: str, port: str | None, part: str, baud: int, dry_run: bool, as_json: bool) -> None:
     """Puts FILE (Intel HEX) on an Arduino Uno, Nano or Mega by its boot loader.
 
-    avrdude does the work (sudo apt-get install avrdude). FILE is checked first; it is written, read back and compared.
+    avrdude does the work (sudo apt-get install avrdude). FILE is checked, then written, read back and compared.
     An old Nano has a boot loader at 57600 baud. `firmware/targets/avr/build` makes FILE.
     """
     from brickpilot.flash import avr

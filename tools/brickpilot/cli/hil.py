@@ -99,8 +99,8 @@ def hil(
 
     Without SCENARIO it flies the paper's eight waypoints. In lockstep the motor commands equal those of
     `brickpilot run`, bit for bit, to the end of the scenario. A flight in real time ends a second after the mission.
-    The run folder holds log.csv, ticks.csv, summary.json and report.html. After a mission that was not flown, a fault,
-    a safe stop or a lost link, one line says so and the exit status is 1.
+    The run folder holds log.csv, ticks.csv, summary.json and report.html. If a waypoint was missed, or a fault, a safe
+    stop or a lost link occurred, one line says so and the exit status is 1.
     """
     from brickpilot.public import flights
 

@@ -41,7 +41,7 @@ def cli() -> None:
 
 
 def whole_lines(command: click.Command) -> click.Command:
-    """Makes lists of commands show the whole first sentence of the command's help, which Click would cut off."""
+    """Makes lists of commands show the whole first sentence of a command's help; Click alone would cut it off."""
     text = inspect.cleandoc(command.help or "").partition("\n\n")[0].replace("\n", " ")
     command.short_help = command.short_help or text.split(". ")[0].rstrip(".") + "."
     if isinstance(command, click.Group):
@@ -59,7 +59,7 @@ for command in COMMANDS:
 
 
 LIBRARIES_OF_HIL = ("can", "cantools", "cobs", "intelhex", "msgpack", "serial")
-"""The libraries of a link to a brick and of `flash`: the extra `hil` of the package installs them."""
+"""The libraries that links to a brick and `flash` need; the package's extra `hil` installs these libraries."""
 
 
 def main(arguments: list[str] | None = None) -> None:

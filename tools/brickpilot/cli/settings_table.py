@@ -16,9 +16,9 @@ from brickpilot.errors import InputError, did_you_mean
 @profile_option("The profile whose defaults are shown.", "coupled")
 @as_json
 def settings(word: str | None, profile: str, as_json: bool) -> None:
-    """Lists the settings of the firmware: unit, range, default and meaning; with WORD, only those that contain it.
+    """Lists the settings of the firmware: unit, range, default and meaning; with WORD, only settings with this word.
 
-    `--set NAME=VALUE` of `hil` and `upload` writes the raw integer in the last column.
+    The column "raw" holds the integers that `--set NAME=VALUE` of `hil` and `upload` takes.
     """
     from brickpilot.vehicle.settings import defaults
     from brickpilot.vehicle.settings import settings as rows
@@ -31,7 +31,7 @@ def settings(word: str | None, profile: str, as_json: bool) -> None:
 
 
 def setting_lines(values: Mapping[str, int], title: str) -> Iterator[str]:
-    """Yields a table of settings with their raw `values`; `title` heads the column of the values."""
+    """Yields a table of the settings in `values` (name -> raw integer); `title` heads the column of their SI values."""
     from brickpilot.vehicle.settings import named
 
     yield f"{'setting':16} {title:>10}  {'range':30} {'raw: value, range':>26}  meaning"

@@ -87,7 +87,7 @@ def wiring_lines(sentences: Sequence[str], mend: str = "") -> list[str]:
 
 
 def _beginning(typed: str, known: Mapping[str, str | None], *, or_file: bool = False) -> list[CompletionItem]:
-    """Returns the names in `known` (name -> description) that begin with `typed`; if none does and `or_file`, files."""
+    """Returns the names in `known` (name -> description) that begin with `typed`; `or_file`: files if no name does."""
     items = [CompletionItem(name, help=text) for name, text in known.items() if name.startswith(typed)]
     return items or ([CompletionItem(typed, type="file")] if or_file else [])
 
@@ -175,7 +175,7 @@ def profile_option(text: str, default: str | None = None) -> Option:
 
 
 def target_option(text: str) -> Option:
-    """Returns the option `--target`: what the brick's end of a link is."""
+    """Returns the option `--target`, which says what runs at the brick's end of a link."""
     kinds = ["host", "h8sim", "h8sim:imu", "h8sim:rotation", "avr:328p-imu", "avr:328p-rotation", "avr:2560"]
     return click.option("--target", type=click.Choice(kinds), default="host", show_default=True, help=text)
 
@@ -232,7 +232,7 @@ _LOG_OPTIONS = (
 
 
 def log_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Adds the options that say how logs are read, with the names of the keywords of `public.logs.why`."""
+    """Adds the options that say how logs are read; their names are those of keywords of `public.logs.why`."""
     return with_options(command, _LOG_OPTIONS)
 
 

@@ -47,16 +47,17 @@ if TYPE_CHECKING:
 def tune(as_json: bool, **options: Any) -> None:
     """Tunes the gains of PIDs and guidance for a robot whose values are not known exactly.
 
-    The start are the gains that `brickpilot firmware` gives the robot. CMA-ES flies drawn robots, each as the data
-    allow it, and lowers the mean over robots of
+    The search starts from the gains that `brickpilot firmware` gives the robot. CMA-ES flies robots whose values are
+    drawn from what the data allow, and minimises the mean over these robots of
 
     \b
       100 (waypoints missed, share) + cross-track rms / radius
         + time / (2 start's time) + wear / (10 start's wear)
 
-    as the raw integers that fly. Fresh robots judge the result: if the new gains are not better beyond chance, those of
-    the start are kept. Writes gains.toml for `run`, `hil` and `firmware --gains`, mission.toml, summary.json and
-    report.html. Sources are those of a checkout in this folder or above it, else the package's.
+    with gains that are rounded to the firmware's integers. Fresh robots judge the result: if the new gains are not
+    better beyond chance, the old gains are kept. Writes gains.toml for `run`, `hil` and `firmware --gains`,
+    mission.toml, summary.json and report.html. The firmware's sources are those of a checkout in this folder or above
+    it, or else the package's.
     """
     from brickpilot.public import making
 

@@ -37,9 +37,9 @@ def upload(
 ) -> None:  # fmt: skip
     """Sends another mission and other settings to a brick that runs the autopilot; the image stays.
 
-    SCENARIO is a packaged scenario or a file; the default is the paper's eight waypoints. The motors stop. The route
-    is read back from the brick and compared. The brick keeps route and settings until its program ends or another
-    session begins. Each upload begins one, with the constants of the profile: send all settings together.
+    SCENARIO is a packaged scenario or a file; the default is the paper's eight waypoints. An upload stops the motors.
+    The route is read back from the brick and compared. The brick keeps route and settings until its program ends or
+    another session begins. Each upload begins a session with the profile's constants, so send all settings together.
     """
     from brickpilot.vehicle import compensation, flight, gains, model, scenario
 

@@ -1,4 +1,4 @@
-"""`brickpilot why`: from logs to an answer: import, calibration and discovery in one command."""
+"""`brickpilot why`: imports logs, calibrates a model, discovers and gives an answer, in one command."""
 
 from __future__ import annotations
 
@@ -21,14 +21,13 @@ def why(
     logs: tuple[str, ...], out: str | None, budget: float | None, verbose: bool, seed: int, jobs: int, as_json: bool,
     **how: Any,
 ) -> None:  # fmt: skip
-    """Says why a robot behaves differently from its simulation, from logs that import reads, or data sets, of one
-    robot.
+    """Says why a robot behaves differently from its simulation.
 
-    A table needs no map: the signals of its columns are guessed, and it is split where the robot rests. The page
-    why.html begins with what is wrong, how sure that is and what to do. Nothing is wrong, a cause is known, something
-    is missing (the page then says what to drive next), or the data contradict themselves. The folder also gets
-    discover's page, the model, a compensation for the firmware, the manoeuvre to drive next, and the robot's constants
-    for ros2_control and for C.
+    Each LOG is a log that import reads, or a data set; all are of one robot. A table needs no map: the signals of its
+    columns are guessed, and it is split where the robot rests. The page why.html begins with what is wrong, how sure
+    that is and what to do. There are four answers: nothing is wrong, a cause is known, something is missing (the page
+    then says what to drive next), or the data contradict themselves. The folder also gets discover's page, the model, a
+    compensation for the firmware, the manoeuvre to drive next, and the robot's constants for ros2_control and for C.
     """
     from brickpilot.discover.finding import verdict_json
     from brickpilot.importers.mapping import parse_nominal
