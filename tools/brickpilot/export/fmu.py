@@ -28,7 +28,7 @@ from brickpilot.export.fmu_description import Variable, variables
 from brickpilot.vehicle.model import Model
 
 VERSIONS = ("2.0", "3.0")
-_EARLIEST = (1980, 1, 1, 0, 0, 0)  # time stamp of all files, the earliest in zip: equal models give equal bytes
+_EARLIEST = (1980, 1, 1, 0, 0, 0)  # the earliest time of zip, for all files, so that equal models give equal bytes
 
 
 def archive(model: Model, version: str, *, binary: bool = True) -> bytes:
@@ -63,7 +63,7 @@ def identifier(model: Model) -> str:
 
 
 def _content(model: Model, version: str) -> dict[str, bytes]:
-    """Returns path -> content of all files but the library."""
+    """Returns path -> content of all files except the library."""
     rows = variables(model)
     sources = source_files(version)
     token = _token(sources, robot_table(model, "", rows))

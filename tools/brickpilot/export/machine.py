@@ -1,7 +1,7 @@
 """The description of a robot for rigid-body simulators: masses, wheels, motors, losses, sensors and effects.
 
-Frame of Brickpilot: x forward, y right, yaw clockwise. A pair is (left, right); for a motor, only the first value is
-used.
+The frame is Brickpilot's: x forward, y right, yaw clockwise. A pair is (left, right), except for positions and the
+slope; of a motor's pair, only the first value is used.
 
 An effect that these simulators can represent has one function here, with the same law as in C. Other effects, such as
 battery sag and gyro bias, have no function. Each written file lists the effects that it lacks.
@@ -29,7 +29,7 @@ class Machine:
 
     Attributes:
         values: the nominal parameters.
-        com: m, position of the centre of mass ahead and to the right of the axle's middle.
+        com: m, position of the centre of mass from the axle's middle, (ahead, right).
         rim: ratio of each wheel's radius to the nominal radius.
         flux: factor on each motor's torque constant and back-EMF constant.
         gain: factor on each commanded voltage.
@@ -39,8 +39,8 @@ class Machine:
         load: N m, constant torque at each wheel against forward motion.
         body_drag, air: linear drag in N s/m and quadratic drag in N s^2/m^2 on the body's motion.
         yaw_drag, yaw_dry: linear drag in N m s/rad and dry friction in N m on the body's yaw.
-        slope: sine of the angle by which the floor falls along x and along y.
-        imu: m, position of the accelerometers ahead and to the right of the axle's middle.
+        slope: sine of the angle by which the floor falls, (along x, along y).
+        imu: m, position of the accelerometers from the axle's middle, (ahead, right).
         late: s, the delay of the sensors.
     """
 
@@ -88,7 +88,7 @@ def radii(machine: Machine) -> Pair:
 
 
 def losses(machine: Machine) -> Pair:
-    """Returns each wheel's losses that are linear in speed, in N m s/rad: eq. 13 put into eq. 14 of the paper."""
+    """Returns the loss of each wheel that is linear in its speed, in N m s/rad: eq. 13 in eq. 14 of the paper."""
     values = machine.values
     weight = machine.mass * values["gravity"]
     left, right = (
@@ -118,9 +118,9 @@ def chassis(machine: Machine, wheel: float, across: float = 0.0) -> tuple[float,
 
 
 def bench(machine: Machine) -> tuple[bool, float, float]:
-    """Returns whether a motor's load slides, because the input commands a force; the load's inertia; and its damping.
+    """Returns whether a motor's load slides (then the input commands a force), and the load's inertia and damping.
 
-    Inertia and damping are in kg m^2 and N m s/rad; for a load that slides, in kg and N s/m.
+    Inertia and damping are in kg m^2 and N m s/rad. For a load that slides, they are in kg and N s/m.
     """
     values = machine.values
     linear = values["force_per_volt"] > 0
@@ -133,16 +133,16 @@ def bench(machine: Machine) -> tuple[bool, float, float]:
 
 Values = Mapping[str, float]
 Law = Callable[[Machine, Values], Machine]
-"""Function that adds an effect to a machine: machine, parameters of the effect -> changed machine."""
+"""A function that adds an effect to a machine: (machine, parameters of the effect) -> the changed machine."""
 
 _EVERYTHING = frozenset(field.name for field in fields(Machine))
 
 
 def describe(model: Model, holds: Container[str] = _EVERYTHING) -> tuple[Machine, list[str]]:
-    """Returns the robot with every effect that the exports can express, and the names of the other effects.
+    """Returns the robot with every effect that the file can express, and the names of the other effects.
 
     Args:
-        holds: the attributes of `Machine` that the file can contain; effects on other attributes are left out.
+        holds: the attributes of `Machine` that the file can contain; effects that change another one are left out.
 
     Raises:
         InputError: the vehicle is a skid steer.

@@ -1,7 +1,7 @@
 """A run or a link's traffic in the format MCAP: the messages are JSON, and each channel has its JSON schema.
 
 The topics of a run are its logged signals, and its poses in Foxglove's form. Signals are in the run's frame, with
-y to the right and yaw clockwise. Foxglove's 3D panel has z up, so in poses and transforms y is to the left and yaw
+y to the right and yaw clockwise. Foxglove's 3D panel has z up. So in poses and transforms, y is to the left and yaw is
 counter-clockwise. A layout for Foxglove, with panels for the topics, is written beside the file.
 """
 
@@ -88,7 +88,7 @@ def write(topics: Iterable[Topic], samples: Iterable[Sample], attachments: Mappi
 
 
 POSES = {"/pose": "true", "/pose_estimate": "estimate"}
-"""Topic of poses -> prefix of its columns' names in the log."""
+"""Topic of poses -> prefix of the names of the log's columns that hold these poses."""
 
 _POSE_EVERY = 10  # rows from one pose to the next: 33 poses a second
 _FRAME = "map"
@@ -184,7 +184,7 @@ def _rows(topic: str, times: Array, fields: Mapping[str, Array]) -> Iterator[Sam
 
 
 def _tracks(run: Run) -> dict[str, list[tuple[float, dict[str, Any]]]]:
-    """Returns topic -> (time, pose) of every tenth row, for each topic of poses."""
+    """Returns, for each topic of poses, (time, pose) of every tenth row that is finite."""
     tracks = {}
     for name, head in POSES.items():
         if f"{head}_heading_rad" in run.log:
@@ -326,7 +326,7 @@ def _layout(panels: Mapping[str, Any]) -> str:
 
 
 def _split(names: Sequence[str], direction: str) -> Any:
-    """Returns the panels as nested pairs; from level to level, pairs are side by side or one above the other."""
+    """Returns the panels as nested pairs, which stand by turns side by side and one above the other."""
     if len(names) <= 1:
         return names[0] if names else ""
     half = max(1, len(names) // 2) if direction == "column" else 1 if names[0].startswith("3D") else len(names) // 2

@@ -1,8 +1,8 @@
 """A model as MJCF, the file format of MuJoCo: the same robot as far as MuJoCo can represent it.
 
 The robot moves on a plane: it slides along x, y and z and turns about z, and its wheels roll on the floor with
-the stiffest contacts that MuJoCo allows. MuJoCo's frame has y to the left and z up, so y and yaw have the opposite sign
-of Brickpilot's.
+the stiffest contacts that MuJoCo allows. MuJoCo's frame has y to the left and z up, so y and yaw have the opposite
+sign of Brickpilot's y and yaw.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from brickpilot.export.machine import SIDES, Machine, RobotFile, bench, chassis,
 from brickpilot.vehicle.model import Model
 
 _HEAD = "Made by Brickpilot. It needs MuJoCo 3.8 or newer. y is to the left, yaw counter-clockwise."
-_AIR_M = 1e-3  # m: radius of the ball on which the air's drag acts; so small a ball has no added mass
-_WHEEL_SHARE = 1e-4  # mass of a wheel as a share of the robot's mass; the joint's armature is the wheel's inertia
+_AIR_M = 1e-3  # m: radius of the ball on which the air's drag acts; a ball of this size has hardly any added mass
+_WHEEL_SHARE = 1e-4  # mass of a wheel as a share of the robot's mass; the armature of its joint is its inertia
 _FIRM = "0.9999 0.9999 0.001"
 _GRIP = 100.0
 _FLOATS = "a motor that floats: a control is a voltage, and 0 V shorts the motor"
@@ -28,7 +28,7 @@ def write(model: Model) -> RobotFile:
     """Returns the model as MJCF.
 
     Raises:
-        InputError: the profile is `paper`: the wheels of this profile do not carry the body, but those of MuJoCo do.
+        InputError: the profile is `paper`, whose wheels do not carry the body; MuJoCo's wheels do.
     """
     if model.profile != "coupled":
         raise InputError(
@@ -130,7 +130,7 @@ def _robot(world: Xml.Element, machine: Machine) -> None:
 
 
 def _without_collisions(name: str, kind: str, size: str) -> dict[str, str]:
-    """Returns a geom without collisions, except those of an explicit contact pair."""
+    """Returns a geom that collides only within an explicit contact pair."""
     return {"name": name, "type": kind, "size": size, "contype": "0", "conaffinity": "0"}
 
 
@@ -167,7 +167,7 @@ def _actuators(root: Xml.Element, machine: Machine, sides: Sequence[str]) -> Non
 
 
 def _delay(delay: float) -> dict[str, str]:
-    """Returns a delay in s as attributes: whole steps minus half a step, so that rounding never adds a step."""
+    """Returns the attributes for a delay in s: whole steps minus half a step, so that rounding never adds a step."""
     steps = round(delay / MOTOR_STEP_S)
     return {"delay": _text((steps - 0.5) * MOTOR_STEP_S), "nsample": str(steps + 1)} if steps > 0 else {}
 

@@ -103,7 +103,7 @@ def _table(path: Path) -> dict[str, Array]:
 
 
 def parquet_tables(run: Run) -> dict[str, bytes]:
-    """Returns suffix of a file's name -> Parquet file: "" for the log, "-ticks" for the ticks of a flight over a link.
+    """Returns suffix of a file's name -> its bytes: "" for the log, "-ticks" for the ticks of a flight over a link.
 
     A column's metadata contain its `unit`; the metadata of the log's table contain `summary.json`.
     """

@@ -1,6 +1,6 @@
 """A model as URDF, the file format of robots in ROS: links with masses, joints with losses and limits.
 
-URDF's frame has y to the left and z up, so y and yaw have the opposite sign of Brickpilot's.
+URDF's frame has y to the left and z up, so y and yaw have the opposite sign of Brickpilot's y and yaw.
 `base_footprint` lies on the floor, in the middle between the wheels; `base_link` lies above it on the axle.
 """
 
