@@ -1,8 +1,8 @@
 """The boards for which firmware is built: the scripts and flags of each build, and the image's sizes.
 
-For a user's robot, the robot's own headers replace the project's when an image is built. The closed loop is the plant
-and a robot's own firmware, compiled for this machine as one library. It flies 50 to 100 times as fast as the firmware
-behind a link (`simulate.fly_own`), with the same motor commands. So a robot's gains can be tuned over many flights.
+When an image is built for a user's robot, the robot's own headers replace the project's. The closed loop is one library
+for this machine: the plant and the robot's own firmware. It flies 50 to 100 times as fast as the firmware behind a link
+(`simulate.fly_own`), with the same motor commands. So a robot's gains can be tuned over many flights.
 """
 
 from __future__ import annotations
@@ -174,7 +174,7 @@ _IMU = re.compile(r"(#define BOARD_IMU )BOARD_ANALOGUE\b")
 ANALOGUE = "analogue"
 IMUS = {ANALOGUE: "BOARD_ANALOGUE", "mpu6050": "BOARD_MPU6050", "lsm6ds": "BOARD_LSM6DS"}
 """IMU of an Arduino -> name of the IMU in board.h."""
-_DIGITAL = {"gyro_range": math.radians(1000.0), "accel_range": 2 * 9.80665}  # the port sets these in an IMU on I2C
+_DIGITAL = {"gyro_range": math.radians(1000.0), "accel_range": 2 * 9.80665}  # ranges that the port sets, IMU on I2C
 _RANGES = {"GYRO": "gyro_range", "SURGE": "accel_range", "SWAY": "accel_range"}
 
 
@@ -218,7 +218,7 @@ def _check_imu(imu: str, robot: Robot, board: Board) -> None:
 
 
 def of_model(robot: Robot, root: Path) -> dict[str, str]:
-    """Returns header -> text for the headers with the model's formats; empty: the project's formats fit the robot."""
+    """Returns header -> text, for headers that change the model's formats; empty: the project's formats fit."""
     bits = params_header.voltage_bits(plain(robot.vehicle["parameters"]))
     if bits == 0:
         return {}
@@ -229,8 +229,8 @@ def of_model(robot: Robot, root: Path) -> dict[str, str]:
 def _wiring(text: str, robot: Robot) -> str:
     """Returns the header of a port with the scales of this robot's sensors; a comment states the counts per turn.
 
-    The value of a count is twice the sensor's range divided by 1024. The header of the RCX states this value as a whole
-    part and 256ths; the header of the AVR chips states it in 256ths.
+    A count of the converter is worth twice the sensor's range divided by 1024. The header of the RCX states this value
+    as a whole part and a rest in 256ths; the header of the AVR chips states the value in 256ths.
     """
     counts = {axis: 2 * robot.value("sensors", "imu", name) * MILLI / 1024 for axis, name in _RANGES.items()}
     q8 = {axis: round(count * 256) for axis, count in counts.items()}
@@ -262,7 +262,7 @@ def _with_battery(text: str, robot: Robot) -> str:
 
 @dataclass(frozen=True)
 class ClosedLoop:
-    """The input from which any machine compiles the closed loop as a library; a small object, quick to send.
+    """The headers and flags with which a machine compiles the closed loop as a library; quick to send to a worker.
 
     Attributes:
         headers: (file, text) of the headers that replace the project's: the robot's constants.

@@ -2,8 +2,8 @@
 
 The firmware's sources are also written as one folder that needs no checkout: for the user's own board, and as a library
 that the Arduino IDE, arduino-cli and PlatformIO accept. `src/` is the only include path. It holds the firmware's
-folders, hal.h, wire/ and the port; every .c file first includes brickpilot_build.h with the build constants, because an
-Arduino library cannot set compiler flags.
+folders, hal.h, wire/ and the port. Every .c file first includes brickpilot_build.h, which defines the constants of the
+build, because an Arduino library cannot set compiler flags.
 """
 
 from __future__ import annotations
@@ -168,8 +168,8 @@ def write_sources(
         root: the checkout.
         headers: the folder of the headers that replace the project's.
         flags: the compiler's flags; only flags that define a constant are kept.
-        port: folder in hal/ and in firmware/targets/, which holds the main program.
-        entry: the new name of that program's main().
+        port: name of the port's folder in hal/, and of the folder with its main program in firmware/targets/.
+        entry: the new name of the main program's main().
     """
     for path in sorted((root / "firmware").rglob("*.[ch]")):
         inside = path.relative_to(root / "firmware")

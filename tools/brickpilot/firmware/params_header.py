@@ -1,8 +1,8 @@
 """firmware/app/params_gen.h: the controller's constants for both profiles, in the firmware's formats.
 
-A user's robot is checked against the ranges of these formats. A coefficient of the model depends on several values of
-the robot. If a coefficient does not fit, each value is changed separately until the constants can be made. The error
-names the value that needs the least change, and the valid range of this value while all other values stay.
+The values of a user's robot are checked against the ranges of these formats. A coefficient of the model depends on
+several values. If a coefficient does not fit, each value is changed alone until the constants can be made. The error
+names the value that has to change least, and its valid range while all other values stay.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ LONGEST_STEP_MS = 20
 """The longest step in ms that firmware/app/loop.c integrates completely; a watchdog must not allow a longer step."""
 
 TRAVEL_SCALE = "travel_scale_q15"
-"""The only compensation without a field of its own: it is included in the constant of the travel per count."""
+"""The only compensation without a field of its own: the constant of the travel per count includes it."""
 
 GYRO_FULL = 0.98
 """Share of the gyro's range above which a reading counts as saturated; the rest is for noise and resolution."""
@@ -37,10 +37,10 @@ CURRENT_SHARES = (1.0, 4.0, 16.0, 64.0, 256.0, 0.25, 0.0625)
 PER_CURRENT = ("resistance", "inductance", "torque_constant")
 PER_VOLTAGE = ("resistance", "inductance", "emf_constant")
 PER_TURN = {"wheel_radius": 1, "emf_constant": 1, "torque_constant": 1, "viscous_friction": 2, "wheel_inertia": 2}
-"""Parameter -> the power of the radius to which it is proportional if the motion stays the same (eq. 12 to 14)."""
+"""Parameter -> power n: for the same motion, the parameter is proportional to radius^n (eq. 12 to 14)."""
 
 SMALLEST_WHEEL, LARGEST_WHEEL = 1 / 64, 1 / 16
-"""Limits of the wheel's radius, m. Between them the model's shares of wheel speed and surge are below 1."""
+"""Limits of the wheel's radius, m: between them, `surge_from_wheel` and `quarter_wheel_from_surge` are below 1."""
 
 BATTERY_MOST = 29.0
 """Largest nominal voltage of a battery, V; the charged battery then has at most the voltage `HIGHEST_OWN`."""
@@ -68,7 +68,7 @@ def _heading(common: Values, gyro_range: float) -> dict[str, Any]:
 
 
 def _friction(profile: str, values: Values) -> dict[str, Any]:
-    """Returns a `friction_config_t`. `paper` learns no friction: its wheels do not roll with the body (fault 1)."""
+    """Returns a `friction_config_t`. `paper` learns no friction: its wheels do not push the body."""
     pull = values["torque_constant"] * values["wheel_radius"]
     per_acceleration = values["resistance"] * mean_inertia(values) / pull  # V per m/s^2, both motors
     return {
@@ -78,7 +78,7 @@ def _friction(profile: str, values: Values) -> dict[str, Any]:
 
 
 def _speed(common: Values, own: Values, radius: float, counts: float, step: float) -> dict[str, Any]:
-    """Returns a `speed_config_t`. The observer has a double pole at its bandwidth b: 2 b on travel, b^2 on speed."""
+    """Returns a `speed_config_t`. The observer's gains, 2 b and b^2, give it a double pole at its bandwidth b."""
     bandwidth = own["observer_bandwidth"]
     return {
         "accel_gain_q15": _q15(own["accel_share"], "accel_share"),
@@ -177,21 +177,21 @@ def render(vehicle: Mapping[str, Any], settings: Mapping[str, Setting]) -> str:
 
 
 def voltage_bits(values: Values) -> int:
-    """Returns MOTOR_VOLTAGE_BITS of firmware/model/limits.h: 1 if the battery exceeds the model's range, else 0."""
+    """Returns MOTOR_VOLTAGE_BITS of firmware/model/limits.h: 1 if the battery's voltage exceeds its range, else 0."""
     return int(values["battery_voltage"] > VOLTAGE_LIMIT)
 
 
 def with_room(values: Values, step: float) -> Values:
     """Returns the parameters of a vehicle that moves in the same way, and whose states fit the model's formats.
 
-    The inputs of the model are voltages, and its outputs are speed and yaw rate of the body. Its other states may be
-    scaled:
+    The inputs of the model are voltages, and its outputs are speed and yaw rate of the body. The other states of the
+    model may be scaled:
 
     - With wheels of n times the radius, and motors geared to them, a wheel turns at an n-th of the speed.
     - A motor of n times the resistance, inductance and torque per current has an n-th of the current (eq. 12).
     - With a half of the resistance, inductance and back EMF, half the voltage has the same effect.
 
-    The first choice is the unchanged vehicle.
+    Unchanged wheels and currents are tried first.
 
     Raises:
         QuantisationError: no such vehicle fits.
@@ -219,7 +219,7 @@ def with_room(values: Values, step: float) -> Values:
 
 
 def _wheels(radius: float) -> list[float]:
-    """Returns factors, powers of two, that bring the radius within its limits; a valid factor 1 comes first."""
+    """Returns the powers of two that, as factors, bring the radius within its limits; 1 comes first if it does so."""
     middle = round(math.log2(math.sqrt(SMALLEST_WHEEL * LARGEST_WHEEL) / radius))
     factors = dict.fromkeys(2.0**power for power in (0, middle, middle + 1, middle - 1))
     return [factor for factor in factors if SMALLEST_WHEEL < radius * factor < LARGEST_WHEEL]
@@ -289,7 +289,7 @@ def _out_of_range(
 
 
 def _refuse(robot: Robot, step: float, reason: str) -> NoReturn:
-    """Raises an InputError that names the value with the least change for which the constants can be made."""
+    """Raises an InputError that names the value that has to change least before the constants can be made."""
     nearest = min(_ways_out(robot, step), key=lambda way: way[0], default=None)
     if nearest is None:
         raise InputError(f"this robot does not fit into the firmware's formats: {reason}", file=robot.toml.path)
@@ -304,7 +304,7 @@ def _refuse(robot: Robot, step: float, reason: str) -> NoReturn:
 
 
 def _ways_out(robot: Robot, step: float) -> Iterator[tuple[int, Place, float]]:
-    """Changes each stated value alone; yields (number of factors 2, place, nearest value for which constants exist)."""
+    """Doubles or halves each stated value alone; yields (number of times, place, nearest value that has constants)."""
     used = {("parameters", name) for name in robot.vehicle["parameters"]}
     stated = [place for place in sorted(robot.stated) if place[0] in ("sensors", "robot") or place in used]
     for place in (place for place in stated if robot.value(*place) > 0):

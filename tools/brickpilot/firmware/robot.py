@@ -5,8 +5,8 @@ and `[controller.coupled]` may state further values, with the names and units of
 are not stated follow from the rules below, or are the packaged robot's. The rules start from the packaged robot's tuned
 constants.
 
-A motor drives one degree of freedom, the straight drive or the turn, as a first-order lag: dv/dt = (gain V - v) / time
-(eq. 12 and 14 of the coupled vehicle, without inductance). The packaged robot's gains give its two closed loops
+A motor drives one degree of freedom of the coupled vehicle, the straight drive or the turn, as a first-order lag:
+dv/dt = (gain V - v) / time (eq. 12 and 14 without inductance). The packaged robot's closed loops have the polynomials
 
     straight:  s^2 + (1 + gain kp) / time s + gain ki / time
     turn:      s^3 + (1 + gain kd) / time s^2 + gain kp / time s + gain ki / time
@@ -79,7 +79,7 @@ _RANGES: Mapping[Place, tuple[float, float]] = {
 """The ranges of values that the rules use as a divisor, or under a root or a power."""
 
 ACCEPTANCE, FEEDFORWARD = "acceptance", "feedforward"
-"""Settings that a vehicle file does not state; they follow from the robot's length and losses."""
+"""Settings that a vehicle file does not state: they are computed from the robot's length and losses."""
 
 LONGEST_COUNT = 0.016
 """The longest travel of a wheel per encoder count, m: just below the limit of the format for this travel."""
@@ -132,7 +132,7 @@ def load(path: Path) -> Robot:
     """Reads a model file, and completes it.
 
     Raises:
-        InputError: as `model.load`; the vehicle is a motor or not coupled; or a name, unit or value is not valid.
+        InputError: as `model.load`; or the vehicle is a motor, its profile is not coupled, or an entry is not valid.
     """
     model = models.load(path)
     toml = TomlFile(path)
@@ -206,7 +206,7 @@ def with_gains(robot: Robot, gains: Gains) -> Robot:
     """Returns the robot with these gains in its controller: the firmware's constants hold the gains' raw integers.
 
     Raises:
-        InputError: a gain cannot be set, because it follows from another value of the robot.
+        InputError: a gain cannot be set, because it is computed from another value of the robot.
     """
     held: dict[Place, float] = {
         ("controller", "coupled", name): gains.value(name)
@@ -271,10 +271,10 @@ def _seen(vehicle: Tables) -> dict[str, float]:
 
 
 FASTEST = 2.0
-"""Largest factor on the packaged robot's poles that a control step of 9 ms can follow: 0.2 rad per step."""
+"""Largest factor on the packaged robot's poles; with it, the fastest pole (21 rad/s) times a step of 9 ms is 0.2."""
 
 NOTHING = 0.01
-"""Largest loop gain that is set to 0, because it hardly changes the damping."""
+"""A loop gain up to this value is set to 0, because it hardly changes the damping."""
 
 FASTEST_CRUISE = 1.6
 """The fastest cruise speed, m/s: four fifths of the largest speed that the format holds."""
@@ -358,7 +358,7 @@ def _heading_gains(own: Motion, packaged: Motion, gains: Values, acceleration_ra
 
 
 def _within_gyro(motion: Motion, gyro_range: float) -> float:
-    """Returns the voltage with which half a turn from rest ends at the rate `GYRO_SHARE` times the gyro's range.
+    """Returns the voltage at which half a turn from rest ends with a yaw rate of `GYRO_SHARE` times the gyro's range.
 
     At the voltage V a first-order lag has the rate gain V (1 - e) at the angle gain V time (x - 1 + e), where x is the
     elapsed time over the lag's time constant, and e = exp(-x). A light robot reaches the rate gain V at once; a heavy

@@ -31,15 +31,15 @@ REST_S = 2.0
 
 REPLY_S = 5.0
 SHORTEST_LEG = 3.0  # least length of a leg, in acceptance radii; in the packaged mission it is 4.5
-SLACK = 1.25  # factor on the duration of a scaled mission, because the time for turns does not scale
+SLACK = 1.25  # factor on the duration of a mission, because the time for turns does not scale with the mission
 
 
 def mission(robot: Robot, file: str | None) -> Scenario:
     """Returns the mission of a robot: the user's `file` without changes, or the packaged mission scaled to the robot.
 
     The scale is the robot's length over the packaged robot's length. For a slow robot the scale is smaller, so that the
-    mission does not last longer: the error due to the learnt gyro bias grows with time. But no leg is shorter than
-    `SHORTEST_LEG` acceptance radii.
+    mission does not last longer, because the error due to the learnt gyro bias grows with time. But no leg becomes
+    shorter than `SHORTEST_LEG` acceptance radii.
 
     Raises:
         InputError: the file is bad or no mission, or the scaled mission is larger than a route can hold.
@@ -119,14 +119,14 @@ _TARGETS = {
     ("rcx", "imu"): "h8sim:imu",
     ("rcx", "imu+encoders"): "h8sim:rotation",
 }
-"""Board and sensors of an image -> the target of `hil` with the image's chip."""
+"""(Board, sensors) of an image -> the target of `hil` that simulates the image's chip."""
 _AVR_MACHINE = b"\x53\x00"
 """Bytes 18 and 19 of an ELF file for an AVR."""
 
 
 @dataclass(frozen=True)
 class OwnImage:
-    """An image, the target of `hil` with the image's chip, and the sensors for which the image was made.
+    """An image, the target of `hil` that simulates its chip, and the sensors for which the image was made.
 
     `scales`: input -> value of one of the converter's 1024 counts in rad/s, m/s^2 or V, from the board.h of the image;
     empty for an image for an RCX, because the simulated RCX receives its readings as messages.
@@ -139,7 +139,7 @@ class OwnImage:
 
 
 def find_image(image: Path) -> OwnImage:
-    """Returns the image at this path: in a folder that `firmware` wrote, or in the folder of build.sh below it.
+    """Returns the image at this path: in a folder that `firmware` wrote, or in a folder below it that build.sh wrote.
 
     Raises:
         InputError: there is no such file, the folder does not name its board, or no simulator flies the image.
@@ -160,7 +160,7 @@ def find_image(image: Path) -> OwnImage:
 
 
 def _simulator(image: Path) -> str | None:
-    """Returns which targets fly a file, ``avr`` or ``h8sim``, by the file's machine or ending; None: no target does."""
+    """Returns the targets that fly a file, ``avr`` or ``h8sim``, by its machine or ending; None: no target does."""
     with image.open("rb") as file:
         head = file.read(20)
     if head.startswith(b"\x7fELF") and head[18:] == _AVR_MACHINE:
