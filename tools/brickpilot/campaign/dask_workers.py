@@ -1,4 +1,4 @@
-"""The workers of a Dask scheduler. They call a function on parts, which are pieces of work.
+"""The workers of a Dask scheduler. They call a function on each part of a campaign.
 
 If a worker dies, Dask gives its part to another worker. A worker may join at any time, so each worker compares its
 versions with those of this process before each part.
@@ -86,12 +86,12 @@ class DaskWorkers(Futures):
                 f"part {key} ended its worker {times} times, last {error.last_worker.address}"
             ) from None
         except (CancelledError, TimeoutError):
-            if future.status == "error":  # the function itself raised it
+            if future.status == "error":  # the function itself raised the error
                 raise
             raise self._gone() from None
 
     def check(self) -> None:
-        """Counts the workers every `CHECK_S`; their number may change at any time.
+        """Counts the workers at most once in `CHECK_S`, because their number may change at any time.
 
         Raises:
             WorkFailedError: the scheduler does not answer any more, or there was no worker for a long time.
@@ -130,7 +130,7 @@ class DaskWorkers(Futures):
     def compare_versions(self) -> None:
         """Compares the versions of all workers with those of this process, before the workers run any part.
 
-        The scheduler only forwards parts, so it may load any version of this program.
+        The scheduler only forwards parts, so it may have another version of this program.
         """
         field = _field(self._scheduler)
         try:
@@ -156,7 +156,7 @@ def _client(scheduler: str) -> Any:
     from distributed import Client
 
     try:
-        with ThreadPoolExecutor(1) as aside:  # the thread of a notebook already has an event loop
+        with ThreadPoolExecutor(1) as aside:  # in a notebook, the present thread already has an event loop
             aside.submit(lambda: asyncio.run(asyncio.wait_for(_greet(scheduler), CONNECT_S))).result()
         return Client(scheduler, timeout=CONNECT_S, set_as_default=False)
     except Exception as error:  # another program's answer may raise any error

@@ -1,4 +1,4 @@
-"""Designs: for each run, the quantile level ("share", 0..1) of each input, drawn from the campaign's seed.
+"""Designs. A design gives each input of each run a share: a level of a quantile, 0..1, drawn from the campaign's seed.
 
 A run is identified by its number. Its draws depend only on this number, the campaign's file and the seed.
 """
@@ -21,11 +21,11 @@ Array = NDArray[np.float64]
 
 MORRIS_LEVELS = 4
 MORRIS_EDGE = 0.025
-"""Share of Morris's lowest level. The levels end at the 97.5 % quantile, because distributions may be unbounded."""
+"""Share of Morris's lowest level; the highest level is 1 less this share, because distributions may be unbounded."""
 
 
 def drawn_shares(campaign: Campaign) -> Callable[[int, int], Array]:
-    """Returns a function that gives the shares of the runs start..stop - 1, (runs, inputs drawn), each 0..1.
+    """Returns a function (start, stop) -> shares of the runs start..stop - 1, (runs, inputs drawn), each 0..1.
 
     The designs monte_carlo and grid draw a run when it is asked for. For other designs, all runs are drawn at once.
     """
@@ -71,7 +71,7 @@ def _independent(campaign: Campaign, start: int, stop: int) -> Array:
 
 
 def _grid(campaign: Campaign, start: int, stop: int) -> Array:
-    """Returns, for each axis, the share in the middle of a run's level; all other inputs are drawn for each run.
+    """Returns the shares of a grid: for an axis, the middle of the run's level; for any other input, a new draw.
 
     The runs that repeat a grid point follow each other; then the level of the last axis changes.
     """
@@ -108,7 +108,7 @@ def _by_salib(campaign: Campaign, seed: int) -> Array:
 
 
 def made_by(campaign: Campaign) -> str:
-    """Returns the version of SALib if SALib draws the runs, else an empty text. Only this process needs SALib."""
+    """Returns the version of SALib if SALib draws the runs, else an empty text. The workers do not need SALib."""
     if campaign.design not in ("saltelli", "morris"):
         return ""
     salib("sample.sobol")  # raises an InputError if the library is missing

@@ -1,4 +1,4 @@
-"""A campaign: many flights, and the inputs that differ between them. `brickpilot campaign` reads it.
+"""A campaign file, which `brickpilot campaign` reads, states many flights and the inputs that differ between them.
 
     [campaign]
     name     = "tolerances"
@@ -73,12 +73,12 @@ COUNTS = {
 MOST_RUNS = 1_000_000
 _KEYS = ("name", "design", "seed", "scenario", "sensors", "profile", "model", "gains", "compensation", "robots")
 ROBOTS = ("model", "data")
-"""The source of all values that `[vary]` does not state: the model, or robots drawn from those that the data allow."""
+"""The source of all values that `[vary]` does not state: the model, or robots with drawn values that the data allow."""
 
 
 @dataclass(frozen=True)
 class Box:
-    """The box in which routes are drawn, in m: `waypoints` points within it, no leg shorter than `least_leg`."""
+    """The box in which routes are drawn, in m: each route has `waypoints` points, and no leg below `least_leg`."""
 
     waypoints: int
     x: tuple[float, float]
@@ -94,7 +94,7 @@ class Campaign:
     Attributes:
         count: the number of runs, repeats, samples or trajectories: see COUNTS.
         inputs: all inputs of runs, in the file's order, including inputs with a fixed value.
-        faults: name -> a fault, with the values that all runs have in common.
+        faults: name -> a fault, with the values that are equal in all runs.
         box: the box of drawn routes; None: the routes are those of the scenarios.
         robots: the robots from which each run draws one; None: all runs have the model's values.
     """
@@ -137,7 +137,7 @@ class Campaign:
         return bool(self.faults) or any(scenario_.faults for scenario_ in self.scenarios)
 
     def identity(self) -> str:
-        """Returns a hash that differs if the results may differ, made from the files' contents and not their names."""
+        """Returns a hash of the files' contents, without their names: it differs if the results may differ."""
         allowed = "" if self.robots is None else self.robots.identity()
         return hashlib.sha256(f"{__version__} {self!r} {allowed}".encode()).hexdigest()
 

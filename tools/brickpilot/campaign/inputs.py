@@ -1,8 +1,8 @@
-"""The inputs of a campaign, which can differ between its runs: their names, units, ranges and distributions.
+"""The inputs of a campaign, which may differ between runs: their names, units, ranges and distributions.
 
-A distribution is used as a quantile function: it maps shares of its probability, 0..1, to values. A design draws the
-shares, so every design can use every distribution. The distributions are those of `scipy.stats`. An unbounded
-distribution is truncated at the physical limits.
+A distribution is used as a quantile function: it maps a share, 0..1, to a value. A design draws the shares, so every
+design can use every distribution. The distributions are those of `scipy.stats`. An unbounded distribution is truncated
+at the physical limits.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ NUMBERS = {
 
 DISTRIBUTIONS = (*NUMBERS, "choice", "fixed")
 
-_LEAST_KEPT = 0.01  # least probability within the limits: with a smaller probability, the file is probably wrong
+_LEAST_KEPT = 0.01  # least probability of a value within the limits; with less, the file is probably wrong
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class Distribution:
         return self.kind != "fixed"
 
     def at(self, shares: Array) -> Array:
-        """Returns the quantiles (n,) at these shares (n,) of the probability."""
+        """Returns the quantiles (n,) at these shares (n,)."""
         if self.kind == "fixed":
             return np.full(len(shares), self.values[0])
         if self.kind == "choice":
@@ -280,7 +280,7 @@ class Input:
 
 
 def labelled(name: str, labels: Sequence[str]) -> Input | None:
-    """Returns the input that chooses one of the texts `labels`; None: there is only one text."""
+    """Returns an input whose value is one of the texts `labels`; None: there is only one text."""
     if len(labels) < 2:
         return None
     numbers = Distribution("choice", values=tuple(float(number) for number in range(len(labels))), listed=True)
@@ -300,7 +300,7 @@ def parse(toml: TomlFile, sensors: Sequence[str]) -> list[Input]:
     """Reads `[vary]`.
 
     Raises:
-        InputError: naming file, line and key.
+        InputError: the message names file, line and key.
     """
     table = toml.table(("vary",), toml.data.get("vary", {}))
     toml.known_keys(("vary",), table, (*ranges(), "effect"))
@@ -344,7 +344,7 @@ def faults(toml: TomlFile, duration: float) -> tuple[dict[str, Fault], list[Inpu
     A fault's name is its kind, with a number if the kind occurred before: drop, drop_2.
 
     Raises:
-        InputError: naming file, line and key.
+        InputError: the message names file, line and key.
     """
     given = toml.data.get("faults", [])
     if not isinstance(given, list):

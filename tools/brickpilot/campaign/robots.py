@@ -32,7 +32,7 @@ from brickpilot.vehicle.spread import from_json as spread_of
 Array = NDArray[np.float64]
 
 VAGUE_SD = 0.2
-"""Largest sd of a fitted coordinate: a logarithm, or a value over the change that moves the signals by their rms."""
+"""Largest sd of a fitted coordinate: a logarithm, or a value divided by the change that moves signals by their rms."""
 
 EFFECT_SHARE = 0.1
 """Relative sd of an effect's size that has no interval; discovery uses the same value for a model of other data."""
@@ -57,7 +57,7 @@ class Explanation:
 
 @dataclass(frozen=True)
 class Allowed:
-    """The robots that the data allow: those with values that agree with the data.
+    """The robots that the data allow, because their values agree with the data.
 
     Attributes:
         explanations: the explanations of the data, the best one first; only an ambiguous verdict has several.
@@ -75,7 +75,7 @@ class Allowed:
 
     @property
     def open(self) -> tuple[str, ...]:
-        """The values in which robots differ, by name ("mass" or "effect.parameter"); an explanation may lack some."""
+        """Names ("mass" or "effect.parameter") of the values in which robots differ; an explanation may lack some."""
         best = self.model.parameters
         rivals = [rival.model.parameters for rival in self.explanations[1:]]
         names = dict.fromkeys(name for name in best if any(rival.get(name) != best[name] for rival in rivals))
@@ -144,7 +144,7 @@ def read(model: Model, path: Path, shares: Mapping[str, float]) -> Allowed:
 
 
 def _rivals(model: Model, given: Mapping[str, Any]) -> list[Explanation]:
-    """Returns the explanations that an ambiguous verdict lists in addition to the best explanation."""
+    """Returns the rivals that an ambiguous verdict lists beside the best explanation; empty for any other verdict."""
     if given.get("verdict") != "ambiguous":
         return []
     explanations = []
@@ -218,7 +218,7 @@ def _unmeasured(allowed: Allowed, model: Model, random: np.random.Generator) -> 
 
 
 def _usual(allowed: Allowed, model: Model) -> dict[str, float]:
-    """Returns the usual relative sd of each value, if the value has one."""
+    """Returns name -> usual relative sd, of the values that have such an sd."""
     shares = {name: share for name, share in allowed.shares.items() if name in model.parameters}
     shares |= {"battery_voltage": BATTERY_SHARE}
     for name, table in model.effects.items():
@@ -235,7 +235,7 @@ def values(model: Model) -> dict[str, float]:
 
 @cache
 def infos() -> Mapping[str, catalogue.ParameterInfo]:
-    """Returns "mass" or "effect.parameter" -> its range and unit in the catalogue."""
+    """Returns name ("mass" or "effect.parameter") -> the parameter's entry in the catalogue, with range and unit."""
     table = {info.name: info for info in catalogue.parameters()}
     for effect in catalogue.effects():
         table |= {f"{effect.name}.{info.name}": info for info in effect.parameters}
@@ -243,5 +243,5 @@ def infos() -> Mapping[str, catalogue.ParameterInfo]:
 
 
 def _possible(name: str, value: float) -> bool:
-    """Returns whether a value is in its physical range, or 0: the vehicle lacks a part whose value is 0."""
+    """Returns whether a value is in its physical range, or is 0, which means that the vehicle lacks the part."""
     return value == 0 or infos()[name].minimum <= value <= infos()[name].maximum

@@ -66,7 +66,7 @@ class Replayed:
     """A run that was flown again.
 
     Attributes:
-        inputs: the values that the campaign drew for the run; a value is None if the robot lacks the value's effect.
+        inputs: the values that the campaign drew for the run; None if the robot lacks the effect of the value.
         figures: the figures of `brickpilot run --json`, or of `hil --json` if the run has faults.
         ticks: the columns of ticks.csv; None: the run has no link.
     """
@@ -111,7 +111,7 @@ MOST_DOTS = 1500
 STRONGEST = 3
 """Each figure is drawn against this number of inputs: those on which the figure depends most."""
 
-_DRAWN_OUT = (0.001, 0.999)  # range of a histogram, in quantiles; runs beyond this range count in the end bars
+_DRAWN_OUT = (0.001, 0.999)  # the quantiles at which a histogram ends; its end bars count the runs beyond them
 _BARS = 40
 
 

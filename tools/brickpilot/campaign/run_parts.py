@@ -48,7 +48,7 @@ class Workers(Protocol):
     """The processes that do the parts of a campaign."""
 
     def started(self, function: Function) -> AbstractContextManager[Results]:
-        """Returns the workers that call `function`. After the `with`, the workers stop or forget `function`.
+        """Returns the workers that call `function`. At the end of the `with`, they stop or forget `function`.
 
         Raises:
             InputError: the workers cannot be reached, or have another version.
@@ -117,7 +117,7 @@ class PartProgress:
         show: called with (parts done, all parts, text) at the start and after each part.
         total: number of all parts, including those that were done before.
         done: number of parts that were done before.
-        what: the plural noun for parts in the text.
+        what: the noun for parts in the text, in the plural.
     """
 
     show: Callable[[int, int, str], None]

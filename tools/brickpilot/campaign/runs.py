@@ -65,7 +65,7 @@ _TYPES: Mapping[str, type] = {
     **dict.fromkeys(("success", "reached_all"), bool),
     **dict.fromkeys(_COUNTS, int),
 }
-"""Figure -> type, of the figures that are no float."""
+"""Figure -> type, for the figures whose type is not float."""
 
 
 def row(plan: flight.Plan) -> Row:
@@ -79,10 +79,10 @@ def rows(plans: Sequence[flight.Plan]) -> list[Row]:
 
     Missions without faults fly side by side in the plant's lanes. This takes less time and gives the same figures.
 
-    Keys are those of `UNITS`. `success` means that every waypoint was reached without a fault; `cause` says why a
-    mission failed, and is empty otherwise. `time_s` is the time of the last waypoint, `closest_approach_max_m` the
-    largest of the waypoints' closest approaches, `charge_c` the charge from the battery. A number that a flight lacks
-    is NaN. If the simulation diverges, `cause` says so, and there are no further figures.
+    The keys are those of `UNITS`. `success`: every waypoint was reached without a fault. `cause`: why a mission failed;
+    empty: it did not fail. `time_s`: the time of the last waypoint. `closest_approach_max_m`: the largest of the
+    waypoints' closest approaches. `charge_c`: the charge from the battery. A number that a flight lacks is NaN. If the
+    simulation diverges, `cause` says so, and there are no further figures.
 
     Raises:
         InputError: the plant refuses the model.
@@ -153,7 +153,7 @@ def _diverged(plan: flight.Plan) -> Row:
 
 
 def _cause(reached_all: bool, end: Mapping[str, Any]) -> str:
-    """Returns why the mission failed: the same words for all flights of one kind, so that they can be counted."""
+    """Returns why the mission failed; the words are the same for the same cause, so that causes can be counted."""
     if end["fault"] != "none":
         return f"fault: {end['fault']}"
     return "" if reached_all else _CAUSES[end["final_mode"]]
@@ -191,7 +191,7 @@ class RunsOfPart:
 
 @dataclass(frozen=True)
 class Run:
-    """One run: its number, its inputs, its flight's plan, and its robot; None: the values of the campaign's model."""
+    """One run: its number, its inputs, the plan of its flight, and its drawn robot; None: it flies the model itself."""
 
     index: int
     drawn: Drawn
@@ -200,7 +200,7 @@ class Run:
 
 
 def part_size(campaign: Campaign) -> int:
-    """Returns the number of runs in a part. It depends only on the campaign, so the table's bytes do, too."""
+    """Returns the number of runs in a part. This number depends only on the campaign, and so do the table's bytes."""
     most = LINK_PART_RUNS if campaign.over_a_link else PART_RUNS
     return min(most, -(-campaign.runs // _LEAST_PARTS))
 
@@ -229,7 +229,7 @@ def fly(part: RunsOfPart) -> pa.Table:
 
 
 def single_run(campaign: Campaign, index: int) -> Run:
-    """Returns the run of this number. Its whole part is drawn, so the run is that of the campaign to the last bit."""
+    """Returns the run of this number. All runs of its part are drawn, so this run is the campaign's to the last bit."""
     place = index % part_size(campaign)
     part = _runs_of_part(campaign, index - place, designs.drawn_shares(campaign))
     return list(planned(part))[place]
@@ -246,7 +246,7 @@ def planned(part: RunsOfPart) -> Iterator[Run]:
 
 
 def drawn(campaign: Campaign, shares: Array) -> list[dict[str, inputs.Value]]:
-    """Returns the inputs of runs, including fixed inputs; `shares`: (runs, drawn inputs) the drawn numbers, 0..1."""
+    """Returns the inputs of runs, including fixed inputs; `shares`: (runs, inputs drawn), each 0..1."""
     varying, fixed = iter(shares.T), np.zeros(len(shares))
     columns = {}
     for input_ in campaign.inputs:
@@ -303,7 +303,7 @@ def _inputs(campaign: Campaign, run: Run) -> dict[str, Any]:
 
 
 def of_robot(campaign: Campaign, run: Run) -> dict[str, Any]:
-    """Returns the values of the run's robot that the data do not determine, but not values that `[vary]` states."""
+    """Returns the values of the run's robot in which drawn robots differ, without the values that `[vary]` states."""
     if run.robot is None:
         return {}
     own = robots.values(run.plan.model)

@@ -1,4 +1,4 @@
-"""The folder of a campaign: each part (some runs) is a file, until all parts are merged into one table.
+"""The folder of a campaign. Each part, which holds some runs, is a file, until all parts are merged into one table.
 
 A part is written beside its final place and then renamed, so that a part is never incomplete. The part's name,
 KEY.CRC32.parquet, holds the checksum of its bytes. So a part that a power cut has damaged is found, and its runs are
@@ -162,7 +162,7 @@ class Parts:
         self._files[key] = path
 
     def merge(self, keys: Iterable[str], path: Path) -> None:
-        """Writes the rows of these parts into one table, in the order of `keys`; needs memory for one row group.
+        """Writes the rows of these parts into one table, in the order of `keys`, with memory for one row group only.
 
         Raises:
             WorkFailedError: a part is missing or was damaged meanwhile, or the disk is full. No table is written.

@@ -79,11 +79,11 @@ def sensitivity_method(campaign: Campaign) -> str | None:
 
 
 def sensitivity_indices(campaign: Campaign, inputs: Mapping[str, Array], figure: Array) -> list[Index]:
-    """Returns the indices of one figure, from the largest on; empty: the figure is constant, or too few runs have it.
+    """Returns a figure's indices, the largest first; empty: the figure is constant, or too few runs have the figure.
 
     Args:
-        inputs: drawn input -> its values (runs,); a text is coded as a number, and NaN means that the run lacks the
-            input's effect or fault.
+        inputs: drawn input -> its values (runs,). A number stands for each text. NaN: the run lacks the input's
+            effect or fault.
         figure: (runs,); NaN where a run does not have the figure. A block is left out if one of its runs lacks the
             figure.
 
@@ -121,8 +121,8 @@ def _analysed(campaign: Campaign, inputs: Mapping[str, Array], kept: NDArray[np.
         keys = ("S1", "S1_conf")
         columns = np.column_stack([inputs[name][kept] for name in names])
         if np.isnan(columns).any():
-            # A parameter of an effect that is off has no value. A number in its place would act like the switch of the
-            # effect, and would get the switch's index.
+            # If an effect is off, its parameters have no values. If a number replaced such a missing value, the number
+            # would tell when the effect is off, and the parameter would get the index of the effect's switch.
             columns = designs.drawn_shares(campaign)(0, len(kept))[kept]
         analysis = designs.salib("analyze.rbd_fast").analyze(problem, columns, values, seed=seed)
     rows = zip(names, *(analysis[key] for key in keys), strict=True)
@@ -149,7 +149,7 @@ class Table:
         return pq.read_table(self._path, columns=[name]).column(0)
 
     def numbers(self, name: str) -> Array:
-        """Returns a column as numbers (runs,): NaN: missing, 1: true; texts are numbered by first appearance."""
+        """Returns a column as numbers (runs,): NaN if missing, 1 if true; texts get numbers by first appearance."""
         column = self.column(name)
         if pa.types.is_string(column.type):
             codes: Array = pc.dictionary_encode(column).combine_chunks().indices.to_numpy(zero_copy_only=False)
@@ -245,7 +245,7 @@ def _figures(table: Table) -> dict[str, dict[str, Any]]:
 
 
 def _worst(table: Table) -> list[dict[str, Any]]:
-    """Returns the `WORST` worst runs. They are sorted by failure, fewest waypoints and largest closest approach."""
+    """Returns the `WORST` worst runs: failed runs first, then fewest waypoints, then the largest closest approach."""
     order = np.lexsort(
         (-np.nan_to_num(table.numbers("closest_approach_max_m"), nan=np.inf), table.numbers("waypoints_reached"),
          table.numbers("success"))

@@ -90,7 +90,7 @@ def chosen(jobs: int, scheduler: str | None) -> Local | Cluster:
 
 
 def shared(path: Path) -> Path:
-    """Checks that a file or folder that a part's function reads exists on this worker, and returns its path.
+    """Returns the path of a file or folder that a part's function reads, if it exists on this worker.
 
     Raises:
         InputError: the file or folder is not on this worker.
@@ -222,7 +222,7 @@ class _Processes(Futures):
 
 @contextmanager
 def _sigterm_as_exception() -> Iterator[None]:
-    """Makes SIGTERM raise an exception in this block, so that each `with` closes; the exit status is that of a shell.
+    """Makes SIGTERM raise an exception in this block, so that each `with` closes; the exit status is 128 + SIGTERM.
 
     Without a handler, SIGTERM would end only this process, and the workers would go on. A handler that the caller has
     set stays.
@@ -247,7 +247,7 @@ def _block_ctrl_c() -> None:
 
 @contextmanager
 def _one_thread_of_blas() -> Iterator[None]:
-    """Each process that starts in this block has one thread of BLAS."""
+    """Gives each process that starts in this block one thread of BLAS."""
     before = {name: os.environ[name] for name in _ONE_THREAD if name in os.environ}
     os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))
     try:
