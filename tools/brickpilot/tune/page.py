@@ -1,4 +1,4 @@
-"""The page of `tune`: it compares flights of the same robots, which the search did not use, with old and new gains."""
+"""The page of `tune`: it compares flights with old and new gains, by the same robots, which the search did not fly."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ def _gains(tuned: Tuned) -> list[dict[str, object]]:
 
 
 def _ranges(tuned: Tuned) -> Markup:
-    """Draws the ratio of each found gain to the old gain, with the searched range."""
+    """Draws the ratio of each new gain to the old gain, with the range of the search."""
     space = tuned.space
     base = np.array([tuned.problem.start[name] for name in space.names]) + space.offset
     after = (np.array([tuned.found[name] for name in space.names]) + space.offset) / base
@@ -203,7 +203,7 @@ def _track(tuned: Tuned, place: int, why: str) -> dict[str, Any]:
 
 
 def _apart(track: Array, samples: int) -> Array:
-    """Returns the thinned track; its number of points is not `samples`, the number of points of the played track."""
+    """Returns the thinned track; its number of points is never `samples`, so that the page does not play this track."""
     kept = track[:, :: max(track.shape[1] // 1000, 1)]
     return kept[:, :-1] if kept.shape[1] == samples else kept
 

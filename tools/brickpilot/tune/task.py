@@ -1,8 +1,8 @@
-"""The tuning problem: one robot's controller, tested on one mission by robots with values that the data allow.
+"""The tuning problem: one robot's controller, tested in flights of one mission by robots that the data allow.
 
 The search has one coordinate for each tuned gain. A coordinate is log(raw + offset), because ratios of gains matter;
 with the offset, a gain of 0 has a finite coordinate and can grow. The search keeps each gain within a factor of its
-value at the start and within the range of its format. It scores gains that are rounded to integers.
+value at the start and within the range of its format. The search scores gains that are rounded to integers.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ TUNED = PIDS + GUIDANCE
 """The gains that are tuned: those of both PIDs, and those of the line-of-sight guidance."""
 
 FACTOR_PID, FACTOR_GUIDANCE = 10.0, 3.0
-"""Largest ratio, up or down, of a gain to its value at the start; a larger ratio would change the kind of control."""
+"""Largest factor by which the search raises or lowers a gain; a larger factor would change the kind of control."""
 
 OFFSET = 0.02
-"""Offset as a share of the packaged robot's raw value; a gain below the offset counts as off."""
+"""The offset as a share of the packaged robot's raw value; a gain well below the offset has nearly the coordinate of 0."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ def _range(name: str, start: Mapping[str, int], firmware: Mapping[str, int], off
     factor, row = (FACTOR_PID if name in PIDS else FACTOR_GUIDANCE), settings()[name]
     low = max(row.low, round((start[name] + offset) / factor - offset))
     high = min(row.high, round((start[name] + offset) * factor - offset))
-    for less, more in AT_MOST:  # if the other setting of a pair is not tuned, its value is a limit
+    for less, more in AT_MOST:  # if the lesser setting of a pair is not tuned, its value is a limit
         if name == more and less not in start:
             low = max(low, row.raw(settings()[less].value(firmware[less])))
     return min(low, start[name]), max(high, start[name])
@@ -99,8 +99,8 @@ class Problem:
     """The tuning problem of one robot; small, and picklable for workers.
 
     Attributes:
-        plan: the plan of a flight of the best explanation with the firmware's own gains; `planned` sets the plan's
-            `firmware` from `loop`.
+        plan: the plan of a flight by the robot of the best explanation, with the firmware's own gains; `planned` sets
+            its `firmware` from `loop`.
         loop: the robot's own firmware; None: the packaged firmware.
         allowed: the robots whose values the data allow.
         firmware: the present values of all settings.
@@ -208,7 +208,7 @@ MISSED, TIME, WEAR = 100.0, 0.5, 0.1
 terms. A cross-track error of one acceptance radius costs as much as twice the start's time, or as ten times the start's
 wear."""
 
-_LEAST = 0.1  # a fault after the last waypoint counts as this share of missed waypoints
+_LEAST = 0.1  # a fault after the last waypoint costs as much as this share of missed waypoints
 
 UNKNOWN_RADII = 5.0
 """Cross-track error of a robot that never drove, in acceptance radii."""

@@ -5,8 +5,8 @@ Workers load only the module `task`, so a worker needs none of the libraries tha
 The search is CMA-ES (Hansen, 2016, arXiv 1604.00772) by pycma, on flights of drawn robots; the workers of a campaign
 fly them. All gain sets of a generation are flown by the same robots with the same noise (common random numbers), so
 that chance does not affect the ranks of the sets; CMA-ES uses only these ranks. The next generation uses other robots,
-so that no set is overfitted to a few robots. The answer is the centre of the last distribution: scores are noisy, so
-the gain set with the best score may be best by chance.
+so that no set is overfitted to a few robots. The answer is the centre of the last distribution, because scores are
+noisy: the gain set with the best score may be best by chance.
 
 The judge flies the old and the new gains with the same new robots and the same noise.
 """
@@ -39,13 +39,13 @@ PACKAGED = "packaged"
 """The value of `board` for the project's own firmware, with the compensation of the model."""
 
 SEARCH, SCALE, JUDGE, BOOTSTRAP = range(4)
-"""The random streams: the robots of the search, of the score's scale and of the judge, and the bootstrap's resamples.
+"""The streams of random numbers: robots for the search, the score's scale and the judge, and the bootstrap's resamples.
 Each robot also has a place in its stream, so it shares no random numbers with another robot or the bootstrap."""
 
 SCALE_ROBOTS = 64
 
 STEP = 0.3
-"""First step size of the search, the sd of a gain's logarithm: gains change by about a third, up or down."""
+"""First step size of the search: the sd of a gain's logarithm. Gains change by about a third, up or down."""
 
 FLIGHTS = 8
 """Number of flights in a part. With more flights, workers wait at a generation's end; with fewer, overhead grows."""
@@ -318,7 +318,7 @@ class Budget:
         return f"{self.sets} gain sets" if self.sets is not None else f"{self.seconds:g} s"
 
     def is_spent(self, sets: int, elapsed: float) -> bool:
-        """Whether `sets` flown gain sets or `elapsed` s spend the budget; a search has at least one generation."""
+        """Whether the budget is spent after `sets` gain sets and `elapsed` s; a search has at least one generation."""
         if self.sets is not None:
             return sets >= self.sets
         return self.seconds is not None and elapsed >= self.seconds and sets > 0
