@@ -1,4 +1,4 @@
-"""Puts an image on an Arduino with an AVR: avrdude speaks to its boot loader."""
+"""Puts an image on an Arduino with an AVR: avrdude speaks to the board's boot loader."""
 
 from __future__ import annotations
 

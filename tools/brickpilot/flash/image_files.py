@@ -36,7 +36,7 @@ _ENTRY_BYTES = {"9": 2, "8": 3, "7": 4}
 
 @dataclasses.dataclass(frozen=True)
 class Image:
-    """A firmware image: `data` from START on, 0 where the file has no data, and the address of the entry point."""
+    """A firmware image: `data` begins at START and is 0 where the file has no data; `entry` is the entry's address."""
 
     data: bytes
     entry: int
@@ -167,7 +167,7 @@ class Program:
 
     @property
     def room(self) -> int:
-        """Number of bytes that the brick reserves, with a second copy of the data for the next start."""
+        """Number of bytes that the brick reserves; it keeps a second copy of the data for the next start."""
         return self.text_size + 2 * self.data_size + self.bss_size
 
     def at(self, base: int) -> bytes:

@@ -9,7 +9,7 @@ brickOS acknowledges each command, but an acknowledgement does not name its comm
 brickOS acknowledges `data` that have arrived before, and ignores them.
 
 `Tower.exchange` leaves 7 ms of silence between two packets. The silence is needed because a damaged byte may look like
-a length: then the receiver reads on until the line is silent, and may overwrite the table of programs behind its
+a length. Then the brick reads on until the line is silent, and may overwrite the table of programs behind its receive
 buffer.
 
 Sources: the headers and the loader of brickOS 0.9.0, compared with the disassembled kernel of Debian's package.
@@ -55,7 +55,7 @@ TRIES_PRESENT = 10
 TRIES = 40
 ROUNDS = 8
 _SILENT = 6
-"""Number of failed tries in a row after which the program may be complete already, instead of the line being bad."""
+"""Number of failed tries in a row after which the loader asks whether the program is complete already."""
 
 
 class Loader:

@@ -46,7 +46,7 @@ _AROUND = 6
 """Number of bytes in a block besides the image: opcode, index, length and checksum."""
 TRIES_PRESENT = 10
 TRIES = 40
-"""Times that a packet is sent after the brick's first reply: for 20 s, time to move the brick back into range."""
+"""Largest number of tries for a packet once the brick has replied: 20 s, time to move the brick back into range."""
 DOWNLOADS = 12
 """Largest number of downloads of the whole image."""
 
@@ -58,7 +58,7 @@ def frame(body: bytes) -> bytes:
 
 
 def find_reply(received: bytes, opcode: int, length: int) -> bytes | None:
-    """Returns the reply to `opcode`, or None; `length`: its bytes with the opcode. Its header may be damaged."""
+    """Returns the reply to `opcode`, even if its header is damaged, or None. `length`: its bytes, with the opcode."""
     pairs = length + 1
     for at in range(len(received) - 2 * pairs + 1):
         values = received[at : at + 2 * pairs : 2]
@@ -72,9 +72,9 @@ def find_reply(received: bytes, opcode: int, length: int) -> bytes | None:
 def _misread(packet: bytes) -> bool:
     """Returns whether the ROM can take the rest of this block for another packet if the block's beginning is damaged.
 
-    Five bytes that look like the head of a block are enough. Any other packet needs an opcode, as many operands as the
-    opcode's low bits say, and the right sum. The search begins after the block's index, because a shorter block has
-    the same index.
+    The ROM takes five bytes for a block if they look like a block's head. For any other packet it needs an opcode, as
+    many operands as the opcode's low bits say, and the right sum. The search begins after the block's index, because a
+    shorter block has the same index.
     """
     for at in range(3, len(packet)):
         if packet[at] & ~TOGGLE == BLOCK[0]:
@@ -88,7 +88,7 @@ def _misread(packet: bytes) -> bool:
 
 
 def block(opcode: int, index: int, piece: bytes, *, careful: bool) -> bytes:
-    """Returns opcode and operands of a block with `piece`; if `careful`, with as much of it as cannot be misread."""
+    """Returns opcode and operands of a block with `piece`; if `careful`, `piece` is cut so that it is not misread."""
     for length in range(len(piece), 0, -1):
         data = piece[:length]
         head = bytes([opcode]) + index.to_bytes(2, "little") + length.to_bytes(2, "little")
@@ -107,14 +107,14 @@ class Rom:
         self._size = LONGEST
 
     def alive(self) -> bool:
-        """Returns whether the ROM, or a firmware with the same protocol such as LEGO's, replies."""
+        """Returns whether the ROM replies, or a firmware with the same protocol, such as LEGO's."""
         return self._ask(ALIVE, 1, TRIES_PRESENT) is not None
 
     def download(self, image: Image, tally: Tally, progress: Progress) -> bool:
         """Replaces the firmware of a brick that is `alive`.
 
         Returns:
-            Whether the brick confirmed the start. If not, it stopped replying at the start command.
+            Whether the brick confirmed the start. If it did not, it has not replied since the start command.
 
         Raises:
             InputError: the brick refuses the image.
@@ -147,7 +147,7 @@ class Rom:
             for attempt in range(TRIES):
                 if attempt > 1:  # a long packet is damaged more often
                     limit = max(min(limit, SHORTEST), limit // 2)
-                careful = attempt > 0 or index == 1 or self._size < LONGEST  # otherwise the line is clean
+                careful = attempt > 0 or index == 1 or self._size < LONGEST  # if all are false, no packet was damaged
                 packet = block(opcode, index, data[at : at + limit], careful=careful)
                 length = len(packet) - _AROUND
                 tally.tried(again=attempt > 0)
