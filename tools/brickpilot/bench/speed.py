@@ -1,10 +1,10 @@
-"""Measures a speed and a peer's speed in one process, because on a shared machine absolute times mean little.
+"""Measures our speed and a peer's speed in one process, because absolute times mean little on a shared machine.
 
 A peer is another library that does the same work. One peer is SciPy's `solve_ivp`, which solves the packaged robot as a
 text-book ODE at equal accuracy. The equations are those of the plant's profile `coupled` (eq. 2, 5, 12 to 14), written
 here from the paper. `loosest` finds the largest tolerance at which SciPy is as accurate as the plant with its steps of
 0.3 ms and 3 ms. `METHODS` are SciPy's fastest methods for this robot. If inputs are held, LSODA is at least 1.6 times
-as fast as the other methods. If the solver restarts in each step, RK23 needs half of RK45's evaluations.
+as fast as the other methods. If the solver restarts in each step, RK23 needs half as many evaluations as RK45.
 """
 
 from __future__ import annotations
@@ -43,10 +43,10 @@ _LANES = {"alone": 1, "many": plant.MOST_LANES}
 
 @dataclass(frozen=True)
 class Figure:
-    """One speed: ``value`` in ``unit``, which is ``ratio`` times the speed of ``peer`` in the same process.
+    """One speed of ours: ``value`` in ``unit``; it is ``ratio`` times the speed of ``peer`` in the same process.
 
     If the unit is a cost, such as cycles/step, the ratio is the peer's cost divided by our cost. So a ratio above 1
-    always means that we are faster. We and the peer ran on ``machine``.
+    always means that we are faster. Our program and the peer ran on ``machine``.
     """
 
     value: float
@@ -74,9 +74,9 @@ class LawFigure(Figure):
 
 
 def _best(works: Mapping[str, Callable[[], float]], repeats: int = 5) -> dict[str, float]:
-    """Returns each work's best speed of `repeats` runs, as a multiple of real time. A work returns simulated seconds.
+    """Returns each function's best speed of `repeats` runs: simulated s (its result) per s of processor time.
 
-    The works run in turn, so that other programs on the machine disturb all works equally. Times are processor times.
+    The functions in `works` run in turn, so that other programs on the machine disturb all of them equally.
     """
     rates = dict.fromkeys(works, 0.0)
     for _ in range(repeats):
@@ -142,7 +142,7 @@ _MUJOCO_ROBOT = f"""
 
 @cache
 def _mujoco_model() -> Any:
-    """Returns the robot in MuJoCo, compiled once. For speed, the functions that the robot does not need are off."""
+    """Returns the robot in MuJoCo, compiled once. For speed, functions of MuJoCo that it does not need are off."""
     import mujoco
 
     return mujoco.MjModel.from_xml_string(_MUJOCO_ROBOT)
@@ -172,7 +172,7 @@ def _lockstep_pty() -> float:
 
 
 def host() -> dict[str, Figure]:
-    """Returns the speeds of the full loop (plant, sensors, controller), of the plant alone, and of a link.
+    """Returns the speeds of the full loop (plant, sensors, controller), of the plant alone, and of a link, with peers.
 
     The plant takes motor steps of 0.3 ms and body steps of 3 ms. The peers are MuJoCo, if it is installed, and SciPy's
     solve_ivp at the plant's own accuracy. The inputs of both peers change every 3 ms for the full loop, and every
@@ -215,7 +215,7 @@ def _scipy(model: Model, manoeuvre: Manoeuvre) -> dict[str, Callable[[], float]]
 
 
 def control_law() -> tuple[dict[str, LawFigure], list[str]]:
-    """Returns the control law's cost on each brick's processor, compared with peers, and why some bricks are missing.
+    """Returns the control law's cost on each brick's processor, compared with peers, and why a brick is missing.
 
     In a checkout, `tests/lab/control_peers.py` measures the cost.
     """
@@ -230,7 +230,7 @@ def control_law() -> tuple[dict[str, LawFigure], list[str]]:
 
 
 def lines(figures: Mapping[str, Figure], laws: Mapping[str, LawFigure]) -> Iterator[str]:
-    """Yields the speeds and the laws' costs as text: first the machine, then each ratio with its measured values."""
+    """Yields the speeds and the control law's costs as text: first the machine, then each ratio with its values."""
     yield f"on {next(iter(figures.values())).machine}; both sides of a ratio were measured in this run"
     for name, figure in figures.items():
         yield f"{figure.ratio:8.1f} x  {name}: {figure.value:.0f} {figure.unit}, beside {figure.peer}"
@@ -357,7 +357,7 @@ class SolverSetting:
 
 
 def loosest(model: Model, manoeuvre: Manoeuvre) -> list[SolverSetting]:
-    """Returns, for each of `METHODS`, the largest of `TOLERANCES` with a position error up to the plant's error.
+    """Returns, for each of `METHODS`, the largest of `TOLERANCES` whose position error is at most the plant's.
 
     An error is the largest difference over the manoeuvre from a solution at a tolerance of 1e-10.
 

@@ -22,7 +22,7 @@ STATES = Path("hal/h8sim/states.toml")
 
 
 def generate(root: Path) -> dict[Path, str]:
-    """Returns path -> text of each generated file of the checkout at `root`, and of the DBC with settings' names."""
+    """Returns path -> text of each generated file of the checkout `root`, and of the DBC with the settings' names."""
     settings = load(root / SETTINGS)
     inputs = {path: (root / path).read_bytes().decode("utf-8") for path in (VEHICLE, SETTINGS, MESSAGES, STATES)}
     inputs[MESSAGES] = value_headers.name_in(inputs[MESSAGES], settings)
@@ -76,12 +76,12 @@ def stale(files: dict[Path, str]) -> list[Path]:
 
 
 def checkout(start: Path) -> Path | None:
-    """The folder at or above `start` that holds the vehicle file."""
+    """Returns the folder with the vehicle file: `start`, or a folder above it; None: there is no such folder."""
     return next((folder for folder in (start, *start.parents) if (folder / VEHICLE).exists()), None)
 
 
 def wrong_generator() -> str | None:
-    """Returns what to install if cantools has not the version of the extra `gen`; other versions write other code."""
+    """Returns what to install; None: cantools has the version of the extra `gen`. Other versions write other code."""
     requirement = next(line for line in metadata.requires("brickpilot") or () if line.startswith("cantools=="))
     wanted, installed = requirement.partition(";")[0].strip(), metadata.version("cantools")
     if wanted == f"cantools=={installed}":

@@ -1,8 +1,8 @@
 """hal/wire/codecs_gen.[ch]: C code that packs the DBC's messages into 8 bytes, and unpacks them.
 
 cantools writes the header, and the source that the tests use. The firmware writes its replies and its telemetry byte by
-byte, at the places of the signals that the header names. For the messages of sensors and motors, the brick has one loop
-and a table for each message; loop and tables have a third of the size of cantools' code.
+byte: the header states the place of each signal. For the messages of sensors and motors, the brick has one loop and a
+table for each message; loop and tables together have a third of the size of cantools' code.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _LINK = {"IMU", "ROTATION", "BATTERY", "REFERENCE_X", "REFERENCE_Y", "REFERENCE_
 
 
 def _check_fields(message: Message) -> None:
-    """Checks that the loops of the template can pack and unpack the message."""
+    """Checks that the loops in the template codecs_gen.c can pack and unpack the message."""
     for signal in message.signals:
         whole = signal.length in (8, 16, 32)
         assert signal.byte_order == "little_endian"

@@ -69,7 +69,7 @@ def value_sets(nominal: Mapping[str, float]) -> list[dict[str, float]]:
             name: value if name in FIXED else float(f"{value * draw.uniform(1 - SPREAD, 1 + SPREAD):.6g}")
             for name, value in nominal.items()
         }
-        # Eq. 16 and 17 follow from eq. 12: with inconsistent values, full voltage would brake.
+        # The values of eq. 16 and 17 follow from those of eq. 12; if they did not, full voltage could brake.
         torque, volts = perturbed["torque_constant"], perturbed["battery_voltage"]
         perturbed["stall_torque"] = torque * volts / perturbed["resistance"]
         perturbed["no_load_speed"] = volts / perturbed["emf_constant"]
@@ -90,7 +90,7 @@ def model_sets(nominal: Mapping[str, float], step: float) -> str:
 
 
 RANGES_MOST = 16
-"""Largest number of ranges: parameters.c has 4 bits for the number of a range."""
+"""Largest number of ranges, because parameters.c has 4 bits for the number of a range."""
 
 _VALUE_TABLE = re.compile(r"^VAL_ 256 parameter .*;$", re.MULTILINE)
 
@@ -122,12 +122,12 @@ def name_in(dbc: str, settings: Mapping[str, Setting]) -> str:
 
 
 PLACES = ("nothing", "stack", "register", "short", "word", "displaced", "stepped")
-"""Where an instruction's data are, as in the table; nothing: the instruction has no data."""
+"""The places of an instruction's data, as named in the table; nothing: the instruction has no data."""
 
 
 @dataclass(frozen=True)
 class Cost:
-    """Cost of an instruction: words of ``code``; ``words`` and ``data_bytes`` of data at ``place``; ``own`` states."""
+    """An instruction's cost: words of ``code``; ``words`` and ``data_bytes`` accessed at ``place``; ``own`` states."""
 
     code: int
     words: int
@@ -137,7 +137,7 @@ class Cost:
 
 
 def h8_costs(text: str) -> dict[int, Cost]:
-    """Returns first byte of an H8/300 instruction -> memory accesses, from the text of `hal/h8sim/states.toml`.
+    """Returns first byte of an H8/300 instruction -> its cost, from the text of `hal/h8sim/states.toml`.
 
     An instruction's number of states depends neither on the data nor on whether a branch is taken. The only exception
     is `eepmov`, whose number of states depends on its count, so `eepmov` is not in the table.

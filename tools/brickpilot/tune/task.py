@@ -34,7 +34,7 @@ FACTOR_PID, FACTOR_GUIDANCE = 10.0, 3.0
 """Largest factor by which the search raises or lowers a gain; a larger factor would change the kind of control."""
 
 OFFSET = 0.02
-"""The offset as a share of the packaged robot's raw value; a gain well below the offset has nearly the coordinate of 0."""
+"""Offset as a share of the packaged robot's raw value; a gain well below the offset has nearly the coordinate of 0."""
 
 
 @dataclass(frozen=True)
