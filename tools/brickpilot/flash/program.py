@@ -121,7 +121,7 @@ class Loader:
         )
 
     def _send_data(self, image: bytes, slot: int, tally: Tally, progress: Progress) -> None:
-        """Sends the image in packets. A failed packet is sent again, shorter each time."""
+        """Sends the image in packets. A failed packet is sent again, shorter from the third time on."""
         at, size = 0, LONGEST
         ends: set[int] = set()  # ends of packets that may have arrived unacknowledged; no packet may cross such an end
         while at < len(image):
