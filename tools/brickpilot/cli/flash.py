@@ -34,9 +34,9 @@ def flash_rcx(
 ) -> None:
     """Puts FILE on a LEGO RCX over its serial infrared tower: firmware (.srec) or a program for brickOS (.lx).
 
-    FILE is checked before anything is sent. A lost or damaged packet is sent again, and is shorter from the third time
-    on. At 2400 baud, 11 KB of firmware take two minutes, and a program of 12 KB takes one minute. The options -p, -r and
-    -e apply to programs and mean the same as for dll.
+    FILE is checked before anything is sent. A lost or damaged packet is sent again, and is shorter from the third try
+    on. At 2400 baud, 11 KB of firmware take two minutes, and a program of 12 KB takes one minute. The options -p, -r
+    and -e apply to programs and mean the same as for dll.
     """
     from brickpilot.flash import image_files, rom
 

@@ -30,7 +30,7 @@ Shape = Literal["line", "step", "marks", "bars"]
 MOST_POINTS, _LEAST_POINTS = 2000, 300  # largest and smallest number of points that one figure draws
 _ROW = 26  # height of a row in pixels
 _PAGE_POINTS = 40_000  # number of points in all figures of a page, about 1.5 MB
-ACROSS, UP = 1e6, 2e4  # x values and curve values are rounded to steps of (their range / this number)
+ACROSS, UP = 1e6, 2e4  # x values and the values of a curve are rounded to this number of steps within their range
 
 
 @dataclass(frozen=True)
