@@ -1,7 +1,7 @@
 """Computes the coefficients of the firmware's model from SI values.
 
-The discretisation is exact. The coefficients are in the firmware's units. Checks at the limits prove that no sum
-overflows.
+The discretisation is exact. The coefficients are in the firmware's units. No sum overflows: this is checked with every
+term at its limit.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from scipy.linalg import expm
 from brickpilot.vehicle.combinations import Values, difference_inertia, loss, mean_inertia
 from brickpilot.vehicle.fixed_point import QuantisationError, Scale, scale, scale16
 
-# Counts of firmware/model per SI unit.
+# Integers of firmware/model per SI unit.
 CURRENT = 1e6 * 2**7  # uA q7
 WHEEL_SPEED = 1e3 * 2**13  # mrad/s q13
 YAW_RATE = 1e3 * 2**12  # mrad/s q12

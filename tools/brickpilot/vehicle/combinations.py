@@ -5,7 +5,7 @@ If the data do not determine a parameter, its fit can end at any value, and late
 data determine only a sum of parameters, one parameter of the sum is fitted and the others are held (structural
 identifiability: Bellman & Astrom 1970, Math. Biosciences 7, here from the rank of the sensitivities).
 
-Once the current has settled, eqs. 12 to 14 describe a wheel by D = K_t K_e + R (b_s + sigma m g r^2).
+In the formulas, D = K_t K_e + R (b_s + sigma m g r^2). This follows from eqs. 12 to 14 once the current has settled.
 """
 
 from __future__ import annotations
@@ -178,7 +178,7 @@ _FORMS: Mapping[tuple[str, str], tuple[tuple[str, str, _Factor], ...]] = {
 
 
 def forms(name: str) -> Iterator[Formula]:
-    """Yields combinations with the size `name` ("effect.parameter") that may be identifiable, the simplest first."""
+    """Yields combinations with the size `name` ("effect.parameter") that the data may determine, the simplest first."""
     effect_name, _, parameter = name.partition(".")
     effect = catalogue.effect(effect_name)
     unit = next(info.unit for info in effect.parameters if info.name == parameter)
@@ -199,9 +199,9 @@ If the parameter is held and its partner is fitted, their ratio stays constant.
 _FITTED_FIRST = ("emf_constant", "mass", "yaw_inertia", "half_track", "wheel_radius", "wheel_inertia")
 """Where data determine only a sum, these parameters are fitted first: each alone can give the sum any value."""
 
-_CURVES_V = (3.0, 1.0), (6.0, 5.0)  # (left, right) of each curve: at one voltage, friction looks like a gain
+_CURVES_V = (3.0, 1.0), (6.0, 5.0)  # (left, right) of each curve, V: at a single voltage, friction looks like a gain
 _CURVE_S, _SAMPLES = 20.0, 60
-_TOLD_APART = 1e-2  # least share of a signature that the others do not span; a smaller share is numerical error
+_TOLD_APART = 1e-2  # least share of a signature outside the span of the others; a smaller share is numerical error
 
 
 def signatures_of(model: Model, measured: Collection[str], stated: Collection[str]) -> dict[str, Array]:
@@ -242,7 +242,7 @@ def _beside(value: float, info: ParameterInfo) -> float:
 
 
 def not_told_apart(signatures: Mapping[str, Array]) -> set[str]:
-    """Returns the parameters whose signatures are linear combinations of the others'; none may be all 0."""
+    """Returns the parameters whose signatures are linear combinations of others. No signature may be all 0."""
     basis, held = list[Array](), set()
     order = [name for name in _FITTED_FIRST if name in signatures]
     for name in dict.fromkeys((*order, *signatures)):

@@ -28,8 +28,8 @@ class Comparable:
 
     Attributes:
         measured: the data set as read, without channels that contradict the stated values.
-        started: the data set that is simulated: as `measured`, with each run's start estimated from several samples,
-            and with the velocity of a motor beside its position.
+        started: the data set to simulate: `measured` with each run's start estimated from several samples, and with a
+            motor's velocity beside its position.
         roles: the roles of the runs, and of stretches of runs.
     """
 
@@ -38,7 +38,7 @@ class Comparable:
     roles: holdout.Roles
 
     def part(self, role: str) -> Dataset:
-        """Returns `measured`; if a run has stretches of several roles, without the samples that have another role."""
+        """Returns `measured`. If a run has stretches of several roles, samples with another role are left out."""
         if not self.roles.stretches:
             return self.measured
         runs = tuple(self.roles.samples(run, role) for run in self.measured.runs)

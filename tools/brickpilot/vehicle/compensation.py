@@ -41,7 +41,7 @@ from brickpilot.vehicle.plant import Undoable
 from brickpilot.vehicle.settings import Setting, plain, read_raw, settings
 
 NOMINAL = "nominal values"
-"""The name of the source that is no effect: nominal values that differ from the packaged robot's."""
+"""The name of the one source that is not an effect: nominal values that differ from the packaged robot's."""
 
 FORMATS: Mapping[str, Setting] = {row.compensation: row for row in settings().values() if row.compensation}
 """The setting of each parameter, by the parameter's name in the file."""
@@ -54,7 +54,7 @@ class Compensation:
     Attributes:
         name: the name of the model from which the parameters were made.
         raw: parameter -> integer as the firmware holds it, for all of `FORMATS`.
-        sources: parameter -> the sources that need it: effects, and `NOMINAL`; a parameter of 0 may be missing.
+        sources: parameter -> the sources that need it: effects, and `NOMINAL`. A parameter that is 0 may be missing.
         left_out: effects of the model, or `effect.parameter`, that the firmware cannot undo.
         limited: parameters that exceed the range of the firmware's format, or half of the battery's voltage.
         remarks: a line for each difference that the firmware cannot undo: the value, and by how much it differs.
@@ -99,8 +99,8 @@ def from_model(model: Model, believed: Model | None = None, controller: Values |
     Args:
         model: the model that was fitted to the robot's data, with its effects. The result lists in `left_out` the
             effects that the firmware cannot undo.
-        believed: the robot from which the firmware's constants were made; default the packaged robot.
-        controller: the constants of the firmware's controllers, SI; default the packaged robot's.
+        believed: the robot from which the firmware's constants were made; default: the packaged robot.
+        controller: the constants of the firmware's controllers, SI; default: those of the packaged robot.
 
     Returns:
         None: nothing can be undone, or the model is a motor, has the profile `paper`, or has motors without torque. If
@@ -312,9 +312,9 @@ def never_undone(model: Model) -> tuple[str, ...]:
 
 
 LEAST_DAMPING = 0.46
-"""Damping ratio of the heading controller, below which turns overshoot and the mission loses waypoints. Measured on the
-packaged robot with 6 seeds per value: at 0.49 (3 times its yaw inertia) it reaches all 8 waypoints, at 0.455 (3.5 times
-its yaw inertia) only 7."""
+"""Damping ratio of the heading controller, below which turns overshoot and the mission misses waypoints. Measured on
+the packaged robot with 6 seeds per value: at 0.49 (3 times its yaw inertia) it reaches all 8 waypoints, at 0.455 (3.5
+times its yaw inertia) only 7."""
 
 HIGHEST_BATTERY, HIGHEST_OWN = 20.0, 32.0
 """V: the highest battery voltage that packaged images can measure, and the highest that any mixer allows
@@ -325,7 +325,7 @@ def _heading_damping(robot: Values, believed: Values, controller: Values) -> flo
     """Returns the damping ratio of the heading controller on a robot whose straight drive is compensated.
 
     This robot reacts to a voltage difference as if its motors had the believed robot's push and hold (`si_values`), and
-    each side had the inertia M' = M_0 M_yaw / M. With PD control of the heading, the loop is of second order.
+    each side had the mass M' = M_0 J_yaw / J (J_yaw: `difference_inertia`). With PD control, the loop has second order.
 
     Args:
         robot, believed: nominal parameters.

@@ -1,8 +1,8 @@
 """Constants of a vehicle for other programs, computed from simulated drives of a model with its effects.
 
-Feed-forward in volts, V = kS sgn(v) + kV v + kA a, as WPILib defines it (docs.wpilib.org, "Feedforward control").
-Odometry as in diff_drive_controller of ros2_control: an effective radius of each wheel, and the wheel separation that
-is effective when the vehicle turns.
+Feed-forward is in volts: V = kS sgn(v) + kV v + kA a, as WPILib defines it (docs.wpilib.org, "Feedforward control").
+Odometry has the constants of diff_drive_controller in ros2_control: an effective radius of each wheel, and the wheel
+separation that is effective when the vehicle turns.
 """
 
 from __future__ import annotations

@@ -38,7 +38,7 @@ class Plan:
         compensation: the compensation of this robot in the firmware; None: no compensation.
         gains: settings of the controller that replace the firmware's values; None: no setting is replaced.
         acceptance: the robot's radius, m: a waypoint is reached if the true position passes within twice this distance.
-        firmware: the library of `sim_host/run/build` that holds the controller; None: the packaged firmware.
+        firmware: a library that `sim_host/run/build` made, with another controller; None: the packaged firmware.
         devices: field of `bp_devices` -> value of the robot's sensors, SI; None: the values of the packaged robot.
     """
 
@@ -134,7 +134,7 @@ def plan(
 
 
 def written(plan: Plan) -> dict[str, int]:
-    """Returns the settings that a host writes for a plan, first compensation, then gains: setting -> raw integer."""
+    """Returns setting -> raw integer: what a host writes for a plan, the compensation first and then the gains."""
     known = {} if plan.compensation is None else plan.compensation.raw
     tuned = {} if plan.gains is None else plan.gains.raw
     return {FORMATS[name].name: raw for name, raw in known.items()} | dict(tuned)
@@ -196,7 +196,7 @@ def fly(plan: Plan, columns: Sequence[str] | None = None) -> Flight:
     """Flies the plan and keeps the signals of every step.
 
     Args:
-        columns: the columns of the log to keep; None: all. Columns that are not needed take a fifth of a flight's time.
+        columns: the columns of the log to keep; None: all. Logging unneeded columns takes a fifth of a flight's time.
 
     Raises:
         SimulationError: the plant diverges.

@@ -199,7 +199,7 @@ class Check:
     Attributes:
         failure: the cause in one line, or None if the check holds.
         detail: counts or distances, also if the check holds.
-        seconds: the time from the previous waypoint to the checked waypoint, s; 0: not reached, or another check.
+        seconds: time from the previous waypoint to this one, s; 0: not reached, or the check is not of a waypoint.
     """
 
     name: str

@@ -1,6 +1,6 @@
 """A gain set: settings that tune the controller, as the raw integers that the firmware holds.
 
-`brickpilot tune` writes a gain set. `run` and `hil` write the gain set to the firmware as settings, `firmware` compiles
+`brickpilot tune` writes a gain set. `run` and `hil` write the gain set to the firmware as settings; `firmware` compiles
 it into an image. Each entry has value, unit and raw integer; `hal/wire/settings.toml` has the names and ranges.
 
     name = "bench-7"

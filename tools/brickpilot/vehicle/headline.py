@@ -324,8 +324,8 @@ def _held_out(run: Run, roles: Roles) -> NDArray[np.bool_]:
 def repeatability(compared: Track, simulated: Mapping[str, Mapping[str, Array]]) -> dict[str, float]:
     """Returns signal -> the fit in percent that a perfect model would reach, estimated from repeats of the same inputs.
 
-    The difference of two repeats has twice the noise variance of one repeat. Not the signals but the nominal model's
-    errors are subtracted, so that small differences between the repeats' inputs and start states cancel.
+    The difference of two repeats has twice the noise variance of one repeat. The nominal model's errors are compared
+    instead of the signals, so that small differences between the repeats' inputs and start states cancel.
     """
     pairs = repeats(compared.dataset)
     clocks = {run.name: run.time - run.time[0] for run in compared.dataset.runs}

@@ -51,7 +51,7 @@ def _steps(*levels: tuple[float, float, float]) -> Points:
 
 
 def _ramp(top: float, ratio: float) -> Points:
-    """Returns a ramp from 0 to `top`, to minus `top` and to 0; the right motor gets `ratio` times the left command."""
+    """Returns a ramp from 0 to `top`, then -`top`, then 0; the right motor gets `ratio` times the left command."""
     return tuple((at, share, ratio * share) for at, share in ((0.0, 0.0), (4.0, top), (12.0, -top), (16.0, 0.0)))
 
 

@@ -145,7 +145,7 @@ def _refuse(model: Model, name: str, value: float, status: int) -> NoReturn:
 
 
 def build(model: Model) -> Any:
-    """Returns the C model, which is freed with the returned object. Absent parameters keep their presets.
+    """Returns the C model. Its memory is freed together with the returned object. Absent parameters keep their presets.
 
     Raises:
         InputError: a parameter or effect the plant does not know, or a value outside its range.
@@ -275,7 +275,7 @@ def simulate(
             results.
 
     Raises:
-        SimulationError: the first run that failed, e.g. because its state diverged.
+        SimulationError: a run failed, e.g. because its state diverged; the error is that of the first such run.
         InputError: a model the plant refuses.
         ValueError: arrays whose shapes do not fit.
     """
@@ -305,7 +305,7 @@ def simulate_into(
 
     Args:
         starts: (runs, models) index in `values` at which the outputs of each run begin: all samples of the first name,
-            then of the next. The shape is (models,) if `requests` has the shape (models,).
+            then all samples of the next name. The shape is (models,) if `requests` has the shape (models,).
         requests: the runs as `OpenLoopRun.as_c` gives them, (runs, models): each run under every model; or (models,):
             each run under its own model. The call writes to `requests`. The caller has to keep the arrays to which the
             requests point until the call returns.

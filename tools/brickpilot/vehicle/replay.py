@@ -25,10 +25,10 @@ from brickpilot.vehicle.start_state import GEOMETRY
 
 Array = NDArray[np.float64]
 Outputs = Mapping[str, Array]
-_Own = tuple[tuple[str, float], ...]  # (name in `RUN_KINDS`, value) of each value that a model has for one run
+_Own = tuple[tuple[str, float], ...]  # for each value that a model has for one run: (name in `RUN_KINDS`, value)
 
 _MOST_BEGUN = 64  # largest number of `_Begun` objects that are kept
-_SLIDING_S = 0.003  # the longest motor step that is short enough when a skid steer's contacts begin to slide
+_SLIDING_S = 0.003  # s: the longest motor step that is short enough when a skid steer's contacts begin to slide
 
 
 @dataclass(frozen=True)
@@ -192,7 +192,7 @@ class Replay:
 
     @cached_property
     def _plain(self) -> dict[str, OpenLoopRun]:
-        """Run -> the run with its inputs, not changed by values for single runs."""
+        """Run -> the run with its inputs as in the data, without a model's values for single runs."""
         return {run.name: OpenLoopRun(run.time, self.inputs[run.name]) for run in self.dataset.runs}
 
     def nudged(self, signal: str, by: float) -> Replay:
@@ -285,7 +285,7 @@ def _own_values(run: Run, model: Model) -> _Own:
 
 
 def _with_sums(model: Model, runs: Sequence[Run]) -> Model:
-    """Returns the model without effects to which values of runs add. A run's value then includes the effect's."""
+    """Returns the model without effects to which values of runs add. The values then include the effect's parameter."""
     for effect, parameter, kind in _sums(tuple(model.effects)):
         if own := model.by_run.get(kind):
             common = model.effects[effect][parameter]
@@ -359,7 +359,7 @@ ADDED = frozenset({"viscous_friction"})
 def by_recording(
     models: Sequence[Model], dataset: Dataset, runs: Collection[str]
 ) -> Iterator[tuple[list[Model], frozenset[str]]]:
-    """Yields, for each recording in a data set, the models with their values there, and the recording's `runs`.
+    """Yields, for each recording, the models with its values, and its `runs`. Recordings without values come as one.
 
     A model's `by_run` holds, under a recording's name, how the recording differs from the model: for a name in
     `RUN_KINDS`, the value itself; for a nominal parameter, the relative change; for a parameter in `ADDED` or an

@@ -18,7 +18,7 @@ packaged scenarios are in `sim_host/run/scenarios`.
     # segments  = [{ from_s = 1, left_V = 5, right_V = "float" }]    of a manoeuvre
     # stop_at_m = 1.0                       of a manoeuvre: path length after which both motors are shorted
 
-    [parameters]                      # of the plant alone, like [effects.NAME]; unknown to the controller
+    [parameters]                      # of the plant alone, like [effects.NAME]; the controller does not know them
     mass = 0.9
 """
 
@@ -73,7 +73,7 @@ class Scenario:
         cruise: profile -> the cruise speed, m/s.
         stop_at: path length, m, after which a manoeuvre shorts both motors.
         parameters, effects: values in which the plant differs from the controller's model.
-        faults: the faults of the link between plant and controller, if there is one.
+        faults: the faults to inject while a brick flies the scenario over a link.
         packaged: whether the scenario comes with the package.
     """
 

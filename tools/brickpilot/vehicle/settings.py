@@ -28,7 +28,7 @@ _ROW = ("number", "field", "format", "low", "high", "default", "compensation", "
 class Format:
     """How the firmware holds a value: raw = value * per_unit, rounded to the nearest integer.
 
-    ``text`` names the format, ``unit`` is the value's SI unit.
+    ``text`` names the format; ``unit`` is the value's SI unit.
     """
 
     text: str
@@ -191,7 +191,7 @@ def plain(table: Mapping[str, Any]) -> dict[str, float]:
 
 
 def constants(vehicle: Mapping[str, Any], profile: str) -> dict[str, float]:
-    """Returns the controller's constants of a profile, SI: values in the vehicle file, and two computed from them."""
+    """Returns the controller's constants of a profile, SI: those in the vehicle file, and two computed from it."""
     own = plain(vehicle["controller"][profile])
     own["acceptance"] = plain(vehicle["robot"])["length"] / 2
     own["feedforward"] = own["feedforward_share"] * holding_voltage(plain(vehicle["parameters"]))

@@ -24,7 +24,7 @@ from brickpilot.vehicle.plant import OpenLoopRun, State
 
 Array = NDArray[np.float64]
 
-# number of first samples: if all of them move in one direction, the run starts in motion
+# number of first samples: if they all increase or all decrease, the run starts in motion
 _START_SAMPLES = 9
 _SECANT_STEPS = 4
 
@@ -72,7 +72,7 @@ def states(
         measured: signal -> (samples,) reading, SI; NaN where blank.
         stated: signal -> (samples,) true value; NaN where no value is stated.
         age: (samples,) time since power-on, s.
-        restart: unknown values are NaN, so that they stay as simulated; else they are 0.
+        restart: True: unknown values are NaN, so that they stay as simulated. False: unknown values are 0.
     """
     known = {name: np.where(np.isfinite(values), values, np.nan) for name, values in measured.items()}
     known |= {name: _first_known(values, known.get(name, np.nan)) for name, values in stated.items()}
@@ -147,7 +147,7 @@ def _changes_readings(effect: str, vehicle: str) -> bool:
 
 
 def _starting_rate(time: Array, values: Array) -> float:
-    """Returns the slope of the first samples if they all move in one direction, else 0."""
+    """Returns the slope of the first samples if they all increase or all decrease, else 0."""
     first = values[:_START_SAMPLES]
     change = np.diff(first)
     if len(first) < _START_SAMPLES or not (np.all(change > 0) or np.all(change < 0)):
