@@ -37,7 +37,7 @@ REPLY_S = 2.0
 """Simulated time in s in which a reply has to arrive."""
 
 RESET_STEPS = round(2.5 / STEP_S)
-"""Control steps from a reset to the flight's end: 2.5 s, as a faulty image that starts by itself drives after 2 s."""
+"""Control steps from a reset to the flight's end: 2.5 s, as an image that wrongly starts by itself drives after 2 s."""
 
 MOST_PULSES_PER_S = 20_000.0
 """False pulses per s at a rotation sensor, for an `encoder_noise` with a rate of 1."""
@@ -89,7 +89,7 @@ def fly(
         _fly(run, robot, each_step)
         elapsed = time.perf_counter() - began
     flown = over_a_link.flown(run, log, motors, elapsed)
-    ticks = flown.ticks | {"begun_s": flown.ticks["time_s"]}  # the brick's own time has no jitter here
+    ticks = flown.ticks | {"begun_s": flown.ticks["time_s"]}  # the ticks of a simulated brick have no jitter
     return dataclasses.replace(flown, ticks=ticks)
 
 
@@ -115,7 +115,7 @@ def _fly(run: LinkedFlight, robot: AvrRobot, each_step: Callable[[AvrRobot, int]
 
 
 def _act(robot: AvrRobot, fault: Fault, step: int) -> None:
-    """Begins a fault of the brick at the fault's first step, and ends it at the step after its last step."""
+    """Begins a fault of the brick at the fault's first step, and ends the fault one step after its last step."""
     if fault.kind not in (*AVR_KINDS, "brown_out") or not (fault.begins(step) or fault.ends(step)):
         return
     name = {"brown_out": "BATTERY", "overrun": "LINE_OVERRUN"}.get(fault.kind, fault.kind.upper())
@@ -171,7 +171,7 @@ def avr_image(target: str) -> Path:
 
 
 class AvrRobot:
-    """The simulated robot, made by `open_robot`; also the host's end of the serial line: a `Link` in simulated time.
+    """The simulated robot, which `open_robot` makes, and the host's end of its serial line: a `Link` in simulated time.
 
     Attributes:
         damaged: number of refused frames from the brick.
@@ -288,8 +288,8 @@ def open_robot(
         log: (steps, columns), filled by the flight.
         motors: (steps, 2), filled by the flight with the motors' mean duty in each step.
         trace: a VCD file of the signals at the pins.
-        scales: input (`BP_AVR_GYRO` and so on) -> value that the image gives to one of the converter's 1024 counts, in
-            rad/s, m/s^2 or V; an input that is not given has the scale of the packaged image.
+        scales: input, such as "GYRO" for `BP_AVR_GYRO` -> the size of one of the converter's 1024 counts in the image,
+            rad/s, m/s^2 or V; an absent input has the scale of the packaged image.
 
     Raises:
         InputError: the package was built without simavr, or the image or the trace cannot be used.

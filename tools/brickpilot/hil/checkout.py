@@ -55,7 +55,7 @@ def script_output(script: str, *arguments: str, field: str | None = None, packed
         script: the script's path in the checkout.
         arguments: the script's arguments.
         field: the option that needs the script, for error messages.
-        packed: if there is no checkout, runs the installed package's script, which must not write into its folder.
+        packed: without a checkout, the installed package's script runs, which must not write into the package's folder.
 
     Raises:
         InputError: there is no checkout, or the script fails.

@@ -39,8 +39,8 @@ FORMS = (*STARTED, *IN_PROCESS, *brick.FORMS)
 def claim_priority() -> bool:
     """Requests real-time priority (sched(7), SCHED_FIFO) for this thread and its children.
 
-    With this priority, other programs delay fewer ticks; both ends of a link sleep between their ticks. macOS and
-    Windows do not have this call. Returns whether the system grants the priority.
+    With this priority, other programs delay fewer ticks. They still run, because both ends sleep between their ticks.
+    macOS and Windows do not have this call. Returns whether the system grants the priority.
     """
     if not hasattr(os, "sched_setscheduler"):
         return False
@@ -282,13 +282,13 @@ def memory_ends() -> Iterator[Ends]:
 
 
 H8SIM_TARGETS = {"h8sim": None, "h8sim:imu": "imu", "h8sim:rotation": "rotation"}
-"""Targets that run the firmware on a simulator of the RCX's processor, linked by the simulator's stdin and stdout.
+"""Targets that run the firmware on a simulator of the RCX's processor. The link is the simulator's stdin and stdout.
 
 Target -> the sensors for which the firmware is built (firmware/targets/rcx/flags); None: built as for a host.
 """
 
 H8SIM_REPLY_S = 10.0
-"""Time in s to wait for a reply: long, as the simulator needs microseconds per instruction and starts in seconds."""
+"""Time in s to wait for a reply. The simulator takes microseconds per instruction, and seconds to start."""
 
 
 def h8_simulator(target: str, image: Path | None = None) -> tuple[str, str]:

@@ -41,7 +41,7 @@ LOST_STEPS = int(SILENT_S / STEP_S)
 """In real time, the motors stop after this number of steps without a motor command."""
 
 REST_STEPS = round(1.0 / STEP_S)
-"""In real time, number of steps from the mission's end to the flight's end, in which the robot rolls out."""
+"""In real time, the number of steps that a flight lasts after the mission's end, while the robot rolls out."""
 
 GIVE_UP_STEPS = round(2.0 / STEP_S)
 """A flight ends after this number of steps without a link; during these steps the motors are off."""
@@ -272,7 +272,7 @@ def flown(run: LinkedFlight, log: NDArray[np.float64], motors: NDArray[np.int16]
 
 
 MEMORY = "memory"
-"""The name of the link in error messages."""
+"""The name of the link in memory, for error messages."""
 
 
 def fly_alone(plan: flight.Plan) -> HilFlight:

@@ -79,7 +79,7 @@ class LinkedFlight:
         if identifier == self._motors.id and not self.lockstep and self._motors.sealed(data):
             left, right, sequence, _, _ = self._motors.unpack(data)
             self.recorder.replied(sequence)
-            if (self.sent_sequence - sequence) & 255 < 128:  # the command answers one of the last 128 sets
+            if (self.sent_sequence - sequence) & 255 < 128:  # it answers one of the last 128 sets of sensor messages
                 self.motors, self.commanded_at = (left, right), self.step
         elif identifier == self._reply.id and self._reply.sealed(data):
             self.started = self.started or data[1] == book().choices("MODE_COMMAND", "command")["start"]
@@ -129,7 +129,7 @@ class LinkedFlight:
         return self.step - self._over_since
 
     def exchange(self, end: PlantEnd, tries: int, timeout: float) -> bool:
-        """Sends the step's sensor messages up to `tries` times, and takes the motor command; False: none came."""
+        """Sends the step's sensor messages up to `tries` times, and takes the motor command; False: no command came."""
         for _ in range(tries):
             self.sent_sequence = self.session.next_sequence()
             expected = partial(self._is_command, self.sent_sequence, end.tick_ms)
@@ -145,7 +145,7 @@ class LinkedFlight:
         return False
 
     def _is_command(self, sequence: int, tick_ms: int, data: bytes) -> bool:
-        """Returns whether the data are the motor command for the set with this sequence number and this tick."""
+        """Returns whether the data are the motor command for the sensor messages with this sequence number and tick."""
         return self._motors.sealed(data) and self._motors.unpack(data)[2:4] == (sequence, tick_ms)
 
     def end_step(self) -> None:
@@ -312,11 +312,11 @@ class TickRecorder:
         self._begun[step] = time.perf_counter()
 
     def sent(self, step: int, sequence: int) -> None:
-        """Records that the set of a step is sent; if the set is sent again, its round trip starts again."""
+        """Records that the sensor messages of a step are sent; if they are sent again, the round trip starts again."""
         self._sent[sequence] = step, time.perf_counter()
 
     def replied(self, sequence: int) -> None:
-        """Records the arrival of the motor command that answers the set of this sequence number."""
+        """Records the arrival of the motor command that answers the sensor messages with this sequence number."""
         step, sent = self._sent.pop(sequence, (-1, 0.0))
         if step >= 0:
             self._round_trip[step] = 1e3 * (time.perf_counter() - sent)
@@ -330,7 +330,7 @@ class TickRecorder:
 
         - time_s: time since the flight began.
         - begun_s: time, by the host's clock, from the beginning of the first tick to the beginning of this tick, in s.
-        - round_trip_ms: from the sending of the sensors' set to the arrival of its motor command; NaN: no command.
+        - round_trip_ms: time from sending the sensor messages to the arrival of the motor command; NaN: no command.
         - each of TROUBLES: how often it happened in the tick. The brick reports its counts with a delay. In a tick
           without counts, such as after a lost link, the column is 0.
         """

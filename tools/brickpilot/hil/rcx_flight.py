@@ -196,7 +196,7 @@ CLOCK_HZ = 16_000_000
 RUN_BUTTON = 2
 BYTE_MS = 11 / 2.4
 PRESS_MS = 250
-"""Duration of a press, long enough for the kernel's driver, which checks the buttons twice in 100 ms."""
+"""Duration of a press in ms. It is long enough for the kernel's driver, which checks the buttons twice in 100 ms."""
 
 KINDS = ("idle", "program", "kernel", "clock", "motors", "subsystems", "ERI", "RXI", "TXI", "TEI", "converter")
 """The uses of the processor's time, in the order of hal/h8sim.
@@ -246,7 +246,7 @@ class SimulatedRcx:
 
     Attributes:
         ms: simulated time since the brick was switched on.
-        driven: times in us, forward minus backward, for which motors A and C were driven in the last `run` or `bring`.
+        driven: time in us for which motors A and C were driven in the last `run` or `bring`, forward minus backward.
 
     Raises:
         InputError: no checkout of the project, no compiler or no brickOS.
