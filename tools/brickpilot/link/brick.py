@@ -49,8 +49,8 @@ def prepare(
     """Opens a session and sends the data of the flight: compensation, gains, settings and route.
 
     Raises:
-        InputError: the brick refuses some of the data, or two settings contradict each other; then no setting is
-            written.
+        InputError: the brick refuses some of the data, or two settings contradict each other. In the second case, no
+            setting is written.
     """
     session.open(plan.controller, pace)
     cruise = {"cruise": known_settings()["cruise"].raw(plan.cruise)} if plan.cruise > 0 else {}

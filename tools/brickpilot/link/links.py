@@ -102,7 +102,7 @@ def decode_frame(block: bytes) -> Message | None:
 
 
 class StreamLink:
-    """COBS frames over the file descriptor of a serial port or a socket.
+    """A link that carries COBS frames over the file descriptor of a serial port or a socket.
 
     Args:
         owner: an object with fileno() and close(), which is closed with the link.
@@ -167,7 +167,7 @@ class StreamLink:
 
 
 class CanLink:
-    """Classic CAN by python-can.
+    """A link over classic CAN, by python-can.
 
     Args:
         bus: an open bus, which is closed with the link.
@@ -260,7 +260,7 @@ def _prove(spec: str, connection: socket.socket, token: bytes) -> None:
 
 
 def _words(spec: str, connection: socket.socket) -> bytes:
-    """Returns the text that the brick sends between two zero bytes before its first frame."""
+    """Returns the text that the brick sends before its first frame, between two zero bytes."""
     data = b""
     try:
         while data.count(b"\0") < 2 and len(data) < 256 and (chunk := connection.recv(64)):

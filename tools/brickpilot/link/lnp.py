@@ -52,14 +52,14 @@ def find(received: bytes, to: int, sender: int) -> bytes | None:
 HEAD_BYTES = 3
 REPLY_BYTES = 4 + HEAD_BYTES + 8 + 1
 PATIENCE = 4.0
-"""`patience` in `Tower.exchange`: long, as a brick cannot receive while it sends seven telemetry messages."""
+"""The `patience` for `Tower.exchange`: a brick cannot receive while it sends seven telemetry messages."""
 
 FIRST_TRIES, TRIES = 3, 10
 """Number of tries of a request before the first reply of a session, and after this reply."""
 
 
 class InfraredLink:
-    """A `Link` for requests and replies over an infrared tower. It carries one packet at a time, and may lose it.
+    """A `Link` for requests and replies over an infrared tower. It carries one packet at a time. A packet may be lost.
 
     So `send` waits for the reply, and sends the same packet again if there is no reply. The brick executes a repeated
     request only once. `damaged` counts the requests that were sent again.

@@ -1,7 +1,7 @@
 """Packs and unpacks a link's messages as the DBC defines: raw integers to and from 8 bytes, with CRCs.
 
 cantools needs about 20 us for a message, and a step in lockstep has a dozen messages. So the layouts are read from the
-DBC once, and bitstruct, the library below cantools, packs raw integers without scales and checks.
+DBC once, and bitstruct, on which cantools is built, packs raw integers without scales and checks.
 """
 
 from __future__ import annotations
@@ -121,5 +121,5 @@ def dbc_path() -> Path:
 
 
 def set_crc(sync: bytes, parts: Sequence[bytes]) -> int:
-    """Returns the CRC of SYNC's id, SYNC's first 6 bytes, and `parts`, the data of the other messages by id."""
+    """Returns the CRC of SYNC's id, SYNC's first 6 bytes, and `parts`: the data of the other messages, by rising id."""
     return crc16(b"".join((struct.pack("<H", book().by_name["SYNC"].id), sync[:CRC_AT], *parts)))
