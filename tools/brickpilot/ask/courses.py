@@ -21,7 +21,7 @@ from brickpilot.vehicle.scenario import Scenario
 
 ROLL_OUT_S = 0.4  # time constant, s, with which the robot slows down after its motors are off
 _LEAST_SPACE_M = 4 * ACCEPTANCE_M  # in a smaller space, a waypoint counts as reached before a leg is driven
-_SHARES = (1.0, 0.5)  # shares of the user's speed at which each course is offered
+_SHARES = (1.0, 0.5)  # each course is offered at these shares of the user's speed
 _COLUMNS = ("time_s", "true_x_m", "true_y_m", "left_duty", "right_duty", "battery_v")
 _EVERY = 3  # steps of 3 ms from one sample of a simulated course to the next
 

@@ -97,7 +97,7 @@ def ask(
     further course give the same answer.
 
     Args:
-        believed: the model of the robot as its owner believes it.
+        believed: the owner's model of the robot.
         sensors: "imu" or "imu+encoders".
         drive: drives a course and keeps the recording.
         conclude: returns the finding of `discover` from all recordings so far.
@@ -139,7 +139,7 @@ def ask(
 def _next(
     finding: Finding, offered: Sequence[Scenario], driven: Sequence[str], sensors: str, limits: Limits
 ) -> tuple[Scenario, str] | None:
-    """Returns the next course: the one that separates the rivals most; without rivals, one not yet driven."""
+    """Returns the course that separates the rivals most or, without rivals, a course that was not driven yet."""
     new = [one for one in offered if one.title not in driven]
     rivals = rivals_of(finding)
     if len(rivals) < 2:
