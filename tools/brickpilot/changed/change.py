@@ -37,7 +37,7 @@ _COMBINATION = {"viscous_friction": "kV", "wheel_inertia": "kA", "mass": "kA"}
 
 @cache
 def combinations() -> Mapping[str, str]:
-    """Returns constant or torque in volts ("effect.parameter") -> the combination that reports its difference.
+    """Returns constant, or "effect.parameter" of a torque -> the combination in which its difference is reported.
 
     The data may determine a combination although they do not determine the constant or the torque alone.
     """
@@ -67,7 +67,7 @@ class Change:
         before, after: the value of `what` in the earlier and in the later recording.
         change: `after` minus `before`.
         percent: `change` in percent of `before`; None if `before` is not above 0.
-        since: when the difference begins; None: at the start of the recording, as far as the data show.
+        since: the moment at which the difference begins; None: the start of the recording, as far as the data show.
         rivals: the other explanations that the data do not rule out; each is given by the names of its differences.
         weight: the sum of the weights of the explanations with this difference, 0..1.
         words: a sentence on the change.
@@ -243,8 +243,7 @@ def in_model(formula: Formula, model: Model) -> float:
 def sized(value_in: Callable[[Model], float], model: Model, spread: Spread | None, extra_sd: float = 0.0) -> Sized:
     """Returns a value with its interval, by first-order propagation of a fit's spread.
 
-    The interval may be narrow although no single parameter is determined: the value may be constant along the
-    directions that the data do not determine.
+    The interval may be narrow although the data determine no single parameter: they may still determine the value.
 
     Args:
         extra_sd: a further sd of the value, independent of the sd of the fit.
@@ -272,10 +271,11 @@ def change_of(
     Args:
         model: the model of the explanation that contains the difference.
         spread: the uncertainty of the fitted values of `model`.
-        sd: sd of the difference's first value between recordings of an unchanged machine, in the value's unit.
+        sd: sd of the first value of `difference` between recordings of an unchanged machine, in the value's unit.
         before, after: the names of the recordings.
         alone: combination -> its values (before, after), each determined by one recording alone. These values are
-            reported if they surely differ: a difference that is too small to be named still shifts those of `model`.
+            reported if they surely differ. The values of `model` are less exact: differences that are too small to be
+            named shift them.
         other_fields: the fields of `Change` that neither the difference nor the model gives.
     """
     quantity = quantity_of(difference, model.vehicle)

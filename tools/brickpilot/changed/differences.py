@@ -30,7 +30,7 @@ from brickpilot.vehicle.replay import ADDED, RUN_KINDS, in_recording
 MOST_DIFFERENCES = 3  # largest number of differences in an explanation
 _NEW = 10  # number of effects of the library that are fitted, besides the values that the machine always has
 _LEAST = 0.1  # least size at which a difference is tried, as a share of the usual size
-_MOST = 3.0  # largest change of a constant with a usual change, in sd of this change; more means another machine
+_MOST = 3.0  # largest change of a value that has an `sd`, in this sd; a larger change means another machine
 _SHARES = (-0.95, 20.0)  # range of a constant's relative change: the value becomes 0.05 to 21 times as large
 _STARTS = (0.5, -0.5)  # start values of the change of a value that the machine always has, as shares of the usual size
 
@@ -143,7 +143,7 @@ def own_differences(model: Model, nominal: Collection[str], recording: str) -> I
         key: str, row: ParameterInfo, most: float, size: float, odds: float, mechanism: str, sd: float = 0.0,
         least: float | None = None,
     ) -> Difference:  # fmt: skip
-        """Returns a difference in one value: its range is `least` (None: -`most`) to `most`, its usual size `size`."""
+        """Returns a difference in one value: its range is `least` (None: -`most`) to `most`; `size` is usual."""
         info = dataclasses.replace(
             row, name=key, minimum=-most if least is None else least, maximum=most, preset=0.0, trial=size, role="size",
             scan=(), limits="", arm_of="", optional=False,
@@ -190,7 +190,7 @@ def no_further(model: Model, recording: str) -> Model:
 
 
 def _brakes(model: Model) -> float:
-    """Returns a wheel's braking torque divided by its speed, in N m s/rad: D / R of `combinations`."""
+    """Returns a wheel's braking torque divided by its speed, in N m s/rad: D / R, with D of `vehicle.combinations`."""
     values = model.parameters
     if not values.get("resistance"):
         return loss(values)
@@ -223,8 +223,8 @@ def new_differences(model: Model, measured: Collection[str], recording: str) -> 
 class Differences:
     """All possible differences between two recordings, as a `Source` of a search.
 
-    Every value that the machine always has is fitted, from two starts, whatever the screening finds: the screening is
-    linear, but a value near 0 in one recording may be large in the other.
+    Every value that the machine always has is fitted, from two starts, also if the screening does not find it: the
+    screening is linear, and would miss a value that is near 0 in one recording and large in the other.
 
     Attributes:
         nominal: the nominal parameters that the vehicle's equations use.

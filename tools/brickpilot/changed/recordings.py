@@ -1,10 +1,10 @@
 """Recordings of one machine as one data set: the moment of a change in a recording, and how much runs differ.
 
-A gain is how much better a value is predicted with a change than without. The sum of the gains from a moment to the end
-is largest at the moment of the change (Page 1954, Biometrika 41: the CUSUM of a change point). A first estimate of this
-moment takes the growth of the old model's error as the gain, because the old model is right before the change. The
-final estimate takes the gain of the model with the differences. Every model explains a machine at rest, so data at rest
-do not show when a difference began.
+The gain of a compared value says how much better the value is predicted with a change than without. The sum of the
+gains from a moment to the end is largest at the moment of the change (Page 1954, Biometrika 41: the CUSUM of a change
+point). A first estimate of this moment takes the growth of the old model's error as the gain, because the old model is
+correct until the change. The final estimate takes the gain of the model with the differences. Every model explains a
+machine at rest, so data at rest do not show when a difference began.
 """
 
 from __future__ import annotations
@@ -183,8 +183,8 @@ def _onset(data: Residual, gains: Array, recording: str) -> Onset | None:
 def sd_between_recordings(data: Residual, best: Explanation, part: Difference, correlated: float) -> float:
     """Returns the sd of the difference of a value between two recordings of an unchanged machine, in the value's unit.
 
-    The value is the first of `part`. It is fitted to each run separately. If the values of the runs scatter more than
-    their uncertainty explains, the rest is the spread between runs (random effects: DerSimonian & Laird 1986,
+    The value is the first free value of `part`; it is fitted to each run separately. If the values of the runs scatter
+    more than their uncertainty explains, the rest is the spread between runs (random effects: DerSimonian & Laird 1986,
     Controlled Clinical Trials 7). A recording's value is the mean over its runs. The sd is 0 if there are too few runs,
     or if the value cannot be negative.
 

@@ -69,7 +69,7 @@ _LEFT = (
 )
 _RUNS = "Runs of one recording differ among themselves by as much."
 _DRAWN = 2  # number of signals with a plot
-_MOST_NAMED = 2  # largest number of effects named in BEFORE; the dry friction that every machine has does not count
+_MOST_NAMED = 2  # largest number of effects that are named in BEFORE, without the dry friction that every machine has
 _LITTLE = 0.03  # start of the fit of the dry friction that every machine has, as a share of its usual size
 
 
@@ -114,7 +114,7 @@ class Joint:
         return by_recording
 
     def worse(self, model_of: Mapping[str, Model]) -> dict[str, float]:
-        """Returns recording -> the largest log ratio of a signal's residual to the other recording's, in nats."""
+        """Returns recording -> log(residual / residual of the other recording), nats: the largest of all signals."""
         rests = self.rests(model_of, scale_of_rest)
         worse = {}
         for name, other in zip(rests, reversed(list(rests)), strict=True):
@@ -128,7 +128,7 @@ class Joint:
 
     @cached_property
     def left_more(self) -> tuple[str, ...]:
-        """The recordings with a surely larger residual than the other recording, if each is explained alone."""
+        """The recordings whose residual is surely larger than the other recording's, if each is explained alone."""
         worse = self.worse(self.models_alone)
         return tuple(name for name, nats in worse.items() if nats > numbers.UNEXPLAINED_NATS)
 
@@ -261,7 +261,7 @@ def _joint(
     prepared, nominal = calibrate(dataclasses.replace(prepared, plan=plan))
     if model is not None:
         prepared, _ = in_closed_loop(prepared, nominal, nominal)
-        torques = [key.split(".") for key in combinations() if "." in key]  # of the dry friction that all machines have
+        torques = [key.split(".") for key in combinations() if "." in key]  # the dry friction that every machine has
         effects = {**{effect: {name: 0.0} for effect, name in torques}, **model.effects}
         base = Explanation((), Plan(dataclasses.replace(model, effects=effects), (), ()), np.empty(0))
         return Joint(dataset, prepared, base, {}, recording, model)
