@@ -22,7 +22,7 @@ from brickpilot.vehicle.replay import Replay
 Array = NDArray[np.float64]
 
 _JUMP = 0.05  # as a share of the largest command: a smaller change from one sample to the next is a ramp, not a jump
-_LONGEST_HOLE = 3.0  # longest hole that a change may span, in median distances of bins; a held-out stretch is longer
+_LONGEST_HOLE = 3.0  # a change spans a hole of at most this many median distances of bins; a held-out stretch is longer
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Block:
         place: where this block's values stand in the stacked residual.
         measured: the compared values, SI.
         middle: (values,) the time of each value, s on the run's clock.
-        picked: (values, simulated samples): the matrix that takes the simulated signal to the compared values.
+        picked: (values, simulated samples): the matrix that turns the simulated signal into the compared values.
         count: the average number of samples in a compared value.
     """
 
@@ -47,7 +47,7 @@ class Block:
 
 
 def stack(blocks: Sequence[Block], starts: Mapping[tuple[str, str], int], length: int) -> csr_array:
-    """Returns the matrix that takes one row of `Replay.stacked` to the values of all blocks.
+    """Returns the matrix that turns one row of `Replay.stacked` into the values of all blocks.
 
     Args:
         starts, length: as `Replay.layout` gives them.
@@ -119,7 +119,7 @@ def blocks(dataset: Dataset, model: Model, fitted: set[str], bins: Bins = SAMPLE
 
 
 def _reach(run: Run, rows: NDArray[np.intp], bins: Bins, *, covers: float, instant: bool) -> csr_array:
-    """Returns (rows, simulated samples): the matrix that takes a simulated signal to the measured samples `rows`."""
+    """Returns (rows, simulated samples): the matrix that gives a simulated signal at the measured samples `rows`."""
     time, grid = run.time[rows], bins.grids.get(run.name)
     if instant:
         return _instants(time, run.time, _jumps(run)) if grid is None else _instants(time, grid)
@@ -176,10 +176,10 @@ def _jumps(run: Run) -> NDArray[np.bool_]:
 
 
 def _instants(time: Array, simulated: Array, jumps: NDArray[np.bool_] | None = None) -> csr_array:
-    """Returns (times, simulated): the matrix that takes the plant's accelerations, means over steps, to times.
+    """Returns (times, simulated): the matrix that interpolates the plant's accelerations (means over steps) at `time`.
 
     A mean holds at the middle of its step. Between two middles, the acceleration is taken as linear: this is exact to
-    second order. `jumps`: (simulated,) whether a command jumps at a sample: it gets the mean of the step before it.
+    second order. `jumps`: (simulated,) whether a command jumps at a sample, which gets the mean of the step before.
     """
     middles = simulated - np.append(0.0, np.diff(simulated)) / 2
     if jumps is None:
@@ -191,7 +191,7 @@ def _instants(time: Array, simulated: Array, jumps: NDArray[np.bool_] | None = N
 
 
 def _overlap(time: Array, span: float, grid: Array) -> csr_array:
-    """Returns (times, grid): the matrix from means over the grid's steps to means over the `span` s before each time.
+    """Returns (times, grid): the matrix that turns means over steps into means over the `span` s before each time.
 
     The value of the first point also holds before this point.
     """

@@ -153,8 +153,8 @@ def calibrate(
 ) -> Calibration:
     """Fits the free parameters by simulation from the inputs alone, all fit runs together.
 
-    A plain value of [nominal] stays. {value, sd} is fitted with this prior, an absent parameter with a wide prior. The
-    same data set, options and seed give the same result.
+    A plain value of [nominal] stays fixed. A {value, sd} is fitted with this prior, and an absent parameter with a wide
+    one. The same data set, options and seed give the same result.
 
     Args:
         effects: names of effects to switch on, with all their parameters free.
@@ -167,7 +167,7 @@ def calibrate(
             to fit although something is free.
         SimulationError: the plant diverges with the stated values, or with the best values.
 
-    A motor of 20 ohm and 0.3 N m/A, with 3 rad/s for each V after 0.15 s:
+    Example: a motor of 20 ohm and 0.3 N m/A reaches 3 rad/s per V, with a time constant of 0.15 s:
 
     >>> import brickpilot as bp, numpy as np, pandas as pd
     >>> time = np.arange(0.0, 2.0, 0.01)

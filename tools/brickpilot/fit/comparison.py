@@ -150,7 +150,7 @@ def compare(
             without a measured motor velocity; parameters have to be fitted but every run is held out.
         SimulationError: the plant diverges with this model.
 
-    A motor with 3 rad/s for each V after 0.15 s, compared with itself, and with a model of 20 % too much inertia:
+    Example: a motor with a time constant of 0.15 s is compared with itself, and with a model of 20 % too much inertia:
 
     >>> import brickpilot as bp, numpy as np, pandas as pd
     >>> time = np.arange(0.0, 2.0, 0.01)

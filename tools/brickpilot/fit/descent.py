@@ -76,8 +76,8 @@ def search(problem: Problem, random: np.random.Generator, count: Count) -> tuple
 def search_sizes(problem: Problem, nominal: Array, count: Count) -> tuple[Array, tuple[Start, ...]]:
     """Adds effects to a fitted nominal model.
 
-    Few effects are smooth at size 0. So descents start from larger sizes: those that change the rms of the
-    signals by the shares in `VISIBLE`. If an effect may have either sign, descents start from both signs.
+    Few effects are smooth at size 0. So descents start from larger sizes: those that change the signals by the shares
+    `VISIBLE` of their rms. If an effect may have either sign, descents start from both signs.
     """
     added = problem.plan.free[len(nominal) :]
     base = np.concatenate([nominal, [one.to_coordinate(one.info.preset) for one in added]])

@@ -49,8 +49,8 @@ class Free:
             data do not determine a vehicle's mass, the cost has a valley along which mass and forces grow together.
             This valley is straight only in logarithms.
         centred: for a value of a single run: whether a prior pulls the mean of this value over all runs to 0.
-        natural: a usual size on this vehicle, SI, of a parameter that is not stated; 0: no prior. A logarithm's prior
-            has the mean log(`natural`) and the sd log(10); a value's prior has the mean 0 and the sd 10 `natural`.
+        natural: a usual size on this vehicle, SI, of a parameter that is not stated; 0: no prior. The prior has mean 0
+            and sd 10 `natural`; of a logarithm, it has mean log(`natural`) and sd log(10).
     """
 
     name: str
@@ -91,7 +91,7 @@ class Free:
         """The load, as "effect.parameter", whose lever arm this parameter is; empty: the parameter is no lever arm.
 
         Masses and torques are linear in a load and in its moment (load times arm), but not in the arm. So the moment is
-        the coordinate. With the arm as coordinate, a descent stays in a curved valley if mass and motors are also free.
+        the coordinate. With the arm as coordinate, a descent sticks in a curved valley if mass and motors are free.
         """
         return f"{self.name.partition('.')[0]}.{self.info.arm_of}" if self.info.arm_of else ""
 

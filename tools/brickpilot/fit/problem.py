@@ -136,8 +136,8 @@ class Problem:
     def prior(self, point: Array) -> Array:
         """Returns (parameters + kinds,): the distance of each parameter from its prior's centre, in prior sd.
 
-        The last rows have, for each centred kind of value of a run, such as the delay, the mean over all runs, in sd of
-        a prior about 0. This mean belongs to the model, because only the model applies to a held-out run.
+        Then comes a row for each centred kind of value, such as the delay: its mean over all runs, in sd of a prior
+        about 0. This mean belongs in the model, because only the model applies to a held-out run.
         """
         centre = self.plan.start()
         terms = []
@@ -183,7 +183,7 @@ class Problem:
 
 
 class Projection:
-    """Removes from a scaled residual everything that changes of the problem's parameters can explain.
+    """Removes from a scaled residual what the problem's parameters can explain.
 
     The problem, with its priors, is linearised at `point`. Source: score test, Rao 1948.
     """

@@ -9,8 +9,8 @@ The residual of signal s at sample k is e = (measured - simulated) / scale_s. Le
 - tau_s is the correlation time of the residual, in samples: n samples with a slow error count as n / tau_s samples.
 
 Runs are compared in two ways: at the measured samples, and by means over bins of time. No model here has fast dynamics,
-such as tyres, compliance and vibration. Their errors would dominate a test over all frequencies; bins keep frequencies
-below about 15 Hz. A `Residual` never changes: a change of weights makes a new `Residual`.
+such as tyres, compliance and vibration. The error that they leave would dominate a test over all frequencies, so bins
+keep only frequencies below about 15 Hz. A `Residual` never changes: a change of weights makes a new `Residual`.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ MOTOR_STEP_S = 0.003
 LEAST_NOISE_SHARE = 1e-3
 """Least noise sd of a sample, as a share of the signal's rms: a signal that looks smoother was filtered."""
 
-_LEAST_KEPT, _KEPT_VALUES = 32, 2_000_000  # least number of kept simulations, and most values of all simulations
+_LEAST_KEPT, _KEPT_VALUES = 32, 2_000_000  # least number of kept simulations, and most values in all of them
 _CHUNK = 24  # largest number of models that are simulated at once, as their outputs take memory
 _FIRST_SCALE = 0.2  # scale of samples before any residual is known, as a share of the signal's rms
 _LEAST_RMS = 1e-30  # least rms, SI: a signal with a smaller rms counts as zero
@@ -60,7 +60,7 @@ class Scale:
     Attributes:
         size: scale of the signal's residual, SI.
         tau: correlation time of the signal's residual, in samples or bins.
-        noise: sd, SI, of the noise of a compared value (a sample, a mean or a change of means), the least `size`.
+        noise: sd, SI, of the noise of a compared value (a sample, a mean or a change of means): the least `size`.
         sample_noise: sd of the noise of a single sample, SI.
     """
 
@@ -109,11 +109,11 @@ class Residual:
         runs: the names of the compared runs.
         blocks: the places of the compared values: a block is one signal of one run.
         measured: (values,) the compared values, SI.
-        picked: (values, simulated samples) the matrix that takes a row of `Replay.stacked` to the compared values.
+        picked: (values, simulated samples) the matrix that turns a row of `Replay.stacked` into the compared values.
         scales: signal -> how it is weighed.
         rms: signal -> rms of its compared values, 1 for a signal that is zero.
         notes: a sentence for each signal that was left out.
-        matched: least relative error of any simulator, a lower limit of scales and of a fitted value's sd; 0: no limit.
+        matched: least relative error of any simulator: a lower limit of scales and of a fitted value's sd; 0: no limit.
     """
 
     replay: Replay
@@ -245,7 +245,7 @@ class Residual:
         return dataclasses.replace(found, scales=sizes)
 
     def with_raised_floors(self, model: Model) -> Residual:
-        """Returns the residual with `model`'s error from bin to bin as least noise: no effect models vibration."""
+        """Returns the residual with noise of at least `model`'s error from bin to bin: no effect models vibration."""
         error, noise = self.error(model), {signal: scale.noise for signal, scale in self.scales.items()}
         for signal in self.signals:
             changes = [np.diff(part, 2) for part in self.parts(error, signal) if len(part) > 3]
@@ -284,8 +284,8 @@ class Residual:
         """Returns the pull psi(e) / (scale tau) and the stiffness psi'(e) / (scale^2 tau) at `model`, (values,) each.
 
         psi is the derivative of the loss. A value's score is its pull times its sensitivity; its information is weighed
-        by the stiffness. If the rms of a signal's residual is below the scale, the pull is raised by their ratio: the
-        scale includes a model error that the residual does not show, because the fit moved it into the parameters.
+        by the stiffness. If the rms of a signal's residual is below the scale, the pull is multiplied by scale / rms:
+        the scale includes a model error that the residual does not show, because the fit moved it into the parameters.
         """
         size, tau = 1 / self.weight(), self.taus()
         scaled = self.error(model) / size
@@ -378,7 +378,7 @@ def of_bins(
     as_measured: bool = False,
     threads: int = 2,
 ) -> Residual:
-    """Returns the residual of means over bins of `width_s` s, weighed by a mean's noise and any simulator's error.
+    """Returns the residual of means over bins of `width_s` s, weighed by its floor of noise and simulator error.
 
     Args:
         coarse: whether to simulate on a grid of a third of a bin, with the mean of the inputs over each step. This grid

@@ -30,15 +30,15 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _KNOWN_SD = 0.5  # largest sd of an identifiable direction, which is a combination of scaled parameters
-_SMALL_SD = 0.05  # sd, as a share of the natural size, up to which a parameter near zero is identifiable
+_SMALL_SD = 0.05  # largest sd of an identifiable parameter near zero, as a share of its natural size
 _NARROWED = 0.9  # an sd below this share of the prior's sd shows information from the data
-_FAR = 0.3  # share of the natural size above which a parameter is far above zero
+_FAR = 0.3  # a parameter above this share of its natural size is far above zero
 _MEMBER = 0.02  # a parameter with more than this share in unidentifiable directions is a member of a group
 _STEP = 3e-3  # step up and down, as a share of a parameter: dry friction and backlash are not smooth on smaller steps
 _SLOPE_ERROR = 1e-2  # relative error of finite differences for a plant with dry friction
 _LARGEST_LOG = 700.0  # largest logarithm of a double; an interval is clipped to the parameter's range anyway
 _FORMULA_STEP = 1e-4  # step of finite differences of a formula, as a share of a parameter: a formula is smooth
-_LEAST_REST = 1e-3  # least share of information that is taken to remain if a stretch is left out: less may be rounding
+_LEAST_REST = 1e-3  # least share of information that counts as left without a stretch: a smaller share may be rounding
 _STRETCHES = 20  # least number of stretches of time whose scatter gives the intervals
 
 CORRELATED_S = 1.0
@@ -63,7 +63,7 @@ class Estimate:
     Attributes:
         ci95: (low, high); None if the parameter is neither identifiable nor stated.
         basis: "data", "data and prior", "prior alone" (the data add nothing), or "not narrowed by the data".
-        identified: a combination that the data determine, if they do not determine an effect's parameter; or None.
+        identified: if the data do not determine an effect's parameter, a combination that they do determine; or None.
     """
 
     value: float
@@ -194,8 +194,8 @@ def _scatter(
     """Returns the covariance of the estimate's scatter, in scaled parameters, and its degrees of freedom.
 
     The scatter comes from sums over stretches of time, so the residual may be correlated in time and between signals.
-    A stretch counts by the shift of the estimate if the stretch is left out (the jackknife CV3 of MacKinnon, Nielsen &
-    Webb 2023, J. Econometrics 232(2)). The stretch's residual would count too little: if one stretch alone determines a
+    A stretch counts by how far the estimate shifts without the stretch (the jackknife CV3 of MacKinnon, Nielsen & Webb
+    2023, J. Econometrics 232(2)). The stretch's residual would count too little: if one stretch alone determines a
     parameter, the fit follows this stretch, and the residual is small.
     """
     parameters = scores.shape[1]
