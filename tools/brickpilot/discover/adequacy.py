@@ -1,8 +1,8 @@
 """Adequacy: whether the residual of an explanation is still predictable, or too large.
 
 No model explains a machine down to its sensors' noise. So a black box without laws is fitted to the residual: a ridge
-regression on random features of the inputs and of the simulated states (Rahimi & Recht 2007, NIPS). It then predicts
-other runs. An error that it predicts may come from a missing law; an error that it cannot predict shows no missing law.
+regression on random features of the inputs and of the simulated states (Rahimi & Recht 2007, NIPS). The black box then
+predicts other runs. An error that it predicts may come from a missing law; any other error shows no missing law.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _FOLDS = 4
 _FEATURES = 200
 _WIDTH = 0.3  # the features imitate the kernel exp(-_WIDTH d^2 / columns); d: distance of two standardised rows
 _ALPHAS = (1.0, 10.0, 100.0)  # ridge penalties that are tried; a larger penalty gives a smoother prediction
-_TAUGHT_ROWS = 3000  # most rows that train the black box: further rows of a long log add nothing new
+_TAUGHT_ROWS = 3000  # largest number of rows that train the black box: further rows of a long log add nothing new
 _BEYOND = 0.1  # a column is clipped to its training range, widened at each end by this share of the range
 _FAR = 5.0  # multiple of the residual's rms without outliers: a larger residual is clipped to this multiple
 _NEXT_TO_NOTHING = 1e-300  # least divisor: avoids a division by 0 if the nominal model leaves no error above noise
@@ -45,7 +45,7 @@ class Adequacy:
     Attributes:
         predictable: signal -> the share of its squared residual that a black box predicts on runs outside its training.
         left: signal -> log(scale of its residual / its noise floor), in nats per value; 0: noise alone.
-        explained: signal -> the share, 0..1, of the nominal model's squared error above noise that is removed.
+        explained: signal -> the share, 0..1, that it removes of the nominal model's squared error above noise.
     """
 
     predictable: Mapping[str, float]
@@ -63,7 +63,7 @@ class Adequacy:
 
     @property
     def unexplained(self) -> str | None:
-        """The signal with the largest `left` above the limit, of the signals less than half `explained`; or None."""
+        """The signal with the largest `left` of those less than half `explained`, if it is above the limit; or None."""
         more = {one: left for one, left in self.left.items() if self.explained[one] < 1 - self.explained[one]}
         return max(
             (one for one in more if more[one] > numbers.UNEXPLAINED_NATS),
@@ -109,8 +109,8 @@ def predictable(judge: Judge, model: Model, plain: Model, seed: int) -> dict[str
     """Returns signal -> the share, 0..1, of its squared residual that a black box predicts on runs new to it.
 
     Only error above the floor of noise and simulator error counts: predictable error below this floor comes from a
-    sensor's rounding, not from a missing law. The error that inexact laws in `model` may leave does not count
-    either: it is a share of the squared error of the model without these laws, `plain`, that they remove.
+    sensor's rounding, not from a missing law. The error that inexact laws in `model` may leave does not count either.
+    It is a share of the squared error that these laws remove from that of `plain`, the model without them.
     """
     data = judge.data
     error, before = data.measured - data.predict([model, plain])

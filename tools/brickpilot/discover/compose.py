@@ -1,9 +1,9 @@
 """Composes a law as a sum of few terms of a fixed basis, where no effect of the library explains the residual.
 
-Terms are searched and weighed like effects: a sparse regression by forward selection with refits (FROLS: Chen, Billings
-& Luo 1989). It works on signatures (how a term changes the simulated signals), not on derivatives of measured signals.
-An atom is a term with the settings that shape it. A periodic term is tried only at periods near the peaks in the
-spectra of the residual along time, a wheel's angle and the position.
+Terms are searched and weighed like effects, by a sparse regression: forward selection with refits (FROLS: Chen,
+Billings & Luo 1989). The regression works on signatures (how a term changes the simulated signals), not on derivatives
+of measured signals. An atom is a term with the settings that shape it. A periodic term is tried only at periods near
+the peaks in the spectra of the residual along time, a wheel's angle and the position.
 """
 
 from __future__ import annotations
@@ -47,14 +47,14 @@ Array = NDArray[np.float64]
 
 _OUTPUTS = ("wheel_angle_left", "wheel_angle_right", "angle", "x", "position")
 _TINY = 1e-8  # small step of a coefficient, as a share of its maximum: far above rounding errors, yet still linear
-_SIMULATED = 24  # most atoms that are also simulated: those whose signatures explain the residual best
+_SIMULATED = 24  # largest number of atoms that are also simulated: those whose signatures explain the residual best
 _SIZES = (1.0, 0.3)  # an atom is simulated at these shares of its linear estimate: few terms are linear
-_NEARBY = 8  # most atoms that are fitted at a fitted period and at the periods next to it
-_ALIKE = 2  # most trials of the same terms with different settings
+_NEARBY = 8  # largest number of atoms that are fitted at a fitted period and at the periods next to it
+_ALIKE = 2  # largest number of trials of the same terms with different settings
 _STRIP_TERMS = ("surge_loss_patch", "yaw_loss_patch", "floor_add_patch")
 _CELLS, _LEAST_CELL = 24, 4e-3  # cells into which the travel is cut to search for strips; least width of a cell, m
-_STRIPS = 2  # most strips that are tried for one term
-_MOST_TERMS = 3  # most terms of a law: the basis is large, and a reader can check only a short law
+_STRIPS = 2  # largest number of strips that are tried for one term
+_MOST_TERMS = 3  # largest number of terms of a law: the basis is large, and a reader can check only a short law
 _SLOWEST_SWING_HZ = 0.5  # frequency of a pendulum of one metre: no robot here carries a longer pendulum
 _SPRUNG_HZ = (1.0, 2.0, 4.0)  # frequencies tried for a sprung mass, in addition to the peaks of the spectrum
 _SENSOR_SIGNALS = {
@@ -160,7 +160,7 @@ def with_terms(model: Model, values: Mapping[str, float]) -> Model:
 def find_atoms(vehicle: str, segments: Sequence[Segment], residual: Array) -> list[Atom]:
     """Returns the atoms to try. Periodic terms get the periods of peaks in the spectra of `residual` (N,).
 
-    Terms on a strip of the floor are left out: see `compose.TermSource`.
+    Terms on a strip of the floor are left out: `TermSource` adds them.
     """
     time, *others = axes(segments)
     clocks = [time, *(one for one in others if one.clock)]
@@ -179,7 +179,7 @@ def find_atoms(vehicle: str, segments: Sequence[Segment], residual: Array) -> li
 
 
 def family(near: Atom, settings: Mapping[str, float], vehicle: str, segments: Sequence[Segment]) -> list[Atom]:
-    """Returns atoms at the fitted `settings` of `near`, one for each term, and `near` at the periods beside its own."""
+    """Returns an atom of each term at the fitted `settings` of `near`, and atoms of its terms at periods nearby."""
     kept = tuple((name, settings[name]) for name, _ in near.settings)
     groups = _visible_groups(vehicle, segments)
     found = [atom(terms, kept, near.slowest) for terms in groups if terms[0].tuned == near.terms[0].tuned]
@@ -206,8 +206,8 @@ def _visible_groups(vehicle: str, segments: Sequence[Segment]) -> list[tuple[Bas
 def _groups() -> list[tuple[Basis, ...]]:
     """Returns every term alone, except the sine and the cosine of one period, which form one group.
 
-    Sine and cosine of the heading stand alone: their phase is known. Rotation sensors also get a group of two terms: of
-    equal errors on both sides, and of opposite errors. Only the sum of both terms is a fault of one sensor.
+    Sine and cosine of the heading stand alone: their phase is known. Rotation sensors also get a group of two terms:
+    one for equal errors on both sides, one for opposite errors. A fault of one sensor is the sum of both terms.
     """
     by_name = {term.name: term for term in basis()}
     found: list[tuple[Basis, ...]] = []
@@ -252,7 +252,7 @@ class Composed:
 def compose(prepared: Prepared, judge: Judge, verdict: Verdict, tell: Tell) -> Composed | None:
     """Returns the law of few terms that explains the fit runs best, with or without the best named effects.
 
-    None if no term is sure: explanations with it must hold 95 % of the weight, against the same model without terms.
+    None if no term is sure. Explanations with a sure term hold 95 % of the weight, against the model without terms.
     """
     deadline = prepared.deadline.until(COMPOSED)
     if not deadline.allows("a composed term"):

@@ -34,7 +34,7 @@ from brickpilot.vehicle.composed_terms import PLACES, equation, legend
 from brickpilot.vehicle.model import Model, unit_on
 from brickpilot.vehicle.replay import RUN_KINDS, Replay
 
-_EFFECT_SHOWN = 1.0  # an effect shows where it moves a signal by more than this, noise sd, rms over 0.1 s
+_EFFECT_SHOWN = 1.0  # in noise sd: an effect shows where it moves a signal by more than this, as an rms over 0.1 s
 _LAGS = 20  # longest lag of an autocorrelation, bins
 _BEYOND = 4  # a residual is white if its autocorrelation exceeds the bound at this many lags or fewer
 _LARGEST_LOG = 700.0  # largest logarithm of a double
@@ -192,7 +192,7 @@ def _effects(found: Conclusion) -> tuple[finding.Effect, ...]:
 
 
 def _shares(found: Conclusion) -> dict[str, float]:
-    """Returns a part's name -> the weight of explanations with this part, as a share of all in `verdict.held`."""
+    """Returns a part's name -> the weight of explanations with this part, as a share of that of `verdict.held`."""
     held = {one.explanation.key: one.weight for one in found.verdict.held}
     table = [one for one in found.verdict.ranked if one.explanation.key in held]
     weights = np.array([held[one.explanation.key] for one in table])
@@ -310,9 +310,9 @@ def _nominal_changes(plan: Plan, model: Model) -> dict[str, finding.NominalChang
 def _nominal_findings(prepared: Prepared, found: Conclusion) -> tuple[finding.NominalFinding, ...]:
     """Returns the identifiable nominal values whose fit is further from the stated value than chance explains.
 
-    If a fit with the claimed effects keeps a value as stated, the value is no finding: without these effects, the fit
+    If a fit with the claimed effects keeps a value as stated, the value is no finding: a fit without these effects
     changed it only to imitate them. A value is also no finding if the data determine only its combination with other
-    values: they do not tell which of these values is wrong.
+    values: the data do not tell which of these is wrong.
     """
     verdict = found.verdict
     is_rival = verdict.nominal in verdict.rivals  # then either an effect is missing or a value is stated wrongly

@@ -55,7 +55,7 @@ class Deadline:
 NO_LIMIT = Deadline()
 
 _COARSE, _FINE = 90, 300
-"""Simulations of all fit runs in one unit of work: for each candidate, in coarse bins; in total, at the samples."""
+"""One unit of work, in simulations of all fit runs: `_COARSE` for each candidate in bins, `_FINE` at the samples."""
 
 _UNITS = ((1.3, 0.2, 0.5), (4.0, 0.4, 1.5), (math.inf, 1.5, 8.0))
 """Rows (ratio, least, most): up to this ratio of the nominal model's cost to the cost of noise, a discovery takes about
@@ -63,7 +63,7 @@ _UNITS = ((1.3, 0.2, 0.5), (4.0, 0.4, 1.5), (math.inf, 1.5, 8.0))
 and with terms. The rows were set on fifteen data sets, seven of them measured; one data set took 16 units."""
 
 _YARDSTICK_S = (3.0, 12.0)
-"""Usual least and most processor time, s, of the black box that measures the attainable fit; one data set took 22 s."""
+"""Usual range of the processor time, s, of the black box that measures the attainable fit; one data set took 22 s."""
 
 _MOST_PASSED = 0.95  # largest share of the time that a progress report shows before the end
 

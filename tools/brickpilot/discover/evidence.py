@@ -34,7 +34,7 @@ _Moved = tuple[Indices, Array]  # indices of a stretch's values; a step (paramet
 
 _LOG_NORM = float(np.log(2 * numbers.KNEE * k1e(numbers.KNEE**2)))
 _DRAWS = 1000  # number of draws of the bootstrap
-_ROUNDS, _SETTLED = 20, 1e-3  # search for the likeliest scale: most rounds, and the relative change that ends it
+_ROUNDS, _SETTLED = 20, 1e-3  # the search for the likeliest scale ends after these rounds, or at this relative change
 _LEAST_STRETCHES = 10
 _LEAST_RUNS = 4  # least number of runs that are left out in turn for a predictor; fewer runs are cut into pieces
 _DAMPED = 4.0  # factor by which the damping grows until a step is short enough
@@ -91,7 +91,7 @@ class Evidence:
     def log_prior(self, temperature: float) -> float:
         """Returns `log_weight` without the evidence: the prior odds and the cost of values far from priors."""
         nat = self.nat(temperature)
-        pulled = self.away_slopes.T @ self.away  # the priors' gradient, which is -(the data's gradient) at the fit
+        pulled = self.away_slopes.T @ self.away  # gradient of the priors; at the fit, minus the gradient of the data
         step = _solved(self.information / nat + self.away_slopes.T @ self.away_slopes, -pulled * (1 - 1 / nat))
         lost = float(step @ (self.information @ step / 2 - pulled)) / nat
         moved = surprise(self.away + self.away_slopes @ step) + max(lost, 0.0)
@@ -105,7 +105,7 @@ class Judge:
     Attributes:
         stretch: (values,) the number of the stretch in which each compared value lies.
         top: the evidence of a residual that is noise alone.
-        shape: error of a law's wrong shape, as a share of the squares that the law removes; 0: the floors include it.
+        shape: squared error of a law's wrong shape, as a share of that which the law removes; 0: the floors include it.
     """
 
     data: Residual
@@ -129,7 +129,7 @@ class Judge:
         return dataclasses.replace(self, stretch=stretch, count=count)
 
     def changes(self, before: Array, after: Array) -> Array:
-        """Returns (1 + draws,): log(rms of `after` / rms of `before`), two residuals (values,).
+        """Returns (1 + draws,): log(rms of `after` / rms of `before`). Both are residuals, (values,).
 
         The result is the mean over the signals. Entry 0 gives equal weight to all stretches; each other entry uses one
         draw of weights of a Bayesian bootstrap. An rms below a signal's floor counts as the floor.
@@ -208,7 +208,7 @@ class Judge:
 
         A step is halved while the other stretches fit worse at its end than at its start: such a step leaves a curved
         valley of the cost, which a fit without this stretch would follow. If even the shortest step fits worse, the
-        stretch is not yielded: its linear prediction stays, or its residual at `point` if the step changes it by more.
+        stretch is not yielded: its linear prediction stays, or its residual at `point` if smaller than the change.
 
         Args:
             far: stretches, each with the step (parameters,) from `point` to the fit without this stretch.
@@ -262,7 +262,7 @@ class Judge:
     def excess(self, evidence: Evidence, least: float = 1.0) -> Array:
         """Returns (signals,): each signal's remaining squared error above noise, in squares of the signal's floor.
 
-        `least`: the least scale, as a share of the floor. Below 1: the result is < 0 for a signal below its floor.
+        `least`: the least scale, as a share of the floor. Below 1, the result of a signal below its floor is < 0.
         """
         squares = {one: self.squares(evidence, one, least) / self.data.floor(one) ** 2 for one in self.data.signals}
         return np.array([self.counts[signal] * (square - 1) for signal, square in squares.items()])
@@ -291,7 +291,7 @@ def _step(matrix: Array, pull: Array, reach: Array, room: Array) -> tuple[Array,
     while np.any(np.abs(step := _solved(matrix + damping * np.diag(reach**-2.0), pull)) > reach):
         damping, is_long = max(_DAMPED * damping, 1.0), True
     stopped = (step < room[0]) | (step > room[1])
-    if stopped.any():  # solve again for the others: a parameter stopped by its range moves less than its step
+    if stopped.any():  # solve again for the others: a parameter that its range stops moves less than its step
         step = np.where(stopped, np.clip(step, *room), 0.0)
         others = ~stopped
         rest = pull[others] - matrix[others][:, stopped] @ step[stopped]
@@ -336,7 +336,7 @@ def held_by(table: Sequence[Evidence], weights: Array) -> dict[str, float]:
 
 
 def _weighted(residual: Array, size: float | Array) -> Array:
-    """Returns the squares of a residual, each times its weight under the hyperbolic density: < 1 for large values."""
+    """Returns the squares of a residual, each times its weight under the hyperbolic density (< 1 for large values)."""
     return np.asarray(residual**2 / np.sqrt(1 + (residual / (numbers.KNEE * size)) ** 2))
 
 

@@ -1,4 +1,4 @@
-"""The next experiment: the manoeuvre in which rival explanations differ most. Also the smallest visible effects."""
+"""The next experiment: the manoeuvre in which rival explanations differ most; and the smallest visible effects."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 
 _STEP_S = 0.01  # time between the samples of a simulated manoeuvre
 SEPARATES_NOISE_SD = 0.5  # rms difference between rivals, in noise sd, that ten seconds of samples show clearly
-_SEPARATES_SIGNAL_SHARE = 0.02  # rms difference between rivals, share of a signal's rms, that a sensor shows
+_SEPARATES_SIGNAL_SHARE = 0.02  # rms difference between rivals that a sensor shows, as a share of the signal's rms
 _NO_FLOOR = 1e-3  # least scale of a residual, as a share of the floor: so small that the floor has no effect
 _BLACK_BOX_FINDS = 0.5  # rough share of a law's squared signature that a black box predicts, near the least size
 _CAN_MEASURE = frozenset(catalogue.outputs()) - {"x", "y", "surge", "sway", "force"}
@@ -96,7 +96,7 @@ def as_run(manoeuvre: Manoeuvre, vehicle: str) -> OpenLoopRun:
 
 
 def rms_apart(outputs: Sequence[Mapping[str, Array]], sizes: Mapping[str, float]) -> tuple[float, str]:
-    """Returns (difference, signal): the largest rms difference of the two nearest rivals in any signal, in `sizes`."""
+    """Returns the largest rms difference, over all signals, of the two nearest rivals, in `sizes`; and its signal."""
     return max(
         (
             (min(rms_of([one[name] - other[name]]) for one, other in combinations(outputs, 2)) / size, name)
@@ -108,7 +108,7 @@ def rms_apart(outputs: Sequence[Mapping[str, Array]], sizes: Mapping[str, float]
 
 
 def smallest_sizes(prepared: Prepared, judge: Judge, nominal: Explanation, best: Explanation) -> dict[str, Visible]:
-    """Returns effect -> the least size that would be named beside `best`. A verdict `none` rules out larger ones.
+    """Returns effect -> the least size that would be named beside `best`. A verdict `none` rules out larger sizes.
 
     A named effect surely improves the prediction, despite its prior odds. It also removes as much error as it leaves,
     or is so large that a black box would predict it: see `verdict`. The size is extrapolated from the nearest simulated
@@ -144,7 +144,7 @@ def _times(strength: Array, hidden: Array, needed: float) -> float:
 
 
 def size_named(part: Part, size: float, strength: float, temperature: float) -> float:
-    """Returns the size from which a part surely improves the prediction; at `size`, the part gains `strength` nats."""
+    """Returns the least size at which a part surely improves the prediction; `size` gains `strength` nats."""
     return size * math.sqrt(temperature * (numbers.CHANCE_NATS - part.log_odds) / max(strength, 1e-12))
 
 
@@ -154,7 +154,7 @@ def size_of(part: Part) -> ParameterInfo:
 
 
 def nearest_sizes(tried: Iterable[tuple[Part, float, float]]) -> list[tuple[Part, float]]:
-    """Returns (part, needed size) of each effect, from its (part, tried size, needed size) with the closest sizes."""
+    """Returns, for each effect, the (part, needed size) whose tried and needed sizes are closest."""
     found: dict[str, tuple[float, Part, float]] = {}
     for part, size, needed in tried:
         away = abs(math.log(needed / size)) if size > 0 and needed > 0 else math.inf

@@ -29,11 +29,11 @@ _Result = TypeVar("_Result")
 ROUGH, FINE = 1e-3, 1e-4
 """Relative change of cost below which a descent ends: for a proposed explanation, and for a judged one."""
 
-_DESCENTS, _LEAST_GAIN_SHARE = 6, 3e-4  # most descents of a fine fit; a relative gain below this ends it
+_DESCENTS, _LEAST_GAIN_SHARE = 6, 3e-4  # largest number of descents of a fine fit; a smaller relative gain ends the fit
 _AT_BOUND = 1e-3  # a parameter is at an end of its range if it differs from the end by less than this share of itself
 _WHOLE = (0, 1)  # a value may be at these ends of a range: a real machine may have none of an effect, or all
 _LIMIT_OVER_READING = 0.9  # least ratio of a sensor's limit to its largest reading: noise may exceed the limit
-_LEAST_BASE_SHARE = 0.1  # least ratio of a parameter to one added to it: of dry friction to a breakaway torque
+_LEAST_BASE_SHARE = 0.1  # least ratio of a parameter to one that adds to it, as of dry friction to a breakaway torque
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +95,7 @@ class Explanation:
         return part.name in self._said or (bool(part.made_of) and self._said.issuperset(part.made_of))
 
     def contains(self, other: Explanation) -> bool:
-        """Returns whether this explanation covers every part of `other` with different laws, and has no fewer parts."""
+        """Returns whether this explanation covers every part of `other`, has other laws, and has no fewer parts."""
         if self.laws == other.laws or len(self.parts) < len(other.parts):
             return False
         if len(self.parts) > len(other.parts):
@@ -109,10 +109,10 @@ class Explanation:
 
     @cached_property
     def laws(self) -> frozenset[str]:
-        """The names of its laws. A law that equals several others is replaced by them if one of them is also a part.
+        """The names of its laws. The sum of several laws is replaced by these laws if one of them is also a part.
 
-        For example, friction in one direction equals dry friction and a constant offset. If the explanation also has an
-        offset, friction in one direction is replaced by these two laws.
+        For example, friction in one direction is the sum of dry friction and a constant offset. If the explanation also
+        has an offset, friction in one direction is replaced by these two laws.
         """
         split = [part for part in self.parts if self.key.intersection(part.made_of)]
         return self.key.difference(part.name for part in split).union(*(part.made_of for part in split))

@@ -103,7 +103,7 @@ class Evidence:
     Attributes:
         kind: "held_out": the held-out runs confirm the model. "fitted_only": only fit runs show what the model adds.
         removed_fit, removed_held_out: the share of the nominal model's cost above noise that the model removes, at most
-            1; negative: the model is worse. None: no fit or held-out runs, or no cost above noise.
+            1; negative: the model is worse. None: there are no such runs, or no cost is above noise.
         draws: share, 0..1, of the bootstrap draws of stretches in which the model predicts the held-out runs better
             than the nominal model does; None: nothing is held out.
         contradicted: whether the held-out runs excite what the model adds, and contradict it.
@@ -292,7 +292,7 @@ class NominalFinding:
     Attributes:
         stated, fitted: SI.
         sd_away: the distance between the two values, in sd of the stated value.
-        rivals: explanations that predict as well with the stated value; the effects of one are joined by " + ".
+        rivals: explanations that predict as well with the stated value; several effects are joined by " + ".
     """
 
     parameter: str
@@ -328,8 +328,8 @@ class Finding(Result):
     """All that discovery says about a data set.
 
     Attributes:
-        effects: for `named` the named effects; for `ambiguous` those of the best explanation, see `equivalents`;
-            for `unknown` the best candidates (not claimed) or the effects that join a composed term (claimed).
+        effects: the effects of the best explanation; for `unknown`, candidates (not claimed) or the effects beside a
+            composed term (claimed). Empty for `none`.
         mechanism: the kind of cause that explains most; None if nothing is missing or no mechanism was found.
         law_differs: True: the claimed effects leave more than noise in some signal, so their laws are not quite right,
             or a smaller effect is missing too. None: no effect is claimed, or a composed term stands beside them.
@@ -433,7 +433,7 @@ def verdict_json(found: Finding) -> dict[str, Any]:
             "predictor": found.predictor and _without(found.predictor, "model"),
             "gap": {**found.gap, "unit": "residual rms / noise sd", "by_signal": found.by_signal},
             "data_faults": found.faults,
-            # A script finds the manoeuvre's name and break points at the top level of `next_experiment`.
+            # Scripts expect the manoeuvre's name and break points at the top level of `next_experiment`.
             "next_experiment": experiment
             and _without(experiment, "manoeuvre") | ({"name": None} if manoeuvre is None else vars(manoeuvre)),
             "term": found.term and _without(found.term, "law", "settings"),

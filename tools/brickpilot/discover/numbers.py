@@ -2,7 +2,7 @@
 
 Each number is a convention (a level, a decade) or follows from a convention. No number is tuned on a single case. The
 two numbers that weigh every residual, also in `calibrate`, stand in fit/residual.py; the width of a prior, a decade,
-stands in fit/parameters.py. Numbers that only limit a search decide no verdict, and stand beside it.
+stands in fit/parameters.py. Numbers that only limit a search decide no verdict, and stand beside the search.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ USUAL = math.sqrt(COMMON * RARE)
 """Prior odds of all other effects, between `COMMON` and `RARE`."""
 
 SURE = 0.95
-"""Weight that all kept explanations hold; least weight of a named effect; confidence level of intervals and tests."""
+"""Weight that kept explanations hold together; least weight of a named effect; confidence of intervals and tests."""
 
 STRICT = 0.01
 """Significance level of tests for a feedback loop or a periodic disturbance: all conclusions depend on these tests."""
@@ -38,8 +38,8 @@ LAW_ERROR = 0.01
 """No law is exact: a difference in evidence below this share of the best explanation's gain decides nothing."""
 
 LAW_SHAPE = 0.05
-"""Error that a law's wrong shape may leave in a signal, as a share of the squares that the law removes; a fifth in
-amplitude. It supports no law but an offset. For four of five laws not in the library, a similar law left 3 to 6 %."""
+"""Squared error that a law's wrong shape may leave in a signal, as a share of that which the law removes. It supports
+no further law but an offset. For four of five laws not in the library, a similar law left 3 to 6 %."""
 
 SHARED_REST = 0.2
 """Another law might remove this share of the squared error that the best explanation leaves, so a smaller difference

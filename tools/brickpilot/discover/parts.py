@@ -103,7 +103,7 @@ class Part:
 
 @dataclass(frozen=True)
 class RunPart(Part):
-    """Run values of one kind, such as delays, one for each fit run. `effect` is the kind; `free` lists the runs."""
+    """Values of one kind, such as delays: a value for each fit run. `effect` is the kind; `free` lists the runs."""
 
     @property
     def infos(self) -> dict[str, ParameterInfo]:
@@ -187,7 +187,7 @@ def _adds_something(row: ParameterInfo, base: Model) -> bool:
 
 @cache
 def readings_of(effect: str, vehicle: str) -> Mapping[str, bytes]:
-    """Returns, for each signal that `effect` changes, signal -> its samples in a simulated run with fast motion."""
+    """Returns signal -> its samples in a simulated run with fast motion, for each signal that `effect` changes."""
     time = np.arange(0.0, 1.0, 0.01)
     wave = 9.0 * np.sign(np.sin(9.0 * time))
     inputs = np.column_stack([wave, -0.3 * wave])[:, : 1 if vehicle == "motor" else 2]

@@ -165,7 +165,7 @@ def explain_in_loop(prepared: Prepared, nominal: Explanation, tell: Stages, most
     """Explains free runs; if a feedback loop biases them, explains the data again by innovations: see `in_closed_loop`.
 
     The residual of the explanation with the best score counts as noise: other residuals also contain a missing law. The
-    lowest cost does not choose this explanation, because a cost depends on where its descent ends.
+    score and not the cost chooses this explanation, because a cost depends on where a descent ends.
     """
     free_runs = explain(prepared, nominal, tell, most)
     if prepared.loop is None or prepared.innovations:

@@ -41,7 +41,7 @@ _MOTOR_WINDOW_S = 1.0
 _WINDOW_S = 0.6  # length of a window, in which a wheel turns once or twice
 _NOISE_ROUNDS = 2  # rounds in which noise model and nominal model are fitted in turn
 _HIGHEST_ORDER = 8  # highest order of a noise model, in bins; it spans a quarter of a second
-_SEARCHED_WINDOWS = 80  # most windows in the search; the fits after the search use all windows
+_SEARCHED_WINDOWS = 80  # largest number of windows in the search; the fits after the search use all windows
 _PERIODS_PER_TURN, _PERIODS_OVER_TRAVEL = 0.9, 1.5  # least periods of a periodic effect: per turn, over the travel
 
 SD_SHARE = {
@@ -190,8 +190,8 @@ def _with_whole_inputs(data: Residual, ready: Dataset) -> Residual:
 def calibrate(prepared: Prepared) -> tuple[Prepared, Explanation]:
     """Returns the prepared data with final weights, and the calibrated nominal model.
 
-    The model is fitted from several starts if some nominal value is not stated. The rough fit leaves changes from bin
-    to bin; the noise floors of both residuals, coarse and fine, rise to the size of these changes.
+    The model is fitted from several starts if some nominal value is not stated. The error of the rough fit changes from
+    bin to bin; the noise floors of both residuals, coarse and fine, rise to the size of these changes.
 
     Raises:
         InputError: the plant diverges with the nominal values.
@@ -218,7 +218,7 @@ def in_closed_loop(prepared: Prepared, nominal: Explanation, best: Explanation |
     In a loop, a simulation from the commands alone is biased if the noise is correlated in time: the commands follow
     past noise, and so predict later noise. There is no bias if the noise is white (Ljung 1999, sec. 13.4), or if the
     loop has little influence on the commands. Otherwise a noise model removes what the residual's past predicts. All
-    later stages use the rest, the innovations: the direct method. Noise model and nominal model are fitted in turn.
+    later stages use the rest, the innovations (the direct method). Noise model and nominal model are fitted in turn.
 
     Args:
         best: the explanation whose residual counts as noise, in the output that the commands follow. None: not known;

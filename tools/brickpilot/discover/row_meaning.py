@@ -41,9 +41,9 @@ TIMINGS: tuple[Timing, ...] = ("held", "linear")
 
 _FOLLOWABLE_ROW_S = 0.008  # shortest row that is searched, s: bins hide what inputs do between shorter rows
 _TOLERANCE = 1e-5  # relative change of cost at which a fit ends
-_ROWS: dict[Kind, tuple[float, ...]] = {"lag": (0.5, 1.0, 2.0, 4.0), "delay": (0.5, 1.0, 2.0)}  # first tried, rows
+_ROWS: dict[Kind, tuple[float, ...]] = {"lag": (0.5, 1.0, 2.0, 4.0), "delay": (0.5, 1.0, 2.0)}  # tried first; in rows
 _LEAST, _MOST = 0.5, {"lag": 2.0, "delay": 1.5}  # bounds of the second search, as multiples of the best of `_ROWS`
-_TRIALS = 6  # most trials of the second search
+_TRIALS = 6  # largest number of trials of the second search
 _SURELY = 0.999  # the largest certainty that a note states
 
 

@@ -50,7 +50,7 @@ _LEAST_STEP, _LARGEST_STEP = 0.1, 2.0  # range of the amplitude if its sign is f
 _USUAL_ORDERS = (1.0, 2.0, 4.0, 6.0, 8.0, 12.0)  # periods per turn, tried together with the orders that the wheels show
 _PHASES = ((0.0, 0.0), (np.pi / 2, 0.0), (0.0, np.pi), (np.pi / 2, np.pi))  # (phase, phase_difference): span all phases
 _WHEELS = np.array([[1, 1j, 1j, -1], [1, 1j, -1j, 1]])  # phasors of the left and the right wheel at these phases
-_LARGE = (1.0, 3.0)  # sizes at which a periodic effect is not linear: it stops the wheels or throws them over a peak
+_LARGE = (1.0, 3.0)  # at these sizes, a periodic effect is not linear: it stops the wheels or throws them over a peak
 _PHASES_A_WHEEL = 6
 _GRID_OF_PHASES = tuple(
     (math.remainder((left + right) * np.pi / _PHASES_A_WHEEL, math.tau), (left - right) * math.tau / _PHASES_A_WHEEL)
@@ -78,7 +78,7 @@ class Trial:
 
     @classmethod
     def of(cls, part: Part, values: Mapping[str, float], before: Array, after: Array, count: int) -> Trial:
-        """Returns a trial from the residuals `before` and `after` the part is added, (count values + parameters,)."""
+        """Returns a trial from the residuals without and with the part, (`count` values + parameters,) each."""
         gains = (before**2 - after**2) / 2
         return cls(part, values, float(np.sum(after**2)) / 2, float(gains[:count].sum()), float(gains[count:].sum()))
 
@@ -126,10 +126,10 @@ def _of_runs(part: RunPart, tried: Sequence[tuple[Probe, Array]], residual: Arra
 def signature_strengths(
     problem: Problem, point: Array, chosen: Sequence[Part], *, excitation: Excitation
 ) -> list[tuple[Part, Mapping[str, float], Array]]:
-    """Returns each part with one free size, its values, and (signals,) half its squared signature in squared floors.
+    """Returns, for each part with one free size: part, values, and (signals,) half its squared signature / floor^2.
 
     The arguments are those of `screen`. Parts with a scanned parameter are left out: their signature at one size does
-    not show their signature at another size.
+    not give their signature at another size.
     """
     few = [one for one in chosen if len(one.free) == 1 and scanned_parameter(one) is None]
     here, data = _Here.of(problem, point), problem.data

@@ -1,6 +1,6 @@
 """The seal: held-out runs are used once, after the last choice, to test the model as read back from its file.
 
-Held-out runs may withdraw a name, or make it ambiguous: name or nominal model. They choose no value, effect or rival.
+Held-out runs may withdraw a name, or make it ambiguous: then the nominal model is its rival. They choose nothing else.
 """
 
 from __future__ import annotations
@@ -134,7 +134,7 @@ def unproved(proof: Proof, nominal: Model) -> Proof:
 
 
 def _evidence(prepared: Prepared, opened: Opened, nominal: Model, written: Model, *, grows: bool) -> Evidence:
-    """Returns the evidence for the written model. `grows`: whether its held-out gap is larger than the nominal one."""
+    """Returns the evidence for the written model. `grows`: whether its held-out gap is larger than the nominal gap."""
     removed_fit = _removed(prepared.fine, nominal, written)
     held_out = _held_out(prepared, opened)
     if held_out is None:

@@ -2,9 +2,9 @@
 
 The search fits single parts, then pairs of the best parts. Then it adds one part to the best two explanations and to
 the best fit. It stops if no added part surely predicts better, or if the best fit leaves no more error than wrong
-shapes of its laws may leave; but first it tries offsets of readings. It replaces each part of the best fit by other
-laws of its mechanism. To find rivals, it searches again without each part of the best explanation. A fit that is worse
-than that of a smaller explanation inside it has failed, and is repeated from the smaller one's values.
+shapes of its laws may leave. Before it stops, it tries offsets of readings. It replaces each part of the best fit by
+other laws of the same mechanism. To find rivals, it searches again without each part of the best explanation. A fit has
+failed if it costs more than a smaller explanation inside it, and is repeated from the smaller one's values.
 """
 
 from __future__ import annotations
@@ -44,12 +44,12 @@ from brickpilot.vehicle.replay import RUN_KINDS
 Array = NDArray[np.float64]
 Tell = Callable[[str], None]
 
-_PROMISED = 0.3  # share of the needed gain: a part with more is fitted; below 1, as the screen tries only a few sizes
+_PROMISED = 0.3  # a part that promises this share of the needed gain is fitted: the screen tries only a few sizes
 _NEAR = 6.0  # a rough fit is refined if its cost is at most this much above the best cost; unit: `Evidence.nat`
 _STARTS = 3  # number of starts of a periodic part, each from another order
 _BEAM = 2
 MOST_PARTS = 4
-PARTS_IN_WINDOWS = 2  # most parts of an explanation fitted in windows: a periodic effect, alone or with one other part
+PARTS_IN_WINDOWS = 2  # largest number of parts in windows: a periodic effect, alone or with one other part
 _ORDER_OFFSETS = np.linspace(-0.08, 0.08, 161).tolist()  # relative changes of an order that are tried
 _LOWER = 0.98  # share of the present cost: a descent starts from an order whose cost is below it
 _WORSE = 0.5  # units of cost: a fit has failed if it costs this much more than an explanation that it contains
@@ -60,9 +60,9 @@ class Width:
     """How wide a search is.
 
     Attributes:
-        rough: the most trials of a screen that are fitted; of these, at least `least` and at most `fine` are refined.
+        rough: largest number of trials of a screen that are fitted; `least` to `fine` of these are then refined.
         paired: number of the best single parts that are fitted in pairs; the best `fine` / 2 pairs are refined.
-        swapped: the most library laws that are tried in place of one law; 0 if the parts are not laws of the library.
+        swapped: number of library laws that are tried in place of one law; 0 if the parts are not laws of the library.
     """
 
     rough: int = 12
@@ -77,7 +77,7 @@ class Source(Protocol):
 
     Attributes:
         word: the word for a part in messages.
-        most: the most parts that are added.
+        most: largest number of parts that are added.
     """
 
     word: str
@@ -388,7 +388,7 @@ class Search:
                     found.add(self.beside(found, start, forbidden), self.jobs)
 
     def _prune(self, found: Found) -> None:
-        """Refits the best fit without each of its parts in turn: the smaller set may be unfitted or badly fitted."""
+        """Refits the best fit without each of its parts, as this set may be badly fitted, and then with other laws."""
         best = min((one.explanation for one in found.table.values()), key=lambda one: one.cost)
         if len(best.parts) > len(self.base.parts) + 1:
             fewer = [without(best, part) for part in best.parts[len(self.base.parts) :]]
@@ -401,7 +401,7 @@ class Search:
         found.add(self._refined([one for one in swapped if one.cost < min(near, known.get(one.key, near))]), self.jobs)
 
     def _in_other_laws(self, best: Explanation) -> list[Explanation]:
-        """Returns `best` with a law replaced by one of the same mechanism, or several laws by the law made of them."""
+        """Returns `best` with one law replaced by another of its mechanism, or several laws replaced by their sum."""
         added = {one.name: one for one in best.parts[len(self.base.parts) :]}
         swaps: dict[tuple[str, ...], list[Part]] = {}
         for part in library_parts(best.model, self.data.signals):

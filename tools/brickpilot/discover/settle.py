@@ -38,7 +38,7 @@ from brickpilot.vehicle.spread import Spread
 Array = NDArray[np.float64]
 
 _ROUNDS = 2  # rounds of weighing the signals by their residuals and fitting again
-_MOST_JOINED = 5  # most parts that a predictor adds to its start explanation
+_MOST_JOINED = 5  # largest number of parts that a predictor adds to its start explanation
 _WHOLE = "The values are those of a fit to whole runs."
 
 
@@ -159,9 +159,9 @@ def _is_better(prepared: Prepared, model: Model, than: Model) -> bool:
 def best_predictor(prepared: Prepared, start: Explanation, tell: Tell) -> Settled:
     """Returns `start` with the parts that reduce the error in whole left-out runs most: the best predictor.
 
-    The predictor's parts are no findings: prior odds do not count, and the data may not tell some of its parts apart. A
-    feedback loop biases fitted values, but not simulations. A periodic part is added only if a wheel's angle is
-    measured: otherwise the phase in a new run is not known.
+    The predictor's parts are no findings: prior odds do not count, and the data may not tell some of its parts apart.
+    The fit is to free runs even in a feedback loop, which biases fitted values but not simulations. A periodic part is
+    added only if a wheel's angle is measured: otherwise the phase in a new run is not known.
     """
     whole = whole_runs(prepared)
     if whole is None:

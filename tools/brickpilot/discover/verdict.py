@@ -6,7 +6,7 @@ effect hold 95 % of the weight. The verdict is `named` for one minimal explanati
 effects, `ambiguous` for several, `none` for the nominal model. An explanation that leaves too much error is refuted
 (see `adequacy`): it is no answer, and its weight supports no other. If all are refuted, the verdict is `unknown`.
 Measured samples (`confirmed`), held-out runs (`seal`) or a time limit may also turn it to `unknown`. If only stated
-values, which may be wrong, support an effect, it is not named.
+values, which may be wrong, support an effect, the effect is not named.
 """
 
 from __future__ import annotations
@@ -157,7 +157,7 @@ def confirmed(verdict: Verdict, samples: Found, enough: float) -> Verdict:
 
     Args:
         samples: evidence, at the samples, of nominal model, best explanation, and best explanation without each part.
-        enough: the verdict `none` needs a nominal model whose evidence is at most this far below that of noise, nats.
+        enough: how far, in nats, the nominal model's evidence may be below that of noise for the verdict `none`.
     """
     if verdict.kind not in ("named", "ambiguous"):
         return verdict
@@ -203,10 +203,10 @@ def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozen
 
     Laws of a wrong shape may leave error in a signal: a share of what these laws remove in addition to run values and
     offsets of readings. A larger explanation gains nothing if it removes such error by a further law with a shape. If
-    it does not surely remove more, no part is missing, and the simpler explanation gets the likelier evidence of both.
+    it does not surely remove more, no part is missing, and the simpler one gets the evidence of the likelier one.
 
     A refuted nominal model leaves no explanation out, because a law is missing. A refuted explanation with laws leaves
-    others out unless a larger one removes enough: its laws may have a wrong shape, which an added law only imitates.
+    others out unless a larger one removes enough: an added law may only imitate the right shape of its laws.
     """
     temperature = found.temperature
     prior = {one: one.log_prior(temperature) for one in ranked}

@@ -181,7 +181,7 @@ def _fit(before: Agreement, after: Agreement, share: float) -> Fit:
 
 
 def _predictable(signals: Mapping[str, Mapping[str, SignalFit]]) -> Predictable:
-    """Returns the shares over all signals, from their fits. Errors are in units of a signal's mean square."""
+    """Returns the shares over all signals, from their fits. Squared errors are in units of a signal's mean square."""
     free = [one[FREE_RUN] for one in signals.values() if FREE_RUN in one]
     share, removed = _shares([one.fit for one in free])
     held_out, removed_held_out = _shares([one.held_out for one in free])
