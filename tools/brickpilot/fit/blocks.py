@@ -225,7 +225,7 @@ _LEAST_STEP = 0.05  # in steps of the grid: a command's jump gets no further row
 
 
 def on_coarse_grid(dataset: Dataset, width_s: float) -> tuple[Replay, Bins]:
-    """Returns the runs on a grid of a third of a bin, and bins that compare their simulation with measured samples.
+    """Returns the runs on a grid of a third of a bin, and the bins in which simulation and samples are compared.
 
     A simulation on this grid is about three times as fast as at the measured samples, and exact enough for a search. In
     each step an input has its mean. If a command jumps and then stays, the grid has a further row at the jump. A mean

@@ -226,7 +226,7 @@ def _compared(ready: Comparable, model: Model, window_s: float, threads: int) ->
 
 
 def _nominal(dataset: Dataset, seed: int, threads: int, progress: Progress | None) -> tuple[Model, list[str]]:
-    """Returns the model of the nominal values and notes. Values that are not stated as plain values are fitted."""
+    """Returns the model of the nominal values, and notes. Values that are not stated as plain values are fitted."""
     stated = plan(dataset)
     if not stated.free:
         return stated.at(stated.start()), ["Nothing was fitted.", *stated.notes, NOTHING_FREE]

@@ -47,7 +47,7 @@ MOTOR_STEP_S = 0.003
 LEAST_NOISE_SHARE = 1e-3
 """Least noise sd of a sample, as a share of the signal's rms: a signal that looks smoother was filtered."""
 
-_LEAST_KEPT, _KEPT_VALUES = 32, 2_000_000  # least number of kept simulations, and most values in all of them
+_LEAST_KEPT, _KEPT_VALUES = 32, 2_000_000  # least number of kept simulations, and largest number of values in them
 _CHUNK = 24  # largest number of models that are simulated at once, as their outputs take memory
 _FIRST_SCALE = 0.2  # scale of samples before any residual is known, as a share of the signal's rms
 _LEAST_RMS = 1e-30  # least rms, SI: a signal with a smaller rms counts as zero

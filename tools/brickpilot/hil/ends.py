@@ -111,7 +111,7 @@ def start_brick(options: str) -> tuple[subprocess.Popen[bytes], str]:
     """Starts a brick as a process; returns the process and its link. The process ends when its standard input closes.
 
     Raises:
-        InputError: the package was built on a system without this process, such as Windows or macOS.
+        InputError: the package was built on a system that cannot run this process, such as Windows or macOS.
     """
     if not BRICK_PROGRAM.exists():
         raise InputError(

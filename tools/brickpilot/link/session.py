@@ -20,7 +20,7 @@ LOCKSTEP, REALTIME = "lockstep", "realtime"
 
 
 class NoReplyError(SimulationError):
-    """The brick did not reply to a request, although it was sent several times."""
+    """The brick did not reply to a request, although the request was sent several times."""
 
 
 class Session:

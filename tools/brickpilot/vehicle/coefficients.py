@@ -17,7 +17,7 @@ from scipy.linalg import expm
 from brickpilot.vehicle.combinations import Values, difference_inertia, loss, mean_inertia
 from brickpilot.vehicle.fixed_point import QuantisationError, Scale, scale, scale16
 
-# Integers of firmware/model per SI unit.
+# Number of units of firmware/model in one SI unit.
 CURRENT = 1e6 * 2**7  # uA q7
 WHEEL_SPEED = 1e3 * 2**13  # mrad/s q13
 YAW_RATE = 1e3 * 2**12  # mrad/s q12

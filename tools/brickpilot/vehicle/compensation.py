@@ -289,7 +289,7 @@ def si_values(model: Model, believes: Model) -> dict[str, float]:
 
 @cache
 def undone(effect: str) -> tuple[str, ...]:
-    """Returns the parameters of an effect that `si_values` undoes: the effect's `Undoable` depends on them."""
+    """Returns the parameters of an effect that `si_values` undoes: those on which the effect's `Undoable` depends."""
     infos = catalogue.effect(effect).parameters
     presets = {info.name: info.preset for info in infos}
 

@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 _RUN, _WAITS, _DRIVING = 1, 0, 3  # codes in the columns mode and phase
 _ENDED = 2  # the first of the modes in which a mission has ended: arrived, fault
 _MODES = ("idle", "run", "arrived", "fault")
-LATE = "late tick"  # a tick later than the watchdog allows
+LATE = "late tick"  # a tick that is later than the watchdog allows
 _WHILE_DRIVING = ("true_x_m", "true_y_m", "true_heading_rad", "demand_heading_rad", "waypoint")
 _FAULTS = ("none", "leg timed out", "leg overshot", "state lost", "commanded", "no route", "silent", LATE)
 
