@@ -112,7 +112,7 @@ def suspected(data: Residual, old: Model, recording: str) -> Onset | None:
     """Returns the moment from which on the old model's error in a recording is larger than usual; None: no moment.
 
     Args:
-        data: the residual; an error as large as its floors is usual.
+        data: the residual; its floors say how large a usual error is.
     """
     error, gains = data.error(old), np.zeros(len(data.measured))
     for signal in data.signals:
@@ -128,7 +128,7 @@ def onset(data: Residual, old: Model, changed: Model, recording: str) -> Onset |
     """Returns the moment from which on `changed` explains a recording better than `old`; None: from the start.
 
     Args:
-        data: the residual; an error as large as its floors is usual.
+        data: the residual; its floors say how large a usual error is.
         changed: the model of the data after the change.
     """
     error = data.error(old)

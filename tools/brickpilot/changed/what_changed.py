@@ -252,8 +252,8 @@ def _joint(
     """Returns two recordings ready for fits, with the explanation that both recordings share.
 
     Args:
-        innovations: whether a feedback loop biases free runs. None: yes, if the noise of both recordings is correlated
-            in time. If the noise of only one recording is correlated, the cause may be a new effect.
+        innovations: whether a feedback loop biases free runs. None: it does if the noise of both recordings is
+            correlated in time. If the noise of only one recording is correlated, the cause may be a new effect.
     """
     prepared, _ = prepare(dataset, model, seed=seed, jobs=jobs)
     # Each constant may differ by itself, so no constant is held.

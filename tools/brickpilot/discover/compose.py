@@ -135,7 +135,7 @@ class Atom(Part):
         return {name: model.effects[EFFECT][name] for name in (*self.names, *(one for one, _ in self.settings))}
 
     def _row(self, info: ParameterInfo, values: Mapping[str, float]) -> Free:
-        """Returns a free parameter. Its unit is the starting amplitude of a term, or the half width of a strip."""
+        """Returns a free parameter. Its unit is the start amplitude of a term; for a strip's middle, the half width."""
         name = f"{EFFECT}.{info.name}"
         if info.name in self.names:
             if len(self.names) == 1:

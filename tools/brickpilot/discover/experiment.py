@@ -144,7 +144,7 @@ def _times(strength: Array, hidden: Array, needed: float) -> float:
 
 
 def size_named(part: Part, size: float, strength: float, temperature: float) -> float:
-    """Returns the least size at which a part surely improves the prediction; `size` gains `strength` nats."""
+    """Returns the least size at which a part surely improves the prediction; size `size` gains `strength` nats."""
     return size * math.sqrt(temperature * (numbers.CHANCE_NATS - part.log_odds) / max(strength, 1e-12))
 
 

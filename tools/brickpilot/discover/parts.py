@@ -25,7 +25,7 @@ from brickpilot.vehicle.plant import OpenLoopRun, State
 from brickpilot.vehicle.replay import RUN_KINDS
 
 _COMMAND = "voltage"  # the only limited signal that is a command; other limited signals are readings
-_UNSCALED = frozenset({"order", "phase", "phase_difference", "frequency", "wavelength"})  # without a usual size
+_UNSCALED = frozenset({"order", "phase", "phase_difference", "frequency", "wavelength"})  # have no usual size
 _ODDS = {"common": numbers.COMMON, "usual": numbers.USUAL, "rare": numbers.RARE}
 
 
@@ -72,7 +72,7 @@ class Part:
 
     @property
     def made_of(self) -> tuple[str, ...]:
-        """The names of the parts that together equal this law, if only the law's first parameter is free."""
+        """The names of the parts whose sum is this law, if only the law's first parameter is free."""
         info = catalogue.effect(self.effect)
         return info.made_of if self.free == (info.parameters[0].name,) else ()
 
@@ -150,7 +150,7 @@ class RunPart(Part):
 
 
 def library_parts(base: Model, measured: Collection[str] | None = None) -> list[Part]:
-    """Returns a part for each effect that `base` lacks and each set of its parameters that are fitted together.
+    """Returns, for each effect that `base` lacks, a part for each set of its parameters that are fitted together.
 
     Args:
         measured: the compared signals. A sensor effect that changes none of these signals is left out. Of effects that

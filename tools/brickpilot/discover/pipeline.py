@@ -164,8 +164,8 @@ def explain(prepared: Prepared, nominal: Explanation, tell: Stages, most: int = 
 def explain_in_loop(prepared: Prepared, nominal: Explanation, tell: Stages, most: int = MOST_PARTS) -> Explained:
     """Explains free runs; if a feedback loop biases them, explains the data again by innovations: see `in_closed_loop`.
 
-    The residual of the explanation with the best score counts as noise: other residuals also contain a missing law. The
-    score and not the cost chooses this explanation, because a cost depends on where a descent ends.
+    The residual of the explanation with the best score counts as noise: other residuals also contain a missing law.
+    This explanation is chosen by score and not by cost, because a cost depends on where a descent ends.
     """
     free_runs = explain(prepared, nominal, tell, most)
     if prepared.loop is None or prepared.innovations:

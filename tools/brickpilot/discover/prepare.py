@@ -42,7 +42,7 @@ _WINDOW_S = 0.6  # length of a window, in which a wheel turns once or twice
 _NOISE_ROUNDS = 2  # rounds in which noise model and nominal model are fitted in turn
 _HIGHEST_ORDER = 8  # highest order of a noise model, in bins; it spans a quarter of a second
 _SEARCHED_WINDOWS = 80  # largest number of windows in the search; the fits after the search use all windows
-_PERIODS_PER_TURN, _PERIODS_OVER_TRAVEL = 0.9, 1.5  # least periods of a periodic effect: per turn, over the travel
+_PERIODS_PER_TURN, _PERIODS_OVER_TRAVEL = 0.9, 1.5  # least periods of a periodic effect: in a turn; over the travel
 
 SD_SHARE = {
     "mass": numbers.RULER,

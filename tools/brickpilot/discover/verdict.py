@@ -134,7 +134,7 @@ def _among(found: Found, refuted: Collection[frozenset[str]]) -> Verdict | None:
     held_by = evidence.held_by(ranked, weight)
     sure = frozenset(name for name, share in held_by.items() if share >= numbers.SURE)
     least, nothing = _least(held, held), found.nothing.explanation
-    best = next((one for one in least if one.effects), least[0])  # run values are no missing law
+    best = next((one for one in least if one.effects), least[0])  # values of runs are no missing law
     # Held-out runs can confirm an effect that the data support, but not one that only stated values support.
     data_tell, called = found.is_sure(best), " + ".join(best.names)
     if any(one.key == nothing.key for one in least):

@@ -171,7 +171,7 @@ def as_predictor(prepared: Prepared, proof: Proof, found: Settled) -> Predictor:
 
 
 def _fit(before: Agreement, after: Agreement, share: float) -> Fit:
-    """Returns the fit of a signal. `share`: the share of the nominal squared error that the black box predicts."""
+    """Returns a signal's fit. `share`: the share of the nominal model's squared error that the black box predicts."""
     known = [one.fit_percent for one in (before, after) if one.fit_percent is not None]
     if not known:
         return Fit(None, None, None)
