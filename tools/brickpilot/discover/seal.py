@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_CONFIRMED = "Held-out runs confirm it."
+_CONFIRMED = "Held-out runs confirm it: it removes {} of their error above noise, and {} of that of the fit runs."
 _NO_RUNS = "No run was held out, so only the fit runs show it."
 _NOT_EXCITED = "The held-out runs do not excite it, so only the fit runs show it."
 _WEAK = "The held-out runs speak for it, but not surely."
@@ -144,15 +144,15 @@ def _evidence(prepared: Prepared, opened: Opened, nominal: Model, written: Model
     rises = judge.rises(held_out.measured - before, held_out.measured - after)
     drawn = bootstrap(judge.count) @ rises
     draws = float(np.mean(drawn > 0))
-    claimed = float(pseudo_huber_loss((after - before) * held_out.weight()).sum())
-    shown = claimed > numbers.CHANCE_NATS
+    shown = float(pseudo_huber_loss((after - before) * held_out.weight()).sum()) > numbers.CHANCE_NATS
     confirmed = shown and draws >= numbers.SURE and not grows
     contradicted = shown and (grows or float(np.median(drawn)) <= 0)  # the draws favour the nominal model
     kind: EvidenceKind = "held_out" if confirmed else "fitted_only"
-    against = _CONTRADICTED.format(_GROWS if grows else _RATHER.format(100 * draws))
-    sentence = against if contradicted else _WEAK if shown else _NOT_EXCITED
     removed = _removed(held_out, nominal, written)
-    return Evidence(kind, removed_fit, removed, draws, contradicted, _CONFIRMED if confirmed else sentence)
+    shares = ["nothing" if share is None else f"{100 * share:.0f} %" for share in (removed, removed_fit)]
+    against = _CONTRADICTED.format(_GROWS if grows else _RATHER.format(100 * draws))
+    doubt = against if contradicted else _WEAK if shown else _NOT_EXCITED
+    return Evidence(kind, removed_fit, removed, draws, contradicted, _CONFIRMED.format(*shares) if confirmed else doubt)
 
 
 def _held_out(prepared: Prepared, opened: Opened) -> Residual | None:
