@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -11,10 +12,12 @@ import brickpilot as bp
 import numpy as np
 import pandas as pd
 import pytest
-from brickpilot.changed.change import change_of
+from brickpilot.changed.change import Constant, change_of
 from brickpilot.changed.differences import new_differences
 from brickpilot.changed.recordings import spread_of, together
+from brickpilot.changed.shared_values import shared_values
 from brickpilot.fit.parameters import Plan
+from brickpilot.report import changed_page
 from brickpilot.vehicle.replay import Replay, in_recording
 from click.testing import CliRunner
 from command import brickpilot
@@ -37,20 +40,21 @@ def steady(value: float) -> Course:
     return lambda time: value
 
 
-def driven(volts: np.ndarray, viscous: Course, dry: Course, gain: float = 1.0) -> np.ndarray:
+def driven(volts: np.ndarray, viscous: Course, dry: Course, gain: float = 1.0, load: float = 0.0) -> np.ndarray:
     """Returns (n,): the speed of a motor, rad/s, by Euler steps of 0.5 ms. Dry friction can hold the motor at rest.
 
     Args:
         volts: (n,) V.
         viscous, dry: viscous friction, N m s/rad, and dry friction, N m.
         gain: factor of all voltages.
+        load: a constant torque against forward motion, N m.
     """
     speed, found, step = 0.0, [], STEP_S / FINE
     for sample, volt in enumerate(volts * gain):
         found.append(speed)
         friction, drag = dry(sample * STEP_S), viscous(sample * STEP_S)
         for _ in range(FINE):
-            torque = CONSTANT * (volt - CONSTANT * speed) / RESISTANCE - drag * speed
+            torque = CONSTANT * (volt - CONSTANT * speed) / RESISTANCE - drag * speed - load
             if speed == 0.0 and abs(torque) <= friction:
                 continue
             side = np.sign(speed) if speed else np.sign(torque)
@@ -60,8 +64,9 @@ def driven(volts: np.ndarray, viscous: Course, dry: Course, gain: float = 1.0) -
 
 
 def recording(
-    name: str, seed: int, viscous: Sequence[Course], dry: Sequence[Course], gains: Sequence[float] = (1.0, 1.0, 1.0)
-) -> bp.Dataset:
+    name: str, seed: int, viscous: Sequence[Course], dry: Sequence[Course], gains: Sequence[float] = (1.0, 1.0, 1.0),
+    load: float = 0.0,
+) -> bp.Dataset:  # fmt: skip
     """Returns a recording of a motor with one run for each entry of `viscous`, `dry` and `gains`, as in `driven`.
 
     A run lasts for 8 s; it has random steps of voltage, and a speed with noise.
@@ -69,7 +74,7 @@ def recording(
     random, time, frames = np.random.default_rng(seed), np.arange(0.0, 8.0, STEP_S), {}
     for number, (one, other, gain) in enumerate(zip(viscous, dry, gains, strict=True)):
         volts = np.repeat(random.uniform(-8, 8, 10), 80)
-        speed = driven(volts, one, other, gain) + random.normal(0.0, 0.05, len(time))
+        speed = driven(volts, one, other, gain, load) + random.normal(0.0, 0.05, len(time))
         frames[f"run_{number}"] = pd.DataFrame({"time": time, "voltage": volts, "speed": speed})
     signals = {"voltage": "voltage", "speed": ("speed", "rad/s")}
     return bp.Dataset.from_frames(frames, vehicle="motor", signals=signals, nominal=KNOWN, name=name)
@@ -78,6 +83,7 @@ def recording(
 THRICE = 3
 SMOOTH, ROUGH = [steady(1e-3)] * THRICE, [steady(2e-3)] * THRICE  # N m s/rad
 EASY = [steady(0.01)] * THRICE  # N m
+LOAD = 0.02  # N m
 KV = {1e-3: (CONSTANT**2 + RESISTANCE * 1e-3) / CONSTANT, 2e-3: (CONSTANT**2 + RESISTANCE * 2e-3) / CONSTANT}
 
 
@@ -93,7 +99,8 @@ def friday() -> bp.Dataset:
 
 @pytest.fixture(scope="module")
 def braked(monday: bp.Dataset, friday: bp.Dataset) -> bp.Changed:
-    return bp.changed(monday, recording("tuesday", 3, SMOOTH, EASY), friday)
+    loaded = recording("sunday", 8, SMOOTH, EASY, load=LOAD)
+    return bp.changed(monday, recording("tuesday", 3, SMOOTH, EASY), friday, loaded)
 
 
 def test_two_recordings_of_one_state_have_not_changed(monday: bp.Dataset) -> None:
@@ -104,7 +111,7 @@ def test_two_recordings_of_one_state_have_not_changed(monday: bp.Dataset) -> Non
 
 
 def test_what_brakes_more_is_told_with_an_interval_that_holds_it(braked: bp.Changed) -> None:
-    (one,) = braked.changes
+    one = next(change for change in braked.changes if change.recording == "friday")
     assert (braked.verdict, one.what, one.mechanism, one.unit) == ("changed", "kV", "bearing", "V s/rad")
     truth = KV[2e-3] - KV[1e-3]
     assert one.change.ci95[0] < truth < one.change.ci95[1]
@@ -180,10 +187,55 @@ def test_a_change_within_what_runs_of_one_recording_differ_by_is_none() -> None:
 
 
 def test_several_later_recordings_each_have_an_answer(braked: bp.Changed) -> None:
-    assert braked.verdicts == {"tuesday": "nothing", "friday": "changed"}
-    assert {one.recording for one in braked.changes} == {"friday"}
-    assert {one.recording for one in braked.constants} == {"before", "tuesday", "friday"}
+    assert braked.verdicts == {"tuesday": "nothing", "friday": "changed", "sunday": "changed"}
+    assert [(one.recording, one.what) for one in braked.changes] == [("friday", "kV"), ("sunday", "constant_offset")]
+    assert {one.recording for one in braked.constants} == {"before", "tuesday", "friday", "sunday"}
     assert {"recording", "what", "low", "high"} <= set(braked.to_frame().columns)
+
+
+def test_what_all_recordings_share_is_told_apart_from_what_one_has(braked: bp.Changed) -> None:
+    shared = {one.what: one for one in braked.shared}
+    assert {what: one.apart for what, one in shared.items() if one.apart} == {
+        "kV": ("friday",), "speed per volt": ("friday",), "constant_offset": ("sunday",),
+    }  # fmt: skip
+    for what, truth in (
+        ("kV", KV[1e-3]),
+        ("dry friction in volts", 0.01 * RESISTANCE / CONSTANT),
+        ("constant_offset", 0.0),
+    ):
+        low, high = shared[what].value.ci95
+        assert low - 0.002 < truth < high + 0.002
+        assert high - low < 0.05
+    own = {one.recording: one for one in braked.constants if one.what == "constant_offset"}
+    assert own["sunday"].ci95[0] < LOAD < own["sunday"].ci95[1]
+    assert own["before"].ci95[0] < 0.0 < own["before"].ci95[1]
+    text = "\n".join(changed_page.lines(braked))
+    assert re.search(r"^kV +0\.36\d* V s/rad \(.*\) +friday$", text, re.MULTILINE), text
+    assert re.search(r"^constant_offset +-?[\d.]+ [mµu]N m \(", text, re.MULTILINE), text
+    assert re.search(r"<b>[^<]*</b>", changed_page.page(braked, "brickpilot changed"))
+
+
+def drawn(random: np.random.Generator, between: float, own: float, fault: float, count: int = 6) -> list[Constant]:
+    values = random.normal(1.0, between, count) + fault * (np.arange(count) == 2) + random.normal(0.0, own, count)
+    half = 1.96 * own
+    return [Constant(f"day {k}", "kV", "V s/rad", x, (x - half, x + half)) for k, x in enumerate(values.tolist())]
+
+
+@pytest.mark.parametrize(("between", "own"), [(0.0, 0.01), (0.03, 0.01), (0.03, 0.05)])
+def test_the_mean_over_recordings_holds_the_truth_and_a_fault_stands_apart(between: float, own: float) -> None:
+    """Machines differ by `between`, and each is measured to `own`. A fault is ten times both together."""
+    random, sd = np.random.default_rng(4), float(np.hypot(between, own))
+    sound = [shared_values(drawn(random, between, own, 0.0))[0] for _ in range(300)]
+    held = np.mean([one.value.ci95[0] < 1.0 < one.value.ci95[1] for one in sound])
+    assert 0.85 < held < 0.99
+    assert np.mean([bool(one.apart) for one in sound]) < 0.1
+    faulty = [shared_values(drawn(random, between, own, 10 * sd))[0] for _ in range(300)]
+    assert np.mean(["day 2" in one.apart for one in faulty]) > 0.9
+    assert np.mean([one.value.value for one in faulty]) == pytest.approx(1.0, abs=0.3 * sd)
+
+
+def test_two_recordings_do_not_tell_which_of_them_differs() -> None:
+    assert shared_values(drawn(np.random.default_rng(1), 0.0, 0.01, 1.0, count=2)) == ()
 
 
 def test_a_model_stands_for_what_was_before(friday: bp.Dataset, tmp_path: Path) -> None:

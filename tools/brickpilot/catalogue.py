@@ -119,7 +119,7 @@ class EffectInfo:
 
     @property
     def is_searched(self) -> bool:
-        """Whether discovery searches for the effect. False: the effect is composed, or the inputs' names state it."""
+        """Whether discovery searches for the effect. False: it is composed from terms, or the data set states it."""
         return not self.composed and (not self.stated_by or self.acts_on == "sensor")
 
 

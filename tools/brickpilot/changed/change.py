@@ -107,13 +107,31 @@ class FitPercent:
 
 @dataclass(frozen=True)
 class Constant:
-    """A combination of constants that one recording alone determines."""
+    """A combination of constants, or the size of an effect, as one recording alone determines it."""
 
     recording: str
     what: str
     unit: str
     value: float
     ci95: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Shared:
+    """One value in all recordings.
+
+    Attributes:
+        what, unit: the name and the unit of the value, as in `Constant`.
+        value: the mean over the recordings that agree.
+        between_sd: the sd of the value between the recordings that agree, beyond their own uncertainty.
+        apart: the recordings whose value surely differs from the others.
+    """
+
+    what: str
+    unit: str
+    value: Sized
+    between_sd: float
+    apart: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +157,9 @@ class Changed(Result):
         verdicts: later recording -> the verdict on this recording.
         changes: the changes of all recordings, the most certain change first.
         fits: later recording -> signal -> fit in percent.
-        constants: the combinations of constants that a single recording determines.
+        constants: the values that a single recording determines. The size of a new effect is among them if there are
+            several later recordings.
+        shared: what all recordings share, for each value that at least three recordings determine.
         traces: later recording -> traces of the runs and signals in which the changes explain most.
         steps: later recording -> the stages that set or changed its verdict.
         notes: sentences on what was assumed or left out.
@@ -153,6 +173,7 @@ class Changed(Result):
     changes: tuple[Change, ...]
     fits: Mapping[str, Mapping[str, FitPercent]]
     constants: tuple[Constant, ...]
+    shared: tuple[Shared, ...]
     traces: Mapping[str, Sequence[Trace]]
     steps: Mapping[str, tuple[Step, ...]]
     notes: tuple[str, ...]
@@ -174,6 +195,7 @@ class Changed(Result):
             "fit_percent": _pooled(self.fits),
             "fit_percent_by_recording": self.fits,
             "constants": self.constants,
+            "shared": self.shared,
             "steps": self.steps,
             "notes": self.notes,
             "seed": self.seed,

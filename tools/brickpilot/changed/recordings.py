@@ -10,7 +10,7 @@ machine at rest, so data at rest do not show when a difference began.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -230,6 +230,17 @@ def spread_of(groups: list[list[tuple[float, float]]]) -> float:
     Args:
         groups: for each recording, the value and the information (1 / variance) of each run.
     """
+    return float(np.sqrt(variance_between(groups) * sum(1 / len(group) for group in groups)))
+
+
+def variance_between(groups: Sequence[Sequence[tuple[float, float]]]) -> float:
+    """Returns the variance of a value within a group that the uncertainty of the members does not explain.
+
+    Source: DerSimonian & Laird 1986, eq. 8, summed over the groups.
+
+    Args:
+        groups: the value and the information (1 / variance) of each member.
+    """
     excess = weight = 0.0
     for group in groups:
         values, known = np.array(group).T
@@ -237,5 +248,4 @@ def spread_of(groups: list[list[tuple[float, float]]]) -> float:
             mean = float(known @ values / known.sum())
             excess += float(known @ (values - mean) ** 2) - (len(values) - 1)
             weight += float(known.sum() - known @ known / known.sum())
-    variance = max(excess / weight, 0.0) if weight > 0 else 0.0
-    return float(np.sqrt(variance * sum(1 / len(group) for group in groups)))
+    return max(excess / weight, 0.0) if weight > 0 else 0.0

@@ -6,6 +6,7 @@
     _verdict     -> Verdict     the verdict on differences in values that the machine always has, or in new effects if
                                 the residual of one recording stays larger than that of the other    (differences.py)
     _changes     -> Change      each difference as a quantity of the machine, with its interval           (change.py)
+    _result      -> Changed     with the values that all recordings share                         (shared_values.py)
 
 The criterion and its numbers are those of `discover`. No run is held out: the evidence comes from stretches of time to
 which an explanation was not fitted. A change has to exceed the spread between runs of one recording.
@@ -18,7 +19,7 @@ import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -34,11 +35,10 @@ from brickpilot.changed.change import (
     Trace,
     change_of,
     combinations,
-    in_model,
     is_sure,
-    sized,
 )
 from brickpilot.changed.differences import MOST_DIFFERENCES, Difference, Differences, no_further
+from brickpilot.changed.shared_values import Constants, shared_values, values_of
 from brickpilot.data.dataset import Dataset
 from brickpilot.data.signals import Array
 from brickpilot.discover import numbers
@@ -57,7 +57,6 @@ from brickpilot.fit.parameters import Plan
 from brickpilot.fit.residual import Residual
 from brickpilot.fit.robust import robust_size
 from brickpilot.fit.uncertainty import assess
-from brickpilot.vehicle.combinations import FORMULAS
 from brickpilot.vehicle.compared_runs import comparable
 from brickpilot.vehicle.headline import headline
 from brickpilot.vehicle.model import Model
@@ -348,10 +347,10 @@ def _search(joint: Joint, new_in: Sequence[str], tell: Stages, most: int = MOST_
 def _result(before: Dataset | Model, pairs: Sequence[Compared], seed: int) -> Changed:
     """Returns the result. A difference that is no larger than the spread between runs of one recording is no change."""
     verdicts, steps = dict[str, Answer](), dict[str, tuple[Step, ...]]()
-    changes, constants = list[Change](), dict[tuple[str, str], Constant]()
+    changes, constants, new = list[Change](), Constants(), list[tuple[Difference, Model]]()
     for compared in pairs:
         name = compared.joint.recording
-        alone = _constants(compared.joint)
+        alone = values_of(compared.joint.alone, compared.joint.dataset.vehicle)
         for key, constant in alone.items():
             constants.setdefault(key, constant)
         own = _changes(compared, alone)
@@ -361,6 +360,15 @@ def _result(before: Dataset | Model, pairs: Sequence[Compared], seed: int) -> Ch
             verdicts[name] = "nothing"
             steps[name] = (*steps[name], Step("runs", "none", _RUNS))
         changes += sure
+        named = {change.parameter for change in sure}
+        new += [
+            (part, compared.verdict.best.model)
+            for part in _differences(compared.verdict.best)
+            if part.is_new and part.free[0] in named
+        ]
+    if new and len(pairs) > 1:
+        each = {name: own for compared in pairs for name, own in compared.joint.alone.items()}
+        constants = values_of(each, pairs[0].joint.dataset.vehicle, new, pairs[0].joint.prepared.jobs)
     return Changed(
         before=before.name,
         after=tuple(verdicts),
@@ -369,6 +377,7 @@ def _result(before: Dataset | Model, pairs: Sequence[Compared], seed: int) -> Ch
         changes=tuple(sorted(changes, key=lambda change: -change.weight)),
         fits={pair.joint.recording: _fits(pair) for pair in pairs},
         constants=tuple(constants.values()),
+        shared=shared_values(list(constants.values())),
         traces={pair.joint.recording: _traces(pair) for pair in pairs},
         steps=steps,
         notes=tuple(dict.fromkeys(note for pair in pairs for note in pair.joint.dataset.notes)),
@@ -455,17 +464,3 @@ def _traces(compared: Compared) -> list[Trace]:
         return gain / max(float(np.nanstd(trace.measured)) ** 2 * len(trace.time), 1e-30)
 
     return [trace for _, trace in sorted(best.values(), key=share, reverse=True)[:_DRAWN]]
-
-
-def _constants(joint: Joint) -> dict[tuple[str, str], Constant]:
-    """Returns (recording, combination of constants) -> the combination, as this recording alone determines it."""
-    constants = {}
-    reported = {*combinations().values(), "speed per volt"}
-    for name, (own, explanation) in joint.alone.items():
-        spread = assess(own.coarse, explanation.model, explanation.plan.uncertain).spread
-        for formula in FORMULAS[joint.dataset.vehicle]:
-            if formula.name in reported:
-                value = sized(partial(in_model, formula), explanation.model, spread)
-                if np.isfinite([value.value, *value.ci95]).all():
-                    constants[name, formula.name] = Constant(name, formula.name, formula.unit, value.value, value.ci95)
-    return constants

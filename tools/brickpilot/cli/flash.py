@@ -36,7 +36,7 @@ def flash_rcx(
 
     FILE is checked before anything is sent. A lost or damaged packet is sent again, and is shorter from the third try
     on. At 2400 baud, 11 KB of firmware take two minutes, and a program of 12 KB takes one minute. The options -p, -r
-    and -e apply to programs and mean the same as for dll.
+    and -e apply to programs alone, and mean the same as in dll, the loader of brickOS.
     """
     from brickpilot.flash import image_files, rom
 

@@ -22,7 +22,7 @@ from brickpilot.data.signals import RATE_OF, Array, input_names
 _BLOCKS = 20  # number of blocks in cross-validation; 10 to 30 are usual for batch means (Schmeiser 1982, Oper. Res. 30)
 _PER_UNKNOWN = 10  # least number of decisions for each coefficient of a regression
 _PAST = (1, 2, 4, 8, 16, 32)  # numbers of past decisions tried as predictors of the next; the best number is used
-_SMOOTHED = 8  # number of means of the command, over 2, 4 ... 256 rows; with a memory, the command follows them
+_SMOOTHED = 8  # number of exponential means of earlier commands, over 2, 4 ... 256 rows: the memory of a machine
 _READINGS = 3  # number of readings at past decisions that are used: an incremental PID law needs three
 _SHOWN = 3 + _READINGS  # number of columns for the output in `_decisions`: earlier readings, and the change in the row
 _HUBER = 1.345  # sds: a larger residual gets less weight; 95 % efficient for normal noise (Huber 1964)

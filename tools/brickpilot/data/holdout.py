@@ -195,8 +195,8 @@ def _direction(values: Array, positive: str, negative: str) -> str:
 def _last_drive(run: Run, driven: Array) -> tuple[float, float] | None:
     """Returns start and end of a run's held-out samples, in s on the run's clock; None: no sample is held out.
 
-    The fit keeps three quarters of the input's energy, and half of the energy in each direction. So the fit has every
-    part of the manoeuvre, and nearly the largest input of a ramp. The fit also keeps the stop after the drive.
+    The fit keeps at least three quarters of the input's energy, and half of the energy in each direction. So it has
+    every part of the manoeuvre, and nearly the largest input of a ramp. It also keeps the stop after the drive.
     """
     ahead, apart = driven.sum(axis=1), driven[:, 0] - driven[:, -1]
     steps = np.gradient(run.time)

@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 
 _STEP_S = 0.01  # time between the samples of a simulated manoeuvre
 SEPARATES_NOISE_SD = 0.5  # rms difference between rivals, in noise sd, that ten seconds of samples show clearly
-_SEPARATES_SIGNAL_SHARE = 0.02  # rms difference between rivals that a sensor shows, as a share of the signal's rms
+_SEPARATES_SIGNAL_SHARE = 0.02  # least rms difference of rivals for which a sensor is proposed, as a share of the rms
 _NO_FLOOR = 1e-3  # least scale of a residual, as a share of the floor: so small that the floor has no effect
 _BLACK_BOX_FINDS = 0.5  # rough share of a law's squared signature that a black box predicts, near the least size
 _CAN_MEASURE = frozenset(catalogue.outputs()) - {"x", "y", "surge", "sway", "force"}

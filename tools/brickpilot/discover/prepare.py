@@ -181,7 +181,7 @@ def _residuals(ready: Dataset, compared: Dataset, plan: Plan, jobs: int) -> tupl
 
 
 def _with_whole_inputs(data: Residual, ready: Dataset) -> Residual:
-    """Returns the residual of windows, with the inputs of whole runs: a run value changes the inputs of a whole run."""
+    """Returns the residual of windows, with the inputs of whole runs: a run's delay moves the inputs into a window."""
     whole = {run.name: (run.time, motor_inputs(run, ready)) for run in ready.runs}
     of = {run.name: whole[run_of(run.name)] for run in data.replay.dataset.runs}
     return data.with_inputs(dataclasses.replace(data.replay, whole=of))

@@ -86,7 +86,7 @@ class SignalFit:
 
 @dataclass(frozen=True)
 class Predictable:
-    """How much of the nominal model's squared error in free runs a black box predicts on runs that it has not seen.
+    """The share of the nominal model's squared error in free runs that a black box predicts, on runs new to it.
 
     Attributes:
         share, held_out: the predicted share, 0..1, on the fit runs and on the held-out runs; for held-out runs, the

@@ -360,9 +360,9 @@ def _heading_gains(own: Motion, packaged: Motion, gains: Values, acceleration_ra
 def _within_gyro(motion: Motion, gyro_range: float) -> float:
     """Returns the voltage at which half a turn from rest ends with a yaw rate of `GYRO_SHARE` times the gyro's range.
 
-    At the voltage V a first-order lag has the rate gain V (1 - e) at the angle gain V time (x - 1 + e), where x is the
-    elapsed time over the lag's time constant, and e = exp(-x). A light robot reaches the rate gain V at once; a heavy
-    robot does not reach it within the turn.
+    At the voltage V, a first-order lag has the rate `gain * V * (1 - e)` at the angle `gain * V * time * (x - 1 + e)`,
+    where x is the elapsed time over the lag's time constant, and e = exp(-x). A light robot reaches its final rate,
+    `gain * V`, almost at once; a heavy robot does not reach it within the turn.
     """
     rate = GYRO_SHARE * gyro_range
 

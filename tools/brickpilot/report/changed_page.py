@@ -5,6 +5,7 @@ The answer says what changed, how certain the change is, since when, how well th
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from brickpilot.changed.change import Change, Changed, Trace, subject
@@ -92,7 +93,17 @@ def lines(found: Changed) -> list[str]:
         for signal, fit in found.fits[one.recording].items():
             cells = map(fit_text, (fit.old_model_before, fit.old_model_after, fit.explained_after))
             made.append(f"{say(signal):28}" + "".join(f"{cell:>20}" for cell in cells))
+    if found.shared:
+        made.append(f"{'value':28}{'all that agree':>36}  differs in")
+        for row in found.shared:
+            value = str(quantity(row.value.value, row.unit, row.value.ci95))
+            made.append(f"{row.what:28}{value:>36}  {listed(_names(found, row.apart)) or '-'}")
     return [ascii_text(line) for line in made]
+
+
+def _names(found: Changed, recordings: Iterable[str]) -> list[str]:
+    """Returns the names of recordings as the user gave them."""
+    return [found.before if recording == BEFORE else recording for recording in recordings]
 
 
 def page(found: Changed, command: str) -> str:
@@ -114,8 +125,9 @@ def page(found: Changed, command: str) -> str:
         fits={name: found.fits[name] for name in found.after},
         changes=[(one, told(found.dataset, sentence(one))) for one in found.changes],
         figures={name: [_figure(one, points) for one in traces] for name, traces in found.traces.items()},
-        constants=[(found.before if row == BEFORE else row, cells) for row, cells in rows.items()],
+        constants=list(zip(_names(found, rows), rows.values(), strict=True)),
         names=names,
+        shared={one.what: one for one in found.shared},
         steps=[(name, one) for name, steps in found.steps.items() for one in steps],
         notes=found.notes,
         command=command,

@@ -74,10 +74,10 @@ def plain(value: float, digits: int = 6) -> str:
 
 def quantity(value: float, unit: str, ci95: tuple[float, float] | None = None) -> Shown:
     """Returns a value in a convenient unit, with the digits that its interval supports, or with three digits."""
-    factor, shown = scaled(value, unit)
+    half = (ci95[1] - ci95[0]) / 2 if ci95 is not None and all(map(math.isfinite, ci95)) else 0.0
+    factor, shown = scaled(value if abs(value) > half / 10 else half, unit)  # a value near 0 has no scale of its own
     ends = [] if ci95 is None else [one / factor for one in ci95]
-    width = (ends[1] - ends[0]) / 2 if ends and all(math.isfinite(one) for one in ends) else 0.0
-    value /= factor
+    value, width = value / factor, half / factor
     if width > 0:
         decimals = _decimals(width)
     else:

@@ -108,7 +108,7 @@ def answer(
     if apart is not None:
         todo = [
             "Turn the robot by a known angle, such as ten full turns: that tells the gyro's scale.",
-            "Roll it along a measured way, too: that tells the counts a turn and wheel_radius apart from both.",
+            "Roll it straight along a measured way, too: that tells how far it goes in one count.",
         ]
     if wiring := finding.dataset.wiring:
         mended = all(one.is_mended for one in wiring)

@@ -285,7 +285,7 @@ def _own_values(run: Run, model: Model) -> _Own:
 
 
 def _with_sums(model: Model, runs: Sequence[Run]) -> Model:
-    """Returns the model without effects to which values of runs add. The values then include the effect's parameter."""
+    """Returns the model without effects that have a size of their own in each run: the runs' values hold the sums."""
     for effect, parameter, kind in _sums(tuple(model.effects)):
         if own := model.by_run.get(kind):
             common = model.effects[effect][parameter]

@@ -223,7 +223,7 @@ def _may_share(runs: RunSet, number: int, trial: Trial, mended: tuple[int, ...])
 
 
 def _against(runs: RunSet, trial: Trial, scope: Iterable[int]) -> Group:
-    """Returns the channels or drives that contradict the trial."""
+    """Returns the other channels or drives, which contradict the channels that the trial suspects."""
     found: dict[str, None] = {}
     for number in scope:
         for relation, evidence in zip(runs.relations, runs.evidence[number], strict=True):
