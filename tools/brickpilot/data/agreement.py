@@ -4,7 +4,7 @@
 
 The error of a sample is the measured value minus the simulated value. Every sample has the same weight. No mean is
 removed from the signal, so a model whose output is always 0 has 0 %. R2 compares the model with the signal's mean. The
-rms of the error has the signal's unit u; the integral of the squared error (integral least squares, eq. 20) has u^2 s.
+rms of the error has the signal's unit u. The integral of the squared error (eq. 20 of the paper) has the unit u^2 s.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 
 from brickpilot.data.signals import Array
 
-_OVER_NOISE = 3.0  # noise sds: a signal with a smaller rms counts as noise alone
+_OVER_NOISE = 3.0  # limit on a signal's rms, in sds of its noise: a weaker signal counts as noise alone
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Agreement:
 
     @property
     def share(self) -> float | None:
-        """The ratio of the error's norm to the signal's norm, 1 - `fit_percent` / 100; None: `fit_percent` is None."""
+        """The norm of the error divided by that of the signal: `1 - fit_percent / 100`. None: `fit_percent` is None."""
         return None if self.fit_percent is None else round(1 - self.fit_percent / 100, 8)
 
     def percent_of(self, error: float) -> float | None:
@@ -61,7 +61,7 @@ class Agreement:
 
     @property
     def r2(self) -> float | None:
-        """R2: 1 is perfect; 0 is as good as the constant mean of the signal. None: `spread` is not above the noise."""
+        """R2: 1 is perfect; 0 is as good as the signal's mean. None: the signal's sd is at most 3 noise sds."""
         if not self._exceeds_noise(self.spread):
             return None
         r2 = 1 - self.error / self.spread
@@ -89,8 +89,8 @@ def agreement(error: Array, signal: Array, *, noise_sd: float = 0.0) -> Agreemen
 
     Args:
         error: (n,) measured minus simulated values, SI. A sample that is NaN here or in `signal` is left out.
-        signal: (n,) measured values, SI; a signal with an arbitrary origin is relative to the first sample of the run
-            or window.
+        signal: (n,) measured values, SI; values with an arbitrary origin, such as an angle, are relative to the first
+            sample of the run or window.
         noise_sd: sd of the signal's noise, SI.
     """
     known = np.isfinite(error) & np.isfinite(signal)
@@ -139,7 +139,7 @@ class SignalError:
 
     Attributes:
         energy: integral of signal^2 dt, u^2 s. The signal's mean is not removed; see `relative` of `signal_error`.
-        ils: integral of error^2 dt, u^2 s (eq. 20).
+        ils: integral of error^2 dt, u^2 s (integral least squares, eq. 20 of the paper).
         seconds: the time in s over which `ils` and `energy` are integrated.
     """
 
@@ -174,8 +174,8 @@ def signal_error(time: Array, simulated: Array, measured: Array, *, relative: bo
 
     Args:
         time, simulated, measured: (n,); the intervals before and after a NaN are left out.
-        relative: whether the first known sample is subtracted before `energy` is computed, for signals of arbitrary
-            origin.
+        relative: whether `energy` is computed from the signal's change since its first known sample, for a signal of
+            arbitrary origin.
     """
     known = np.isfinite(measured) & np.isfinite(simulated)
     error = np.where(known, simulated - measured, 0.0)

@@ -16,10 +16,10 @@ Spectrum = NDArray[np.complex128]
 Settings = tuple[tuple[str, float], ...]
 """(name, value) of each setting that shapes a periodic term."""
 
-_NEIGHBOURS = (-1.0, -0.75, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0)  # offsets from a peak, in units of `resolution`
-_LEAST_STEPS = 20  # number of sampling steps: a run is used only if its coordinate changes by more
+_NEIGHBOURS = (-1.0, -0.75, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0)  # offsets of the candidates in `beside`, in resolutions
+_LEAST_STEPS = 20  # in sampling steps: a run whose coordinate does not change by more is not used
 
-# Setting that states a period -> (names of the coordinate; its sampling step; one turn or 1 m), in rad or m.
+# Setting that states a period -> names of its coordinate, sampling step, and length of one turn or 1 m (in rad or m).
 _COORDINATES = {
     "order": (("wheel_angle_left", "wheel_angle_right", "angle"), 2 * math.pi / 100, 2 * math.pi),
     "wavelength": (("x", "position"), 0.005, 1.0),
@@ -34,9 +34,9 @@ class Segment:
         place: the segment's rows in the stacked residual.
         time: (n,) s since the run's first sample.
         age: s from power-on to the run's first sample.
-        at: coordinate -> (n,) its values from the base model at `time`; the coordinates are wheel angles, "x", or
-            "angle" and "position" of a motor. A term is not screened if it depends on a coordinate that is missing
-            here.
+        at: coordinate -> (n,) its values at `time`, which the model without the new term simulates. The coordinates
+            are wheel angles, "x", or "angle" and "position" of a motor. If a coordinate is missing, no term that
+            depends on it is tried.
     """
 
     run: str
@@ -55,8 +55,8 @@ class Axis:
         setting: the setting that states a period: "frequency" in Hz, "order", or "wavelength" in m.
         clock: ("clock", 0): time counts from the start of each run; ("clock", 1): it counts from power-on;
             empty: the axis is not time.
-        tracks: for each name of the coordinate (such as each wheel's angle), pairs of a segment and the values (n,) of
-            the coordinate in it.
+        tracks: a list for each wheel's angle or other such coordinate. The list has pairs: a segment, and the
+            coordinate's values (n,) in this segment.
         step: the sampling step for a spectrum, in the coordinate's unit.
         turn: the length over which periods are counted (1 s, one turn or 1 m), in the coordinate's unit.
         extent: the longest span of the coordinate over which a periodic term keeps its phase, in the coordinate's unit.
@@ -76,7 +76,7 @@ class Axis:
 
     @property
     def resolution(self) -> float:
-        """The smallest difference that the runs resolve, in periods per turn, per m or per s."""
+        """The smallest difference of two frequencies that the runs resolve, in periods per turn, per m or per s."""
         return self.turn / self.extent
 
     @property
@@ -97,7 +97,7 @@ class Axis:
         return sorted(peaks)
 
     def at(self, count: float) -> Settings:
-        """Returns the settings of `count` periods per turn, per m or per s."""
+        """Returns the settings of a term with `count` periods per turn, per m or per s."""
         return ((self.setting, 1 / count if self.setting == "wavelength" else count), *self.clock)
 
     def beside(self, settings: Settings) -> list[Settings]:

@@ -39,7 +39,7 @@ PRESET_BATTERY_VOLTAGE = catalogue.parameter("battery_voltage").preset
 
 _SHOWN_RUNS = 8  # largest number of runs that a printed data set lists
 
-_DROPOUT_SHARE = 0.25  # share of the running median: a voltage that deviates from the median by more is a dropout
+_DROPOUT_SHARE = 0.25  # limit, as a share of the running median: a battery voltage farther from the median is a dropout
 _MEDIAN_SAMPLES = 5
 
 
@@ -109,7 +109,7 @@ class Dataset(Result):
         faults: the damaged samples, ordered by run and time; they are NaN in the runs' outputs (see `audit`).
         notes: sentences for the user about presets, repaired readings and damaged samples.
         input_timing: what an input does between two rows: "held", "linear", or "unknown", which is treated as "held".
-            With "linear", rows without outputs are added where an input changes, so that rows are at most 5 ms apart.
+            With "linear", rows without outputs are added until rows are at most 5 ms apart wherever an input changes.
         guessed: numbers that an importer had to guess, such as "960 counts a turn"; see `guesses`.
         wiring: channels that are swapped, reversed, dead or scaled wrongly in all runs; `runs` holds the mended
             channels if the fault is sure.
@@ -264,7 +264,7 @@ def joined(datasets: Sequence[Dataset]) -> Dataset:
 
 
 def with_all_runs(datasets: Mapping[str, Dataset]) -> Dataset:
-    """Returns the first data set with the runs, faults and notes of all data sets; the key is put before the names."""
+    """Returns the first data set with the runs, faults and notes of all data sets; each key precedes its run names."""
     first = next(iter(datasets.values()))
     signals: dict[str, Signal] = {}
     for dataset in reversed(list(datasets.values())):
@@ -285,8 +285,8 @@ def motor_inputs(run: Run, dataset: Dataset) -> Array:
     """Returns the voltage at each motor in V: (n, 2), left and right, of a robot; (n, 1) of a motor.
 
     NaN means that the motor floats. A set point is converted to the voltage at which the wheel turns at the set speed
-    without a load. A duty is multiplied by the battery voltage at the same sample; see `battery`. duty_mean is (left +
-    right) / 2, duty_diff is left - right.
+    without a load. A duty is multiplied by the battery voltage at the same sample; see `battery`. `duty_mean` is
+    `(left + right) / 2`, and `duty_diff` is `left - right`.
     """
     first = input_names(run.inputs)[0]
     columns = of_motors(run.inputs, _nominal(dataset, "half_track"))
@@ -355,7 +355,7 @@ def own_units(dataset: Dataset, signals: Iterable[str]) -> dict[str, OwnUnit]:
 
 
 def own_unit(dataset: Dataset, signal: str) -> OwnUnit:
-    """Returns a signal's unit and sign in the data set. An SI unit gets the program's name for this unit."""
+    """Returns a signal's unit and sign in the data set. If the unit is the SI unit, its name is that of `SIGNALS`."""
     stated = dataset.signals.get(signal)
     sign = -1.0 if dataset.frame == "FLU" and signal in TURNS_WITH_FRAME else 1.0
     if stated is None or stated.to_si == 1.0:

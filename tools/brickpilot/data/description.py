@@ -3,14 +3,14 @@
     name    = "bench-7"
     vehicle = "diff_drive"       # or "motor": a motor and its load; or "skid_steer": two wheels or a track on each side
     frame   = "FLU"              # y left, yaw counter-clockwise positive; or "FRD", the default
-    csv     = { delimiter = ",", header = true }    # or semicolon, tab, blank, bar; header = false: columns from 0
+    csv     = { delimiter = ",", header = true }  # or semicolon, tab, blank, bar; header = false: columns are 0, 1, ...
     gap_s   = 0                  # pause between runs in s: charge and heat carry over to the next run
     input_timing = "held"        # what an input does between two rows: "held" (the default), "linear" or "unknown"
     as_wired = false             # true: channels that look swapped, reversed or wrongly scaled are not mended
     guessed = []                 # numbers that an importer had to guess, in words
 
-    [signals]                    # column and unit; optional, in this unit: scale, offset (value = scale * cell
-    time          = { column = "t_s", unit = "s" }                       # + offset), noise_sd, resolution, range
+    [signals]                    # column and unit; optional, in this unit: scale, offset, noise_sd, resolution, range
+    time          = { column = "t_s", unit = "s" }                       # value = scale * cell + offset
     voltage_left  = { column = "v_left", unit = "V" }
     voltage_right = { column = "v_right", unit = "V" }
     yaw_rate      = { column = "yaw_rate", unit = "deg/s", noise_sd = 0.8, range = [-300, 300] }
@@ -33,8 +33,8 @@
 - A blank voltage means that the motor floats; 0 V means that the motor is shorted. A blank output is a missing sample.
   Sampling may be irregular.
 - Duty is a share of the battery voltage, -1 to 1. The program uses the measured battery voltage, or else
-  `battery_voltage` of `[nominal]`, or else 9 V, with a note. `duty_mean` is (left + right) / 2, and `duty_diff` is left
-  - right.
+  `battery_voltage` of `[nominal]`, or else 9 V, with a note. `duty_mean` is `(left + right) / 2`, and `duty_diff` is
+  `left - right`.
 - `sampling = "instant"` or `"mean"` under `accel_surge` and `accel_sway` says what a sample of an accelerometer is: the
   acceleration at its time, or the mean since the sample before it. The default is the mean, and `discover` notes which
   of the two the data show. The wrong choice changes the fitted inductance and resistance.
@@ -42,12 +42,12 @@
   sensors of the simulated machine then do the same.
 - Rows closer than the plant's motor step of 0.3 ms are merged, with a note: an input becomes its mean, an output its
   first reading. A channel that is logged faster than it is sampled repeats each sample in several rows; only the first
-  of these rows is used. Inputs and files are not changed.
-- If a controller follows set points, and neither voltage nor duty is logged, the inputs are
-  `reference_wheel_speed_left` and `_right`, `reference_velocity` and `reference_yaw_rate` (a `cmd_vel`), or
-  `reference_speed` of a motor. Then the model contains a speed controller. State known gains under
-  `[nominal.effects]`; otherwise `feedforward` and `integral` are fitted. The value of `emf_constant` then sets the
-  scale of all voltages, and a higher proportional gain acts like a lower resistance.
+  of these rows is used. Inputs keep their repeated rows, and files are never changed.
+- If a controller follows set points, and neither voltage nor duty is logged, the inputs are a pair, either
+  `reference_wheel_speed_left` and `_right`, or `reference_velocity` and `reference_yaw_rate` (a `cmd_vel`); a motor has
+  `reference_speed`. Then the model contains a speed controller. State known gains under `[nominal.effects]`; otherwise
+  the gains `feedforward` and `integral` are fitted. The value of `emf_constant` then sets the scale of all voltages,
+  and a higher proportional gain acts like a lower resistance.
 - A motor whose drive controls the current needs `force_per_volt` or `torque_per_volt` under `[nominal]`.
 """
 
@@ -94,7 +94,7 @@ _NO_VOLTAGE = (
 )
 
 _LONGEST_GAP_S = 1e8
-_SMALLEST_SIZE = 1e-12  # SI: least accepted noise_sd or resolution; the last digit of any log is larger
+_SMALLEST_SIZE = 1e-12  # SI: least accepted noise_sd or resolution, far below the last digit of any log
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ class Signal:
     resolution: float | None
     range: tuple[float, float] | None
     sampling: Sampling | None = None  # for an accelerometer: whether a sample is instant or a mean
-    stated: tuple[str, ...] = ()  # for a rotation sensor: keys that are true and state an effect, such as `unsigned`
+    stated: tuple[str, ...] = ()  # of a rotation sensor: keys, such as `unsigned`, that state an effect and are true
 
     @property
     def to_si(self) -> float:

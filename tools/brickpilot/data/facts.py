@@ -19,10 +19,10 @@ from brickpilot.data.signals import SIGNALS, Array
 
 _LATE = 0.99  # this quantile of the time steps is reported beside the median
 _EQUAL = 0.02  # share of the larger command: two commands count as equal if they differ by less
-_WINDOW_S, _LEAST_WINDOWS = 0.25, 4  # length and least number of the windows in which the two sides are compared
+_WINDOW_S, _LEAST_WINDOWS = 0.25, 4  # length in s, and least number, of the windows in which two sides are compared
 _FAST = 0.5  # share of the fastest window's motion: windows with less motion are ignored
-_CORRECTION = 0.05  # share of the driven rows: a run counts as straight if fewer of them turn
-_REST = 10  # the gyro's bias is taken from the samples before a run's first command if there are at least 10
+_CORRECTION = 0.05  # limit, as a share of a run's driven rows: if fewer rows turn the robot, the run counts as straight
+_REST = 10  # least number of samples before a run's first command from which the gyro's bias is taken
 _BLOCKS = 20  # number of blocks of consecutive windows; their scatter gives the error of a ratio
 
 
@@ -152,7 +152,7 @@ def yaw_over_wheels(dataset: Dataset) -> Measure | None:
     blocks = zip(np.array_split(by_wheels, _BLOCKS), np.array_split(by_gyro, _BLOCKS), strict=True)
     parts = [np.array([wheels @ gyro, wheels @ wheels]) for wheels, gyro in blocks]
     whole = sum(parts, np.zeros(2))
-    without = np.array([(whole - part)[0] / (whole - part)[1] for part in parts])  # the jackknife
+    without = np.array([(whole - part)[0] / (whole - part)[1] for part in parts])  # jackknife: without one block each
     sd = math.sqrt((len(parts) - 1) / len(parts) * float(np.sum((without - without.mean()) ** 2)))
     size = float(whole[0] / whole[1])
     return Measure(size, size - 2 * sd, size + 2 * sd)
@@ -166,7 +166,8 @@ def _half_width(each: Array) -> float:
 def _equal_windows(dataset: Dataset) -> Array:
     """Returns (w, 3): motion of the left and right wheel, rad or m, and yaw, rad, in fast windows with equal commands.
 
-    The result is empty if the wheels turn in opposite directions in one of these windows.
+    A window is fast if its motion is at least half of the fastest window's. The result is empty if the wheels turn in
+    opposite directions in a fast window.
     """
     of_runs = [window for run in dataset.runs for window in _windows(run, dataset)]
     windows: Array = np.array(of_runs, dtype=np.float64).reshape(-1, 3)

@@ -20,15 +20,15 @@ from brickpilot.data.dataset import Dataset, Run
 from brickpilot.data.signals import RATE_OF, Array, input_names
 
 _BLOCKS = 20  # number of blocks in cross-validation; 10 to 30 are usual for batch means (Schmeiser 1982, Oper. Res. 30)
-_PER_UNKNOWN = 10  # least number of decisions for each coefficient of a regression
+_PER_UNKNOWN = 10  # least number of decisions (changes of the command) for each coefficient of a regression
 _PAST = (1, 2, 4, 8, 16, 32)  # numbers of past decisions tried as predictors of the next; the best number is used
-_SMOOTHED = 8  # number of exponential means of earlier commands, over 2, 4 ... 256 rows: the memory of a machine
+_SMOOTHED = 8  # number of exponential means of earlier commands, over 2, 4 ... 256 rows; slow motion follows such means
 _READINGS = 3  # number of readings at past decisions that are used: an incremental PID law needs three
-_SHOWN = 3 + _READINGS  # number of columns for the output in `_decisions`: earlier readings, and the change in the row
+_SHOWN = 3 + _READINGS  # number of columns of `_decisions` that hold the output: earlier readings, and its last change
 _HUBER = 1.345  # sds: a larger residual gets less weight; 95 % efficient for normal noise (Huber 1964)
 _NORMAL_MAD = 1.4826  # ratio of sd to median absolute deviation for normal noise
-_EXACT = 1e-6  # share of the rms change: if the prediction error is smaller, the commands are an exact plan
-_RIDGE = 1e-12  # share of the mean square, added to the diagonal because equal readings make the fit singular
+_EXACT = 1e-6  # limit, as a share of a command's rms change: if the prediction errs by less, the plan is exact
+_RIDGE = 1e-12  # share of the mean square, added to the normal equations' diagonal: equal readings make them singular
 
 
 @dataclass(frozen=True)
@@ -67,18 +67,18 @@ def follows_outputs(dataset: Dataset, level: float) -> Loop | None:
     The past of a planned command may predict the command, but sensor readings do not improve this prediction. So the
     test is one of Granger causality from outputs to commands. Only rows in which a command changes count. Three
     predictions of the change are compared. The first uses the earlier commands: the latest commands, and means over 2
-    to 256 rows, which cover a machine's memory. The second also uses the earlier readings. The third also uses the
-    reading of the same row. A command that was logged late changes that reading, too. So the third prediction counts
-    only if the command opposes the motion, as feedback with the right sign does. Each block of a run is predicted by a
-    fit to the other blocks. A t-test over the blocks shows whether the mean of log(squared error without readings /
-    with readings) is above 0. Runs that are too short for a separate fit are pooled.
+    to 256 rows, because a slow motion follows such means. The second also uses the earlier readings. The third also
+    uses the reading of the same row. If a command is logged late, it has already changed this reading. So the third
+    prediction counts only if the command opposes the motion, as feedback with the right sign does. Each block of a run
+    is predicted by a fit to the other blocks. A t-test over the blocks shows whether the mean of
+    `log(squared error without readings / with readings)` is above 0. Runs too short for a separate fit are pooled.
 
     Only speeds, angles and positions count as outputs: accelerations, forces and currents respond in the row of the
-    command. The battery's voltage drops with the motion. So if the duty was planned, the volts follow the motion, and
-    the reverse. If this voltage is measured, both volts and duty have to follow the output. The test misses a loop
-    whose readings have no noise or disturbance, because then the past commands predict the next command. It also misses
-    a loop in which the command changes too rarely, such as a relay. It sometimes finds a false loop if the commands are
-    coarsely rounded sines (15 of 240 simulated data sets).
+    command. The battery's voltage drops with the motion. So if the duty was planned, the volts follow the motion; if
+    the volts were planned, the duty follows it. If the battery's voltage is measured, a loop therefore counts only if
+    both volts and duty follow the output. The test misses a loop whose readings have no noise or disturbance, because
+    then the past commands predict the next command. It also misses a loop in which the command changes too rarely, such
+    as a relay. It sometimes finds a false loop in coarsely rounded sines (15 of 240 simulated data sets).
 
     Args:
         level: significance level: a loop is returned only if its `chance` is smaller.
@@ -111,7 +111,7 @@ def _as_duty(run: Run, commands: Sequence[str]) -> Run:
 
 
 def _tested(runs: Sequence[Run], commands: Sequence[str], output: str) -> Loop | None:
-    """Returns how well `output` predicts the first of `commands`; one p-value covers earlier and same-row readings."""
+    """Returns how well `output` predicts the first of `commands`; its p-value is double that of the better test."""
     runs = [run for run in runs if output in run.outputs]
     own = [_predicted([run], commands, output) for run in runs]
     pooled = _predicted([run for run, alone in zip(runs, own, strict=True) if alone is None], commands, output)
@@ -130,7 +130,7 @@ def _tested(runs: Sequence[Run], commands: Sequence[str], output: str) -> Loop |
 
 def _chance(gained: Array) -> float:
     """Returns the p-value of the mean of `gained` (blocks,) against an expectation of 0 (one-sided t-test)."""
-    from scipy.stats import ttest_1samp  # slow to load, and most commands need none of it
+    from scipy.stats import ttest_1samp  # slow to load, and seldom needed
 
     return float(ttest_1samp(gained, 0.0, alternative="greater").pvalue) if np.ptp(gained) > 0.0 else 1.0
 
@@ -208,7 +208,7 @@ def _errors(table: Array, columns: Sequence[int]) -> Array:
 
 
 def _weighted(tables: Sequence[Array]) -> tuple[Array, float] | None:
-    """Returns the tables as one, and the mean log sd of the residual; None: the commands are an exact plan.
+    """Returns the tables as one, and the mean of log(sd of the residual); None: the commands are an exact plan.
 
     The residual is that of a prediction from the commands alone. Each run's rows are divided by the sd of the run's
     residual, rows with a large residual get less weight, and each column except the first is divided by its rms.
@@ -234,7 +234,7 @@ def _decisions(run: Run, commands: Sequence[str], output: str, past: int) -> tup
     the earlier readings of the output, and the output's change from the row before. The second result is the median age
     of each earlier reading of the output, s.
     """
-    from scipy.signal import lfilter  # slow to load, and most commands need none of it
+    from scipy.signal import lfilter  # slow to load, and seldom needed
 
     inputs, reading = np.column_stack([run.inputs[name] for name in commands]), run.outputs[output]
     with np.errstate(invalid="ignore"):

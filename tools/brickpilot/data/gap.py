@@ -1,4 +1,4 @@
-"""The gap: the rms difference between measured and simulated signals in free runs, in noise sds, and its time spans."""
+"""The gap: the rms difference of measured and simulated signals in free runs, in noise sds, and where it is large."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Outputs = Mapping[str, Array]
 
 _SHOWN_S = 0.1  # s: length of the windows in which the rms of a difference is computed
 _BRIDGED_S = 0.3  # s: two spans with a shorter break between them become one
-_CONDITION_SHARE = 0.6  # a condition is reported only if it covers this share of a place's gap
+_CONDITION_SHARE = 0.6  # a condition, such as "turning right", is named only if it covers this share of a place's gap
 _CONDITION_LIFT = 1.3  # a condition's share of the gap has to exceed this factor times its share of the time
 
 
@@ -55,8 +55,8 @@ def gaps(
 ) -> tuple[dict[str, Gap], dict[str, Gap]]:
     """Returns role -> gap, and signal -> gap, for the models before ("nominal") and after ("augmented") discovery.
 
-    The difference of a signal that sums up motion starts from 0. All signals have the same weight, and all samples of a
-    signal have the same weight.
+    For a signal that sums up motion, only the difference's change since the run's start counts. All signals have the
+    same weight, and all samples of a signal have the same weight.
     """
 
     def rms(runs: Sequence[Run], outputs: Mapping[str, Outputs], signals: Iterable[str]) -> float | None:

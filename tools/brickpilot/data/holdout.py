@@ -20,14 +20,14 @@ _STEP_SPREAD = 0.2
 # The sum and the difference of two motors' inputs are compared. If the ratio of the smaller to the larger is below this
 # limit, the run is straight or a turn on the spot.
 _PURE = 0.25
-# Largest ratio of two runs' rms inputs: if the ratio is larger, one run cannot replace the other.
+# Largest ratio of two runs' rms inputs: if the ratio is larger, the smaller run is not held out.
 _AS_LARGE = 1.5
 # Share of a run's input: if less of the input is in one direction, the run belongs to the other direction.
 _ONE_WAY = 0.1
 # In s: a shorter stretch is not held out, because it tests a free run poorly.
 _SHORTEST_S = 0.3
-# Shares of the input's energy: the fit's share in total, the fit's share in each direction, and the least held-out
-# share.
+# Least shares of the input's energy (its square, integrated over time): of the fit in total, of the fit in each
+# direction, and of the held-out part.
 _KEPT, _KEPT_OF_DIRECTION, _LEAST_END = 0.75, 0.5, 0.1
 
 # Two runs repeat each other if their inputs differ by at most `_SAME_SHARE` of their rms, for at least `_REPEAT_S` s
@@ -114,7 +114,7 @@ def _note(out: Sequence[str], stretches: Sequence[str]) -> str:
         return "No run is held out: the data set names none, and each manoeuvre occurs once in a direction."
     parts = []
     if out:
-        parts.append(f"{', '.join(out)} (of runs alike at most one of three, and never the one with the largest input)")
+        parts.append(f"{', '.join(out)} (of 2 or 3 similar runs at most one, and never that with the largest input)")
     if stretches:
         parts.append(f"the last part of the drive in {', '.join(stretches)} (a manoeuvre that occurs once)")
     return f"The program held out {' and '.join(parts)}."
@@ -159,7 +159,7 @@ def kind_of(driven: Array) -> str:
 
 
 def turning_share(driven: Array) -> float:
-    """Returns the share, 0..1, of driven rows that drive a spin or a curve, from inputs (n, 2); 0 for a rest."""
+    """Returns the share, 0..1, of the driven rows of inputs (n, 2) that turn the robot; 0: no row is driven."""
     moving = _moving(driven)
     common, difference = np.abs(moving.sum(axis=1)), np.abs(moving[:, 0] - moving[:, 1])
     return float(np.mean(difference > _PURE * common)) if len(moving) else 0.0
@@ -195,8 +195,8 @@ def _direction(values: Array, positive: str, negative: str) -> str:
 def _last_drive(run: Run, driven: Array) -> tuple[float, float] | None:
     """Returns start and end of a run's held-out samples, in s on the run's clock; None: no sample is held out.
 
-    The fit keeps at least three quarters of the input's energy, and half of the energy in each direction. So it has
-    every part of the manoeuvre, and nearly the largest input of a ramp. It also keeps the stop after the drive.
+    The fit keeps at least three quarters of the input's energy, and half of the energy in each direction. So the
+    fit sees every part of the manoeuvre, and nearly the largest input of a ramp. It also sees the stop after the drive.
     """
     ahead, apart = driven.sum(axis=1), driven[:, 0] - driven[:, -1]
     steps = np.gradient(run.time)
@@ -215,8 +215,8 @@ def _last_drive(run: Run, driven: Array) -> tuple[float, float] | None:
 
 MANY, ENOUGH = 100_000, 30_000
 """If the fit runs have more than `MANY` samples, only some of the runs are fitted, with at least `ENOUGH` samples in
-total. With so many samples, the model's error limits the accuracy of a fitted value. Twelve runs of 10 s at 500 Hz are
-all fitted."""
+total. With so many samples, the model's error limits the accuracy of a fitted value. For example, twelve runs of 10 s
+at 500 Hz are all fitted."""
 
 
 def enough_to_fit(dataset: Dataset) -> tuple[Dataset, str | None]:

@@ -1,4 +1,4 @@
-"""The inputs between two rows of a log, and the delay of inputs: an input is held, or linear up to the next row.
+"""The inputs between two rows of a log (held, or linear up to the next row), and the delay of the inputs.
 
 A simulation holds an input from row to row. So a linear change becomes several short rows, each with the input's mean
 over this row; measured signals are blank in the added rows.
@@ -28,7 +28,7 @@ INPUT_TIMINGS: tuple[InputTiming, ...] = ("held", "linear", "unknown")
 UNKNOWN_TIMING = "how the inputs change between two rows is not known: they are taken as held"
 """The note of a data set whose `input_timing` is "unknown"."""
 
-_STEP_S = 0.005  # s: longest row while an input changes linearly
+_STEP_S = 0.005  # s: longest duration of a row while an input changes linearly
 _MOST_STEPS = 200  # largest number of steps between two rows
 _PARTS = 8  # number of steps into which a row of a log is divided
 
@@ -39,7 +39,7 @@ def with_linear_inputs(run: Run) -> Run:
 
 
 def ramps(time: Array, inputs: Mapping[str, Array], step_s: float = _STEP_S) -> tuple[Array, dict[str, Array]]:
-    """Returns times and inputs of finer rows; the inputs are means of straight lines between the given rows.
+    """Returns times and inputs of finer rows: an input is linear between given rows, and averaged over finer rows.
 
     Args:
         time: (n,) s, strictly increasing; the result contains all these times.
@@ -86,7 +86,7 @@ def mean_over_steps(time: Array, driven: Array, grid: Array) -> Array:
     Args:
         time: (n,) s, the times at which the rows of `driven` begin to act; before the first row the input is 0.
         driven: (n, columns) V; NaN: the motor floats.
-        grid: (m,) s. The last row of the result is the last input.
+        grid: (m,) s. The last row of the result is the last row of `driven`.
     """
     return means_over_grids(time, driven, [grid])[0]
 
@@ -130,7 +130,7 @@ def scaled(_: Array, driven: Array, gain: float) -> Array:
 
 @dataclass(frozen=True)
 class Behind:
-    """The lag of the inputs: a dead time in s, or a first-order lag with a time constant in s; 0: none."""
+    """How late the inputs act: a dead time ("delay"), or a first-order lag with a time constant ("lag"), s; 0: none."""
 
     kind: Kind = "delay"
     seconds: float = 0.0
@@ -164,7 +164,7 @@ def inputs_acting(run: Run, time: Array, timing: Timing, behind: Behind) -> dict
 
 
 def _lagged(time: Array, values: Array, lag: float) -> Array:
-    """Returns (n, columns): the row means of `values` after a first-order lag that starts settled; NaN stays NaN."""
+    """Returns (n, columns): row means of `values` after a first-order lag, settled at the start; NaN stays NaN."""
     steps = np.diff(time, append=2 * time[-1] - time[-2])
     kept = np.exp(-steps / lag)
     means = np.empty_like(values)

@@ -19,10 +19,10 @@ MOVING_SAMPLES = 12
 """Number of samples to which a line is fitted if a run starts in motion."""
 _LEAST_KNOWN = 4  # least number of known samples for the fit of a line
 _LEAST_BENT = 6  # least number of known samples to test whether a motion is curved
-_HELD_S = 0.1  # s: the first sample of a held channel is sought within this time from a run's start
-_TREND_SD = 3.0  # sds of a polynomial's leading coefficient: a larger coefficient is motion and not noise
-_OF_MOTION = (1, 2, 3)  # degrees of the polynomials tested for a trend: a swinging pendulum may have no slope
-_SPIKE = 3.0  # times the span of the middle 90 % of samples: a sample farther from the median is damaged
+_HELD_S = 0.1  # s: a slowly sampled channel has its first sample within this time from a run's start
+_TREND_SD = 3.0  # limit on a polynomial's leading coefficient, in sds: a larger coefficient is motion and not noise
+_OF_MOTION = (1, 2, 3)  # degrees of the polynomials tested for a trend; not only 1, because a swing may have no slope
+_SPIKE = 3.0  # limit, in spans of the middle 90 % of samples: a sample farther from the median is damaged
 
 
 def with_rates(dataset: Dataset) -> Dataset:
@@ -61,7 +61,7 @@ def with_averaged_starts(dataset: Dataset, inputs: Mapping[str, Array]) -> Datas
         rest = _samples_at_rest(run, inputs[run.name])
         for name, values in outputs.items():
             moving = MOVING_SAMPLES
-            if not np.isfinite(values[0]):  # a held channel: its first sample may be some rows later
+            if not np.isfinite(values[0]):  # a slowly sampled channel: its first sample may be some rows later
                 moving = max(moving, int(np.searchsorted(run.time, run.time[0] + _HELD_S)))
             if name in SUMMED or name.startswith("accel") or not np.isfinite(values[:moving]).any():
                 continue
@@ -73,7 +73,7 @@ def with_averaged_starts(dataset: Dataset, inputs: Mapping[str, Array]) -> Datas
 
 
 def _samples_at_rest(run: Run, driven: Array) -> int:
-    """Returns the number of samples before the first change of command, within `_REST_S`."""
+    """Returns the number of samples before the first change of a command, at most those within `_REST_S`."""
     same = np.all((driven == driven[0]) | (np.isnan(driven) & np.isnan(driven[0])), axis=1)
     count = len(same) if same.all() else int(np.argmin(same))
     return min(count, int(np.searchsorted(run.time, run.time[0] + _REST_S)))
@@ -149,8 +149,8 @@ def zero_phase_rate(time: Array, values: Array) -> Array:
     return np.where(known, np.interp(time, even, rate), np.nan)
 
 
-_STILL = 0.01  # share of the largest mean rate of a run: a slower undriven wheel counts as at rest
-HOLE_S = 0.12  # a longer hole in measured angles or speeds is not filled
+_STILL = 0.01  # share of the largest mean rate of any run: a slower wheel without drive counts as at rest
+HOLE_S = 0.12  # s: a longer hole in measured angles or speeds is not filled
 _WINDOW = ", window "  # text between the run's name and the window's number
 
 
@@ -177,7 +177,7 @@ def cut_into_windows(dataset: Dataset, inputs: Mapping[str, Array], length_s: fl
     still = _STILL * length_s * max(rates, default=0.0)
     for run in dataset.runs:
         angles = turned[run.name]
-        if not run.outputs:  # such a run is not compared, but its heat and charge carry over
+        if not run.outputs:  # a run without outputs is not compared, but its heat and charge carry over
             windows.append(run)
             continue
         if angles is None:
@@ -222,7 +222,7 @@ def _shows_nothing(run: Run, angles: Mapping[str, Array], rows: slice, still: fl
 
 
 def _without_holes(time: Array, values: Array | None) -> Array | None:
-    """Returns the values with short holes interpolated, such as those of a held channel; None: a hole is too long."""
+    """Returns the values with short holes interpolated, as a slowly sampled channel has; None: a hole is too long."""
     known = np.flatnonzero(np.isfinite(values)) if values is not None else np.empty(0, dtype=np.intp)
     if values is None or len(known) < 2 or len(known) == len(values):
         return values if len(known) else None

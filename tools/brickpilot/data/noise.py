@@ -22,19 +22,19 @@ Colour = Literal["white", "differentiated", "filtered", "quantised"]
 
 _DISTANCES = np.array([1, 2, 3, 4, 6])  # samples
 _LEAST_SAMPLES = 40  # least number of samples that show a colour; in shorter runs noise counts as white
-_THIRD = np.array([20.0, -30.0, 12.0, -2.0])  # variance of a third difference: weights of autocorrelations, lags 0 to 3
+_THIRD = np.array([20.0, -30.0, 12.0, -2.0])  # weights of autocorrelations 0 to 3 in the variance of a third difference
 _FILTERS = np.array([0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9])  # lag-one autocorrelations that are tried
 _MOST = 0.85  # a larger autocorrelation is not accepted: such smooth noise looks like motion
 _CLEARLY = 0.5  # a colour is accepted if its misfit is below this share of white noise's misfit
-_MULTIPLE = 0.05  # share of a step: a distance that is this close to a whole number of steps counts as whole
+_MULTIPLE = 0.05  # share of a step: a distance this close to a whole number of steps counts as this number
 _DISTANCES_TRIED = 300  # number of the smallest distances between values from which the step is computed
 _SKIPPED = 60  # largest number of steps in the smallest distance between values, because a fast counter skips values
-_TEXT = 30.0  # in steps: if the noise is larger, the step comes only from the log's decimal digits
+_TEXT = 30.0  # limit on the noise's sd, in steps: if it is larger, the step is only that of the log's decimal digits
 _ALL = 0.98  # a step is accepted if a larger share of the distances are whole numbers of this step
 _LEAST_PIECE = 8  # least number of samples in a piece; a longer dropout ends a piece
-_COARSE = 0.5  # share of repeated samples: above it, the error comes from the steps and not from noise
+_COARSE = 0.5  # limit on the share of repeated samples: above it, the error comes from the steps and not from noise
 _LAGS = 400
-_SAME, _SELDOM = 1e-6, 0.05  # coarse: at least `_SELDOM` of the third differences are within `_SAME` of their median
+_SAME, _SELDOM = 1e-6, 0.05  # coarse signal: `_SELDOM` of third differences or more are within `_SAME` of their median
 
 
 @dataclass(frozen=True)
@@ -45,8 +45,8 @@ class Noise:
         sd: sd of the noise in one sample, SI.
         colour: "differentiated": noise of a rate computed from counts or positions; "filtered": white noise after a
             first-order low-pass; "quantised": only the steps of the converter.
-        correlation: lag-one autocorrelation of filtered noise; for "quantised", exp(-1 / mean number of samples on one
-            step).
+        correlation: lag-one autocorrelation of filtered noise; for "quantised", `exp(-1 / n)` with the mean number n
+            of samples on one step.
     """
 
     sd: float

@@ -20,8 +20,8 @@ from brickpilot.data.signals import Array
 Spectrum = NDArray[np.complex128]
 
 _STEP = 2 * math.pi / 256  # rad
-_LOWEST, _HIGHEST = 0.9, 115.0  # orders; `_STEP` resolves 128
-_SLOW = 0.1  # quantile of the turn per sample: slow parts of runs, with a small turn, resolve the highest orders
+_LOWEST, _HIGHEST = 0.9, 115.0  # range of the orders that are searched; `_STEP` resolves 128
+_SLOW = 0.1  # quantile of the turn per sample that gives the highest order: slow parts of runs resolve more orders
 _TURNS = 1e-3  # rad per sample: a wheel that turns less counts as at rest
 PADDING = 4
 """The number of points of a spectrum within one resolution (1 / span of the data)."""
@@ -31,7 +31,7 @@ _PROMINENCE = 6.0  # least ratio of a peak's power to the median power in its ne
 _PEAKS = 3  # largest number of peaks of a spectrum that are tried
 _LEAST_ROWS = 3  # least number of rows from which accelerations can be computed
 _SAME = 0.003  # orders that differ by less count as one order
-_LONGEST = 2**15  # in `_STEP`: 800 rad; larger angles wrap around
+_LONGEST = 2**15  # range of the angle, in `_STEP`: 800 rad; larger angles wrap around
 _RESOLUTION = 2 * math.pi / (_STEP * _LONGEST * PADDING)
 
 
@@ -125,7 +125,7 @@ def _sums(angle: Array, values: Array) -> Spectrum:
     return np.asarray(np.fft.rfft(np.bincount(bins, values, length)))
 
 
-_AROUND = 8  # number of frequencies on each side of a peak; 32 degrees of freedom give a piece's background to 25 %
+_AROUND = 8  # number of background frequencies on each side of a peak; a piece's background is known to 25 %
 _GRID = 32  # number of grid times in the shortest period: a sample is moved by at most 1/64 period
 _FINER = 20  # number of frequencies between two multiples of 1 / duration at which a peak is evaluated
 
@@ -162,8 +162,8 @@ def own_period(residuals: Sequence[tuple[Array, Array]], level: float) -> Period
     J. 263) is divided by the variance of the piece. The power is summed over the pieces at multiples of 1 / duration.
     The sum is compared with the mean of the sums at eight frequencies on each side. The nearest frequency on each side
     is left out, because a peak between two frequencies appears at both frequencies. On a smooth background the ratio is
-    Fisher's F, with two degrees of freedom for each piece and frequency. So a piece must hold at least ten periods. A
-    lightly damped resonance gives such a peak, too, and cannot be distinguished from a disturbance.
+    Fisher's F, with two degrees of freedom for each piece and frequency. Nine lower frequencies are needed, so a piece
+    must hold at least ten periods. A lightly damped resonance gives such a peak, too, and looks like a disturbance.
 
     Args:
         residuals: for each run: time (n,) in s, possibly uneven, and residual (n,), NaN where unknown.
@@ -185,7 +185,7 @@ def own_period(residuals: Sequence[tuple[Array, Array]], level: float) -> Period
     around = [offset for offset in range(-_AROUND - 1, _AROUND + 2) if abs(offset) > 1]
     background = np.mean([power[tested - 1 + offset] for offset in around], axis=0)
     ratio = power[tested - 1] / background
-    from scipy.signal import lombscargle  # slow to load, and most commands need none of it
+    from scipy.signal import lombscargle  # slow to load, and seldom needed
     from scipy.stats import f as fisher
 
     chances = fisher.sf(ratio, 2 * len(pieces), 2 * len(pieces) * len(around)) * len(tested)

@@ -136,7 +136,7 @@ def parse_rows(rows: str, delimiter: str, width: int) -> tuple[pyarrow.Table, li
     names = [str(column) for column in range(width)]
     table = read_csv(
         pyarrow.BufferReader(content),
-        # One block, because no row may lie in two blocks; one thread, because pyarrow numbers rows only then.
+        # One block, because no row may lie in two blocks; one thread, because only then pyarrow numbers the rows.
         ReadOptions(column_names=names, use_threads=False, block_size=len(content)),
         ParseOptions(delimiter=delimiter, quote_char=False, invalid_row_handler=left_out),
         ConvertOptions(column_types=dict.fromkeys(names, pyarrow.string())),

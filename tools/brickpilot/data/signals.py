@@ -135,7 +135,7 @@ def of_motors(inputs: Mapping[str, NDArray[np.float64]], half_track: float) -> N
 def to_frd(signal: str, values: Number, frame: Frame) -> Number:
     """Returns the value or values of `signal` in the paper's frame (x forward, y right, clockwise positive).
 
-    FLU is this frame after half a turn about x: lateral and yaw values change sign; left and right signals do not
-    change.
+    FLU is this frame after half a turn about x. So lateral and yaw values change sign; signals named left or right do
+    not.
     """
     return -values if frame == "FLU" and signal in TURNS_WITH_FRAME else values

@@ -62,7 +62,7 @@ class TomlFile:
                 table = _names(header[2])
                 if header[1] == "[[":
                     counts[table] = counts.get(table, -1) + 1
-                # A table below an array of tables belongs to the last entry of the array that was read.
+                # A table below an array of tables belongs to the entry of this array that was read last.
                 for depth in range(len(table), 0, -1):
                     if table[:depth] in counts:
                         table = (*table[:depth], counts[table[:depth]], *table[depth:])

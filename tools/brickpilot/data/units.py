@@ -34,7 +34,7 @@ standard_gravity = 9.80665 * meter / second ** 2 = g0 = g_0
 newton = kilogram * meter / second ** 2 = N
 volt = newton * meter / second / ampere = V
 """
-# The only numbers in a unit are small exponents, so a unit contains no arithmetic.
+# The only numbers in a unit are small exponents, so that pint has no arithmetic to do in a user's text.
 _FACTOR = r"(?:1|%|[A-Za-zµμ°][A-Za-z0µμ°_]*)(?:(?:\^|\*\*)-?[1-4])?"
 _UNIT = re.compile(rf"\s*{_FACTOR}(?:\s*[*/·\s]\s*{_FACTOR})*\s*")
 _HINTS = {

@@ -19,7 +19,7 @@ from brickpilot.errors import InputError, disk_named
 
 try:
     import fcntl
-except ImportError:  # no POSIX: leftovers stay
+except ImportError:  # no POSIX: unfinished files of killed processes stay
     fcntl = None  # type: ignore[assignment]
 
 

@@ -1,7 +1,7 @@
 """Finds channels whose sign or unit contradicts the nominal model, for data sets with only one channel of a kind.
 
 A nominal value may be wrong and an effect may be missing. So only gross contradictions count: a motion whose sign is
-opposite to the model's, or whose size another unit explains. Friction may make a measured motion smaller than the
+opposite to the model's, or whose size only another unit explains. Friction may make a measured motion smaller than the
 simulated motion. So a smaller motion counts only if (measured / simulated) is about the same in all moving runs. If all
 moving runs have the same fault, the runs that hardly move are assumed to have this fault, too.
 """
@@ -20,10 +20,10 @@ from brickpilot.data.audit.view import EQUAL, LEAST_SAMPLES, Vector, Windows, cu
 from brickpilot.data.dataset import Dataset, Run
 
 _LEAST = 9.0  # smaller factors between two units are ignored
-_FITS = (0.45, 1.6)  # a unit explains a ratio if (ratio / its factor) is within these limits; the model is inexact
+_FITS = (0.45, 1.6)  # a unit explains a ratio if (ratio / its factor) is within these limits, as the model is inexact
 _MOVES = 0.3  # a run is moving if its simulated motion is at least this share of the largest of all runs
-_ALIKE = 2.0  # runs with a median ratio above 1 share a fault only if (largest / smallest ratio) is below this
-_ALIKE_SMALL = 1.3  # the same limit for runs with a median ratio of 1 or less
+_ALIKE = 2.0  # if the median (measured / simulated) is above 1, runs share a fault only below this (largest / smallest)
+_ALIKE_SMALL = 1.3  # the same limit for a median (measured / simulated) of 1 or less
 
 
 @dataclass(frozen=True)

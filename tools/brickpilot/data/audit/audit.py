@@ -27,10 +27,10 @@ __all__ = ["Audited", "Fault", "audit"]
 _WITHIN_S = 0.1  # s: a collision stops a vehicle within this time; friction, a weak battery and a slope need longer
 _SETTLED_S = 0.3  # s: within this time after a change of command, the command itself may change the speed
 _CHANGE = 0.05  # share of the largest command: smaller changes of a command are ignored
-_FAST = 0.4  # share of the fastest motion of any run: friction may stop a slower wheel
+_FAST = 0.4  # share of the fastest motion of any run: a slower wheel shows no collision, as friction may stop it
 _LOST = 0.5  # least share of the speed that a vehicle loses in a collision; a rough floor takes less
 _SMOOTH_S = 0.02  # s: the span over which a rate is averaged, or a sum (angle or travel) is differenced
-_STEPS = 4.0  # in resolutions: a smaller loss of speed does not count, because a channel may be coarse
+_STEPS = 4.0  # in resolutions: a coarse channel may show a smaller loss of speed without a collision
 _AFTER_S = 0.03  # s: least time for which the speed stays low after a collision
 
 
@@ -239,7 +239,7 @@ def _rates(view: RunView) -> dict[str, Vector]:
 
 
 def _loss(view: RunView, name: str, rate: Vector, fastest: float) -> int | None:
-    """Returns the last sample before the first sudden loss of speed at a settled command; None: no such loss."""
+    """Returns the last sample before the first sudden loss of speed at a constant command; None: no such loss."""
     within, after = (max(1, round(seconds / view.interval)) for seconds in (_WITHIN_S, _AFTER_S))
     count = len(rate) - within - after
     if count < 1 or fastest == 0.0:

@@ -19,20 +19,20 @@ from brickpilot.data.audit.fault import CLOCK_FACTORS, FACTORS, GRAVITY, is_one_
 from brickpilot.data.audit.relations import WHEEL_KINDS, Alike, Driven, Geometry, Group, State, relations
 from brickpilot.data.audit.view import LEAST_SAMPLES, RunView, Vector, Windows, cut, driven_by, ratio_of, typical_motion
 
-_MOST = 8  # a search stops after this number of contradictions
+_MOST = 8  # largest number of contradictions that a search returns
 _INTERVAL_RATIO = 1.4  # a factor explains the ratio of two sampling intervals if (ratio / factor) is below this
 _UNSATURATED = 0.8  # share of the fastest turn of all runs: the geometry is estimated from slower turns only
 _TURNS = 0.3  # rad/s: the geometry is estimated only if the rms turn rate is at least this
-_TURN_PER_METRE = (0.5, 50.0)  # 1/m: 1 / (2 b) for a half track b from 1 cm to 1 m
-_TURN_PER_RADIAN = (0.03, 1.2)  # r / (2 b), with the wheel radius r
-_LEVEL = 0.4  # share of the strongest drive of any run: with a weaker drive, other causes may move the machine
-_WITH_DRIVE = 0.8  # a motion has a gain only if its correlation with its drive is at least this
+_TURN_PER_METRE = (0.5, 50.0)  # 1/m: plausible yaw / (left - right travel): 1 / (2 b), half track b from 1 cm to 1 m
+_TURN_PER_RADIAN = (0.03, 1.2)  # plausible yaw / (left - right wheel angle): r / (2 b), with the wheel radius r
+_LEVEL = 0.4  # share of the strongest drive of any run: a weaker drive is no evidence; other causes may move the robot
+_WITH_DRIVE = 0.8  # the gain (motion per drive) counts only if motion and drive have at least this correlation
 _LARGE = 9.0  # a comparison with the other runs finds only factors above this
 _GAINS_FIT, _NOISE_FIT = 1.3, 2.0  # a factor explains a ratio of gains or noise if (ratio / factor) is below this
 _GAINS_ALIKE = 2.0  # two gains agree if their ratio is below this; the gains of most other runs have to agree
 _WORST = 6.0  # a larger logarithm of a ratio counts as this value
 _TYPICAL_INTERVAL_S = 0.005
-_TYPICAL_BATTERY, _HIGHEST_BATTERY = 9.0, 500.0  # V
+_TYPICAL_BATTERY, _HIGHEST_BATTERY = 9.0, 500.0  # V: a typical battery; the limit of a plausible one
 
 # Costs of a trial, in logarithms of a ratio.
 _PER_CHANNEL = 0.01  # cost of each blamed channel; it decides only between trials that are equal otherwise
@@ -115,7 +115,7 @@ def contradictions(views: Sequence[RunView], nominal: Mapping[str, float]) -> li
     geometry = Geometry(nominal.get("wheel_radius"), nominal.get("half_track"), {})
     found = _clocks_in_other_units(windows)
     found += _search(windows, names, geometry)
-    # The yaw per difference of the wheels is estimated only now, because the wheels no longer contradict each other.
+    # The ratio of yaw to wheel difference is estimated only now, when the wheels no longer contradict each other.
     if learnt := _turned(windows, names, geometry):
         found += _search(windows, names, replace(geometry, turned=learnt))
     found += _against_other_runs(RunSet(windows, names, geometry))
@@ -203,7 +203,7 @@ def _trials(runs: RunSet) -> list[Trial]:
 
 
 def _gain(runs: RunSet, number: int, trial: Trial) -> int:
-    """Returns how many relations of a run a trial repairs minus how many it breaks; above 0 only if it repairs one."""
+    """Returns (relations of a run that a trial repairs) - (those that it breaks); above 0 only if it repairs one."""
     windows = runs.windows[number].divided(trial.factors())
     mends, gain = False, 0
     for relation, before in zip(runs.relations, runs.evidence[number], strict=True):
@@ -214,7 +214,7 @@ def _gain(runs: RunSet, number: int, trial: Trial) -> int:
 
 
 def _may_share(runs: RunSet, number: int, trial: Trial, mended: tuple[int, ...]) -> bool:
-    """Whether a run may share the fault of the `mended` runs. False: its noise is like their noise after correction."""
+    """Whether a run may share the fault of the `mended` runs. False: its logged noise is like their corrected noise."""
     if abs(trial.factor) == 1.0 or trial.group == ("time",) or len(mended) > 1:
         return True
     own, shown = runs.windows[number].roughness, runs.windows[mended[0]].roughness
@@ -223,7 +223,7 @@ def _may_share(runs: RunSet, number: int, trial: Trial, mended: tuple[int, ...])
 
 
 def _against(runs: RunSet, trial: Trial, scope: Iterable[int]) -> Group:
-    """Returns the other channels or drives, which contradict the channels that the trial suspects."""
+    """Returns the channels or drives outside the trial's group that contradict the group, in the runs `scope`."""
     found: dict[str, None] = {}
     for number in scope:
         for relation, evidence in zip(runs.relations, runs.evidence[number], strict=True):
@@ -294,7 +294,7 @@ def _fastest(windows: Windows, name: str) -> float:
 
 
 def _turned(windows: Mapping[int, Windows], names: Iterable[str], geometry: Geometry) -> dict[tuple[str, str], float]:
-    """Returns (yaw channel, kind of wheel channel) -> median over the runs of the yaw per difference of the wheels.
+    """Returns (yaw channel, kind of wheel channel) -> median over the runs of yaw / (left - right wheel).
 
     Pairs for which the data set states the geometry have no entry. An implausible value is divided by the first factor
     between units that makes the value plausible. Then the relation is broken in all runs, and the search finds the
@@ -318,7 +318,7 @@ def _turned(windows: Mapping[int, Windows], names: Iterable[str], geometry: Geom
 
 
 def _turn_ratio(windows: Windows, yaw: str, apart: Vector, per: float, below: float) -> float | None:
-    """Returns yaw per difference of the wheels from windows that turn more slowly than `below` rad/s; None: too few."""
+    """Returns yaw / `apart` (left - right wheel) from windows that turn slower than `below` rad/s; None: too few."""
     turn = windows.of(yaw)
     slow = np.isfinite(apart) & (np.abs(turn) < below * windows.seconds)
     turn, apart = (np.where(slow, values, np.nan) for values in (turn, apart))

@@ -22,7 +22,7 @@ _UNITS = {
     "V": {1000.0: "mV"},
     "s": {1000.0: "ms", 1e6: "microseconds", 1 / 60.0: "minutes"},
 }
-"""SI unit -> factor -> name of another unit, with this factor, that is often confused with the SI unit."""
+"""SI unit -> factor -> name of the unit that has this factor and is often confused with the SI unit."""
 
 FACTORS = (180 / pi, 30 / pi, 2 * pi, 1000.0, 100.0, 1 / 0.0254, 25.4)
 """Factors between units: degrees, rpm or turns instead of radians; mm, cm or inches instead of m; mA instead of A."""

@@ -19,12 +19,12 @@ from brickpilot.data.signals import Frame, to_frd
 _DROPOUT_SAMPLES = 5
 _DROPOUT_SHARE = 0.02  # largest share of a signal's samples that are dropouts; if more jump, it is motion
 _OUTLYING = 12.0  # least size of a jump, in usual sizes of the residual (`_scale`)
-_BACK = 0.2  # share of the jump's size: largest difference between the samples before and after the jump
+_BACK = 0.2  # largest difference between the samples before and after a jump, as a share of its size
 _BEYOND_REST = 5.0  # least ratio of a dropout's size to the largest residual of sound samples
 _BEYOND_ALL = 50.0  # for `_IMPULSIVE`: least ratio of a dropout's size to the other samples' span; worn gears reach 20
-_IMPULSIVE = ("accel_", "current", "force")  # an impact or a commutation of the motor may last a single sample
+_IMPULSIVE = ("accel_", "current", "force")  # in these, an impact or a motor's commutation may last a single sample
 _INPUT_STEP = 0.1  # share of an input's largest value: a larger change is a step
-_SWAP_APART = 8.0  # least distance of each swapped cell from its line, in usual sizes of the residual
+_SWAP_APART = 8.0  # least distance of a swapped cell from the line through its neighbours, in usual residuals
 _SWAP_MENDED = 0.2  # largest ratio of (a cell's distance from its line after the exchange) to (the distance before)
 
 
@@ -54,7 +54,7 @@ def _bridge(time: Vector, values: Vector, length: int) -> tuple[Vector, Vector]:
 
 
 def _scale(residual: Vector, resolution: float) -> float:
-    """Returns the usual size of a residual: the largest of the resolution and the sds by median and 90 % quantile."""
+    """Returns the usual size of a residual: the largest of resolution, sd by median, and sd by 90 % quantile."""
     return max(1.4826 * float(np.median(residual)), float(np.quantile(residual, 0.9)) / 1.6449, resolution)
 
 
@@ -131,7 +131,7 @@ def _swapped(view: RunView, signals: Mapping[str, Signal], frame: Frame) -> dict
 
 
 def _near_input_step(view: RunView) -> Mask:
-    """Returns the samples next to a step of an input. Sound samples may be off their neighbours' line there."""
+    """Returns the samples next to a step of an input. There, sound samples may be off their neighbours' line."""
     step = np.zeros(len(view.time) + 1, dtype=bool)
     for values in view.inputs.values():
         driven = np.nan_to_num(values)

@@ -27,7 +27,7 @@ WHEEL_KINDS = ("travel", "velocity", "angle", "speed")
 _PHYSICAL = 5.0  # largest ratio of two motions, up or down, that is possible without another unit
 _ONE_SENSOR, _TWO_SENSORS = 1.15, 1.6  # a unit explains a ratio if (ratio / its factor) is below this, up or down
 _MOVES = 0.3  # rad/s or m/s^2: a relation of two sensors is tested only if the motion is at least this
-_WITH = 0.8  # |sum of motion x drive| / (sum of |motion x drive|): a smaller ratio is no evidence
+_WITH = 0.8  # least ratio |sum of motion x drive| / (sum of |motion x drive|) that is evidence
 _DRIVEN = 0.4  # share of the stronger side's drive: a weaker drive is no evidence
 _APART = 0.5  # (left less right) / (mean of both): unequal wheels or motors may cause a smaller ratio
 _AS_HARD = 1.5  # the two sides are compared only if the ratio of their drives is smaller than this, up or down
@@ -144,8 +144,8 @@ class Geometry:
 
     Attributes:
         wheel_radius, half_track: m; None if the data set does not state the length.
-        turned: (yaw channel, kind of wheel channel) -> yaw per difference of left and right, estimated from the data;
-            used if the lengths are not stated.
+        turned: (yaw channel, kind of wheel channel) -> yaw / (left - right wheel), estimated from the data; used
+            if the lengths are not stated.
     """
 
     wheel_radius: float | None
@@ -157,7 +157,7 @@ class Geometry:
         return 1.0 if kind in {"travel", "velocity"} else self.wheel_radius
 
     def turn(self, yaw: str, kind: str) -> float | None:
-        """Returns the yaw per difference of left and right; None: not known."""
+        """Returns the ratio yaw / (left - right wheel); None: not known."""
         metres = self.metres(kind)
         if metres is None or self.half_track is None:
             return self.turned.get((yaw, kind))
@@ -178,7 +178,7 @@ def relations(names: Iterable[str], geometry: Geometry, least: Mapping[str, floa
 
 
 def _yaw_groups(name: str, present: set[str]) -> tuple[Group, ...]:
-    """Returns groups that may be wrong together: the channel, all yaw channels, all that a wrong frame reverses."""
+    """Returns groups that may be wrong together: the channel; all yaw channels; all that a wrong frame reverses."""
     both = tuple(sorted(present & {"yaw_rate", "yaw_angle"}))
     return tuple(dict.fromkeys([(name,), both, tuple(sorted({*both, *(present & {"accel_sway"})}))]))
 
@@ -301,7 +301,7 @@ def _driven(present: set[str], least: Mapping[str, float]) -> list[Relation]:
     found: list[Relation] = []
     for name in sorted(present):
         drive = driven_by(name)
-        if drive not in least or name.startswith(("current", "force")):  # above its no-load speed, a motor brakes
+        if drive not in least or name.startswith(("current", "force")):  # a fast motor brakes against its drive
             continue
         over: tuple[Group, ...] = _one_or_both(name)
         under: tuple[Group, ...] = ((f"drive_{drive}",),)

@@ -32,16 +32,16 @@ _ROUND = 3e-4  # a value counts as round if rounding changes it by less than thi
 _WINDOWS = 24
 _BOUNDED = 0.5  # a ratio's sd is multiplied by this, because the residuals of a summed signal are not independent
 _RATIO_OFF, _DRIFTS = 0.012, 0.02  # largest deviation and trend of a ratio that bias and slip may cause
-_SURE = 5.0  # in standard errors: a larger deviation is certain
+_SURE = 5.0  # limit, in standard errors: a larger deviation is certain
 _WANDER = {"yaw_angle"}  # angles whose rate has a slowly changing bias, which looks like a wrong clock
 _AGREE = 0.4  # two deviations agree if their relative difference is below this
 _JUMP = 8.0  # in median sampling intervals: a longer step of the time is a clock's jump or lost rows
 _STOOD = 0.35  # share of the motion expected during a jump: with less motion, the vehicle stood still
 _LOCAL = 10  # number of samples before and after a jump from which the speeds there are computed
-_STEPS = 10.0  # in resolutions: a jump tells something only if at least this motion was expected during it
+_STEPS = 10.0  # in resolutions: a jump is evidence only if at least this motion was expected during it
 _LONGEST_S = 0.2  # longest delay that is tried, s; no sensor has a longer delay
 _SPAN_S = 0.04  # s: the span over which a sum is differenced and a rate is averaged
-_CLEARER = 0.8  # a delay is clear if (residual with the delay) / (residual without a delay) is at most this
+_CLEARER = 0.8  # largest ratio (residual with the delay) / (residual without a delay) of a clear delay
 _TRIED = 20  # number of delays that are tried in each direction, up to the longest delay
 _AGREES = 0.5  # largest spread of the runs' delays, as a share of their median delay
 
@@ -65,7 +65,7 @@ class ClockFault:
 
 @dataclass(frozen=True)
 class _Ratio:
-    """`value`: growth of an angle or travel / integral of its rate, in a run; `trend`: its relative change there."""
+    """`value`: (growth of an angle or travel) / (integral of its rate) in a run; `trend`: its relative change in it."""
 
     value: float
     sd: float
@@ -168,7 +168,7 @@ def _ratios(views: Sequence[RunView]) -> list[dict[str, _Ratio]]:
 
 
 def _ratio(growth: Vector, rate: Vector, beside: Vector, lag: float | None) -> _Ratio | None:
-    """Fits growth = ratio * rate + a * beside.
+    """Fits `growth = ratio * rate + a * beside`.
 
     Args:
         beside: the change of the rate, whose coefficient is a lag; or the seconds, whose coefficient is a bias.

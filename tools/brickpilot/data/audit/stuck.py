@@ -15,8 +15,8 @@ import numpy as np
 from brickpilot.data.audit.view import LEAST_SAMPLES, Held, Mask, RunView, Vector, driven_by, stretches
 from brickpilot.data.signals import RATE_OF, SUMMED
 
-_ANALOGUE = ("accel_", "yaw_rate", "current", "force", "battery")  # they repeat values only at a coarse resolution
-_LEAST_CLIPPED = 8  # an extreme at which fewer samples lie does not count as clipped
+_ANALOGUE = ("accel_", "yaw_rate", "current", "force", "battery")  # these repeat values only if they are coarse
+_LEAST_CLIPPED = 8  # least number of samples at a clipped extreme
 _CLIPPED_BEYOND = 5.0  # least ratio of how often a clipped extreme occurs to how often any other value occurs
 _EDGE_STEPS = 3.0  # in resolutions: least jump to and from a plateau
 _DITHERS = 0.6  # largest share of repeats in a signal whose noise is at least half a resolution
@@ -26,7 +26,7 @@ _UNLIKELY = 4.0  # a frozen stretch is at least this many times as long as the l
 _LEAP = 8.0  # least ratio of the jump at a frozen stretch's end to the signal's largest other change
 _NEAR = 4.0  # in usual changes between samples: a sample that is closer to an extreme counts as near it
 _FEW = 0.2  # (samples near an extreme) / (samples at the extreme): above this, the sensor froze in steady motion
-_STALE = 0.75  # the sensor's other channel is evidence if at least this share is known and at most this share repeats
+_STALE = 0.75  # a sensor's other channel is evidence if this share or more is known, and this share or less repeats
 _FAR = 0.25  # share of the stated range: a value farther outside counts as far beyond the range
 _NOW_AND_THEN = 0.02  # share of samples far beyond the range: if it is larger, clipping is not the cause
 _BATTERY = "battery_voltage"
@@ -35,7 +35,7 @@ _STARTS = 0.2  # share of the fastest speed: a slower shaft may begin or end a s
 _OFF_RATE = 0.1  # share of the fastest motion: allowed difference between a rate and the growth of its angle or travel
 _RATE_STEPS = 3.0  # in resolutions: allowed error of a difference of two samples
 _DRIVEN = 0.5  # share of the usual drive: with a stronger drive, a constant angle or travel is frozen
-_PACE_S, _PACE_SAMPLES = 0.03, 10
+_PACE_S, _PACE_SAMPLES = 0.03, 10  # least length, in s and in samples, of a part from which a rate is computed
 _STEADY = 0.3  # largest change of a steady rate or drive, as a share of the largest rate or drive
 _FAST = 0.3  # share of the fastest motion: a faster motion cannot stop within one sample
 _MOTION = ("wheel_", "yaw_", "angle", "speed", "position", "velocity")
@@ -166,8 +166,8 @@ def _stands(view: RunView, name: str, start: int, stop: int) -> bool:
     """Whether a rate is zero, and near zero just before and after, because its shaft stands.
 
     An encoder's speed has no noise at standstill. At the start of a run the first speed after zero may be large if the
-    second speed is larger still: the shaft starts. A sensor that starts late instead jumps to the present speed and
-    stays there.
+    second speed is larger still: the shaft starts. In contrast, a sensor that starts late jumps to the present
+    speed and stays there.
     """
     values = view.outputs[name]
     if name not in RATE_OF.values() or values[start] != 0.0:
@@ -179,7 +179,7 @@ def _stands(view: RunView, name: str, start: int, stop: int) -> bool:
 
 
 def _at_extreme(view: RunView, name: str, stands: Mask) -> Mask:
-    """Finds samples at an extreme of the run at which `stands` has a stretch: there the sensor's range ends.
+    """Finds samples at an extreme value of the run, if `stands` has samples there: the sensor's range ends.
 
     Four cases are excluded: an angle or travel, which may stop at its extreme; zero, the value of a dead sensor; a
     stretch up to the run's end, as after a sensor failure; and an extreme with many samples near it, as after a freeze
@@ -231,7 +231,7 @@ def _too_long(view: RunView, name: str, start: int, stop: int, across: AcrossRun
 
 
 def _expected_once(pieces: Sequence[Vector], least: float) -> float:
-    """Returns the samples in the longest constant stretch that chance explains; infinite: values repeat too often.
+    """Returns the longest constant stretch that chance explains, in samples; infinite: values repeat too often.
 
     `least`: only values of this size or more count. If `least` is above 0, the longest stretch found is returned
     instead of the expected length, because a wheel may turn slowly for a while.
@@ -337,7 +337,7 @@ def _fastest(view: RunView, name: str) -> float:
 _LEAST_CHANGES = 20
 _LEAST_ROWS = 1.5  # least mean number of rows for each sample
 _ROW = 1.1  # in rows: the largest delay with which a change is logged
-_REGULAR = 0.9  # more than this share of the changes has to be whole beats (sampling times) apart
+_REGULAR = 0.9  # more than this share of the changes has to be whole beats (sampling periods) apart
 _STEPS = 2.5  # in resolutions: smaller changes give no beat, because a coarse channel steps regularly at constant speed
 _TOGETHER = 0.9  # a larger share of a coarse channel's changes has to be in rows where another channel changes
 

@@ -16,7 +16,7 @@ Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 LEAST_SAMPLES = 20
-"""Least number of samples, or of equal samples in a row, for a conclusion."""
+"""Least number of samples, or of equal samples in a row, that a test needs."""
 
 LEAST_WINDOWS = 4
 """Least number of windows that count as evidence."""
@@ -27,7 +27,7 @@ EQUAL = 2.5
 _FEWEST, _MOST = 8, 32  # number of windows of a run
 _WINDOW_S = 0.25  # s: longer than the delays and lags of sensors, shorter than a manoeuvre
 _KNOWN = 0.7  # a window counts only if this share of its samples is known
-_TOGETHER = 0.9  # least correlation of two measurements of the same motion
+_TOGETHER = 0.9  # least correlation at which two channels count as measurements of the same motion
 _TYPICAL = {
     "yaw_": 3.0, "wheel_travel": 0.5, "wheel_velocity": 0.5, "wheel_": 10.0, "position": 0.2, "velocity": 0.2,
     "angle": 10.0, "speed": 10.0, "accel_": 1.0,
@@ -139,8 +139,8 @@ class Windows:
     Attributes:
         interval: median time between samples, s.
         seconds: (w,), the length of each window.
-        moved: channel -> (w,), the integral of a rate or the growth of a sum, SI; NaN in windows with too few known
-            samples.
+        moved: channel -> (w,), the integral of a rate or the growth of an angle or a travel, SI; NaN in windows with
+            too few known samples.
         changed: channel of a wheel or motor -> (w,), the change of its rate from a window's start to its end.
         roughness: channel -> mean size of the second differences of its logged samples, in which noise and resolution
             exceed motion; 0: not known.
@@ -159,7 +159,7 @@ class Windows:
         return self.moved.get(name, np.full_like(self.seconds, np.nan))
 
     def rms(self, values: Vector) -> float:
-        """Returns the rms per second of (w,) values; 0 if no value is known."""
+        """Returns the rms of (w,) values, each divided by its window's length in s; 0 if no value is known."""
         known = np.isfinite(values)
         return float(np.sqrt(np.mean((values[known] / self.seconds[known]) ** 2))) if known.any() else 0.0
 

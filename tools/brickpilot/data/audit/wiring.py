@@ -30,7 +30,7 @@ _STEPS_S = (1e-4, 0.5)  # shortest and longest plausible time between samples in
 COUNTS_A_TURN = " counts a turn"
 """The end of a text in `Dataset.guessed` that states the counts per turn of an encoder."""
 
-_FULL = (100.0, 255.0, 1000.0, 1023.0, 4095.0, 32767.0)
+_FULL = (100.0, 255.0, 1000.0, 1023.0, 4095.0, 32767.0)  # usual PWM values of full drive
 
 
 def miswired(runs: Sequence[Channels], nominal: Mapping[str, float]) -> tuple[Miswired, ...]:
@@ -149,7 +149,7 @@ def _of_drives(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[M
     fit = min(fits, key=lambda one: one.sd)
     ratio = log(fit.gains[0] / fit.gains[1])
     sure = _beyond(abs(ratio), log(_SIDES_FREE), fit.sd)
-    is_unit = any(abs(abs(ratio) - abs(log(one))) < log(1.2) for one in _UNITS)  # the audit finds a wheel's unit
+    is_unit = any(abs(abs(ratio) - abs(log(one))) < log(1.2) for one in _UNITS)  # the audit finds such a unit
     if sure < 0.9 or is_unit:
         return []
     weak, strong = ("right", "left") if ratio > 0 else ("left", "right")

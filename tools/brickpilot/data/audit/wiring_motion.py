@@ -28,8 +28,8 @@ WHEEL_KINDS = ("angle", "travel", "speed", "velocity")
 _WINDOW_S = 0.1
 _PER_SECOND = 4.0  # number of independent windows in a second
 _MOST = 60.0  # a larger number of independent windows counts as this number, because the model is rough
-_FLOOR = 0.02  # share of the motion that even the right hypothesis leaves unexplained
-_EXPLAINED = 0.4  # share of the motion: to explain less does not raise a hypothesis's likelihood
+_FLOOR = 0.02  # share of the motion that even the right hypothesis does not explain
+_EXPLAINED = 0.4  # least share of the motion: a hypothesis that explains less gets no likelihood for it
 _PER_FAULT = 6.0  # natural logarithm of the prior odds against each fault
 LAGS = (
     1.0,
@@ -38,10 +38,10 @@ LAGS = (
     0.1,
 )  # lags that are tried, each as the share of a step response that is reached after one window
 _DEAD = 0.01  # a wheel stands still if its motion is at most this share of the other wheel's motion
-_APART = 0.3  # share of the drives' rms: a wheel whose drive is weaker may stand still, with an encoder that works
+_APART = 0.3  # share of the drives' rms: with a weaker drive, a wheel may stand still although its encoder works
 FREE = 1.33  # largest factor, up or down, by which slip and inexact lengths may change a ratio
 UNIT_FITS = 3.0  # a unit explains a ratio if (ratio / the unit's factor) is below this, up or down
-_ONE_RUN = 30.0  # times the runs' median motion: the channel of a run with more motion is in another unit
+_ONE_RUN = 30.0  # limit, in medians of the runs' motion: a run's channel with more motion is in another unit
 _ONE_NUMBER = 0.93  # least share of the yaw that two wheels without slip explain
 _COLLINEAR = 1e4  # largest condition number of the normal equations at which left and right can be told apart
 
@@ -93,7 +93,7 @@ class Motion:
     """The motion of drives, wheels and yaw in short windows of all runs; (w,) each, NaN where unknown."""
 
     def __init__(self, runs: Sequence[Channels]) -> None:
-        from scipy.signal import lfilter  # takes longer to load than most commands that read no data take to run
+        from scipy.signal import lfilter  # slow to load, and not needed without data
 
         self.inputs = list(runs[0].inputs)
         self.names = [name for name in runs[0].outputs if any(np.isfinite(run.outputs[name]).any() for run in runs)]
@@ -164,7 +164,7 @@ class Motion:
         return max(ahead, apart) > alone_alike
 
     def hypotheses(self, nominal: Mapping[str, float]) -> list[Miswired]:
-        """Returns the faults of the most probable hypothesis; empty: the hypothesis without faults."""
+        """Returns the faults of the most probable hypothesis; empty: it has no faults."""
         least_turn = self._least_turn(nominal)
         scored = [(self._score(one, least_turn) - _PER_FAULT * one.cost, one) for one in _WAYS if self._can(one)]
         if not scored:
@@ -209,7 +209,7 @@ class Motion:
         return _gains(x, np.concatenate([self.at[name] for name in self.wheels]), seconds)
 
     def geometry(self, nominal: Mapping[str, float]) -> float | None:
-        """Returns the yaw per difference of the wheels, from the stated lengths; None: a length is not stated."""
+        """Returns the ratio yaw / (left - right wheel) from the stated lengths; None: a length is not stated."""
         stated = Geometry(nominal.get("wheel_radius"), nominal.get("half_track"), {})
         return stated.turn("", self.kind or "")
 
@@ -241,10 +241,9 @@ class Motion:
         return not (self.yaw is None and way.yaw < 0) and not (way.wheels.faults and not self.moving)
 
     def _least_turn(self, nominal: Mapping[str, float]) -> float:
-        """Returns the least yaw per difference of the wheels that is evidence; a smaller yaw has another cause.
+        """Returns the least ratio yaw / (left - right wheel) that is evidence; a smaller yaw has another cause.
 
-        A gyro's bias or unequal wheels cause a small yaw in straight motion, proportional to both wheels. This yaw is
-        no sign of a reversed wheel.
+        In straight motion, a gyro's bias or unequal wheels cause a small yaw, which is no sign of a reversed wheel.
         """
         usual = typical_motion("yaw_") / (2 * typical_motion("".join(self.wheels[:1]) or "wheel_"))
         return (self.geometry(nominal) or usual) / UNIT_FITS
@@ -385,7 +384,7 @@ def _gains(x: Vector, y: Vector, seconds: float, least: float = _EXPLAINED) -> G
 
 
 def _correlation(one: Vector, other: Vector) -> float:
-    """Returns the correlation of two motions about 0; 0 if one motion is zero."""
+    """Returns the correlation of two motions, whose means are not subtracted; 0 if one motion is zero."""
     known = np.isfinite(one) & np.isfinite(other)
     power = sqrt(float(one[known] @ one[known]) * float(other[known] @ other[known]))
     return float(one[known] @ other[known]) / power if power > 0.0 else 0.0
