@@ -143,7 +143,7 @@ HEADER = Option(
     "looks for a header.", default=False,
 )  # fmt: skip
 GUESS = Option(
-    "guessed", "--guess", "Guesses the signals that --map does not name from the names and values of the columns, with "
+    "guessed", "--guess", "Guesses, from the columns' names and values, the signals that --map does not name, with "
     "reasons; also guesses --vehicle.", default=False,
 )  # fmt: skip
 SPLIT = Option(
@@ -159,7 +159,7 @@ INPUT_TIMING = Option(
     "find out whether it is held or linear.", choices=("held", "linear", "unknown"), default="held",
 )  # fmt: skip
 AS_WIRED = Option(
-    "as_wired", "--as-wired", "Leaves channels as they are that look swapped, reversed or wrongly scaled; notes name "
+    "as_wired", "--as-wired", "Leaves channels that look swapped, reversed or wrongly scaled unchanged; notes name "
     "these channels.", default=False,
 )  # fmt: skip
 RATE = Option(

@@ -148,7 +148,8 @@ class Contents:
 def contents(log: Log) -> Contents:
     """Returns the contents of a log.
 
-    The columns of a table have no times. The first column that only increases, preferably in s, is the time of all.
+    The columns of a table have no times. The first column that only increases, preferably in s, is taken as the time
+    of all columns.
     """
     clock = _clock(log.channels)
     notes = [*log.notes]

@@ -191,7 +191,7 @@ def _unit(file: Path, signal: str, formula: Formula, channel: Channel, source: S
     return channel.unit
 
 
-_SAME = 0.01  # share of a row's duration: a note names a shift of samples that is larger
+_SAME = 0.01  # limit, as a share of a row's duration: a note names a larger shift of a sample to its row
 _ROWS = 10_000_000  # a table with more rows is refused: --rate is too high
 
 

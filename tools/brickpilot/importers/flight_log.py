@@ -1,8 +1,8 @@
 """Turns flights of `brickpilot run` and `hil` into a data set with only the signals that a real host can log.
 
 So a flight is like the log of a real robot: it can show effects that the firmware's model lacks. The importer takes
-counts per turn and nominal values from the packaged robot, so it refuses a flight with an image that `firmware` made
-for another robot. The battery's voltage is the plant's exact voltage; a brick reads it in steps of 28 mV.
+counts per turn and nominal values from `rcx.toml`, the robot in the package. So it refuses a flight whose image
+`firmware` made for another robot. The battery's voltage is the plant's exact one; a brick reads it in steps of 28 mV.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _SENSED = {"imu": _ALWAYS, "imu+encoders": _ALWAYS | _WHEELS}
 def import_flight(folders: Sequence[Path]) -> NewDataset:
     """Returns a data set of flights with the same sensors. Each flight becomes a run.
 
-    A run ends a second after the mission's end. The nominal values are those of the packaged robot.
+    A run ends a second after the mission's end. The nominal values are those of `rcx.toml`.
 
     Args:
         folders: run folders.

@@ -20,7 +20,7 @@ from brickpilot.importers.channels import Vector
 from brickpilot.importers.mapping import Source
 from brickpilot.importers.text_table import TextTable
 
-_LOOKED_AT = 200_000  # only this number of first rows is used, so that guessing is fast in a long log
+_LOOKED_AT = 200_000  # number of first rows that are used, so that guessing is fast in a long log
 
 
 @dataclass(frozen=True)
@@ -168,7 +168,7 @@ _ENCODER = {"enc", "encoder", "tick", "ticks", "count", "counts", "cnt", "odo", 
 _BATTERY = {"bat", "batt", "battery", "vbat", "vbatt", "supply", "vin", "vcc"}
 _SPEED = {"speed", "spd", "vel", "velocity", "rpm", "omega", "w"}
 _FULL_SCALES = (1.0, 100.0, 255.0, 1000.0, 1023.0, 4095.0, 32767.0)
-_ODD_FULL = (300.0, 400.0)  # full drive may be 400 or 1000 if the largest command lies between these values
+_ODD_FULL = (300.0, 400.0)  # if the largest command lies between these limits, full drive may be 400 or 1000
 _SERVO, _SERVO_REST = (800.0, 2200.0), 1500.0  # us: the range of servo pulses, and the pulse at rest
 _TURN_RATE = 12.0  # rad/s: a larger yaw rate is taken to be in deg/s
 _RAW_GYRO = 131.0  # counts per deg/s, of the most common gyro in its finest range
@@ -267,7 +267,7 @@ def taken_for(column: Column, columns: Sequence[Column], driven: bool) -> Taken 
     if words & {"gz", "gyroz", "wz", "yawrate"} or words >= {"gyro", "z"} or words >= {"yaw", "rate"}:
         return _yaw_rate(column)
     if words & {"gx", "gy", "wx", "wy"} or ("gyro" in words and words & {"x", "y"}):
-        return "it is a turn rate about a level axis, which no signal takes"
+        return "it is a turn rate about a horizontal axis, for which there is no signal"
     if words & {"ax", "ay", "accx", "accy"} or (words & {"acc", "accel"} and words & {"x", "y", "surge", "sway"}):
         return _acceleration(column, columns)
     if words & {"yaw", "heading"} and column.unit in _RATES:
@@ -284,7 +284,7 @@ def _set_point(column: Column) -> Taken | str:
     if words & {"y"} or (words >= {"angular", "x"} or words >= {"linear", "z"}):
         return "no vehicle with two wheels can follow this demand"
     is_turn = bool(words & {"yaw", "angular", "z"} or (not column.side and words & {"omega", "w"}))
-    is_ros = words >= {"cmd", "vel"}  # a Twist is in SI
+    is_ros = words >= {"cmd", "vel"}  # a Twist message of ROS is in SI
     signal = f"reference_wheel_speed_{column.side}" if column.side else "reference_speed"
     if is_turn:
         signal, unit = "reference_yaw_rate", unit or ("rad/s" if is_ros else None)

@@ -28,7 +28,7 @@ from brickpilot.data.units import si_factor
 from brickpilot.errors import InputError
 from brickpilot.importers.channels import Vector
 
-_LONGEST = 300  # most characters of a formula: formulas are typed by hand, and Python's parser has a limited depth
+_LONGEST = 300  # largest number of characters of a formula; Python's parser has a limited depth
 _LONGEST_LIST = 200  # largest number of characters of the names that an error lists
 _NUMBER = NUMBER.removeprefix("[+-]?")  # without a sign, because a sign is an operator here
 _IDENTIFIER = r"[^\W\d]\w*(?:\.\w+)*"
@@ -176,7 +176,7 @@ def _tree(rewritten: str, text: str, at: Sequence[int]) -> ast.expr:
 
 
 def _evaluated(node: ast.expr, named: Mapping[str, Any]) -> Any:
-    """Returns the value of a tree of `_ALLOWED` nodes: a float, or the type of the values in `named`.
+    """Returns the value of a tree of `_ALLOWED` nodes: a float, or a value of the same type as those of `named`.
 
     Raises:
         FormulaError: the tree divides by the constant 0, or a number is too large.
@@ -381,7 +381,7 @@ def parse_nominal(entries: Sequence[str]) -> dict[str, float]:
 
 
 def mending(sources: Mapping[str, Source], taken: Mapping[str, Taken]) -> str:
-    """Returns the options of `import` that give each signal its right source; "": there are no such options."""
+    """Returns the options `--map` of `import` that give each signal its right source; "": there are none."""
     options = []
     for signal, right in taken.items():
         if right.source not in sources or not math.isfinite(right.factor):

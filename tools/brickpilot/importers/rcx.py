@@ -25,9 +25,9 @@ from brickpilot.link import lnp
 from brickpilot.link.tower import BYTE_S, Tower
 
 PATIENCE = 4.0  # s: longest wait for a reply, because the brick may first wait until the line is quiet
-TRIES = 8
+TRIES = 8  # largest number of requests of a block
 VERSION = 1
-BLOCK_SAMPLES, SAMPLE_SIZE = 20, 5
+BLOCK_SAMPLES, SAMPLE_SIZE = 20, 5  # samples in a block; bytes of a sample
 BATTERY_V = 43.988 / 1560  # V per count, from brickOS
 
 

@@ -16,7 +16,7 @@ _LARGEST = 64
 """Largest number of values in an array; a longer array, such as an image or a laser scan, is left out."""
 
 _SAME_EPOCH = 10.0
-"""In s. If stamps and log times differ by more, they come from two clocks: no message travels for so long."""
+"""Limit in s. If stamps and log times differ by more, they come from two clocks: no message takes so long to arrive."""
 
 _HEADER = frozenset({"header", "stamp"})
 _QUATERNION = {"x", "y", "z", "w"}

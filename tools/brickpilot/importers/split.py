@@ -26,7 +26,7 @@ Spans = Sequence[tuple[float, float]] | None
 _SHORTEST_REST_S = 0.3
 _KEPT_S = 0.5  # s: a manoeuvre's run keeps this much of the rest before it and after it
 _SPAN_S = 0.1  # s: a rate is computed over this span on each side of a sample
-_PAUSE_S, _PAUSE_STEPS = 1.0, 20.0  # s, and multiples of the steps' 0.9 quantile: a pause is longer than both
+_PAUSE_S, _PAUSE_STEPS = 1.0, 20.0  # limits in s, and in 0.9 quantiles of the time steps: a pause is longer than both
 _STILL = 0.05  # motion slower than this share of the log's fastest motion counts as rest
 
 
@@ -132,7 +132,7 @@ def _parts(time: Vector, signals: Mapping[str, Vector], starts: Sequence[int], s
 def pauses(time: Vector) -> list[int]:
     """Returns the first row after each pause of the logger; in a pause the inputs are unknown. `time`: (n,), in s.
 
-    A log that has a row only where a signal changes has no pause if its time steps are about equally long.
+    In a log that has a row only where a signal changes, long time steps are usual, so they do not count as pauses.
     """
     steps = np.diff(time)
     usual = float(np.quantile(steps[steps > 0.0], 0.9)) if np.any(steps > 0.0) else math.inf

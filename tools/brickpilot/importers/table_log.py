@@ -134,8 +134,8 @@ def with_events(columns: Mapping[str, Vector], events: Mapping[str, Vector]) -> 
     return joined
 
 
-_STANDING = 0.5  # share of all rows: if fewer rows repeat the time of the row before, they are left out
-_FIRST_STEP = 100.0  # in usual steps: if the first step is longer, the first row's time has lost digits
+_STANDING = 0.5  # share of all rows: if fewer rows repeat the time of the row before, these rows are left out
+_FIRST_STEP = 100.0  # limit, in usual steps: if the first step is longer, the first row's time has lost digits
 
 
 def ordered(
@@ -147,7 +147,7 @@ def ordered(
         cells: the cells of the time, NaN where blank or broken.
         lines: the line of each row, for the notes.
         cut_start: whether the first line of the log may be incomplete.
-        notes: gets a sentence on each change, and on each restart of the clock.
+        notes: list to which a sentence on each change, and on each restart of the clock, is added.
     """
     unwrapped = unwrap(cells, clock=True)
     notes += [
@@ -170,7 +170,7 @@ def ordered(
 
 
 def _lone(time: Vector, cut_start: bool) -> NDArray[np.int64]:
-    """Returns the rows whose time is not between those of two neighbours in order; also a first row that was cut."""
+    """Returns rows whose time is not between their neighbours' times, which are in order; also a cut first row."""
     if time.size < 3:
         return np.empty(0, dtype=np.int64)
     step = np.diff(time)
@@ -189,7 +189,7 @@ _BITS = ((16, 1), (32, 1), (12, 2), (14, 2))  # (bits, overflows needed as a pro
 _NEAR = 20  # number of steps on each side from which the usual step is computed
 _USUAL = 3.0  # largest corrected step at an overflow, as a multiple of the largest step nearby
 _LATE = 50.0  # longest pause of a clock at an overflow, in usual steps
-_FAR_STEPS, _FAR_COUNTS = 10.0, 20.0  # a counter is far from 0 beyond so many usual steps plus so many smallest steps
+_FAR_STEPS, _FAR_COUNTS = 10.0, 20.0  # limit of a value far from 0: so many usual steps plus so many smallest steps
 _RETURNS = 5  # number of samples within which a misread counter returns; a reset counter does not return
 
 

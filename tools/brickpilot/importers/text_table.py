@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 _MOST_COLUMNS = 1000  # column numbers in formulas are below this number
 _MOST_BROKEN = 0.2  # largest share of broken lines; a file with a larger share is not a table
 _STAMP = re.compile(r"\d\d:\d\d:\d\d(?:\.\d+)? -> ")
-_PREFERRED = (";", "\t", ",", "|", " ")
+_PREFERRED = (";", "\t", ",", "|", " ")  # delimiters in the order in which they are tried
 assert set(_PREFERRED) == set(DELIMITERS)
 
 
@@ -313,7 +313,7 @@ def find_header(lines: Sequence[str], layout: Layout, needed: bool) -> tuple[int
 
 
 def _names(line: str, layout: Layout) -> tuple[str, ...]:
-    """Returns the names in a line that can be a header; (): the line cannot be one."""
+    """Returns the names in a line that can be a header; (): the line cannot be a header."""
     cells = layout.split(line.lstrip("#%/ "))
     if len(cells) != layout.width and layout.trailing:
         cells = cells_of(line.lstrip("#%/ "), layout.delimiter)

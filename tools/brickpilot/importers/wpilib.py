@@ -34,7 +34,7 @@ _LENGTHS = {"meters": "m", "feet": "ft", "inches": "in"}
 _ANGLES = {"radians": "rad", "degrees": "deg", "rotations": "rotation"}
 _WIDTHS: dict[Vehicle, tuple[int, ...]] = {"diff_drive": (10, 9), "motor": (10, 4)}
 _TEST_NAME = re.compile(r"\w[\w.+ -]{0,60}", re.ASCII).fullmatch
-_SURE = 0.8  # least correlation of gyro and wheels at which the sign of the gyro is known
+_SURE = 0.8  # least correlation of gyro and wheels that shows the sign of the gyro
 
 
 @dataclass(frozen=True)

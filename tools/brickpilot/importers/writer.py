@@ -187,8 +187,8 @@ def _framed(new: NewDataset, as_frd: Dataset, as_flu: Dataset | None) -> dict[st
     """Returns the frame that the data show, or else FRD, and the notes, with a note on the frame.
 
     The data show a frame if the yaw contradicts wheels and drives in the other frame. A set point of the yaw rate has
-    the gyro's frame, so a wrong frame exchanges left and right. With a set point of the yaw rate, the frame with fewer
-    wiring faults is chosen.
+    the same frame as the gyro. So in a wrong frame, left and right look swapped. With such a set point, the frame with
+    fewer wiring faults is chosen.
 
     Args:
         as_flu: the data set in the frame FLU, if there is a set point of the yaw rate.
