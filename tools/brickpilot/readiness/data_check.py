@@ -4,8 +4,8 @@ The check needs one fit of the nominal model; if there are many runs, the fit us
 check gives the interval of this fit. For each effect, it gives the smallest size that discovery would name.
 
 To advise the next manoeuvre, the check simulates each manoeuvre with the fitted nominal model, then with each parameter
-slightly changed, and then with each effect. The manoeuvre's information on parameters and effects is added to the
-information of the runs (Atkinson, Donev & Tobias 2007, Optimum experimental designs, ch. 9).
+slightly changed, and then with each effect. The manoeuvre's Fisher information on parameters and effects is added to
+that of the runs (Atkinson, Donev & Tobias 2007, Optimum experimental designs, ch. 9).
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ Array = NDArray[np.float64]
 
 _WINDOW_S = 1.0  # s: length of the windows into which runs of a motor are cut, as in `prepare`
 _MANOEUVRES = 3  # largest number of advised manoeuvres
-_UNKNOWN = 0.1  # relative sd, or sd of the logarithm: a parameter with a larger sd counts as unknown
+_UNKNOWN = 0.1  # limit on a parameter's sd, relative or of the logarithm: with a larger sd it counts as unknown
 _SHARPER = 0.5  # a manoeuvre is advised for an unknown parameter if (sd with it) / (sd without it) is below this
 _OF_SOME = "Intervals, the sizes of effects that show and the advice are those of these runs."
 
@@ -61,8 +61,8 @@ class Advice:
     """One manoeuvre that would give more information.
 
     Attributes:
-        effects: effects of a usual size that this manoeuvre would show, and that neither the runs nor the manoeuvres
-            before it in the advice show.
+        effects: effects that this manoeuvre would show at their usual size, and that neither the runs nor the earlier
+            advised manoeuvres show.
         parameters: parameters whose intervals the manoeuvre would narrow to less than half.
     """
 
@@ -73,11 +73,11 @@ class Advice:
 
 @dataclass(frozen=True)
 class Check(Result):
-    """What a data set is worth.
+    """What a data set can show and cannot show, and which manoeuvres would show more.
 
     Attributes:
         faults: the damaged samples, which every fit leaves out.
-        explained: how much of each signal the model with the fitted `parameters` explains.
+        explained: the share of each signal that the model with the fitted `parameters` explains.
         units: signal -> its unit in the data set.
         parameters: the fitted nominal parameters, with 95 % intervals.
         cannot_tell_apart: groups of parameters that the data determine only in combination; `combinations` has the
@@ -134,7 +134,7 @@ class Check(Result):
 
 
 def check(dataset: Dataset, *, seed: int = 0, jobs: int = 2) -> Check:
-    """Returns what `dataset` is worth.
+    """Returns what `dataset` can show, and which manoeuvres would show more.
 
     Args:
         seed: the seed of the nominal fit's random starts, which are used if nominal values are not given.
@@ -216,7 +216,7 @@ def _advise(
     Args:
         nominal: the nominal model, fitted to the fit runs.
         visible: effect -> the smallest size that the runs show.
-        temperature: so many nats of evidence count as one nat; see `Judge.temperature`.
+        temperature: number of nats of evidence that count as one nat; see `Judge.temperature`.
     """
     problem = Problem(prepared.coarse, nominal.plan)
     asked = _Asked.of(prepared, nominal, problem.prior_slopes(nominal.point), temperature)
@@ -254,10 +254,10 @@ class _Asked:
     change of the residual due to one parameter or one probe. The information of several runs is the sum over the runs.
 
     Attributes:
-        probes: the probes of all effects whose only free parameter is a size that can be extrapolated.
+        probes: the simulations of each effect whose only free parameter is a size that can be extrapolated.
         usual: (effect, parameter) -> the usual size in the catalogue, scaled to this vehicle.
         prior: (parameters, parameters) information of the parameters' priors.
-        temperature: so many nats of evidence count as one nat; see `Judge.temperature`.
+        temperature: number of nats of evidence that count as one nat; see `Judge.temperature`.
     """
 
     plan: Plan
