@@ -17,7 +17,7 @@ from scipy.linalg import expm
 from brickpilot.vehicle.combinations import Values, difference_inertia, loss, mean_inertia
 from brickpilot.vehicle.fixed_point import QuantisationError, Scale, scale, scale16
 
-# Number of units of firmware/model in one SI unit.
+# How many counts of the fixed-point formats in firmware/model make one SI unit; q7 means 7 fractional bits.
 CURRENT = 1e6 * 2**7  # uA q7
 WHEEL_SPEED = 1e3 * 2**13  # mrad/s q13
 YAW_RATE = 1e3 * 2**12  # mrad/s q12
@@ -28,7 +28,7 @@ SPEED_SQUARED = 1e6 * 2**2  # (mm/s)^2 q2
 VOLTAGE = 1e3  # mV
 BAM32 = 2**32 / (2 * math.pi)
 
-# Limits of firmware/model, SI.
+# Largest values of the signals of firmware/model: V, rad/s (wheel), m/s, rad/s (yaw).
 VOLTAGE_LIMIT = 16.383
 WHEEL_SPEED_LIMIT = 96.0
 SPEED_LIMIT = 8.19
@@ -63,7 +63,7 @@ def motor_step(values: Values, inertia: float, step: float) -> MotorStep:
 
 
 def _motor(exact: MotorStep, share: float, name: str) -> dict[str, dict[str, Scale]]:
-    """Returns a motor's coefficients. `share`: factor of the input; 0.5 for a sum or difference of voltages."""
+    """Returns a motor's coefficients. `share`: factor on the input; 0.5 if it is a sum or difference of voltages."""
     transition, voltage = exact.transition, exact.voltage * share
     return {
         "current": {
@@ -85,7 +85,7 @@ def _fits(bound: float, name: str) -> None:
 
 
 def prove_motor(exact: MotorStep, name: str, wheels: int = 1) -> None:
-    """Proves that a motor's sums fit 32 bits with every term at its limit. `wheels`: number of wheel currents added."""
+    """Proves that a motor's sums fit 32 bits with every term at its limit. `wheels`: number of currents in a sum."""
     transition, voltage = np.abs(exact.transition), np.abs(exact.voltage)
     steady = (transition[0, 1] * WHEEL_SPEED_LIMIT + voltage[0] * VOLTAGE_LIMIT) / (1 - transition[0, 0])
     _fits(wheels * steady * CURRENT, f"{name} current")

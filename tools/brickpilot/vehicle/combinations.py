@@ -158,8 +158,8 @@ _BY_INERTIA: _Factor = ("1 / J", lambda p: 1 / p["wheel_inertia"])
 _BY_MASS: _Factor = ("1 / m", lambda p: 1 / p["mass"])
 _BY_YAW_INERTIA: _Factor = ("1 / J_z", lambda p: 1 / p["yaw_inertia"])
 
-# (what the effect acts on, unit of the parameter) -> forms: (name, unit, factor).
-# The first form that the data determine is taken. A drive that commands a force has parameters in N and N s/m.
+# (what the effect acts on, unit of its parameter) -> forms in which the parameter is reported: (name, unit, factor).
+# The first form that the data determine is taken.
 _FORMS: Mapping[tuple[str, str], tuple[tuple[str, str, _Factor], ...]] = {
     ("wheel", "N m"): (("voltage", "V", _TORQUE), ("angular acceleration", "rad/s^2", _BY_INERTIA)),
     ("wheel", "N m s/rad"): (("voltage per speed", "V s/rad", _TORQUE), ("inverse time constant", "1/s", _BY_INERTIA)),
@@ -178,7 +178,7 @@ _FORMS: Mapping[tuple[str, str], tuple[tuple[str, str, _Factor], ...]] = {
 
 
 def forms(name: str) -> Iterator[Formula]:
-    """Yields combinations with the size `name` ("effect.parameter") that the data may determine, the simplest first."""
+    """Yields the size `name` ("effect.parameter") times each of its factors; the data may determine such a product."""
     effect_name, _, parameter = name.partition(".")
     effect = catalogue.effect(effect_name)
     unit = next(info.unit for info in effect.parameters if info.name == parameter)
@@ -197,11 +197,11 @@ If the parameter is held and its partner is fitted, their ratio stays constant.
 """
 
 _FITTED_FIRST = ("emf_constant", "mass", "yaw_inertia", "half_track", "wheel_radius", "wheel_inertia")
-"""Where data determine only a sum, these parameters are fitted first: each alone can give the sum any value."""
+"""Where data determine only a sum, the first of these in the sum is fitted: it alone can give the sum any value."""
 
-_CURVES_V = (3.0, 1.0), (6.0, 5.0)  # (left, right) of each curve, V: at a single voltage, friction looks like a gain
+_CURVES_V = (3.0, 1.0), (6.0, 5.0)  # (left, right) V of two curves: at one voltage, friction looks like a smaller gain
 _CURVE_S, _SAMPLES = 20.0, 60
-_TOLD_APART = 1e-2  # least share of a signature outside the span of the others; a smaller share is numerical error
+_TOLD_APART = 1e-2  # limit: a smaller share of a signature outside the span of the others is numerical error
 
 
 def signatures_of(model: Model, measured: Collection[str], stated: Collection[str]) -> dict[str, Array]:

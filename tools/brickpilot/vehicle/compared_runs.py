@@ -28,8 +28,8 @@ class Comparable:
 
     Attributes:
         measured: the data set as read, without channels that contradict the stated values.
-        started: the data set to simulate: `measured` with each run's start estimated from several samples, and with a
-            motor's velocity beside its position.
+        started: the data set to simulate: as `measured`, but each run's first sample is estimated from several
+            samples, and a motor has a velocity beside its position.
         roles: the roles of the runs, and of stretches of runs.
     """
 
@@ -38,7 +38,7 @@ class Comparable:
     roles: holdout.Roles
 
     def part(self, role: str) -> Dataset:
-        """Returns `measured`. If a run has stretches of several roles, samples with another role are left out."""
+        """Returns `measured`. If stretches are held out, the samples that do not have the role `role` are blank."""
         if not self.roles.stretches:
             return self.measured
         runs = tuple(self.roles.samples(run, role) for run in self.measured.runs)
@@ -49,7 +49,7 @@ def comparable(dataset: Dataset) -> Comparable:
     """Returns a data set in the form in which `compare`, `calibrate` and `discover` compare it with a model."""
     try:
         wrong = contradictions(dataset)
-    except SimulationError:  # without a simulation nothing can contradict the values
+    except SimulationError:  # no simulation, so no channel can contradict it
         wrong = ()
     measured = against_model.leave_out(dataset, wrong)
     inputs = {run.name: motor_inputs(run, measured) for run in measured.runs}
@@ -72,7 +72,7 @@ def contradictions(dataset: Dataset) -> tuple[Fault, ...]:
     return against_model.contradictions(dataset, simulated)
 
 
-_LARGEST = 1e30  # SI: far above any measurement, and its square does not overflow
+_LARGEST = 1e30  # largest size of a sample, SI: far above any measurement; its square does not overflow
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""A compensation: the differences of one robot that the firmware corrects, in fixed point.
+"""A compensation: the fixed-point parameters with which the firmware corrects how one robot differs from another.
 
 The firmware's constants are those of the packaged robot. A compensation converts the firmware's voltages into the
 voltages that another robot's motors need, and the readings of that robot into readings of the packaged robot
@@ -15,7 +15,7 @@ voltages that another robot's motors need, and the readings of that robot into r
 
 The firmware gets `raw`; `value` is the same in SI and has to agree. `from` names the effects that need this parameter;
 "nominal values" means values other than the packaged robot's. The comment at the end has the same parameters in
-C. `summary.json` of a flight repeats the file as `compensation`. firmware/README.md shows the improvement.
+C. `summary.json` of a flight repeats the file as `compensation`. firmware/README.md shows how much flights improve.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ FORMATS: Mapping[str, Setting] = {row.compensation: row for row in settings().va
 
 @dataclass(frozen=True)
 class Compensation:
-    """Parameters for the firmware.
+    """The parameters with which the firmware corrects the differences of one robot.
 
     Attributes:
         name: the name of the model from which the parameters were made.
@@ -229,7 +229,7 @@ def _side(robot: Values, of_effects: Undoable, believed: Values, side: int) -> d
     own = {**robot, **{name: robot[name] * factor for name, factor in factors.items()}}
     share = straight_inertia(robot) / straight_inertia(believed) * push(believed) / push(own)
     volts = own["resistance"] / own["torque_constant"] / share  # V per N m at the wheel
-    # From 0 to the wheel speed W of `_top_speed`, T sqrt(w) is close to the line T sqrt(W) (4 / 15 + 4 / 5 w / W).
+    # From w = 0 to the wheel speed W of `_top_speed`, T sqrt(w) is close to the line `T sqrt(W) (4/15 + 4/5 w/W)`.
     root, fastest = of_effects.root_torque[side], _top_speed() / own["wheel_radius"]
     losses = loss(own) + 0.8 * root / math.sqrt(fastest)
     return {
@@ -255,8 +255,8 @@ def si_values(model: Model, believes: Model) -> dict[str, float]:
         V = (1 + gain) (u + emf v + offset + friction sign(v)) + deadband sign(V)        v: the side's speed over ground
 
     so that the real robot drives straight like the believed one. The force per volt is push = K_t / (R r), the voltage
-    per steady speed is hold = K_e / r + b R / (K_t r), the mass per wheel is M = J / r^2 + m / 2, and g is the gain of
-    the drive. The index 0 marks the believed robot:
+    per steady speed is hold = K_e / r + b R / (K_t r), the mass per wheel is M = J / r^2 + m / 2. A wheel has the
+    losses b and the dry friction T, and its drive has the gain g. The index 0 marks the believed robot:
 
         a = (M / M_0) (push_0 / push)      gain = a / g - 1      emf = hold / a - hold_0      friction = T R / (K_t a)
 
@@ -312,7 +312,7 @@ def never_undone(model: Model) -> tuple[str, ...]:
 
 
 LEAST_DAMPING = 0.46
-"""Damping ratio of the heading controller, below which turns overshoot and the mission misses waypoints. Measured on
+"""Least damping ratio of the heading control: below it, turns overshoot and the mission misses waypoints. Measured on
 the packaged robot with 6 seeds per value: at 0.49 (3 times its yaw inertia) it reaches all 8 waypoints, at 0.455 (3.5
 times its yaw inertia) only 7."""
 
@@ -325,7 +325,7 @@ def _heading_damping(robot: Values, believed: Values, controller: Values) -> flo
     """Returns the damping ratio of the heading controller on a robot whose straight drive is compensated.
 
     This robot reacts to a voltage difference as if its motors had the believed robot's push and hold (`si_values`), and
-    each side had the mass M' = M_0 J_yaw / J (J_yaw: `difference_inertia`). With PD control, the loop has second order.
+    each side had the mass M' = M_0 J_yaw / J (J_yaw: `difference_inertia`). With PD control, the loop is second-order.
 
     Args:
         robot, believed: nominal parameters.

@@ -40,7 +40,7 @@ _MECHANISMS = {"drive": "drive", "wheel": "bearing", "surge": "body", "yaw": "bo
 _NAME = re.compile(rf"({'|'.join(sorted(PLACES, key=len, reverse=True))})_(gain|add|dry|loss|push)_(diff_)?(\w+)")
 _MEANING = re.compile(r"(\w+) \+= (.*)\[(.*)\](.*)")
 
-# Symbol of an expression -> the parameters that shape it.
+# Symbol in an expression -> the parameters on which the value of the symbol depends.
 _SHAPED_BY = {"patch": ("patch_x", "patch_half_width"), "sprung": ("frequency", "damping"), "t": ("clock",)}
 
 
@@ -292,7 +292,7 @@ def _write(node: ast.expr, settings: Mapping[str, float], out: Writer) -> str:
     if isinstance(node, ast.Name):
         return out.number(settings[node.id]) if node.id in settings else out.symbol(node.id)
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
-        if node.func.id == "copysign":  # copysign(size, of) is size sign(of)
+        if node.func.id == "copysign":  # `copysign(size, of)` is written as size times sign(of)
             size, of = node.args
             return out.product([_write(size, settings, out), out.call("sign", _write(of, settings, out))])
         return out.call(node.func.id, _write(node.args[0], settings, out))

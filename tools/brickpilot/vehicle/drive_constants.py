@@ -71,7 +71,7 @@ class Drives:
 
     Attributes:
         top_speed: the speed at the battery's full voltage, in m/s, or in rad/s for a bare motor.
-        stop: the travel from the top speed to rest after the last command, m or rad.
+        stop: the travel until rest, after the voltage falls from the battery's full voltage to 0, m or rad.
         veer: curvature of the path at equal voltages, rad/m clockwise; None for a motor.
     """
 

@@ -13,7 +13,7 @@ from typing import Any
 MANTISSA_BITS = 15
 MAX_SHIFT = 31
 NEGLIGIBLE = 2.0**-32
-"""A smaller factor times the largest 32-bit number is less than half a count."""
+"""A smaller factor becomes 0: its product with the largest 32-bit number is less than half a count."""
 
 
 class QuantisationError(ValueError):

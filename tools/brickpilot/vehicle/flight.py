@@ -134,7 +134,7 @@ def plan(
 
 
 def written(plan: Plan) -> dict[str, int]:
-    """Returns setting -> raw integer: what a host writes for a plan, the compensation first and then the gains."""
+    """Returns setting -> raw integer, in the order in which a host writes: first the compensation, then the gains."""
     known = {} if plan.compensation is None else plan.compensation.raw
     tuned = {} if plan.gains is None else plan.gains.raw
     return {FORMATS[name].name: raw for name, raw in known.items()} | dict(tuned)
@@ -159,7 +159,7 @@ def request(plan: Plan, log: Array, motors: NDArray[np.int16], columns: Sequence
     ffi, _ = compiled.interface()
     x, y, heading = plan.scenario.start
     settings_written = [(settings()[name].number, raw) for name, raw in written(plan).items()]
-    # The cffi objects in `fields` keep the memory alive that the request points to.
+    # The cffi objects in `fields` keep alive the memory to which the request points.
     fields: dict[str, Any] = {
         "model": plant.build(plan.model), "controller": PROFILE_CODES[plan.controller],
         "sensors": SENSORS.index(plan.sensors), "seed": plan.seed, "initial": {"x": x, "y": y, "heading": heading},
@@ -210,7 +210,7 @@ def fly(plan: Plan, columns: Sequence[str] | None = None) -> Flight:
 def fly_many(plans: Sequence[Plan], columns: Sequence[str] | None = None) -> list[Flight | SimulationError]:
     """Flies plans side by side, and returns for each plan its flight or the error that stopped it.
 
-    Each flight gives the same bytes as a flight of its plan alone. Neighbouring plans of equal length share the vector
+    Each flight gives the same bytes as if it were flown alone. Neighbouring plans of equal length share the vector
     registers of one core; groups of eight save the most time. All logs are in memory at once.
 
     Args:

@@ -2,7 +2,7 @@
 
 `fly` flies a scenario in one call, as `brickpilot run` does, but it writes no folder.
 
-The checks of the link, the controller and the waypoints show whether a mission was flown, and if not, why.
+The checks of the link, the controller and the waypoints show whether a mission succeeded, and if not, why.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_RUN, _WAITS, _DRIVING = 1, 0, 3  # codes in the columns mode and phase
+_RUN, _WAITS, _DRIVING = 1, 0, 3  # codes in the log: the mode run; the phases in which the robot waits and drives
 _ENDED = 2  # the first of the modes in which a mission has ended: arrived, fault
 _MODES = ("idle", "run", "arrived", "fault")
-LATE = "late tick"  # a tick that is later than the watchdog allows
+LATE = "late tick"  # the fault of a tick that came later than the watchdog allows
 _WHILE_DRIVING = ("true_x_m", "true_y_m", "true_heading_rad", "demand_heading_rad", "waypoint")
 _FAULTS = ("none", "leg timed out", "leg overshot", "state lost", "commanded", "no route", "silent", LATE)
 
@@ -199,7 +199,7 @@ class Check:
     Attributes:
         failure: the cause in one line, or None if the check holds.
         detail: counts or distances, also if the check holds.
-        seconds: time from the previous waypoint to this one, s; 0: not reached, or the check is not of a waypoint.
+        seconds: time from the previous waypoint to this one, s; 0: not reached, or the check concerns no waypoint.
     """
 
     name: str
@@ -237,7 +237,7 @@ def checks(figures: Mapping[str, Any]) -> list[Check]:
 
 
 def failure(figures: Mapping[str, Any]) -> str | None:
-    """Returns in one line why the mission was not flown; None: it was flown, or the scenario is a manoeuvre."""
+    """Returns in one line why the mission failed; None: it did not fail, or the scenario is a manoeuvre."""
     failed = [check.failure for check in checks(figures) if check.failure is not None]
     if not failed:
         return None

@@ -90,7 +90,7 @@ def load(path: Path | str) -> Gains:
 def check_pairs(chosen: Mapping[str, int], held: Callable[[str], int]) -> None:
     """Checks the pairs of `AT_MOST` before settings are written; a setting that is not chosen keeps its value.
 
-    A host may lower the second setting of a pair alone. The firmware then uses this value for the first setting, too.
+    A host may lower the second setting of a pair alone. If it is then below the first, the firmware uses it for both.
 
     Args:
         chosen: setting to be written -> raw integer.

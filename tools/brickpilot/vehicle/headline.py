@@ -1,8 +1,8 @@
 """How much of each measured signal a model explains: over whole runs and 1 s ahead, in fit runs and in held-out runs.
 
 `compare`, `calibrate` and `discover` get their numbers here, so these commands give equal numbers for the same model
-and runs. `data.agreement` defines the number fit %, and `Comparable` defines where runs start. At a short horizon, a
-run is a row of windows: each window starts from measured values, and is simulated from the inputs alone.
+and runs. `data.agreement` defines the number fit %, and `Comparable` the start states of runs. At a short horizon, a
+run is divided into windows: each window starts from measured values, and is simulated from the inputs alone.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ AHEAD: Mapping[str, float] = {"1_s": 1.0}
 """The horizons of every headline number besides the free run: name -> s."""
 
 _LEAST_SAMPLES = 4  # least number of samples in a window; with fewer samples, the horizon is left out
-_SMOOTHED_S = 0.04  # s: the samples in this time around a window's start give the rate at the start
+_SMOOTHED_S = 0.04  # time around a window's start, s, whose samples give the rate at the start
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ def track(ready: Comparable, model: Model, horizons: Mapping[str, float] = AHEAD
         both = {**run.outputs, **as_read[run.name].outputs}
         measured[run.name] = {
             name: values
-            for name, values in both.items()  # a motor's position beside its velocity has only the first sample
+            for name, values in both.items()  # beside a velocity, a motor's position has one sample: left out
             if is_compared(name, given, model) and np.count_nonzero(np.isfinite(values)) > 1
         }
     signals = tuple(dict.fromkeys(name for run in dataset.runs for name in measured[run.name]))
@@ -266,7 +266,7 @@ def simulated_at(
 ) -> list[dict[str, Mapping[str, Outputs]]]:
     """Returns, for each model, horizon -> run -> the simulated outputs of the measured signals.
 
-    The results lack a short horizon at which a model diverges; with `may_diverge`, they may also lack the free run.
+    If a model diverges at a short horizon, all results lack this horizon; with `may_diverge`, also the free run.
 
     Raises:
         SimulationError: a model diverges in a free run, and `may_diverge` is false.

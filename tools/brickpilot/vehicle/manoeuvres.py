@@ -18,7 +18,7 @@ _REVERSALS = (1.6, 1.6, 0.8, 0.8, 0.4, 0.4, 0.2, 0.2, 0.2, 0.2)  # s from one re
 
 @dataclass(frozen=True)
 class Manoeuvre:
-    """An experiment: each motor's command as break points (s, V) joined by lines. A step is two points at one time."""
+    """An experiment: each motor's command as break points (s, V) joined by lines. Two points at one time are a step."""
 
     name: str
     duration_s: float

@@ -25,7 +25,7 @@ from brickpilot.vehicle.start_state import GEOMETRY
 
 Array = NDArray[np.float64]
 Outputs = Mapping[str, Array]
-_Own = tuple[tuple[str, float], ...]  # for each value that a model has for one run: (name in `RUN_KINDS`, value)
+_Own = tuple[tuple[str, float], ...]  # the values that a model has for one run alone: (name in `RUN_KINDS`, value) each
 
 _MOST_BEGUN = 64  # largest number of `_Begun` objects that are kept
 _SLIDING_S = 0.003  # s: the longest motor step that is short enough when a skid steer's contacts begin to slide
@@ -254,7 +254,7 @@ class Replay:
         driven_runs, acting = dict(self._plain), self._acting
         for (_, own), runs in together.items():
             key = own, tuple(run.name for run in runs)
-            if key not in acting:  # most models of a Jacobian have equal values of runs, and so equal inputs
+            if key not in acting:  # models that differ in no value of a run have equal inputs
                 time, driven = self.whole[runs[0].name]
                 for kind, value in own:
                     driven = RUN_KINDS[kind].change(time, driven, value)
@@ -285,7 +285,7 @@ def _own_values(run: Run, model: Model) -> _Own:
 
 
 def _with_sums(model: Model, runs: Sequence[Run]) -> Model:
-    """Returns the model without effects that have a size of their own in each run: the runs' values hold the sums."""
+    """Returns the model without effects whose size a run changes: the values of runs then hold the sums."""
     for effect, parameter, kind in _sums(tuple(model.effects)):
         if own := model.by_run.get(kind):
             common = model.effects[effect][parameter]
@@ -297,7 +297,7 @@ def _with_sums(model: Model, runs: Sequence[Run]) -> Model:
 
 @cache
 def _sums(effects: tuple[str, ...]) -> tuple[tuple[str, str, str], ...]:
-    """Returns (effect, parameter, name in `RUN_KINDS`) for each parameter to which the value of a run adds."""
+    """Returns (effect, parameter, name in `RUN_KINDS`) for each parameter to which a value of each run is added."""
     return tuple(
         (effect.name, info.name, info.run_value)
         for effect in catalogue.effects_of(effects)
@@ -322,7 +322,7 @@ class RunKind:
         unit: the SI unit of the value; "1": the value is a share.
         mechanism: the mechanism that causes the difference, as for an effect.
         change: function of time (n,), inputs (n, columns) and value that returns the changed inputs.
-        sd: the prior sd of a value: how much a run usually differs from the model. A held-out run has the value 0.
+        sd: the prior sd of a value: how far the value of a run usually is from 0. A held-out run has the value 0.
         low, high: the range of values.
         tried: values from which fits start, because a value near 0 has no influence; empty: fits start from `sd`.
     """
@@ -359,11 +359,11 @@ ADDED = frozenset({"viscous_friction"})
 def by_recording(
     models: Sequence[Model], dataset: Dataset, runs: Collection[str]
 ) -> Iterator[tuple[list[Model], frozenset[str]]]:
-    """Yields, for each recording, the models with its values, and its `runs`. Recordings without values come as one.
+    """Yields, for each recording, the models with the recording's values, and those of `runs` that belong to it.
 
-    A model's `by_run` holds, under a recording's name, how the recording differs from the model: for a name in
-    `RUN_KINDS`, the value itself; for a nominal parameter, the relative change; for a parameter in `ADDED` or an
-    "effect.parameter", the amount to add, SI.
+    Recordings without own values are yielded as one. A model's `by_run` holds, under a recording's name, how the
+    recording differs from the model: for a name in `RUN_KINDS`, the value itself; for a nominal parameter, the relative
+    change; for a parameter in `ADDED` or an "effect.parameter", the amount to add, SI.
     """
     differing = {name for model in models for table in model.by_run.values() for name in table}
     recording_of = {run.name: run.recording for run in dataset.runs if run.name in runs}

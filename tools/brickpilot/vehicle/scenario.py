@@ -71,7 +71,7 @@ class Scenario:
         start: x, y and heading at the start.
         start_at: time at rest before a mission begins, s; None: 1 s if the firmware has to learn a gyro bias, else 0.
         cruise: profile -> the cruise speed, m/s.
-        stop_at: path length, m, after which a manoeuvre shorts both motors.
+        stop_at: path length, m, after which a manoeuvre short-circuits both motors.
         parameters, effects: values in which the plant differs from the controller's model.
         faults: the faults to inject while a brick flies the scenario over a link.
         packaged: whether the scenario comes with the package.
