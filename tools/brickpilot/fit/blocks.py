@@ -21,8 +21,8 @@ from brickpilot.vehicle.replay import Replay
 
 Array = NDArray[np.float64]
 
-_JUMP = 0.05  # as a share of the largest command: a smaller change from one sample to the next is a ramp, not a jump
-_LONGEST_HOLE = 3.0  # a change spans a hole of at most this many median distances of bins; a held-out stretch is longer
+_JUMP = 0.05  # limit, as a share of the largest command: a smaller change between two samples is a ramp, not a jump
+_LONGEST_HOLE = 3.0  # limit, in median distances of bins: no change spans a longer hole, such as a held-out stretch
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class Bins:
 
     Attributes:
         width: the width of a bin, s; 0: samples are compared as they are.
-        grids: run -> times of the simulated samples, s; without runs that are simulated at the measured samples.
+        grids: run -> times of the simulated samples, s. A run that is not listed is simulated at its measured samples.
         changes: signals that are compared by their change from bin to bin.
         as_measured: whether a motor's position or angle is compared, and not its derivative.
     """
@@ -134,7 +134,7 @@ def _means(
     """Returns the matrix (values, samples) of means over bins, the time of each value, and the samples per value.
 
     Args:
-        covers: time, s, before a sample over which the sample is a mean. The middle of this time decides the bin.
+        covers: a sample is a mean over this time, s, before it. The middle of this time decides the sample's bin.
         change: whether a value is the change from bin to bin.
     """
     time, rows = run.time[samples], np.arange(len(samples))
@@ -179,7 +179,7 @@ def _instants(time: Array, simulated: Array, jumps: NDArray[np.bool_] | None = N
     """Returns (times, simulated): the matrix that interpolates the plant's accelerations (means over steps) at `time`.
 
     A mean holds at the middle of its step. Between two middles, the acceleration is taken as linear: this is exact to
-    second order. `jumps`: (simulated,) whether a command jumps at a sample, which gets the mean of the step before.
+    second order. `jumps`: (simulated,) whether a command jumps at a sample; it then gets the mean of the step before.
     """
     middles = simulated - np.append(0.0, np.diff(simulated)) / 2
     if jumps is None:
@@ -221,14 +221,14 @@ def _fitted_signals(run: Run, names: Sequence[str], rates: Mapping[str, Array], 
 
 
 _STEPS_PER_BIN = 3
-_LEAST_STEP = 0.05  # in steps of the grid: a command's jump gets no further row if a row is nearer than this
+_LEAST_STEP = 0.05  # limit, in steps of the grid: a command's jump gets a row of its own only if no row is nearer
 
 
 def on_coarse_grid(dataset: Dataset, width_s: float) -> tuple[Replay, Bins]:
-    """Returns the runs on a grid of a third of a bin, and the bins in which simulation and samples are compared.
+    """Returns the runs on a grid with three steps per bin, and the bins in which simulation and samples are compared.
 
     A simulation on this grid is about three times as fast as at the measured samples, and exact enough for a search. In
-    each step an input has its mean. If a command jumps and then stays, the grid has a further row at the jump. A mean
+    each step an input has its mean over the step. If a command jumps and then stays, the grid has a row there. The mean
     of both commands would act as a third command on a drive that has a dead band, or that coasts at zero.
     """
     step = width_s / _STEPS_PER_BIN

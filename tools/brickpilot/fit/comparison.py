@@ -138,7 +138,7 @@ def compare(
     """Simulates every run open loop from its own inputs.
 
     Args:
-        model: the model. None: the data set's nominal values, after a fit of absent parameters on the fit runs.
+        model: the model. None: the nominal values; those not stated as plain values are first fitted on the fit runs.
         window_s: length, s, of open-loop windows in which a motor's velocity is also compared. Each window restarts
             from the measured state, because the position sums up the velocity's error. 0: no windows. None: windows of
             1 s if all runs last at least 3 s.
@@ -233,7 +233,7 @@ def _nominal(dataset: Dataset, seed: int, threads: int, progress: Progress | Non
     some, note = enough_to_fit(dataset)
     fitted = calibrate(some, seed=seed, threads=threads, progress=progress)
     first = f"The data set does not fix {', '.join(fitted.parameters)}: fitted on the fit runs first."
-    notes = list(fitted.notes if note is None else [note, *fitted.notes[1:]])  # drops the note on roles in `some`
+    notes = list(fitted.notes if note is None else [note, *fitted.notes[1:]])  # `note` replaces the note on roles
     return fitted.model, [first, *notes]
 
 

@@ -27,7 +27,7 @@ WIDE_SD = 3.0
 DECADE = 10.0
 """Prior sd of an effect's parameter, as a factor on the parameter's usual size on the vehicle."""
 
-# Relative sd of a stated value below which the parameter is fixed: the narrow prior would outweigh all data.
+# Limit: if the relative sd of a stated value is smaller, the parameter is fixed. Its prior would outweigh all data.
 _EXACT = 1e-6
 
 # Value that stands for zero in a logarithmic coordinate, which has no zero; as a share of `Free.size`.
@@ -50,7 +50,7 @@ class Free:
             This valley is straight only in logarithms.
         centred: for a value of a single run: whether a prior pulls the mean of this value over all runs to 0.
         natural: a usual size on this vehicle, SI, of a parameter that is not stated; 0: no prior. The prior has mean 0
-            and sd 10 `natural`; of a logarithm, it has mean log(`natural`) and sd log(10).
+            and sd 10 `natural`; if the coordinate is a logarithm, it has mean log(`natural`) and sd log(10).
     """
 
     name: str
@@ -88,7 +88,7 @@ class Free:
 
     @cached_property
     def load(self) -> str:
-        """The load, as "effect.parameter", whose lever arm this parameter is; empty: the parameter is no lever arm.
+        """If this parameter is the lever arm of a load: the load, as "effect.parameter". Otherwise empty.
 
         Masses and torques are linear in a load and in its moment (load times arm), but not in the arm. So the moment is
         the coordinate. With the arm as coordinate, a descent sticks in a curved valley if mass and motors are free.

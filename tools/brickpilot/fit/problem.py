@@ -17,11 +17,11 @@ Array = NDArray[np.float64]
 
 _EFFECT_STEP, _NOMINAL_STEP = 1e-2, 1e-4  # steps of finite differences, in coordinates
 _ANCHOR_SD = 30.0  # sd, in coordinates, of a weak prior: it fixes only coordinates that the data do not determine
-_COMMON_SD = 0.01  # prior sd, in coordinates, of the mean over all runs of a value of runs, such as the delay
+_COMMON_SD = 0.01  # prior sd, in coordinates, of the mean over all runs of a value that each run has of its own
 
 
 def _kind(free: Free) -> str:
-    """Returns the name of a value of runs as "kind@"; the "@" tells it from a nominal parameter of the same name."""
+    """Returns the kind of a run's own value as "kind@"; the "@" tells it from a nominal parameter of the same name."""
     return "".join(free.name.partition("@")[:2])
 
 
@@ -168,7 +168,7 @@ class Problem:
         """Returns the two points of a finite difference along one coordinate; None stands for `point` itself.
 
         The step of an effect's parameter is long, because a simulation resolves the crossing of a backlash only to a
-        time step. Its difference is central: with a slightly wrong slope, a descent does not follow a narrow valley.
+        time step. The difference is central, because a descent with a slightly wrong slope leaves a narrow valley.
         """
         free = self.plan.free[index]
         length = _EFFECT_STEP * free.reach if free.effect is not None else _NOMINAL_STEP
@@ -183,7 +183,7 @@ class Problem:
 
 
 class Projection:
-    """Removes from a scaled residual what the problem's parameters can explain.
+    """Removes from a scaled residual the part that the problem's parameters can explain.
 
     The problem, with its priors, is linearised at `point`. Source: score test, Rao 1948.
     """

@@ -9,7 +9,7 @@ The residual of signal s at sample k is e = (measured - simulated) / scale_s. Le
 - tau_s is the correlation time of the residual, in samples: n samples with a slow error count as n / tau_s samples.
 
 Runs are compared in two ways: at the measured samples, and by means over bins of time. No model here has fast dynamics,
-such as tyres, compliance and vibration. The error that they leave would dominate a test over all frequencies, so bins
+such as tyres, compliance and vibration. Error from such dynamics would dominate a test over all frequencies, so bins
 keep only frequencies below about 15 Hz. A `Residual` never changes: a change of weights makes a new `Residual`.
 """
 
@@ -245,7 +245,7 @@ class Residual:
         return dataclasses.replace(found, scales=sizes)
 
     def with_raised_floors(self, model: Model) -> Residual:
-        """Returns the residual with noise of at least `model`'s error from bin to bin: no effect models vibration."""
+        """Returns the residual. Its noise is at least `model`'s error from bin to bin: no effect models vibration."""
         error, noise = self.error(model), {signal: scale.noise for signal, scale in self.scales.items()}
         for signal in self.signals:
             changes = [np.diff(part, 2) for part in self.parts(error, signal) if len(part) > 3]
@@ -378,11 +378,11 @@ def of_bins(
     as_measured: bool = False,
     threads: int = 2,
 ) -> Residual:
-    """Returns the residual of means over bins of `width_s` s, weighed by its floor of noise and simulator error.
+    """Returns the residual of means over bins of `width_s` s, each signal weighed by its floor (`Residual.floor`).
 
     Args:
-        coarse: whether to simulate on a grid of a third of a bin, with the mean of the inputs over each step. This grid
-            is exact enough for a search; reported values are fitted at the measured samples.
+        coarse: whether to simulate on a grid with three steps per bin, with the mean of the inputs over each step. This
+            grid is exact enough for a search; reported values are fitted at the measured samples.
         samples: the data set with only the samples that are compared; None: all of `dataset`.
         as_measured: whether angles and travels are compared by value, not by their change from bin to bin.
 

@@ -80,7 +80,7 @@ def correlation_time(parts: Sequence[Array], *, about_mean: bool = True) -> floa
 def noise_model(residuals: Sequence[Array], highest_order: int) -> Array:
     """Returns (p,): c of r[t] = c[0] r[t-1] + ... + c[p-1] r[t-p] + innovation; BIC chooses p, 0..`highest_order`.
 
-    In a feedback loop the input depends on past noise, but a fit by output error assumes that they are independent.
+    In a feedback loop the input depends on past noise, but a fit by output error assumes that it does not.
     With the right noise model, the innovation (the one-step prediction error) is independent of the input in any loop.
     So the innovations are fitted (the direct method, Ljung 1999, sec. 13.4). Burg's recursion (1975), with sums over
     all runs, gives a stable model even from short runs.

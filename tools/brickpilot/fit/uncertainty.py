@@ -38,7 +38,7 @@ _STEP = 3e-3  # step up and down, as a share of a parameter: dry friction and ba
 _SLOPE_ERROR = 1e-2  # relative error of finite differences for a plant with dry friction
 _LARGEST_LOG = 700.0  # largest logarithm of a double; an interval is clipped to the parameter's range anyway
 _FORMULA_STEP = 1e-4  # step of finite differences of a formula, as a share of a parameter: a formula is smooth
-_LEAST_REST = 1e-3  # least share of information that counts as left without a stretch: a smaller share may be rounding
+_LEAST_REST = 1e-3  # least share of information that counts as left when a stretch is removed: less may be rounding
 _STRETCHES = 20  # least number of stretches of time whose scatter gives the intervals
 
 CORRELATED_S = 1.0
@@ -106,7 +106,7 @@ NOTHING_FITTED = Uncertainty({}, (), (), (), None)
 
 
 def assess(data: Residual, model: Model, fitted: tuple[Free, ...], beside: tuple[Free, ...] = ()) -> Uncertainty:
-    """Returns the uncertainty of `fitted` at `model`, the fit's result. `data.matched` is the least relative sd.
+    """Returns the uncertainty of `fitted` at `model`, the fit's result. `data.matched`: the least relative sd.
 
     Args:
         beside: parameters with a stated sd that were not fitted. Their sd widens the intervals; they get no estimate.
