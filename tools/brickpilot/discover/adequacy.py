@@ -27,7 +27,7 @@ Indices = NDArray[np.int64]
 
 _FOLDS = 4
 _FEATURES = 200
-_WIDTH = 0.3  # the features imitate the kernel exp(-_WIDTH d^2 / columns); d: distance of two standardised rows
+_WIDTH = 0.3  # the features approximate the kernel `exp(-_WIDTH d^2 / columns)`; d: distance of standardised rows
 _ALPHAS = (1.0, 10.0, 100.0)  # ridge penalties that are tried; a larger penalty gives a smoother prediction
 _TAUGHT_ROWS = 3000  # largest number of rows that train the black box: further rows of a long log add nothing new
 _BEYOND = 0.1  # a column is clipped to its training range, widened at each end by this share of the range
@@ -35,7 +35,7 @@ _FAR = 5.0  # multiple of the residual's rms without outliers: a larger residual
 _NEXT_TO_NOTHING = 1e-300  # least divisor: avoids a division by 0 if the nominal model leaves no error above noise
 _FILTERS_S = (0.1, 0.5, 2.0)  # filter time constants for a motor, for a body, and for slow changes
 _STANDSTILL_SHARE = 0.03  # below this share of the largest speed or voltage, the smoothed sign goes to 0
-_SETTLING_S = 0.3
+_SETTLING_S = 0.3  # time constant, s, of a column that decays from the start of a run
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Adequacy:
     Attributes:
         predictable: signal -> the share of its squared residual that a black box predicts on runs outside its training.
         left: signal -> log(scale of its residual / its noise floor), in nats per value; 0: noise alone.
-        explained: signal -> the share, 0..1, that it removes of the nominal model's squared error above noise.
+        explained: signal -> how much of the nominal model's squared error above noise the explanation removes, 0..1.
     """
 
     predictable: Mapping[str, float]
@@ -63,7 +63,7 @@ class Adequacy:
 
     @property
     def unexplained(self) -> str | None:
-        """The signal with the largest `left` of those less than half `explained`, if it is above the limit; or None."""
+        """The signal with the largest `left` above the limit, of the signals less than half `explained`; or None."""
         more = {one: left for one, left in self.left.items() if self.explained[one] < 1 - self.explained[one]}
         return max(
             (one for one in more if more[one] > numbers.UNEXPLAINED_NATS),
@@ -109,8 +109,8 @@ def predictable(judge: Judge, model: Model, plain: Model, seed: int) -> dict[str
     """Returns signal -> the share, 0..1, of its squared residual that a black box predicts on runs new to it.
 
     Only error above the floor of noise and simulator error counts: predictable error below this floor comes from a
-    sensor's rounding, not from a missing law. The error that inexact laws in `model` may leave does not count either.
-    It is a share of the squared error that these laws remove from that of `plain`, the model without them.
+    sensor's rounding, not from a missing law. Error that inexact laws in `model` may leave does not count either:
+    the share `LAW_SHAPE` of the squared error by which `model` is better than `plain`, the model without these laws.
     """
     data = judge.data
     error, before = data.measured - data.predict([model, plain])

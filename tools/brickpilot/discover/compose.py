@@ -107,7 +107,7 @@ class Atom(Part):
         return tuple(name for name, _ in self.settings if name != "clock")
 
     def joins(self, table: Mapping[str, float]) -> bool:
-        """Returns whether the atom can join `table`: its terms are not there, and settings in both are equal."""
+        """Returns whether the atom can join `table`: its terms are not in `table`, and settings in both are equal."""
         there = [term.basis for term in terms_of(table)]
         shaping = settings_of(there, table)
         lacks = not {term.name for term in there} & {*self.names}
@@ -135,7 +135,7 @@ class Atom(Part):
         return {name: model.effects[EFFECT][name] for name in (*self.names, *(one for one, _ in self.settings))}
 
     def _row(self, info: ParameterInfo, values: Mapping[str, float]) -> Free:
-        """Returns a free parameter. Its unit is the start amplitude of a term; for a strip's middle, the half width."""
+        """Returns a free parameter. Unit of a coefficient: its start amplitude; of a strip's middle: the half width."""
         name = f"{EFFECT}.{info.name}"
         if info.name in self.names:
             if len(self.names) == 1:
@@ -179,7 +179,7 @@ def find_atoms(vehicle: str, segments: Sequence[Segment], residual: Array) -> li
 
 
 def family(near: Atom, settings: Mapping[str, float], vehicle: str, segments: Sequence[Segment]) -> list[Atom]:
-    """Returns an atom of each term at the fitted `settings` of `near`, and atoms of its terms at periods nearby."""
+    """Returns atoms of all terms at the fitted `settings` of `near`, and of the terms of `near` at periods nearby."""
     kept = tuple((name, settings[name]) for name, _ in near.settings)
     groups = _visible_groups(vehicle, segments)
     found = [atom(terms, kept, near.slowest) for terms in groups if terms[0].tuned == near.terms[0].tuned]
@@ -252,7 +252,7 @@ class Composed:
 def compose(prepared: Prepared, judge: Judge, verdict: Verdict, tell: Tell) -> Composed | None:
     """Returns the law of few terms that explains the fit runs best, with or without the best named effects.
 
-    None if no term is sure. Explanations with a sure term hold 95 % of the weight, against the model without terms.
+    None if the evidence on the terms gives the verdict `none`: see `weigh`.
     """
     deadline = prepared.deadline.until(COMPOSED)
     if not deadline.allows("a composed term"):
@@ -303,7 +303,7 @@ class TermSource:
         return self._best(problem, current.point, near)[:_NEARBY]
 
     def _best(self, problem: Problem, point: Array, atoms: Sequence[Atom]) -> list[Trial]:
-        """Returns the atoms that could reduce the residual of `problem` at `point` most, the best first.
+        """Returns trials of the atoms that could reduce the residual of `problem` at `point` most, the best first.
 
         All atoms are compared by their signatures at the base model. The best atoms are then simulated at `point`.
         """
@@ -362,7 +362,7 @@ class TermSource:
 
 
 def _best_coefficients(candidate: Atom, signatures: Array, rest: Array, table: Mapping[str, float]) -> Array:
-    """Returns the coefficients within their ranges that remove most of `rest`; 0 if a term changes no signal."""
+    """Returns the coefficients, within their ranges, that remove most of `rest`; all 0 if a term changes no signal."""
     strength = np.linalg.norm(signatures, axis=0)
     if not np.all(strength > 0):
         return np.zeros(len(candidate.terms))
@@ -372,7 +372,7 @@ def _best_coefficients(candidate: Atom, signatures: Array, rest: Array, table: M
 
 
 def _lowest(term: Basis, table: Mapping[str, float]) -> float:
-    """Returns the least coefficient of a term: 0 for dry friction, unless it can reduce dry friction of `table`."""
+    """Returns the least coefficient of a term: 0 for dry friction, if `table` has no dry friction to reduce."""
     one_sign = term.kind == "dry" and not any(
         name.startswith(f"{term.place}_dry") and v > 0 for name, v in table.items()
     )

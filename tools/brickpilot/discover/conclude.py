@@ -34,7 +34,7 @@ from brickpilot.vehicle.composed_terms import PLACES, equation, legend
 from brickpilot.vehicle.model import Model, unit_on
 from brickpilot.vehicle.replay import RUN_KINDS, Replay
 
-_EFFECT_SHOWN = 1.0  # in noise sd: an effect shows where it moves a signal by more than this, as an rms over 0.1 s
+_EFFECT_SHOWN = 1.0  # limit, in noise sd: an effect shows where it moves a signal by more, as an rms over 0.1 s
 _LAGS = 20  # longest lag of an autocorrelation, bins
 _BEYOND = 4  # a residual is white if its autocorrelation exceeds the bound at this many lags or fewer
 _LARGEST_LOG = 700.0  # largest logarithm of a double
@@ -192,7 +192,7 @@ def _effects(found: Conclusion) -> tuple[finding.Effect, ...]:
 
 
 def _shares(found: Conclusion) -> dict[str, float]:
-    """Returns a part's name -> the weight of explanations with this part, as a share of that of `verdict.held`."""
+    """Returns a part's name -> the share of the weight of `verdict.held` that explanations with this part hold."""
     held = {one.explanation.key: one.weight for one in found.verdict.held}
     table = [one for one in found.verdict.ranked if one.explanation.key in held]
     weights = np.array([held[one.explanation.key] for one in table])

@@ -55,7 +55,7 @@ class Deadline:
 NO_LIMIT = Deadline()
 
 _COARSE, _FINE = 90, 300
-"""One unit of work, in simulations of all fit runs: `_COARSE` for each candidate in bins, `_FINE` at the samples."""
+"""A unit of work is so many simulations of all fit runs: `_COARSE` in bins per candidate, `_FINE` at the samples."""
 
 _UNITS = ((1.3, 0.2, 0.5), (4.0, 0.4, 1.5), (math.inf, 1.5, 8.0))
 """Rows (ratio, least, most): up to this ratio of the nominal model's cost to the cost of noise, a discovery takes about

@@ -3,7 +3,7 @@
 1. Each stretch is predicted by a fit to the other stretches: one Gauss-Newton step from the fit to all runs, with the
    stretch's rows deleted (the infinitesimal jackknife; Giordano and others 2019, AISTATS). A step is too long if it
    leaves the linear range or changes the predicted stretch by more than the stretch's residual. Such a step is halved
-   until the other stretches fit no worse than before it.
+   until the other stretches fit no worse than before the step.
 2. The residual has a hyperbolic density. The scale of a signal in a stretch comes from its residual in the other
    stretches, and is at least the floor of noise and simulator error. A signal that no model explains has a large scale.
 3. Values of a residual are not independent, and no law is exact. So `temperature` nats count as one nat.
@@ -91,7 +91,7 @@ class Evidence:
     def log_prior(self, temperature: float) -> float:
         """Returns `log_weight` without the evidence: the prior odds and the cost of values far from priors."""
         nat = self.nat(temperature)
-        pulled = self.away_slopes.T @ self.away  # gradient of the priors; at the fit, minus the gradient of the data
+        pulled = self.away_slopes.T @ self.away  # gradient of the priors; at the fit, the data's gradient balances it
         step = _solved(self.information / nat + self.away_slopes.T @ self.away_slopes, -pulled * (1 - 1 / nat))
         lost = float(step @ (self.information @ step / 2 - pulled)) / nat
         moved = surprise(self.away + self.away_slopes @ step) + max(lost, 0.0)
@@ -105,7 +105,7 @@ class Judge:
     Attributes:
         stretch: (values,) the number of the stretch in which each compared value lies.
         top: the evidence of a residual that is noise alone.
-        shape: squared error of a law's wrong shape, as a share of that which the law removes; 0: the floors include it.
+        shape: `numbers.LAW_SHAPE`, or 0 if the floors already include the error that wrong shapes of laws may leave.
     """
 
     data: Residual
@@ -208,7 +208,7 @@ class Judge:
 
         A step is halved while the other stretches fit worse at its end than at its start: such a step leaves a curved
         valley of the cost, which a fit without this stretch would follow. If even the shortest step fits worse, the
-        stretch is not yielded: its linear prediction stays, or its residual at `point` if smaller than the change.
+        stretch is not yielded: it keeps its linear prediction or, if the change is larger, its residual at `point`.
 
         Args:
             far: stretches, each with the step (parameters,) from `point` to the fit without this stretch.
@@ -244,7 +244,7 @@ class Judge:
         return total / len(self.data.measured)
 
     def temperature(self, best: Evidence, nothing: Evidence) -> float:
-        """Returns the nats that count as one nat: the larger of the residual's correlation time and `law_error`."""
+        """Returns how many nats count as one nat: the larger of the residual's correlation time and `law_error`."""
         return max(self.correlation(best), self.law_error(best, nothing))
 
     def law_error(self, best: Evidence, nothing: Evidence) -> float:
@@ -291,7 +291,7 @@ def _step(matrix: Array, pull: Array, reach: Array, room: Array) -> tuple[Array,
     while np.any(np.abs(step := _solved(matrix + damping * np.diag(reach**-2.0), pull)) > reach):
         damping, is_long = max(_DAMPED * damping, 1.0), True
     stopped = (step < room[0]) | (step > room[1])
-    if stopped.any():  # solve again for the others: a parameter that its range stops moves less than its step
+    if stopped.any():  # solve again for the others: the range of a stopped parameter makes its step shorter
         step = np.where(stopped, np.clip(step, *room), 0.0)
         others = ~stopped
         rest = pull[others] - matrix[others][:, stopped] @ step[stopped]

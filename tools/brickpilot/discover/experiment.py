@@ -30,10 +30,10 @@ from brickpilot.vehicle.plant import OpenLoopRun
 Array = NDArray[np.float64]
 
 _STEP_S = 0.01  # time between the samples of a simulated manoeuvre
-SEPARATES_NOISE_SD = 0.5  # rms difference between rivals, in noise sd, that ten seconds of samples show clearly
-_SEPARATES_SIGNAL_SHARE = 0.02  # least rms difference of rivals for which a sensor is proposed, as a share of the rms
+SEPARATES_NOISE_SD = 0.5  # least rms difference between rivals, in noise sd, that ten seconds of samples show clearly
+_SEPARATES_SIGNAL_SHARE = 0.02  # a sensor is proposed if rivals differ by this share of its signal's rms, or more
 _NO_FLOOR = 1e-3  # least scale of a residual, as a share of the floor: so small that the floor has no effect
-_BLACK_BOX_FINDS = 0.5  # rough share of a law's squared signature that a black box predicts, near the least size
+_BLACK_BOX_FINDS = 0.5  # rough share of a law's squared signature that a black box predicts, if the law is just visible
 _CAN_MEASURE = frozenset(catalogue.outputs()) - {"x", "y", "surge", "sway", "force"}
 
 
@@ -96,7 +96,7 @@ def as_run(manoeuvre: Manoeuvre, vehicle: str) -> OpenLoopRun:
 
 
 def rms_apart(outputs: Sequence[Mapping[str, Array]], sizes: Mapping[str, float]) -> tuple[float, str]:
-    """Returns the largest rms difference, over all signals, of the two nearest rivals, in `sizes`; and its signal."""
+    """Returns (rms, signal): in this signal, the two most similar rivals differ most, by this rms in `sizes`."""
     return max(
         (
             (min(rms_of([one[name] - other[name]]) for one, other in combinations(outputs, 2)) / size, name)
@@ -138,13 +138,13 @@ def smallest_sizes(prepared: Prepared, judge: Judge, nominal: Explanation, best:
 
 
 def _times(strength: Array, hidden: Array, needed: float) -> float:
-    """Returns the least x for which the sum over signals of max(x `strength` - `hidden`, 0) is `needed` nats."""
+    """Returns the least x for which `max(x strength - hidden, 0)`, summed over the signals, is `needed` nats."""
     order = np.argsort(hidden / strength)
     return float(np.min((needed + np.cumsum(hidden[order])) / np.cumsum(strength[order])))
 
 
 def size_named(part: Part, size: float, strength: float, temperature: float) -> float:
-    """Returns the least size at which a part surely improves the prediction; size `size` gains `strength` nats."""
+    """Returns the least size at which a part surely improves the prediction. A size `size` gains `strength` nats."""
     return size * math.sqrt(temperature * (numbers.CHANCE_NATS - part.log_odds) / max(strength, 1e-12))
 
 
@@ -154,7 +154,7 @@ def size_of(part: Part) -> ParameterInfo:
 
 
 def nearest_sizes(tried: Iterable[tuple[Part, float, float]]) -> list[tuple[Part, float]]:
-    """Returns, for each effect, the (part, needed size) whose tried and needed sizes are closest."""
+    """Returns, for each effect, the part whose needed size is nearest to a simulated size, and the needed size."""
     found: dict[str, tuple[float, Part, float]] = {}
     for part, size, needed in tried:
         away = abs(math.log(needed / size)) if size > 0 and needed > 0 else math.inf

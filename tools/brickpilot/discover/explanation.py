@@ -33,7 +33,7 @@ _DESCENTS, _LEAST_GAIN_SHARE = 6, 3e-4  # largest number of descents of a fine f
 _AT_BOUND = 1e-3  # a parameter is at an end of its range if it differs from the end by less than this share of itself
 _WHOLE = (0, 1)  # a value may be at these ends of a range: a real machine may have none of an effect, or all
 _LIMIT_OVER_READING = 0.9  # least ratio of a sensor's limit to its largest reading: noise may exceed the limit
-_LEAST_BASE_SHARE = 0.1  # least ratio of a parameter to one that adds to it, as of dry friction to a breakaway torque
+_LEAST_BASE_SHARE = 0.1  # least ratio of a parameter to one that adds to it, such as dry friction to breakaway torque
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +95,7 @@ class Explanation:
         return part.name in self._said or (bool(part.made_of) and self._said.issuperset(part.made_of))
 
     def contains(self, other: Explanation) -> bool:
-        """Returns whether this explanation covers every part of `other`, has other laws, and has no fewer parts."""
+        """Returns whether this explanation covers every part of `other`, with different laws and no fewer parts."""
         if self.laws == other.laws or len(self.parts) < len(other.parts):
             return False
         if len(self.parts) > len(other.parts):
@@ -161,7 +161,7 @@ def joined(base: Explanation, part: Part, values: Mapping[str, float]) -> Explan
 
 
 def without(found: Explanation, part: Part) -> Explanation:
-    """Returns `found` without one of its parts, at the same values of the others; it is not fitted again here."""
+    """Returns `found` without one of its parts. The values of the other parts stay; nothing is fitted here."""
     model = part.removed_from(found.plan.model)
     kept = [k for k, one in enumerate(found.plan.free) if _is_in(one, model)]
     plan = dataclasses.replace(found.plan, model=model, free=tuple(found.plan.free[index] for index in kept))

@@ -79,7 +79,7 @@ class Effect:
     Attributes:
         mechanism: the kind of cause; see `EffectInfo.mechanism`.
         law: the name of its law, as in "FAMILY, but DIFFERENCE"; see `catalogue.law`.
-        confidence: weight of those `Finding.explanations` with this effect, as a share, 0..1, of the weight of all.
+        confidence: the share, 0..1, of the weight of `Finding.explanations` that explanations with this effect hold.
         removed: the explanation's evidence on a scale from 0 (the nominal model) to 1 (a residual of noise alone).
         claimed: whether the verdict claims the effect. False: the effect explains the fit runs best, without proof.
         equivalents: the explanations that the data cannot tell from the best one.
@@ -217,7 +217,7 @@ class Rank:
     """One explanation that was tried.
 
     Attributes:
-        names: its effects.
+        names: the names of its parts.
         parameters: "effect.parameter" -> value, SI.
         prediction_error: ratio of error to noise on left-out stretches, computed from the log density, not from an rms.
         removed: its evidence on a scale from 0 (the nominal model) to 1 (a residual of noise alone).
@@ -312,7 +312,7 @@ class Term:
         equation: plain text, with the meaning of its symbols.
         source: the name of its C file.
         law, settings: its basis terms with coefficients, and the parameters that shape these terms, SI.
-        removed_held_out: the share of the gap on held-out runs that it removes; None if no run is held out.
+        removed_held_out: the share of the held-out cost above noise that the model removes; None: nothing is held out.
     """
 
     acts_on: str

@@ -17,7 +17,7 @@ STRETCH_S = 2.0
 the settling time of a motor and a body, so it holds a new response, not the end of the previous response."""
 
 KNEE = 2.0
-"""Beyond this residual, in scales, the hyperbolic log density falls linearly, not quadratically, as in robust fits."""
+"""Residual, in scales, beyond which the log of the hyperbolic density falls linearly instead of quadratically."""
 
 COMMON, RARE = 0.05, 0.01
 """Prior odds of an effect that most machines have, and of an effect that few machines have; see the effect table."""
@@ -38,15 +38,15 @@ LAW_ERROR = 0.01
 """No law is exact: a difference in evidence below this share of the best explanation's gain decides nothing."""
 
 LAW_SHAPE = 0.05
-"""Squared error that a law's wrong shape may leave in a signal, as a share of that which the law removes. It supports
-no further law but an offset. For four of five laws not in the library, a similar law left 3 to 6 %."""
+"""Squared error that a law's wrong shape may leave in a signal, as a share of what the law removes. Such error
+justifies no further law, except an offset. For four of five laws not in the library, a similar law left 3 to 6 %."""
 
 SHARED_REST = 0.2
 """Another law might remove this share of the squared error that the best explanation leaves, so a smaller difference
 decides nothing. If a black box predicts more than this share of the error, a law is missing."""
 
 UNEXPLAINED_NATS = 0.3
-"""Largest log(residual / noise), nats per value, at which the verdict may be `none` or a name: a third above noise."""
+"""Largest log(residual / noise), nats per value, at which the verdict may be `none` or `named`: a third above noise."""
 
 RULER, BENCH, ESTIMATE, GUESS = 0.03, 0.05, 0.1, 0.3
 """Default relative sd of a stated nominal value. RULER: lengths, masses and voltages, read off a ruler, scales or a

@@ -154,7 +154,7 @@ def library_parts(base: Model, measured: Collection[str] | None = None) -> list[
 
     Args:
         measured: the compared signals. A sensor effect that changes none of these signals is left out. Of effects that
-            change these signals in the same way, only the effect that changes most signals stays. None: all stay.
+            change these signals in the same way, the effect that changes the largest number stays. None: all stay.
     """
     found, read = [], set[frozenset[tuple[str, bytes]]]()
     has_current_loop = any(base.parameters.get(name, 0.0) != 0.0 for name in ("force_per_volt", "torque_per_volt"))
@@ -175,12 +175,12 @@ def library_parts(base: Model, measured: Collection[str] | None = None) -> list[
 
 
 def run_parts(runs: Sequence[str]) -> list[RunPart]:
-    """Returns a part for each kind of run value if there are three fit runs or more, otherwise no part."""
+    """Returns a part for each kind of value that may differ from run to run; none for fewer than three fit runs."""
     return [RunPart(kind, tuple(runs), {}) for kind in RUN_KINDS] if len(runs) > 2 else []
 
 
 def _adds_something(row: ParameterInfo, base: Model) -> bool:
-    """Returns whether `base` has the two sides that a parameter may need, and has no parameter with the same action."""
+    """Returns whether `base` has the two sides that a parameter may need, but no parameter that acts like it."""
     sided = base.vehicle != "motor" or not row.odd
     return sided and not (row.same_as and base.parameters.get(row.same_as, 0.0) != 0)
 
@@ -252,7 +252,7 @@ def switch_settings(part: Part) -> list[dict[str, float]]:
 def _natural_size(info: ParameterInfo, model: Model) -> float:
     """Returns a usual size of an effect's parameter on this vehicle, SI; 0 if no size is usual."""
     if info.role == "place" and info.unit == "m" and not info.arm_of:
-        return 2 * _sizes(model)["m"] / DECADE  # a place lies within about a track width, not a decade of widths
+        return 2 * _sizes(model)["m"] / DECADE  # the prior's sd, `DECADE` times this size, is then a track width
     if info.name in _UNSCALED or info.role in ("place", "limit", "switch") or info.arm_of:
         return 0.0
     return (info.preset or info.trial) * scale_of(info.unit, model)

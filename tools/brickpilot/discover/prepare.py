@@ -37,12 +37,12 @@ from brickpilot.vehicle.replay import Replay
 
 Array = NDArray[np.float64]
 
-_MOTOR_WINDOW_S = 1.0
-_WINDOW_S = 0.6  # length of a window, in which a wheel turns once or twice
+_MOTOR_WINDOW_S = 1.0  # length of a window of a motor's run, s
+_WINDOW_S = 0.6  # length of a window of another vehicle's run, s: a wheel turns once or twice in it
 _NOISE_ROUNDS = 2  # rounds in which noise model and nominal model are fitted in turn
 _HIGHEST_ORDER = 8  # highest order of a noise model, in bins; it spans a quarter of a second
 _SEARCHED_WINDOWS = 80  # largest number of windows in the search; the fits after the search use all windows
-_PERIODS_PER_TURN, _PERIODS_OVER_TRAVEL = 0.9, 1.5  # least periods of a periodic effect: in a turn; over the travel
+_PERIODS_PER_TURN, _PERIODS_OVER_TRAVEL = 0.9, 1.5  # a periodic effect has at least so many periods
 
 SD_SHARE = {
     "mass": numbers.RULER,
@@ -59,7 +59,7 @@ SD_SHARE = {
     "rolling_friction": numbers.GUESS,
     "drag_area": numbers.GUESS,
 }
-"""Nominal parameter -> relative sd if none is stated. Constants and a drive's force per volt are not listed."""
+"""Nominal parameter -> its sd, as a share, if none is stated. Not listed: physical constants and a force per volt."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +81,7 @@ class Prepared:
         jobs: number of fits at the same time.
         deadline: the deadline of the whole discovery.
         loop: the feedback loop by which commands follow a measured output; None: no loop was found or looked for.
-        innovations: whether residuals are innovations (without what their past predicts), as the loop biases free runs.
+        innovations: whether residuals are innovations (less what their past predicts), as the loop biases free runs.
     """
 
     dataset: Dataset
@@ -181,7 +181,7 @@ def _residuals(ready: Dataset, compared: Dataset, plan: Plan, jobs: int) -> tupl
 
 
 def _with_whole_inputs(data: Residual, ready: Dataset) -> Residual:
-    """Returns the residual of windows, with the inputs of whole runs: a run's delay moves the inputs into a window."""
+    """Returns the residual of windows with the inputs of whole runs: a delay moves earlier inputs into a window."""
     whole = {run.name: (run.time, motor_inputs(run, ready)) for run in ready.runs}
     of = {run.name: whole[run_of(run.name)] for run in data.replay.dataset.runs}
     return data.with_inputs(dataclasses.replace(data.replay, whole=of))

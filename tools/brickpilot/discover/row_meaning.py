@@ -39,9 +39,9 @@ from brickpilot.vehicle.replay import Replay
 Array = NDArray[np.float64]
 TIMINGS: tuple[Timing, ...] = ("held", "linear")
 
-_FOLLOWABLE_ROW_S = 0.008  # shortest row that is searched, s: bins hide what inputs do between shorter rows
+_FOLLOWABLE_ROW_S = 0.008  # least distance of rows, s, for this search: bins hide what inputs do between closer rows
 _TOLERANCE = 1e-5  # relative change of cost at which a fit ends
-_ROWS: dict[Kind, tuple[float, ...]] = {"lag": (0.5, 1.0, 2.0, 4.0), "delay": (0.5, 1.0, 2.0)}  # tried first; in rows
+_ROWS: dict[Kind, tuple[float, ...]] = {"lag": (0.5, 1.0, 2.0, 4.0), "delay": (0.5, 1.0, 2.0)}  # tried first, in rows
 _LEAST, _MOST = 0.5, {"lag": 2.0, "delay": 1.5}  # bounds of the second search, as multiples of the best of `_ROWS`
 _TRIALS = 6  # largest number of trials of the second search
 _SURELY = 0.999  # the largest certainty that a note states
@@ -156,7 +156,7 @@ def with_known_sampling(dataset: Dataset, prepared: Prepared, nominal: Explanati
     """Returns the data set with accelerometer readings stated as instantaneous; None: not surely so, or stated already.
 
     Args:
-        prepared: made of `dataset`.
+        prepared: `dataset`, ready for fits.
         nominal: the calibrated nominal model.
 
     A sample that the data set does not describe counts as a mean unless the fit runs surely show an instant.

@@ -38,7 +38,7 @@ Array = NDArray[np.float64]
 
 Values = Mapping[str, float]
 
-_INVISIBLE = 1e-3  # scales: a signature that is smaller than this at all values counts as invisible
+_INVISIBLE = 1e-3  # limit, in scales: a signature that is smaller at all values counts as invisible
 
 # The sizes below are shares of the preset, scaled to the vehicle.
 _SMALL = 0.1  # size at which effects that are smooth in their size are tried
@@ -112,7 +112,7 @@ def screen(
 
 
 def _of_runs(part: RunPart, tried: Sequence[tuple[Probe, Array]], residual: Array) -> tuple[Probe, Array]:
-    """Combines the probes of one kind of run values into one probe, with each run at its best tried value.
+    """Combines the probes of a part, each at one value for all runs, into one with the best tried value of each run.
 
     A small value, such as a slightly late start, may change nothing visible, so that no fit can start from this value.
     """
@@ -126,7 +126,7 @@ def _of_runs(part: RunPart, tried: Sequence[tuple[Probe, Array]], residual: Arra
 def signature_strengths(
     problem: Problem, point: Array, chosen: Sequence[Part], *, excitation: Excitation
 ) -> list[tuple[Part, Mapping[str, float], Array]]:
-    """Returns, for each part with one free size: part, values, and (signals,) half its squared signature / floor^2.
+    """Returns parts with one free size: part, values, and (signals,) half the squared signature in squared floors.
 
     The arguments are those of `screen`. Parts with a scanned parameter are left out: their signature at one size does
     not give their signature at another size.
@@ -164,7 +164,7 @@ class _Here:
         return cls(problem.data.on_threads(1), plan, projection, scaled, projection.remainder(scaled))
 
     def probed(self, part: Part, excitation: Excitation) -> list[tuple[Probe, Array]]:
-        """Returns each visible probe of a part with its signatures (rows, simulations), projected."""
+        """Returns each visible probe of a part with its projected signatures (rows, simulations)."""
         probes = probes_of(part, self.plan.model, excitation)
         models = [part.starting(self.plan, values).model for probe in probes for values in probe.values]
         simulated = self.data.scaled_by(models)
@@ -173,7 +173,7 @@ class _Here:
             changes = np.array([self.scaled - next(simulated) for _ in probe.values])
             if not np.isfinite(changes).all() or np.abs(changes).max() < _INVISIBLE:
                 continue
-            if isinstance(part, RunPart):  # one simulation changes all runs: each run shows its own value
+            if isinstance(part, RunPart):  # one simulation changes all runs, each by its own value
                 changes = np.array([np.where(self.data.rows_of(run), changes[0], 0.0) for run in part.free])
                 if np.abs(changes).max(axis=1).min() < _INVISIBLE:
                     continue
@@ -181,7 +181,7 @@ class _Here:
         return found
 
     def trial(self, probe: Probe, signatures: Array) -> Trial:
-        """Returns a probe's trial, at the amplitudes of its signatures (rows, simulations) that fit the residual."""
+        """Returns a probe's trial: amplitudes of its signatures (rows, simulations) are fitted to the residual."""
         amplitudes = _fit_amplitudes(probe, signatures, self.residual)
         after = self.residual - signatures @ amplitudes
         values = _values_at(probe, amplitudes.tolist())
@@ -244,7 +244,7 @@ def _at_several_sizes(part: Part, natural: Values, infos: Mapping[str, Parameter
 
 
 def _periodic(part: Part, natural: Values, excitation: Excitation) -> list[Probe]:
-    """Returns a probe of all phases, combined linearly, for each order; in windows also probes with large sizes."""
+    """Returns, for each order, a probe that combines all phases linearly; in windows also probes with large sizes."""
     size, names = part.free[0], ("phase", "phase_difference")
 
     def at(order: float, share: float, phases: Sequence[tuple[float, float]]) -> tuple[Values, ...]:

@@ -1,6 +1,6 @@
 """The seal: held-out runs are used once, after the last choice, to test the model as read back from its file.
 
-Held-out runs may withdraw a name, or make it ambiguous: then the nominal model is its rival. They choose nothing else.
+Held-out runs may withdraw a name, or make the nominal model its rival (`ambiguous`). They choose nothing else.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ The search fits single parts, then pairs of the best parts. Then it adds one par
 the best fit. It stops if no added part surely predicts better, or if the best fit leaves no more error than wrong
 shapes of its laws may leave. Before it stops, it tries offsets of readings. It replaces each part of the best fit by
 other laws of the same mechanism. To find rivals, it searches again without each part of the best explanation. A fit has
-failed if it costs more than a smaller explanation inside it, and is repeated from the smaller one's values.
+failed if it costs more than the fit of some of its parts; it is then repeated from the values of that smaller fit.
 """
 
 from __future__ import annotations
@@ -44,14 +44,14 @@ from brickpilot.vehicle.replay import RUN_KINDS
 Array = NDArray[np.float64]
 Tell = Callable[[str], None]
 
-_PROMISED = 0.3  # a part that promises this share of the needed gain is fitted: the screen tries only a few sizes
+_PROMISED = 0.3  # limit: a part is fitted if the screen promises this share of the needed gain; a fit may gain more
 _NEAR = 6.0  # a rough fit is refined if its cost is at most this much above the best cost; unit: `Evidence.nat`
 _STARTS = 3  # number of starts of a periodic part, each from another order
-_BEAM = 2
-MOST_PARTS = 4
+_BEAM = 2  # number of best explanations to which a further part is added
+MOST_PARTS = 4  # largest number of parts that a search adds
 PARTS_IN_WINDOWS = 2  # largest number of parts in windows: a periodic effect, alone or with one other part
 _ORDER_OFFSETS = np.linspace(-0.08, 0.08, 161).tolist()  # relative changes of an order that are tried
-_LOWER = 0.98  # share of the present cost: a descent starts from an order whose cost is below it
+_LOWER = 0.98  # limit, as a share of the present cost: a descent starts from another order if its cost is lower
 _WORSE = 0.5  # units of cost: a fit has failed if it costs this much more than an explanation that it contains
 
 
@@ -172,7 +172,7 @@ class Found:
         return moves and not still
 
     def without_shapes(self, evidence: Evidence) -> Evidence:
-        """Returns the evidence of an explanation without its laws that have a shape; if not fitted, of `nothing`."""
+        """Returns the evidence of the explanation without its laws with a shape; if not fitted, that of `nothing`."""
         shaped = {part.name for part in evidence.explanation.effects} - evidence.explanation.offsets
         nothing = self.nothing.explanation.key
         return self.table.get(evidence.explanation.key - (shaped - nothing)) or self.table[nothing]
@@ -284,7 +284,7 @@ class Search:
         """Returns whether a further part that leaves only white noise would raise the best score.
 
         A part gains by error that it removes; error that wrong shapes of laws may leave counts only for a part that is
-        `without_shape`. It also gains if values of the model, but not of runs, move nearer to their priors.
+        `without_shape`. A part also gains if values of the model, not of runs, move nearer to their priors.
         """
         best = found.ranked()[0]
         temperature = found.judge.law_error(max(found.table.values(), key=lambda one: one.total), found.nothing)
@@ -355,7 +355,7 @@ class Search:
         return sorted(self._possible(before(self.deadline, one, starts, self.jobs)), key=_information)
 
     def _pairs(self, singles: Sequence[Explanation]) -> list[Explanation]:
-        """Returns the best pairs of `singles`, started from both fits: a third part might imitate an unfitted pair."""
+        """Returns fits of the best pairs of `singles`, from both fits: a third part might imitate an unfitted pair."""
         pairs = [self._joined(*pair) for pair in itertools.combinations(singles, 2)]
         return self._refined(self._rough(pairs)[: self.source.width.fine // 2])
 
@@ -388,7 +388,7 @@ class Search:
                     found.add(self.beside(found, start, forbidden), self.jobs)
 
     def _prune(self, found: Found) -> None:
-        """Refits the best fit without each of its parts, as this set may be badly fitted, and then with other laws."""
+        """Refits the best fit without each of its parts, as such sets may be badly fitted, and then with other laws."""
         best = min((one.explanation for one in found.table.values()), key=lambda one: one.cost)
         if len(best.parts) > len(self.base.parts) + 1:
             fewer = [without(best, part) for part in best.parts[len(self.base.parts) :]]
@@ -421,7 +421,7 @@ class Search:
         return starts
 
     def _repair(self, found: Found) -> None:
-        """Refits each explanation that costs more than a smaller one inside it, from the values of the smaller one.
+        """Refits each explanation that costs more than a fit of some of its parts, from the values of that smaller fit.
 
         If the new fit also gains nothing, the old fit stays: the smaller explanation is the simpler answer.
         """

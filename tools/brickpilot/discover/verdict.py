@@ -1,7 +1,7 @@
 """The verdict that the evidence gives on all explanations found. See `pipeline` for what may change it later.
 
-The explanations that hold 95 % of the weight are kept. If a kept explanation contains another, the larger one removes
-no error beyond the tolerance, so the simpler one stands for both. An effect is sure if the explanations with this
+The explanations that hold 95 % of the weight are kept. If a kept explanation contains another, the data do not need
+its further parts, so the simpler one stands for both. An effect is sure if the explanations with this
 effect hold 95 % of the weight. The verdict is `named` for one minimal explanation (it contains no other) of sure
 effects, `ambiguous` for several, `none` for the nominal model. An explanation that leaves too much error is refuted
 (see `adequacy`): it is no answer, and its weight supports no other. If all are refuted, the verdict is `unknown`.
@@ -30,7 +30,7 @@ _SEVERAL = "{} explanations hold 95 % of the weight together, the heaviest {}; n
 _NOTHING = "The nominal model is among the explanations that hold 95 % of the weight."
 _RUNS = "No law is missing: runs differ in what reaches the motors, and when."
 _UNSURE = "The measured samples do not surely show it."
-_STATED = "Only what was stated of nominal values speaks for an effect: the data alone do not."
+_STATED = "Only the stated nominal values support an effect: the data alone do not."
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,9 +201,9 @@ def _needed(ranked: Sequence[Evidence], found: Found, refuted: Collection[frozen
     - The larger one has more parts, but no better evidence and no better prior. Without this rule, the many large sets
       of parts would together outweigh a name.
 
-    Laws of a wrong shape may leave error in a signal: a share of what these laws remove in addition to run values and
+    Laws of a wrong shape may leave error in a signal: a share of the error that they remove beyond values of runs and
     offsets of readings. A larger explanation gains nothing if it removes such error by a further law with a shape. If
-    it does not surely remove more, no part is missing, and the simpler one gets the evidence of the likelier one.
+    it does not surely remove more, no part is missing, and the simpler one gets the better evidence of the two.
 
     A refuted nominal model leaves no explanation out, because a law is missing. A refuted explanation with laws leaves
     others out unless a larger one removes enough: an added law may only imitate the right shape of its laws.

@@ -72,7 +72,7 @@ class SignalFit:
     """The fit of one signal at one horizon, on the fit runs and on the held-out runs.
 
     Attributes:
-        repeatability: fit in percent of a perfect model, from repeats of the same inputs: no model can predict the
+        repeatability: the fit of a perfect model, in percent, from repeats of the same inputs: no model can predict the
             difference between repeats. None: no inputs were repeated.
     """
 
