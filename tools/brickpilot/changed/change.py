@@ -37,7 +37,7 @@ _COMBINATION = {"viscous_friction": "kV", "wheel_inertia": "kA", "mass": "kA"}
 
 @cache
 def combinations() -> Mapping[str, str]:
-    """Returns constant, or "effect.parameter" of a torque -> the combination in which its difference is reported.
+    """Returns name -> the combination that reports its difference. Names: constants, and "effect.parameter" of torques.
 
     The data may determine a combination although they do not determine the constant or the torque alone.
     """
@@ -123,7 +123,7 @@ class Shared:
     Attributes:
         what, unit: the name and the unit of the value, as in `Constant`.
         value: the mean over the recordings that agree.
-        between_sd: the sd of the value between the recordings that agree, beyond their own uncertainty.
+        between_sd: the sd of the value between the recordings that agree, beyond what their uncertainty explains.
         apart: the recordings whose value surely differs from the others.
     """
 
@@ -153,7 +153,7 @@ class Changed(Result):
     Attributes:
         before, after: the names of the recordings.
         dataset: the first later recording, which gives the vehicle and the units.
-        verdict: the first of "changed", "ambiguous", "unknown" and "nothing" that is the verdict on a later recording.
+        verdict: the first of "changed", "ambiguous", "unknown" and "nothing" that `verdicts` holds.
         verdicts: later recording -> the verdict on this recording.
         changes: the changes of all recordings, the most certain change first.
         fits: later recording -> signal -> fit in percent.
@@ -415,7 +415,7 @@ def _described(
 
 
 def _size(change: Sized, unit: str, factor: float = 1.0) -> str:
-    """Returns the size of a change with its interval, both times `factor`: "38 % (34 to 41 %)"."""
+    """Returns the size of a change with its interval, each multiplied by `factor`: "38 % (34 to 41 %)"."""
     low, high = sorted(factor * abs(end) for end in change.ci95)
     if change.ci95[0] < 0 < change.ci95[1]:
         low = 0.0

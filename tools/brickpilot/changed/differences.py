@@ -57,7 +57,7 @@ CONSTANTS = {
     "mass": Constant(numbers.USUAL, 0.0, "body", "the mass"),  # a load
     "wheel_inertia": Constant(numbers.USUAL, 0.0, "body", "the inertia that a motor turns"),  # another load
     "yaw_inertia": Constant(numbers.RARE, 0.0, "body", "the inertia against turning"),
-    # Worn tyres; other wheels would make another machine.
+    # Tyres wear; with other wheels, the machine would be another machine.
     "wheel_radius": Constant(numbers.RARE, numbers.RULER, "tyre", "the radius of the wheels"),
     "half_track": Constant(numbers.RARE, numbers.RULER, "tyre", "the width of the track"),
 }
@@ -120,7 +120,7 @@ class Difference(Part):
             key: {name: value for name, value in table.items() if name != self.recording or key not in self.free}
             for key, table in model.by_run.items()
         }
-        by_run = {key: table for key, table in by_run.items() if table}  # keeps values of another recording
+        by_run = {key: table for key, table in by_run.items() if table}  # a key with a value of another recording stays
         gone = {key.partition(".")[0] for key in self.fixed} - {key.partition(".")[0] for key in by_run}
         effects = {name: table for name, table in model.effects.items() if name not in gone}
         return dataclasses.replace(model, effects=effects, by_run=by_run)

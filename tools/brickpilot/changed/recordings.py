@@ -32,7 +32,7 @@ from brickpilot.vehicle.model import Model
 _SEP = ": "  # between the names of a recording and of its run
 _STEP_S = 0.1  # resolution, s, of the moment of a change
 _FAR = 5.0  # in units of an error's scale: a larger error is clipped to this
-_LEAST_DEGREES = 2  # least degrees of freedom: the number of runs, less one for each recording
+_LEAST_DEGREES = 2  # least degrees of freedom of a spread: the number of runs, less one for each recording
 
 
 def together(recordings: Mapping[str, Dataset]) -> Dataset:
@@ -234,7 +234,7 @@ def spread_of(groups: list[list[tuple[float, float]]]) -> float:
 
 
 def variance_between(groups: Sequence[Sequence[tuple[float, float]]]) -> float:
-    """Returns the variance of a value within a group that the uncertainty of the members does not explain.
+    """Returns the part of a value's variance within a group that the uncertainty of the members does not explain.
 
     Source: DerSimonian & Laird 1986, eq. 8, summed over the groups.
 

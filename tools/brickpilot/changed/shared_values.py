@@ -69,7 +69,7 @@ def _size(model: Model, effect: str, parameter: str) -> float:
 
 
 def _part(difference: Difference) -> Part:
-    """Returns a difference that is a new effect as a part that belongs to no recording."""
+    """Turns a difference that is a new effect into a part that belongs to no recording."""
     fixed = {key.partition(".")[2]: value for key, value in difference.fixed.items()}
     return Part(difference.what, tuple(key.partition(".")[2] for key in difference.free), fixed)
 
@@ -83,7 +83,7 @@ def shared_values(constants: Sequence[Constant]) -> tuple[Shared, ...]:
 
 
 def _shared(rows: Sequence[Constant]) -> Shared:
-    """Takes out the recording that differs most from the others, as long as it surely differs."""
+    """Takes out the recording that differs most, as long as one surely differs. Returns what the others share."""
     agreeing, apart = list(rows), list[str]()
     while len(agreeing) >= _LEAST_RECORDINGS:
         distances = [_distance(row, [other for other in agreeing if other is not row]) for row in agreeing]
@@ -91,13 +91,13 @@ def _shared(rows: Sequence[Constant]) -> Shared:
             break
         apart.append(agreeing.pop(int(np.argmax(distances))).recording)
     mean, sd, between = _mean(agreeing)
-    # The sd between few recordings is itself uncertain.
+    # The sd between few recordings is itself uncertain, so Student's t makes the interval wider.
     half = sd * float(t.ppf(1 - _TAIL, len(agreeing) - 1) if between > 0 else norm.ppf(1 - _TAIL))
     return Shared(rows[0].what, rows[0].unit, Sized(mean, (mean - half, mean + half)), between, tuple(apart))
 
 
 def _distance(row: Constant, others: Sequence[Constant]) -> float:
-    """Returns how far a value is from the mean of the others, in sd of a further member of their kind."""
+    """Returns how far a value is from the mean of the others, in sd of that distance for a recording like them."""
     mean, sd, between = _mean(others)
     return abs(row.value - mean) / math.hypot(_sd(row), sd, between)
 

@@ -215,7 +215,7 @@ def _compared(
     moment = recordings.onset(joint.weighed(joint.usual()).data, joint.old, verdict.best.model, name)
     if moment is not None:
         run = recordings.own_name(first.run)
-        why = f"The recording changes at {first.at_s:g} s of {run}: what was before it counts as before."
+        why = f"The recording changes at {first.at_s:g} s of {run}: its earlier data count as data before the change."
         verdict = dataclasses.replace(verdict, steps=(Step("onset", verdict.kind, why), *verdict.steps))
     return Compared(ready, verdict, moment)
 
