@@ -33,7 +33,7 @@ class Driven:
     Attributes:
         seconds: the duration of the flight, s.
         battery_v: the battery's voltage at the end, V.
-        ended: "fence" or "link" if one of them ended the flight early; None: the flight is complete.
+        ended: "fence" (the robot left the space) or "link" (it was lost) if this ended the flight; None: complete.
     """
 
     seconds: float
