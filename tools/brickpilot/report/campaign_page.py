@@ -38,18 +38,18 @@ _MOST_ROWS = 20  # largest number of inputs in a chart of sensitivity indices
 
 @dataclass(frozen=True)
 class Histogram:
-    """The distribution of a figure: how many runs succeeded and failed per bar, (bars,), with `edges` (bars + 1,)."""
+    """The distribution of a figure: number of runs that `succeeded` and `failed` in each bar, (bars,), and `edges`."""
 
     figure: str
     unit: str
-    edges: Array
+    edges: Array  # (bars + 1,)
     succeeded: Array
     failed: Array
 
 
 @dataclass(frozen=True)
 class Scatter:
-    """A figure's `values` over an input's values `x`, of the same n runs, (n,) each; `x` does not decrease."""
+    """The `values` of a figure and the values `x` of an input for the same n runs, (n,) each; `x` does not decrease."""
 
     figure: str
     input: str
@@ -99,11 +99,11 @@ def verdict(summary: Mapping[str, Any]) -> str:
     if summary["design"] != "morris":
         return text
     rare = "Morris's design often flies the ends of each distribution"
-    return f"{text} {rare}: this is not the rate of robots drawn from it."
+    return f"{text} {rare}, so robots that are drawn at random have another rate."
 
 
 def _rates_chart(summary: Mapping[str, Any]) -> Markup:
-    """Draws the success rate of all runs, and of the runs with each value of an input that has few values."""
+    """Draws the success rate of all runs and, for an input with few values, the success rate at each of its values."""
     rows = [("all runs", summary["success"])]
     for name, values in summary["by_choice"].items():
         rows += [(f"{name} = {value}", rate) for value, rate in values.items()]

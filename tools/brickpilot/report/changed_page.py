@@ -17,10 +17,10 @@ from brickpilot.report.quantities import ascii_text, fit_text, percent, quantity
 from brickpilot.report.template import render
 from brickpilot.report.user_terms import told
 
-_NOTHING = "Nothing changed by more than two recordings of the same state differ."
+_NOTHING = "No change is larger than the usual difference between two recordings of the same state."
 _NO_NEED = (
-    "An explanation without a difference between the recordings predicts stretches that it was not fitted to as well "
-    "as any other explanation does."
+    "An explanation without a difference between the recordings predicts as well as any other explanation. The "
+    "predicted stretches were not used in the fit."
 )
 _UNKNOWN = "Something is different, and no known change explains it."
 
@@ -78,8 +78,8 @@ def _sure(changes: list[Change], *, ambiguous: bool) -> str:
         weight = percent(min(one.weight for one in changes))
         return f"No other explanation is left: this explanation has {weight} of the weight."
     rivals = [" and ".join(subject(name) for name in rival) or "nothing" for rival in changes[0].rivals]
-    held = listed([f"{subject(one.parameter)} in {percent(one.weight)}" for one in changes])
-    return f"By weight, the possible explanations contain {held}. Another explanation is {listed(rivals, 'or')}."
+    held = listed([f"{subject(one.parameter)} has {percent(one.weight)}" for one in changes])
+    return f"Weight of the explanations with a change: {held}. Another explanation is {listed(rivals, 'or')}."
 
 
 def lines(found: Changed) -> list[str]:

@@ -18,7 +18,7 @@ _KNOWN = {
     "prior alone": "as stated; the runs add nothing",
     "not narrowed by the data": "not known: the runs do not tell",
 }
-_COLUMNS = 3  # number of effects, each with its size, in a line
+_COLUMNS = 3  # number of effects, with their sizes, in a printed line
 
 
 def lines(found: Check) -> Iterator[str]:

@@ -24,8 +24,8 @@ from brickpilot.vehicle.composed_terms import (
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 _WORD = re.compile(r"(?<![>.\w])[A-Za-z_]\w*")
 
-# For each hook, which is a C function of an effect that the plant calls: symbol -> the C code of its value. The symbols
-# are in an order in which C can declare them.
+# A hook is a C function by which the plant calls an effect. For each hook: symbol -> the C code of the symbol's value.
+# The symbols are in an order in which C can declare them.
 _STEPS, _AGE = "kept->time + 0.5 * vehicle->step", "vehicle->state.age - kept->start_age"
 _NOW = " + clock * kept->start_age"
 _VOLTS = "isnan(vehicle->voltage[k]) ? 0 : vehicle->voltage[k]"
@@ -75,16 +75,16 @@ _HOOKS = {
 }
 _KEEPING = frozenset({"wheel_loss", "surge_dry", "yaw_dry", "encoder_gain", "gyro_add"})
 _ACTS_ON = {"drive": "drive", "wheel": "wheel", "surge": "body", "yaw": "body", "floor": "body"}
-_ON_THE_FLOOR = frozenset({"body", "sensor"})  # hooks on which a slope of the floor acts
+_ON_THE_FLOOR = frozenset({"body", "sensor"})  # hooks that need the slope of the floor
 
 
 @dataclass(frozen=True)
 class _Hook:
-    """One hook: a C function of the effect that the plant calls.
+    """One hook: a C function by which the plant calls the effect.
 
     Attributes:
         locals: symbol -> the C code that computes it.
-        sums: place and kind of terms, such as "surge_loss" -> the sum of these terms in C.
+        sums: name -> a sum of terms in C; "surge_loss" sums the terms with place "surge" and kind "loss".
         keeps: whether the hook uses the effect's memory.
     """
 
@@ -112,7 +112,7 @@ def of_finding(found: finding.Finding) -> dict[str, str]:
 
 
 def render(terms: Sequence[Term], settings: Mapping[str, float], *, name: str, vehicle: str) -> str:
-    """Returns the text of ``NAME.c``: an effect with exactly these terms, whose coefficients are presets.
+    """Returns the text of ``NAME.c``: an effect with these terms alone; their coefficients are the effect's presets.
 
     Args:
         settings: name -> value of each parameter that shapes terms; the composed effect has these parameters, too.
@@ -181,7 +181,7 @@ def _hook(site: str, terms: Sequence[Term], settings: Mapping[str, float], *, mo
 
 
 def _sum(terms: Sequence[Term], kind: str) -> str:
-    """Returns the sum of the terms of one kind; terms whose signs differ left and right share one bracket."""
+    """Returns the sum of the terms of one kind; terms with opposite signs left and right share a factor of 1 or -1."""
     chosen = [term.basis for term in terms if f"{term.basis.place}_{term.basis.kind}" == kind]
     place = kind.split("_")[0]
 

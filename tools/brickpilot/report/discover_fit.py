@@ -76,7 +76,7 @@ def shown(finding: Finding) -> dict[str, Any]:
 
 
 def sentences(one: Predictable) -> str:
-    """Returns the predictable share of the error, and how much of it the augmented model removes; empty: unknown."""
+    """Returns the predictable share of the error and the part of it that the augmented model removes, if known."""
     if one.share is None and one.held_out is None:
         return ""
     known = _by_role(percent, one.share, one.held_out)

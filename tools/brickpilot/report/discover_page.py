@@ -126,7 +126,7 @@ def write(finding: Finding, folder: Path, command: str, manoeuvre: Manoeuvre | N
 
 
 def _gap_chart(finding: Finding) -> Markup:
-    """Draws the gap before and after, for each role and for each signal."""
+    """Draws the gap before and after discovery, for the runs of each role and for each signal."""
     rows = [
         (label, gap.before, gap.after) for role, label in RUNS.items() if (gap := finding.gap.get(role)) is not None
     ]
@@ -178,7 +178,7 @@ def _unstated(finding: Finding) -> dict[str, Shown]:
 
 
 def ranked_values(one: Rank, model: Model) -> list[tuple[str, Shown]]:
-    """Returns an explanation's fitted values; for a value that each run has of its own, the smallest and largest."""
+    """Returns an explanation's fitted values; if each run has a value of its own, the smallest and the largest one."""
     own = {key: value for key, value in one.parameters.items() if "@" not in key}
     shown = _labelled(list(own), [_quantity(key, value, model) for key, value in own.items()])
     for kind, info in RUN_KINDS.items():
@@ -189,7 +189,7 @@ def ranked_values(one: Rank, model: Model) -> list[tuple[str, Shown]]:
 
 
 def _labelled(names: Sequence[str], shown: Sequence[Shown]) -> list[tuple[str, Shown]]:
-    """Returns (label, value) pairs. A name is "effect.parameter" or "parameter"; labels name two or more effects."""
+    """Returns (label, value) pairs for names "effect.parameter" or "parameter"; labels tell several effects apart."""
     effects = [name.rpartition(".")[0] for name in names]
     several = len(set(effects)) > 1
     labels = [

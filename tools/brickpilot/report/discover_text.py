@@ -82,7 +82,7 @@ def shown_parameter(one: Parameter) -> Shown:
 
 
 def known_size(name: str, one: Parameter) -> tuple[str, Parameter | Combination]:
-    """Returns a parameter's name and size, or those of the identified combination, named like "torque, as voltage"."""
+    """Returns name and size of a parameter, or of the combination that the data identify: "torque, as voltage"."""
     if one.ci95 is None and one.identified is not None:
         return f"{name}, as {one.identified.name}", one.identified
     return name, one
@@ -275,7 +275,7 @@ def why_unclaimed(finding: Finding) -> str:
     signal = max(left, key=lambda name: left[name], default=None)
     if signal is not None and left[signal] > numbers.SHARED_REST:
         return f"A black box still predicts {percent(left[signal])} of what is left of {say(signal)}."
-    return "The measured samples do not show it surely, or too much error is left beside it."
+    return "The measured samples do not show this for certain, or too much other error is left."
 
 
 def _with_sizes(effects: Sequence[Effect]) -> str:

@@ -71,7 +71,7 @@ def _superimposed(
 
 
 def _stated(calibration: Calibration) -> Markup | None:
-    """Draws (fitted - stated) / stated sd with its interval for each value; None: no value is stated with an sd."""
+    """Draws `(fitted - stated) / (stated sd)` of each value with its interval; None: no value is stated with an sd."""
     labels, places, spans = [], [], []
     for name, one in calibration.parameters.items():
         stated = calibration.stated.get(name)

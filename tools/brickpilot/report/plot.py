@@ -29,8 +29,8 @@ Shape = Literal["line", "step", "marks", "bars"]
 
 MOST_POINTS, _LEAST_POINTS = 2000, 300  # largest and smallest number of points that one figure draws
 _ROW = 26  # height of a row in pixels
-_PAGE_POINTS = 40_000  # number of points in all figures of a page, about 1.5 MB
-ACROSS, UP = 1e6, 2e4  # x values and the values of a curve are rounded to this number of steps within their range
+_PAGE_POINTS = 40_000  # largest number of points in all figures of a page together, about 1.5 MB
+ACROSS, UP = 1e6, 2e4  # x values, and a curve's values, are rounded so that their range has this many steps
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ def thin(columns: Array, points: int) -> NDArray[np.intp]:
     if samples <= points:
         return np.arange(samples)
     kept = _extremes(columns, max(points // (2 * count), 1))
-    more = points // (2 * count) * points // len(kept)  # one sample is often the extreme of several columns
+    more = points // (2 * count) * points // len(kept)  # fewer are kept if one sample is the extreme of several columns
     return kept if len(kept) > 0.8 * points or more < 1 else _extremes(columns, min(more, points // 2))
 
 
@@ -252,7 +252,7 @@ def compact(values: Array, steps: float) -> list[float | None]:
     known = values[np.isfinite(values)]
     size = float(np.abs(known).max(initial=0.0)) if len(known) < 2 or np.ptp(known) == 0 else float(np.ptp(known))
     decimals = math.ceil(math.log10(steps / size)) if size > 0 else 0
-    rounded = np.round(values, decimals) + 0.0  # no minus zero
+    rounded = np.round(values, decimals) + 0.0  # turns -0 into 0
     whole = decimals <= 0
     return [None if not math.isfinite(one) else int(one) if whole else one for one in rounded.tolist()]
 
@@ -351,7 +351,7 @@ def _joined_marks(rows: Rows, single: bool, least: float) -> tuple[Marks, list[t
 
 
 def interval(low: float, value: float, high: float, *, inside: tuple[float, float]) -> Markup:
-    """Draws a value as a dot with its interval, and a line at 0, in the range `inside`; its table has the numbers."""
+    """Draws a value as a dot with its interval, and a line at 0, in the range `inside`; a table has the numbers."""
     share = (np.array([low, value, high, 0.0]) - inside[0]) / (inside[1] - inside[0])
     start, middle, end, zero = np.clip(4.0 + share * (_WHISKER - 8.0), 2.0, _WHISKER - 2.0)
     return Markup(

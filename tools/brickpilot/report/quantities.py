@@ -18,7 +18,7 @@ _SPACE = "\N{NO-BREAK SPACE}"
 _MINUS = "\N{MINUS SIGN}"
 
 _PREFIXES = ((1e-9, "n"), (1e-6, "µ"), (1e-3, "m"), (1.0, ""), (1e3, "k"), (1e6, "M"))
-_TAKES_PREFIX = frozenset({"N", "V", "A", "H", "W", "Ω", "m", "s", "rad"})  # if this is the first factor of a unit
+_TAKES_PREFIX = frozenset({"N", "V", "A", "H", "W", "Ω", "m", "s", "rad"})  # get a prefix as the first factor of a unit
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ def plain(value: float, digits: int = 6) -> str:
 def quantity(value: float, unit: str, ci95: tuple[float, float] | None = None) -> Shown:
     """Returns a value in a convenient unit, with the digits that its interval supports, or with three digits."""
     half = (ci95[1] - ci95[0]) / 2 if ci95 is not None and all(map(math.isfinite, ci95)) else 0.0
-    factor, shown = scaled(value if abs(value) > half / 10 else half, unit)  # a value near 0 has no scale of its own
+    factor, shown = scaled(value if abs(value) > half / 10 else half, unit)  # near 0, the interval gives the scale
     ends = [] if ci95 is None else [one / factor for one in ci95]
     value, width = value / factor, half / factor
     if width > 0:
@@ -91,12 +91,12 @@ def _fixed(value: float, decimals: int) -> str:
     """Returns a number with `decimals` decimals; negative `decimals` round to tens, hundreds and so on."""
     if not math.isfinite(value):
         return "without limit"
-    rounded = round(value, decimals) + 0.0  # no minus zero
+    rounded = round(value, decimals) + 0.0  # turns -0 into 0
     return f"{rounded:.{max(decimals, 0)}f}".replace("-", _MINUS)
 
 
 def _decimals(half: float) -> int:
-    """Returns how many decimals an interval of this half width supports: two digits if the first is 1, else one."""
+    """Returns how many decimals show two digits of an interval's half width, or one digit if its first is not 1."""
     size = math.floor(math.log10(half) + 1e-9)
     return (1 if half / 10**size < 2 - 1e-9 else 0) - size
 

@@ -1,4 +1,4 @@
-"""The page of a flight: the track, which the reader can play, the robot's signals, and those inside the controller.
+"""The page of a flight: the track, which the reader can play, and the signals of the robot and inside the controller.
 
 `track.js` draws and plays a track, seen from above. For a flight over a link, figures show how long replies took, how
 punctual ticks were, and when errors occurred.
@@ -42,7 +42,7 @@ def samples(flight: Flight) -> int:
 
 
 def _panel(flight: Flight, label: str, unit: str, lines: list[Line], scale: float = 1.0) -> Panel:
-    """Returns a panel with columns of the log, times `scale`; `lines`: (column, legend, colour) of each curve."""
+    """Returns a panel of columns of the log, multiplied by `scale`; `lines`: (column, legend, colour) of each curve."""
     count = samples(flight)
     return Panel(
         label, unit, [Curve(name, scale * flight.log[column][:count], colour) for column, name, colour in lines]

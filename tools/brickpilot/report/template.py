@@ -36,7 +36,7 @@ def render(name: str, folder: Path = _HERE / "templates", **content: object) -> 
 
 @cache
 def _inlined() -> dict[str, Markup]:
-    """Returns the plot library, its licence, and scripts, which every page contains: a page needs no other file."""
+    """Returns the plot library, its licence, and the scripts. Every page contains them, so it needs no other file."""
     library = _HERE / "uplot"
     texts = {
         "library": library / "uPlot.iife.min.js",

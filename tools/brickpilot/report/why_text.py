@@ -42,7 +42,7 @@ _OF_WHEELS = 0.5  # unequal wheel angles are the cause if they give more than th
 _WORSE = 0.05  # percentage points of fit: an explanation that lowers the fit by more does not explain whole runs
 _VEERS = math.radians(1.0)  # rad/m: a smaller curvature is hardly visible
 _DIFFERS = 0.03  # share of a speed or a distance: a smaller difference is hardly visible
-_GRID_S = 0.05  # time step at which a manoeuvre is examined
+_GRID_S = 0.05  # s: time step at which a manoeuvre is examined
 _STATED = 4  # number of effects whose smallest visible size is stated
 
 
@@ -199,7 +199,7 @@ def _what(finding: Finding) -> tuple[Ending, str]:
     if finding.verdict == "none":
         if leaves_more_than_noise(finding) and (fit is None or min(fit.before, fit.after) < _ALL):
             size = "a part" if fit is None else f"{fit_text(fit.after)} of the measured signals on the {fit.runs}"
-            return "missing", f"Something is missing: the simulation explains {size}, and no known cause the rest."
+            return "missing", f"Something is missing: the simulation explains {size}; no known cause explains the rest."
         does = "the simulation does what the robot does"
         if fit is not None and leaves_more_than_noise(finding):
             does = f"the simulation explains {fit_text(fit.after)} of the signals on the {fit.runs}"
@@ -215,7 +215,7 @@ def _what(finding: Finding) -> tuple[Ending, str]:
         where = "Something is missing" if kind is None else f"Something is missing in the {kind}"
         return "missing", f"{where}, and the logs cannot tell which it is: {_either(finding)}."
     if finding.mechanism is None:
-        return "missing", "Something is missing: the robot does what the simulation does not, and no log says where."
+        return "missing", "Something is missing: robot and simulation differ, and no log shows in which part."
     likely = f", most likely {listed([explanation(one) for one in found_names(finding)])}" if finding.effects else ""
     return "missing", f"Something is missing in the {finding.mechanism}{likely}."
 
@@ -256,7 +256,7 @@ def _sure(finding: Finding, ending: Ending) -> str:
     removed = None if known is None else known.removed if known.removed_held_out is None else known.removed_held_out
     added = any(one.claimed for one in finding.effects) or finding.term is not None
     if removed is not None and found and added:
-        parts.append(f"With it mended, {percent(max(removed, 0.0))} of the error that can be predicted at all is gone.")
+        parts.append(f"The finding removes {percent(max(removed, 0.0))} of the error that can be predicted at all.")
     if found and (guesses := finding.dataset.guesses):
         parts.append(f"Not confirmed: nobody stated {listed(guesses)}.")
     return " ".join(parts)
