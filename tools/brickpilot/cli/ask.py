@@ -34,13 +34,13 @@ def ask(
     robot: str, link: str | None, target: str, realtime: bool, model: str | None, space: float, speed: float,
     battery: float | None, most: int, sensors: str, out: str | None, seed: int, jobs: int, as_json: bool,
 ) -> None:  # fmt: skip
-    """Flies missions until one explanation is left of why ROBOT does not do what its model says.
+    """Flies missions until one explanation is left for the difference between ROBOT and its model.
 
     ROBOT is the model.toml of the simulated robot at this end of the link; the search does not see it. Each mission
     begins at the same place and stays within --space and --speed. It is the mission in which the remaining explanations
-    differ most. The motors stop at the fence, by the position that the brick estimates, and if the link is lost. The
-    exit status is 1 if the fence, a lost link or a limit ended the missions. The page ask.html shows the missions and
-    the changes of the explanations' weights.
+    differ most. The motors stop if the position that the brick estimates is beyond the fence of --space, or if the
+    link is lost. The exit status is 1 if the fence, a lost link or a limit ended the missions. The page ask.html shows
+    the missions and the changes of the explanations' weights.
     """
     from brickpilot.errors import WorkFailedError
     from brickpilot.public import asking

@@ -75,7 +75,7 @@ def bench(
 
 
 def _refuse(target: str, **given: str | float | None) -> None:
-    """Raises InputError if a `given` option has a value: these options work only with `--target` and this target."""
+    """Raises InputError if a `given` option has a value, because the options work only with `--target` and `target`."""
     for name, value in given.items():
         if value is not None:
             raise InputError(f"works only with --target {target}", field=f"--{name}")

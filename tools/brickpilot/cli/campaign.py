@@ -16,11 +16,11 @@ from brickpilot.errors import WorkFailedError
 @click.argument("file")
 @click.option("--out", metavar="DIR", help="The folder to write; default runs/campaign-NAME.")
 @click.option("--jobs", type=JOBS, default=2, show_default=True, help="The processes of this machine that fly.")
-@click.option("--scheduler", metavar="tcp://HOST:PORT", help="Fly on the workers of this Dask scheduler instead.")
+@click.option("--scheduler", metavar="tcp://HOST:PORT", help="Fly on this Dask scheduler's workers, not here.")
 @click.option(
     "--runs",
     type=click.IntRange(1),
-    help="How many runs instead of the file's; of grid repeats, of saltelli samples, of morris trajectories.",
+    help="The number of runs, instead of the file's; for grid of repeats, saltelli of samples, morris of trajectories.",
 )
 @click.option("--seed", type=SEEDS, help="The seed of all draws, instead of the file's.")
 @click.option(
@@ -30,7 +30,7 @@ from brickpilot.errors import WorkFailedError
 def campaign(
     file: str, out: str | None, runs: int | None, seed: int | None, replay: int | None, as_json: bool, **where: Any
 ) -> None:
-    """Flies many missions, Monte Carlo or a designed sweep, and shows how many succeed and which inputs matter.
+    """Flies many missions, drawn at random or by a design, and shows how many succeed and which inputs matter.
 
     FILE names the inputs that differ between runs: parameters, effects, sensor noise, faults of the link, gains,
     routes. The folder holds runs.parquet with a row for each run, summary.json and report.html. The same command

@@ -26,7 +26,7 @@ _model_option = model_option("A model.toml of discover or calibrate, or your own
     show_default=True,
     help="The version of FMI. both: two files, with -fmi2 and -fmi3 in their names.",
 )
-@click.option("--sources-only", is_flag=True, help="Without a binary, which needs no C compiler here.")
+@click.option("--sources-only", is_flag=True, help="Leave out the binary, so that no C compiler is needed here.")
 @click.option("--out", metavar="FILE", help="The file to write; default NAME.fmu.")
 def fmu(model: str | None, fmi: str, sources_only: bool, out: str | None) -> None:
     """Writes a model, effects included, as an FMU for co-simulation.

@@ -31,7 +31,7 @@ from brickpilot.report.flight_text import figure_lines, waypoint_lines
     help="The Arduino's IMU: voltages at A0 to A2, or a chip on I2C, MPU-6050 or LSM6DS.",
 )  # fmt: skip
 @scenario_option("The mission in the image; default the paper's eight waypoints, scaled to the robot.")
-@click.option("--gains", metavar="FILE", help="Compile this gains.toml of `brickpilot tune` in.")
+@click.option("--gains", metavar="FILE", help="Compile this gains.toml of `brickpilot tune` into the image.")
 @click.option("--seed", type=SEEDS, default=0, show_default=True, help="The seed of the sensors' noise.")
 @as_json
 def firmware(as_json: bool, **options: Any) -> None:
@@ -40,8 +40,8 @@ def firmware(as_json: bool, **options: Any) -> None:
     The constants are made for the robot: its model, gains that give it the packaged robot's closed-loop poles, and a
     compensation for the effects of the model file. If a fixed-point format cannot hold a value, an error names the
     value and its range. DIR gets the image, robot.toml with every value and its source, the generated headers, build.sh
-    to build the image again, and the flight. For avr it gets an Arduino library, too; for rcx, brickpilot.h8sim: the
-    same firmware without brickOS and drivers, which `hil --image` flies. If the mission was not flown, one line says so
+    to build the image again, and the flight. For avr, DIR also gets an Arduino library; for rcx, brickpilot.h8sim:
+    the same firmware without brickOS and drivers, for `hil --image`. If the mission was not flown, one line says so
     and the exit status is 1. The sources are those of a checkout in this folder or above it, or else the package's.
     """
     from brickpilot.public import making

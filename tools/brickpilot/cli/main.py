@@ -59,7 +59,7 @@ for command in COMMANDS:
 
 
 LIBRARIES_OF_HIL = ("can", "cantools", "cobs", "intelhex", "msgpack", "serial")
-"""The libraries that links to a brick and `flash` need; the package's extra `hil` installs these libraries."""
+"""The libraries that `flash` and all links to a brick need; the package's extra `hil` installs these libraries."""
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -87,7 +87,7 @@ def wiring_lines(sentences: Sequence[str], mend: str = "") -> list[str]:
 
 
 def _beginning(typed: str, known: Mapping[str, str | None], *, or_file: bool = False) -> list[CompletionItem]:
-    """Returns the names in `known` (name -> description) that begin with `typed`; `or_file`: files if no name does."""
+    """Returns the names in `known` (name -> description) that begin with `typed`; if none and `or_file`, files."""
     items = [CompletionItem(name, help=text) for name, text in known.items() if name.startswith(typed)]
     return items or ([CompletionItem(typed, type="file")] if or_file else [])
 
@@ -224,7 +224,7 @@ def flight_options(command: Callable[..., None]) -> Callable[..., None]:
 
 _LOG_OPTIONS = (
     click.option("--vehicle", type=click.Choice(VEHICLES), help="Of logs; default: guessed from a table."),
-    click.option("--frame", type=click.Choice(["FLU", "FRD"]), help="Of logs; default: guessed from a table, or FRD."),
+    click.option("--frame", type=click.Choice(["FLU", "FRD"]), help="Of logs; default: guessed for a table, else FRD."),
     click.option("--map", "mapping", multiple=True, metavar="SIGNAL=FORMULA[:UNIT]", help="As in import; repeatable."),
     click.option("--nominal", multiple=True, metavar="NAME=VALUE", help="A nominal parameter in SI; repeatable."),
     click.option("--as-wired", is_flag=True, help="Keep channels that look wired wrongly: notes name them."),

@@ -23,11 +23,11 @@ def why(
 ) -> None:  # fmt: skip
     """Says why a robot behaves differently from its simulation.
 
-    Each LOG is a log that import reads, or a data set; all are of one robot. A table needs no map: the signals of its
-    columns are guessed, and it is split where the robot rests. The page why.html begins with what is wrong, how sure
-    that is and what to do. There are four answers: nothing is wrong, a cause is known, something is missing (the page
-    then says what to drive next), or the data contradict themselves. The folder also gets discover's page, the model, a
-    compensation for the firmware, the manoeuvre to drive next, and the robot's constants for ros2_control and for C.
+    Each LOG is a log that import reads, or a data set; all are of one robot. A table needs no --map: the signals of its
+    columns are guessed, and the table is split where the robot rests. The page why.html begins with what is wrong, how
+    sure that is and what to do. There are four answers: nothing is wrong, a cause is known, something is missing (the
+    page then says what to drive next), or the data contradict themselves. The folder also gets discover's page, the
+    model, a compensation for the firmware, the manoeuvre to drive next, and the constants for ros2_control and for C.
     """
     from brickpilot.discover.finding import verdict_json
     from brickpilot.importers.mapping import parse_nominal
