@@ -28,7 +28,7 @@ from brickpilot.export.fmu_description import Variable, variables
 from brickpilot.vehicle.model import Model
 
 VERSIONS = ("2.0", "3.0")
-_EARLIEST = (1980, 1, 1, 0, 0, 0)  # the earliest time of zip, for all files, so that equal models give equal bytes
+_EARLIEST = (1980, 1, 1, 0, 0, 0)  # zip's earliest time, given to all files, so that equal models give equal bytes
 
 
 def archive(model: Model, version: str, *, binary: bool = True) -> bytes:

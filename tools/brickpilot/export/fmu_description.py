@@ -17,7 +17,7 @@ from brickpilot import __version__, catalogue
 from brickpilot.constants import MOTOR_STEP_S, STEP_S
 from brickpilot.vehicle.model import Model, output_names, unit_on
 
-# Parameters that determine the kind of vehicle: with other values, the vehicle would have other outputs.
+# Parameters that an FMU does not show. They determine the kind of vehicle, and so which outputs the vehicle has.
 _NATURE = frozenset({"force_per_volt", "torque_per_volt"})
 
 _MEANS = {
@@ -47,9 +47,9 @@ _STATE = (
     ("x", "m", "position of the axle's middle along x"),
     ("y", "m", "position of the axle's middle along y, to the right"),
     ("heading", "rad", "heading, clockwise seen from above"),
-    ("surge", "m/s", "speed ahead; counts if both wheel speeds are 0"),
+    ("surge", "m/s", "speed ahead; used if both wheel speeds are 0"),
     ("sway", "m/s", "speed to the right; 0 unless tyres slide"),
-    ("yaw_rate", "rad/s", "yaw rate; counts if both wheel speeds are 0"),
+    ("yaw_rate", "rad/s", "yaw rate; used if both wheel speeds are 0"),
     ("current_left", "A", "current of the left motor"),
     ("current_right", "A", "current of the right motor"),
     ("wheel_speed_left", "rad/s", "speed of the left wheel"),
@@ -152,7 +152,7 @@ def _nominal(model: Model) -> list[Variable]:
         if info.name not in presets:
             continue
         name, start = f"parameters.{info.name}", float(model.parameters.get(info.name, presets[info.name]))
-        ends = (min(info.minimum, start), info.maximum)  # a motor without a load has a mass of 0
+        ends = (min(info.minimum, start), info.maximum)  # a motor without a load has mass 0, below the minimum
         unit, shown = unit_on(model, info), info.name not in _NATURE
         rows.append(Variable("PARAMETER", name, index, info.meaning, unit, start, *ends, shown=shown))
     return rows
@@ -194,7 +194,7 @@ def description(
     Args:
         version: version of FMI, ``2.0`` or ``3.0``.
         identifier: the model's identifier, which is the name of its library.
-        token: the token that the C layer compares.
+        token: the FMU's identifier; the C layer refuses a description with another token.
         variables: the result of `variables`.
         sources: the C files; FMI 2.0 lists them in this file, and FMI 3.0 lists them in `build_description`.
     """

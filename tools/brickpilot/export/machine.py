@@ -1,7 +1,7 @@
 """The description of a robot for rigid-body simulators: masses, wheels, motors, losses, sensors and effects.
 
 The frame is Brickpilot's: x forward, y right, yaw clockwise. A pair is (left, right), except for positions and the
-slope; of a motor's pair, only the first value is used.
+slope. A bare motor uses only the first value of a pair.
 
 An effect that these simulators can represent has one function here, with the same law as in C. Other effects, such as
 battery sag and gyro bias, have no function. Each written file lists the effects that it lacks.
@@ -88,7 +88,7 @@ def radii(machine: Machine) -> Pair:
 
 
 def losses(machine: Machine) -> Pair:
-    """Returns the loss of each wheel that is linear in its speed, in N m s/rad: eq. 13 in eq. 14 of the paper."""
+    """Returns the loss of each wheel that is linear in its speed, in N m s/rad: eq. 14 of the paper with eq. 13."""
     values = machine.values
     weight = machine.mass * values["gravity"]
     left, right = (
@@ -142,7 +142,7 @@ def describe(model: Model, holds: Container[str] = _EVERYTHING) -> tuple[Machine
     """Returns the robot with every effect that the file can express, and the names of the other effects.
 
     Args:
-        holds: the attributes of `Machine` that the file can contain; effects that change another one are left out.
+        holds: the attributes of `Machine` that the file can contain; effects that change other attributes are left out.
 
     Raises:
         InputError: the vehicle is a skid steer.

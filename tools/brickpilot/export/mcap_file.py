@@ -90,7 +90,7 @@ def write(topics: Iterable[Topic], samples: Iterable[Sample], attachments: Mappi
 POSES = {"/pose": "true", "/pose_estimate": "estimate"}
 """Topic of poses -> prefix of the names of the log's columns that hold these poses."""
 
-_POSE_EVERY = 10  # rows from one pose to the next: 33 poses a second
+_POSE_EVERY = 10  # rows of the log from one pose to the next; this gives 33 poses a second
 _FRAME = "map"
 _VECTOR = {"type": "object", "properties": {axis: {"type": "number"} for axis in "xyz"}}
 _TURN = {"type": "object", "properties": {axis: {"type": "number"} for axis in "xyzw"}}
@@ -326,7 +326,7 @@ def _layout(panels: Mapping[str, Any]) -> str:
 
 
 def _split(names: Sequence[str], direction: str) -> Any:
-    """Returns the panels as nested pairs, which stand by turns side by side and one above the other."""
+    """Returns the panels as nested pairs: one level stands side by side, the next one above the other, and so on."""
     if len(names) <= 1:
         return names[0] if names else ""
     half = max(1, len(names) // 2) if direction == "column" else 1 if names[0].startswith("3D") else len(names) // 2

@@ -18,7 +18,7 @@ from brickpilot.vehicle.model import Model
 
 _HEAD = "Made by Brickpilot. It needs MuJoCo 3.8 or newer. y is to the left, yaw counter-clockwise."
 _AIR_M = 1e-3  # m: radius of the ball on which the air's drag acts; a ball of this size has hardly any added mass
-_WHEEL_SHARE = 1e-4  # mass of a wheel as a share of the robot's mass; the armature of its joint is its inertia
+_WHEEL_SHARE = 1e-4  # mass of a wheel as a share of the robot's mass; the joint's armature has the wheel's inertia
 _FIRM = "0.9999 0.9999 0.001"
 _GRIP = 100.0
 _FLOATS = "a motor that floats: a control is a voltage, and 0 V shorts the motor"
@@ -173,9 +173,9 @@ def _delay(delay: float) -> dict[str, str]:
 
 
 def _motor(actuator: Xml.Element, head: dict[str, str], machine: Machine, k: int) -> None:
-    """Adds a direct-current motor. MuJoCo has one constant for torque and back EMF. A motor with K_t and K_e equals a
-    motor with K_e for both constants, and K_e / K_t times the resistance and inductance. A gain of the voltage divides
-    the constant once, and resistance and inductance twice."""
+    """Adds a direct-current motor. MuJoCo has one constant for torque and back EMF. A motor with `K_t` and `K_e` equals
+    a motor with `K_e` for both, and `K_e / K_t` times the resistance and inductance. A gain `g` of the voltage
+    divides the constant by `g`, and resistance and inductance by `g^2`."""
     values = machine.values
     per_volt = values["force_per_volt"] or values["torque_per_volt"]
     torque, emf = values["torque_constant"] * machine.flux[k], values["emf_constant"] * machine.flux[k]
