@@ -135,7 +135,7 @@ class DaskWorkers(Futures):
         field = _field(self._scheduler)
         try:
             self._client.run_on_scheduler(store.versions_here)
-        except Exception as error:  # any error that an import on a worker may raise
+        except Exception as error:  # an import on a worker may raise any error
             raise InputError(f"the scheduler cannot load this brickpilot: {error}", field=field) from None
         for address, versions in sorted(self._client.run(store.versions_here, on_error="return").items()):
             if not isinstance(versions, Versions):
@@ -156,7 +156,7 @@ def _client(scheduler: str) -> Any:
     from distributed import Client
 
     try:
-        with ThreadPoolExecutor(1) as aside:  # in a notebook, the present thread already has an event loop
+        with ThreadPoolExecutor(1) as aside:  # another thread, because that of a notebook has an event loop already
             aside.submit(lambda: asyncio.run(asyncio.wait_for(_greet(scheduler), CONNECT_S))).result()
         return Client(scheduler, timeout=CONNECT_S, set_as_default=False)
     except Exception as error:  # another program's answer may raise any error

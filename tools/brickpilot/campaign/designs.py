@@ -1,4 +1,4 @@
-"""Designs. A design gives each input of each run a share: a level of a quantile, 0..1, drawn from the campaign's seed.
+"""Designs. A design draws a share, 0..1, for each input of each run. The input's quantile function makes it a value.
 
 A run is identified by its number. Its draws depend only on this number, the campaign's file and the seed.
 """
@@ -21,11 +21,11 @@ Array = NDArray[np.float64]
 
 MORRIS_LEVELS = 4
 MORRIS_EDGE = 0.025
-"""Share of Morris's lowest level; the highest level is 1 less this share, because distributions may be unbounded."""
+"""Share of Morris's lowest level, and 1 minus that of the highest: at 0 or 1, an unbounded distribution is infinite."""
 
 
 def drawn_shares(campaign: Campaign) -> Callable[[int, int], Array]:
-    """Returns a function (start, stop) -> shares of the runs start..stop - 1, (runs, inputs drawn), each 0..1.
+    """Returns a function (start, stop) -> shares of the runs `start` to `stop - 1`, (runs, inputs drawn), each 0..1.
 
     The designs monte_carlo and grid draw a run when it is asked for. For other designs, all runs are drawn at once.
     """

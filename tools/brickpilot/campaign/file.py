@@ -3,11 +3,11 @@
     [campaign]
     name     = "tolerances"
     design   = "monte_carlo"      # the default; or "latin_hypercube", "sobol", "grid", "saltelli", "morris"
-    runs     = 1000               # how many runs monte_carlo, latin_hypercube and sobol (a power of two) have
-                                  # grid: repeats = 1 of each point; saltelli: samples, a power of two, each of
-                                  # (inputs + 2) runs; morris: trajectories, each of (inputs + 1) runs
+    runs     = 1000               # number of runs; for sobol a power of two. Other designs have another key:
+                                  # grid: repeats, runs at each point; saltelli: samples of (inputs + 2) runs,
+                                  # a power of two; morris: trajectories of (inputs + 1) runs
     seed     = 0                  # seed of all draws; with a run's number it gives the noise of the run
-    scenario = "mission"          # a packaged mission or a file beside this one; or a list, which is an input too
+    scenario = "mission"          # a packaged mission or a file beside this one; a list makes it an input
     sensors  = "imu+encoders"     # as in `brickpilot run`; or a list
     profile  = "coupled"
     model    = "model.toml"       # files beside this one, as in `brickpilot run`; all are optional
@@ -16,7 +16,7 @@
     robots   = "data"             # each run has a robot that calibrate.json or verdict.json beside the model allows
 
     [vary]                        # each input: a number, a list, or a distribution
-    parameter.mass               = { distribution = "normal", mean = 0.9, sd = 0.05 }     # low, high: cut it off
+    parameter.mass               = { distribution = "normal", mean = 0.9, sd = 0.05 }     # low, high: truncate it
     parameter.battery_voltage    = { distribution = "uniform", low = 7.5, high = 9.5 }    # or "loguniform"
     effect.NAME.PARAMETER        = { distribution = "lognormal", median = 0.01, sd_of_log = 0.5 }
     effect.NAME.chance           = 0.3                           # probability that a run has the effect
@@ -24,11 +24,11 @@
     gain.heading_kp              = [10, 12, 14]      # equally likely values; the axis of a grid
     start.heading_deg            = 5                 # fixed
 
-    [route]                       # instead of the scenario's: waypoints drawn in a box
+    [route]                       # waypoints drawn in a box, instead of the scenario's route
     waypoints = 6
     x_m = [-1.5, 1.5]
     y_m = [-1.5, 1.5]
-    least_leg_m = 0.5             # least distance from each point to the next, from the start on
+    least_leg_m = 0.5             # least distance from the start to the first point, and so on
     duration_s = 90               # duration of the flight; default: the scenario's
 
     [[faults]]                    # as in a scenario; from_s, to_s and rate may be distributions
@@ -78,7 +78,7 @@ ROBOTS = ("model", "data")
 
 @dataclass(frozen=True)
 class Box:
-    """The box in which routes are drawn, in m: each route has `waypoints` points, and no leg below `least_leg`."""
+    """The box in which routes are drawn, in m: each route has `waypoints` points, and legs of at least `least_leg`."""
 
     waypoints: int
     x: tuple[float, float]

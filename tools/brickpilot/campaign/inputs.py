@@ -180,7 +180,7 @@ Drawn = Mapping[str, Value]
 """Input -> its value in one run. A number is in the input's unit; `None` does not occur."""
 
 ON = "on"
-"""The last word of the name of a switch, an input that switches an effect or a fault on."""
+"""The last word of a switch's name. A switch is an input that switches an effect or a fault on."""
 
 _AXES = {"accel": "m/s^2", "gyro": "rad/s"}
 _OF_AXES = {"noise_sd": (0.0, 1e3), "range": (0.1, 1e3), "bias": (-100.0, 100.0)}
@@ -366,7 +366,7 @@ def faults(toml: TomlFile, duration: float) -> tuple[dict[str, Fault], list[Inpu
                 inputs.append(_input(toml, (*key, number), f"{name}.{number}", table[number], physical))
                 drawn = inputs[-1].distribution
                 low, high = (min(drawn.values), max(drawn.values)) if drawn.values else (drawn.low, drawn.high)
-                table[number] = high if number == "from_s" else low  # checks the latest start with the earliest end
+                table[number] = high if number == "from_s" else low  # the latest start must precede the earliest end
         fixed.append(table)
     return dict(zip(names, parse_faults(toml, fixed, duration), strict=True)), inputs
 

@@ -1,4 +1,4 @@
-"""Draws robots with values that the data allow. A file of `calibrate` or `discover` beside model.toml states them.
+"""Draws robots with values that the data allow. A file of `calibrate` or `discover` beside model.toml has the fit.
 
 - Fitted parameters are drawn jointly about their estimates, with the fit's covariance. The covariance is that of a
   linearised fit, so along a direction that the data do not determine, the sd is limited to `VAGUE_SD`.
@@ -32,10 +32,10 @@ from brickpilot.vehicle.spread import from_json as spread_of
 Array = NDArray[np.float64]
 
 VAGUE_SD = 0.2
-"""Largest sd of a fitted coordinate: a logarithm, or a value divided by the change that moves signals by their rms."""
+"""Largest sd of a fitted coordinate: of `log(value)`, or of `value / change` if `change` moves signals by their rms."""
 
 EFFECT_SHARE = 0.1
-"""Relative sd of an effect's size that has no interval; discovery uses the same value for a model of other data."""
+"""Relative sd of an effect's size that has no interval; discovery uses the same sd for the effects of a given model."""
 
 BATTERY_SHARE = 0.05
 """Relative sd of the battery's voltage: from full to half empty, six cells lose about a tenth."""

@@ -66,7 +66,7 @@ class Replayed:
     """A run that was flown again.
 
     Attributes:
-        inputs: the values that the campaign drew for the run; None if the robot lacks the effect of the value.
+        inputs: name -> the value that was drawn for the run or for its robot; None: the robot lacks this value.
         figures: the figures of `brickpilot run --json`, or of `hil --json` if the run has faults.
         ticks: the columns of ticks.csv; None: the run has no link.
     """

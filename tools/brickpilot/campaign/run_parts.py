@@ -40,8 +40,8 @@ class Part:
 Results = Callable[[Iterable[Part]], Iterator[tuple[Part, Any]]]
 """Takes parts one by one, and yields each part with its result, in the order in which the parts finish.
 
-If a worker dies, another worker begins its part again. If a part ends each worker that gets it, or if all workers have
-ended, the function raises WorkFailedError. It also raises every error of the called function."""
+If a worker dies, another worker begins its part again. If every worker dies that gets a certain part, or if no worker
+is left, the function raises WorkFailedError. It also raises every error of the called function."""
 
 
 class Workers(Protocol):
@@ -149,7 +149,7 @@ def run_parts(
 
     Raises:
         InputError: the workers cannot be reached, or have another version of this program.
-        WorkFailedError: a part ends each worker that gets it, or all workers have ended.
+        WorkFailedError: every worker dies that gets a certain part, or no worker is left.
         Exception: the error that the function or `keep` raised. No further part is begun.
     """
     progress.after(0)

@@ -138,7 +138,7 @@ def figures(flown: flight.Flight) -> Row:
 
 
 def over_a_link(flown: HilFlight) -> Row:
-    """Returns the row of a flight over a link. A flight that the link ended counts as failed."""
+    """Returns the row of a flight over a link. A flight that ended early, as with a lost link, counts as failed."""
     row = figures(flown.flight)
     if flown.broke_off is None:
         return row
@@ -191,7 +191,7 @@ class RunsOfPart:
 
 @dataclass(frozen=True)
 class Run:
-    """One run: its number, its inputs, the plan of its flight, and its drawn robot; None: it flies the model itself."""
+    """One run: its number, its inputs, its flight's plan, and its drawn robot, or None if the model itself flies."""
 
     index: int
     drawn: Drawn
@@ -229,7 +229,7 @@ def fly(part: RunsOfPart) -> pa.Table:
 
 
 def single_run(campaign: Campaign, index: int) -> Run:
-    """Returns the run of this number. All runs of its part are drawn, so this run is the campaign's to the last bit."""
+    """Returns the run of this number. All runs of its part are drawn, so it equals the campaign's run bit for bit."""
     place = index % part_size(campaign)
     part = _runs_of_part(campaign, index - place, designs.drawn_shares(campaign))
     return list(planned(part))[place]
@@ -303,7 +303,7 @@ def _inputs(campaign: Campaign, run: Run) -> dict[str, Any]:
 
 
 def of_robot(campaign: Campaign, run: Run) -> dict[str, Any]:
-    """Returns the values of the run's robot in which drawn robots differ, without the values that `[vary]` states."""
+    """Returns the values of the run's robot that differ between drawn robots and that `[vary]` does not state."""
     if run.robot is None:
         return {}
     own = robots.values(run.plan.model)

@@ -195,7 +195,7 @@ class Parts:
             data = _whole(path)
         if data is None:
             raise WorkFailedError(f"{path}: was damaged after it was written: run the campaign again")
-        return pq.ParquetFile(pa.BufferReader(data)).read(use_threads=False)  # parts are small
+        return pq.ParquetFile(pa.BufferReader(data)).read(use_threads=False)  # small, so threads gain nothing
 
     def _claim(self) -> None:
         """Writes the campaign's identity into the folder; refuses the folder of another campaign."""

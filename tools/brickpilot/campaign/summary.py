@@ -37,7 +37,7 @@ Array = NDArray[np.float64]
 EXPLAINED_FIGURES = ("success", "cross_track_rms_m", "position_estimate_error_m", "time_s")
 
 LEAST_RUNS = 100
-"""Least number of runs with a known figure for RBD-FAST; with fewer runs, the ten harmonics give mostly bias."""
+"""Least number of runs with a known figure for RBD-FAST; with fewer runs, its indices are mostly bias."""
 
 METHODS = {
     "saltelli": "Sobol indices: the share of the figure's variance that the input explains alone, and with all others "
@@ -122,7 +122,7 @@ def _analysed(campaign: Campaign, inputs: Mapping[str, Array], kept: NDArray[np.
         columns = np.column_stack([inputs[name][kept] for name in names])
         if np.isnan(columns).any():
             # If an effect is off, its parameters have no values. If a number replaced such a missing value, the number
-            # would tell when the effect is off, and the parameter would get the index of the effect's switch.
+            # would show where the effect is off, and SALib would count the switch's influence as the parameter's.
             columns = designs.drawn_shares(campaign)(0, len(kept))[kept]
         analysis = designs.salib("analyze.rbd_fast").analyze(problem, columns, values, seed=seed)
     rows = zip(names, *(analysis[key] for key in keys), strict=True)

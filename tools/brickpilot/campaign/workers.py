@@ -101,7 +101,7 @@ def shared(path: Path) -> Path:
 
 
 DEATHS = 3
-"""The campaign ends if one part has ended this number of workers. A worker may die by chance or for lack of memory."""
+"""The campaign ends if one part has killed this number of workers. A worker may die by chance or for lack of memory."""
 
 _STOP_S = 2.0  # s: time for a process to end by itself before it is killed
 _ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
