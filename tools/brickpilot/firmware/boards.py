@@ -174,7 +174,7 @@ _IMU = re.compile(r"(#define BOARD_IMU )BOARD_ANALOGUE\b")
 ANALOGUE = "analogue"
 IMUS = {ANALOGUE: "BOARD_ANALOGUE", "mpu6050": "BOARD_MPU6050", "lsm6ds": "BOARD_LSM6DS"}
 """IMU of an Arduino -> name of the IMU in board.h."""
-_DIGITAL = {"gyro_range": math.radians(1000.0), "accel_range": 2 * 9.80665}  # ranges that the port sets, IMU on I2C
+_DIGITAL = {"gyro_range": math.radians(1000.0), "accel_range": 2 * 9.80665}  # rad/s, m/s^2: set in an IMU on I2C
 _RANGES = {"GYRO": "gyro_range", "SURGE": "accel_range", "SWAY": "accel_range"}
 
 
@@ -262,7 +262,7 @@ def _with_battery(text: str, robot: Robot) -> str:
 
 @dataclass(frozen=True)
 class ClosedLoop:
-    """The headers and flags with which a machine compiles the closed loop as a library; quick to send to a worker.
+    """The headers and flags with which a machine compiles the closed loop as a library; a worker gets them quickly.
 
     Attributes:
         headers: (file, text) of the headers that replace the project's: the robot's constants.

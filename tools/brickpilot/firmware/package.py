@@ -154,7 +154,7 @@ def _render(name: str, folder: Path, **content: Any) -> Path:
 
 BUILD = "brickpilot_build.h"
 LIBRARY = "BRICKPILOT_LIBRARY"
-"""Constant of a build that does not set the fuses, because the boot loaders of Arduinos cannot write fuses."""
+"""With this constant, the sources do not set the fuses, because the boot loaders of Arduinos cannot write fuses."""
 
 HOSTS_ONLY = ("body_pose.c", "pid_start.c")
 

@@ -37,9 +37,9 @@ SLACK = 1.25  # factor on the duration of a mission, because the time for turns 
 def mission(robot: Robot, file: str | None) -> Scenario:
     """Returns the mission of a robot: the user's `file` without changes, or the packaged mission scaled to the robot.
 
-    The scale is the robot's length over the packaged robot's length. For a slow robot the scale is smaller, so that the
-    mission does not last longer, because the error due to the learnt gyro bias grows with time. But no leg becomes
-    shorter than `SHORTEST_LEG` acceptance radii.
+    The scale is the robot's length over the packaged robot's length. A slow robot gets a smaller scale, so that its
+    mission lasts no longer: with time, the error due to the learnt gyro bias grows. But no leg becomes shorter than
+    `SHORTEST_LEG` acceptance radii.
 
     Raises:
         InputError: the file is bad or no mission, or the scaled mission is larger than a route can hold.
@@ -128,7 +128,7 @@ _AVR_MACHINE = b"\x53\x00"
 class OwnImage:
     """An image, the target of `hil` that simulates its chip, and the sensors for which the image was made.
 
-    `scales`: input -> value of one of the converter's 1024 counts in rad/s, m/s^2 or V, from the board.h of the image;
+    `scales`: input -> size of one count of the 10-bit converter in rad/s, m/s^2 or V, from the board.h of the image;
     empty for an image for an RCX, because the simulated RCX receives its readings as messages.
     """
 
@@ -160,7 +160,7 @@ def find_image(image: Path) -> OwnImage:
 
 
 def _simulator(image: Path) -> str | None:
-    """Returns the targets that fly a file, ``avr`` or ``h8sim``, by its machine or ending; None: no target does."""
+    """Returns the targets that fly a file: ``avr`` for an AVR's ELF file, ``h8sim`` for a .h8sim file, else None."""
     with image.open("rb") as file:
         head = file.read(20)
     if head.startswith(b"\x7fELF") and head[18:] == _AVR_MACHINE:
@@ -181,7 +181,7 @@ def image_plan(image: OwnImage, model: Path, scenario: str | None, sensors: str 
 
 
 def _scales(board: Path) -> dict[str, float]:
-    """Returns input -> value of one of the converter's 1024 counts in rad/s, m/s^2 or V, from a board.h.
+    """Returns input -> size of one count of the 10-bit converter in rad/s, m/s^2 or V, from a board.h.
 
     Raises:
         InputError: board.h is missing, or lacks a scale.

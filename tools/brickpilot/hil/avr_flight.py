@@ -37,10 +37,10 @@ REPLY_S = 2.0
 """Simulated time in s in which a reply has to arrive."""
 
 RESET_STEPS = round(2.5 / STEP_S)
-"""Control steps from a reset to the flight's end: 2.5 s, as an image that wrongly starts by itself drives after 2 s."""
+"""Control steps from a reset to the flight's end, 2.5 s: an image that wrongly starts by itself drives after 2 s."""
 
 MOST_PULSES_PER_S = 20_000.0
-"""False pulses per s at a rotation sensor, for an `encoder_noise` with a rate of 1."""
+"""False pulses per s that a fault `encoder_noise` with a rate of 1 adds at a rotation sensor."""
 
 
 def fly(
@@ -288,8 +288,8 @@ def open_robot(
         log: (steps, columns), filled by the flight.
         motors: (steps, 2), filled by the flight with the motors' mean duty in each step.
         trace: a VCD file of the signals at the pins.
-        scales: input, such as "GYRO" for `BP_AVR_GYRO` -> the size of one of the converter's 1024 counts in the image,
-            rad/s, m/s^2 or V; an absent input has the scale of the packaged image.
+        scales: input, such as "GYRO" for `BP_AVR_GYRO` -> the size that the image gives one count of the
+            10-bit converter, in rad/s, m/s^2 or V; an absent input has the scale of the packaged image.
 
     Raises:
         InputError: the package was built without simavr, or the image or the trace cannot be used.

@@ -1,7 +1,7 @@
 """Finds the firmware's sources, in a checkout of the project or in the package, and runs a checkout's scripts.
 
-The images of `firmware/targets/avr` that `hil` flies, and the program that `brickpilot brick` runs, are listed here, so
-that commands find them without the libraries of the extra `hil`.
+This module lists the images of `firmware/targets/avr` that `hil` flies, and the program that `brickpilot brick` runs.
+So commands find these files without the libraries of the extra `hil`.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def script_output(script: str, *arguments: str, field: str | None = None, packed
         script: the script's path in the checkout.
         arguments: the script's arguments.
         field: the option that needs the script, for error messages.
-        packed: without a checkout, the installed package's script runs, which must not write into the package's folder.
+        packed: whether the installed package's script, which must not write into the package, runs without a checkout.
 
     Raises:
         InputError: there is no checkout, or the script fails.

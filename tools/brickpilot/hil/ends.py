@@ -28,7 +28,7 @@ from brickpilot.link import brick, links
 from brickpilot.link.links import Link, LinkGoneError, Message
 from brickpilot.link.session import REPLY_S
 
-_PRIORITY = 20  # 1 to 99; threads of the system have higher priorities
+_PRIORITY = 20  # of 1 to 99; threads of the system have higher ones
 STARTED = {"serial:pty": "--pty", "tcp": "--listen 127.0.0.1:0", "can:slcan": "--slcan-pty"}
 """Link to a brick that is started as a process on this machine -> the options of this process."""
 
@@ -39,7 +39,7 @@ FORMS = (*STARTED, *IN_PROCESS, *brick.FORMS)
 def claim_priority() -> bool:
     """Requests real-time priority (sched(7), SCHED_FIFO) for this thread and its children.
 
-    With this priority, other programs delay fewer ticks. They still run, because both ends sleep between their ticks.
+    With this priority, other programs delay fewer ticks. The others still run, because both ends sleep between ticks.
     macOS and Windows do not have this call. Returns whether the system grants the priority.
     """
     if not hasattr(os, "sched_setscheduler"):
@@ -284,7 +284,7 @@ def memory_ends() -> Iterator[Ends]:
 H8SIM_TARGETS = {"h8sim": None, "h8sim:imu": "imu", "h8sim:rotation": "rotation"}
 """Targets that run the firmware on a simulator of the RCX's processor. The link is the simulator's stdin and stdout.
 
-Target -> the sensors for which the firmware is built (firmware/targets/rcx/flags); None: built as for a host.
+Target -> the sensors for which the firmware is built (firmware/targets/rcx/flags); None: it is built as for a host.
 """
 
 H8SIM_REPLY_S = 10.0

@@ -1,8 +1,8 @@
 """The plant's end of a link: the C plant with its motors, its sensor readings as messages, and injected faults.
 
 The [[faults]] of a scenario act on messages, on sensors, and on the plant or the brick. The random numbers of the
-faults are seeded. Faults of messages act above the transport, so they are the same on every transport. The CRC of a
-message has to detect these faults, because the checksum of a transport does not cover them.
+faults are seeded. Faults of messages act above the transport, so they are the same on every transport. Only the CRC
+inside a message can detect such a fault: the transport adds its checksum after the fault, or checks it before.
 """
 
 from __future__ import annotations

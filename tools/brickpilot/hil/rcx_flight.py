@@ -201,15 +201,15 @@ PRESS_MS = 250
 KINDS = ("idle", "program", "kernel", "clock", "motors", "subsystems", "ERI", "RXI", "TXI", "TEI", "converter")
 """The uses of the processor's time, in the order of hal/h8sim.
 
-idle: the processor sleeps; program, kernel: tasks. All others are interrupts. clock: the NMI of each ms; motors: the
-timer's compare match A every 2 ms, which also switches tasks; subsystems: the timer's match B, for buttons, display and
-time-outs; ERI to TEI: the serial line; converter: the A/D converter.
+idle: the processor sleeps; program, kernel: a task of it runs. All others are interrupts. clock: the NMI of each ms;
+motors: the timer's compare match A every 2 ms, which also switches tasks; subsystems: the timer's match B, for buttons,
+display and time-outs; ERI to TEI: the serial line; converter: the A/D converter.
 """
 
 DISPLAY, FONT = 0xEF43, 0xA906
 """Addresses in Debian's kernel: the display's memory, and the segments of each character."""
 
-# For each digit, from left to right: the place (byte, bit) of segments 0 to 6 of the font in the display's memory.
+# For each digit, from left to right: where segments 0 to 6 of the font lie in the display's memory, as (byte, bit).
 _SEGMENTS = (
     ((3, 5), (7, 1), (3, 4), (7, 5), (7, 7), (3, 7), (7, 3)),
     ((3, 1), (8, 1), (3, 0), (8, 5), (8, 7), (3, 3), (8, 3)),
@@ -226,7 +226,7 @@ class Tally:
     Attributes:
         states: number of clock periods ("states").
         count: kind -> number of interrupts of this kind; 0 for idle, program and kernel.
-        spent: kind -> number of states spent in it.
+        spent: kind -> number of states that the processor spent in this kind of work.
     """
 
     states: int
@@ -255,7 +255,7 @@ class SimulatedRcx:
     def __init__(self) -> None:
         self.ms = 0.0
         self.driven = (0, 0)
-        self._lock = threading.Lock()  # the thread that serves a serial line uses the brick, too
+        self._lock = threading.Lock()  # a thread that serves a serial line may use the brick at the same time
         simulator, kernel = script_output("hal/h8sim/simulator"), script_output("hal/h8sim/kernel")
         self._process = subprocess.Popen(
             [simulator, kernel],
