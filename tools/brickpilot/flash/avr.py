@@ -79,7 +79,7 @@ def flash(
         part: the chip.
         port: the board's serial port.
         baud: the boot loader's rate.
-        dry: True: checks only that the board and its chip are there, and writes nothing.
+        dry: whether to check only that the board and its chip are there, without writing.
         timeout_s: time for the whole delivery, s.
 
     Raises:

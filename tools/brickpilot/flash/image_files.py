@@ -36,7 +36,7 @@ _ENTRY_BYTES = {"9": 2, "8": 3, "7": 4}
 
 @dataclasses.dataclass(frozen=True)
 class Image:
-    """A firmware image: `data` begins at START and is 0 where the file has no data; `entry` is the entry's address."""
+    """A firmware image: `data` begins at START and is 0 where the file has no data; `entry`: where it starts."""
 
     data: bytes
     entry: int
@@ -84,7 +84,7 @@ def read_firmware(file: Path) -> Image:
     if text.startswith(MAGIC):
         raise InputError("is a brickOS program and needs the suffix .lx; a firmware image is S-records", file=file)
     memory = bytearray(END - START)
-    written = bytearray(END - START)  # 1: a line has written this byte
+    written = bytearray(END - START)  # for each byte, 1 if a line of the file has written it
     entry: int | None = None
     for number, line in enumerate(text.decode("latin-1").splitlines(), 1):
         line = line.strip()
@@ -147,7 +147,7 @@ def _checked(file: Path, memory: bytes, written: bytes, entry: int | None) -> Im
 
 VERSION = 0
 ROOM = 0x7000
-"""The size of the RCX's memory in bytes. Only the brick knows how much memory its kernel leaves free."""
+"""Largest size of a program in bytes: the RCX's memory. Only the brick knows how much of it the kernel leaves free."""
 
 _HEADER = struct.Struct(">8H")
 
@@ -167,7 +167,7 @@ class Program:
 
     @property
     def room(self) -> int:
-        """Number of bytes that the brick reserves; it keeps a second copy of the data for the next start."""
+        """Number of bytes that the brick reserves. They include a second copy of the data, for the next start."""
         return self.text_size + 2 * self.data_size + self.bss_size
 
     def at(self, base: int) -> bytes:

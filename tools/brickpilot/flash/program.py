@@ -144,7 +144,7 @@ class Loader:
             size = length if attempt else min(LONGEST, size + max(4, size // 4))
 
     def _complete(self, image: bytes, slot: int) -> bool:
-        """Returns whether the program is complete: the brick replies, but acknowledges no data."""
+        """Returns whether the program is complete. Then the brick replies, but acknowledges no data."""
         old = bytes([DATA, slot, 0, 0]) + image[:1]
         replies = 0
         for _ in range(ROUNDS):

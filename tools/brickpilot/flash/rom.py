@@ -58,7 +58,7 @@ def frame(body: bytes) -> bytes:
 
 
 def find_reply(received: bytes, opcode: int, length: int) -> bytes | None:
-    """Returns the reply to `opcode`, even if its header is damaged, or None. `length`: its bytes, with the opcode."""
+    """Returns the reply to `opcode`, even if its header is damaged, or None. `length`: its number of bytes."""
     pairs = length + 1
     for at in range(len(received) - 2 * pairs + 1):
         values = received[at : at + 2 * pairs : 2]
@@ -73,8 +73,8 @@ def _misread(packet: bytes) -> bool:
     """Returns whether the ROM can take the rest of this block for another packet if the block's beginning is damaged.
 
     The ROM takes five bytes for a block if they look like a block's head. For any other packet it needs an opcode, as
-    many operands as the opcode's low bits say, and the right sum. The search begins after the block's index, because a
-    shorter block has the same index.
+    many operands as the opcode's low bits say, and the right sum. The search begins after the block's index, because
+    a cut of `piece` does not change opcode and index.
     """
     for at in range(3, len(packet)):
         if packet[at] & ~TOGGLE == BLOCK[0]:
@@ -147,7 +147,7 @@ class Rom:
             for attempt in range(TRIES):
                 if attempt > 1:  # a long packet is damaged more often
                     limit = max(min(limit, SHORTEST), limit // 2)
-                careful = attempt > 0 or index == 1 or self._size < LONGEST  # if all are false, no packet was damaged
+                careful = attempt > 0 or index == 1 or self._size < LONGEST  # else the line seems undisturbed
                 packet = block(opcode, index, data[at : at + limit], careful=careful)
                 length = len(packet) - _AROUND
                 tally.tried(again=attempt > 0)

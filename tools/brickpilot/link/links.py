@@ -144,7 +144,7 @@ class StreamLink:
         if not chunk:
             raise LinkGoneError("closed by the other end")
         *blocks, self._rest = (self._rest + chunk).split(b"\0")
-        self._rest = self._rest[-64:]  # no valid frame is longer; an endless frame must not fill the memory
+        self._rest = self._rest[-64:]  # a valid frame is no longer; an endless frame would fill the memory
         messages = []
         for block in blocks:
             if not block:

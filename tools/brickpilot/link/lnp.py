@@ -52,7 +52,7 @@ def find(received: bytes, to: int, sender: int) -> bytes | None:
 HEAD_BYTES = 3
 REPLY_BYTES = 4 + HEAD_BYTES + 8 + 1
 PATIENCE = 4.0
-"""The `patience` for `Tower.exchange`: a brick cannot receive while it sends seven telemetry messages."""
+"""The `patience` for `Tower.exchange`: long, because a brick cannot receive while it sends seven telemetry messages."""
 
 FIRST_TRIES, TRIES = 3, 10
 """Number of tries of a request before the first reply of a session, and after this reply."""

@@ -180,7 +180,7 @@ class Session:
 
 
 HEARTBEAT_TICKS = 100
-"""In real time, number of ticks from one HEARTBEAT of a brick to the next, from tick 0 on (firmware/app/loop.c)."""
+"""Number of ticks between two HEARTBEATs of a brick in real time; tick 0 sends the first (firmware/app/loop.c)."""
 
 
 class ResetWatch:
@@ -195,7 +195,7 @@ class ResetWatch:
         by = book().by_name
         self._hello, self._heartbeat = by["HELLO"], by["HEARTBEAT"]
         self._watching = False
-        self._due = 0  # number of replies to a repeated OPEN that may still arrive
+        self._due = 0  # number of replies to repeats of OPEN that may still arrive
         self._newest_tick = 0
         self.reset = False
 

@@ -17,7 +17,7 @@ from brickpilot.errors import InputError
 
 try:
     from termios import error as SetUpError  # noqa: N812
-except ImportError:  # not on Windows
+except ImportError:  # Windows has no termios
     SetUpError = OSError  # type: ignore[assignment, misc]
 
 BAUD = 2400
@@ -29,7 +29,7 @@ TURN_BYTES = 60
 _WAKE = b"\x10\xfe\x10\xfe"
 _WAKE_TRIES = 10
 _NO_ECHO = 10
-"""Number of exchanges in a row without an echo after which the tower, and not the brick, counts as missing."""
+"""After this number of exchanges in a row without an echo, an error names the tower as missing, not the brick."""
 
 T = TypeVar("T")
 
