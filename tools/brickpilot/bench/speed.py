@@ -43,7 +43,7 @@ _LANES = {"alone": 1, "many": plant.MOST_LANES}
 
 @dataclass(frozen=True)
 class Figure:
-    """One speed of ours: ``value`` in ``unit``; it is ``ratio`` times the speed of ``peer`` in the same process.
+    """A speed of our program: ``value`` in ``unit``; it is ``ratio`` times the speed of ``peer`` in the same process.
 
     If the unit is a cost, such as cycles/step, the ratio is the peer's cost divided by our cost. So a ratio above 1
     always means that we are faster. Our program and the peer ran on ``machine``.
@@ -102,7 +102,7 @@ def _plant_alone(model: Model) -> float:
 
 
 def _many(model: Model, lanes: int) -> float:
-    """Simulates 16 runs of 16 robots on one thread, as in a fit; up to `lanes` runs are simulated together."""
+    """Simulates one run of each of 16 robots on one thread, as in a fit; up to `lanes` runs are simulated together."""
     time_s = np.arange(2_001, dtype=np.float64) * STEP_S
     inputs = 6 * np.sin(np.outer(time_s, [1.0, 1.7])) + 3
     mass = model.parameters["mass"]
@@ -142,7 +142,7 @@ _MUJOCO_ROBOT = f"""
 
 @cache
 def _mujoco_model() -> Any:
-    """Returns the robot in MuJoCo, compiled once. For speed, functions of MuJoCo that it does not need are off."""
+    """Returns the robot in MuJoCo, compiled once. For speed, functions that the robot does not need are off."""
     import mujoco
 
     return mujoco.MjModel.from_xml_string(_MUJOCO_ROBOT)
@@ -249,7 +249,7 @@ VOLTAGES = ((4.5, 3.0), (-3.0, 6.0), (6.0, 6.0))
 """Voltages (left, right) in V, each held for `HELD` steps: a curve, nearly a turn on the spot, a straight drive."""
 
 HELD = 333
-_FIRST_STEP = STEP_S / 5  # SciPy's first step within a control step; of six tried values, this is the fastest
+_FIRST_STEP = STEP_S / 5  # s: SciPy's first step within a control step; the fastest of six tried values
 STATES = 7
 
 

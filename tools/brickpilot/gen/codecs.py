@@ -48,7 +48,7 @@ def _check_fields(message: Message) -> None:
 
 
 def _place(message: Message) -> str:
-    """Returns the macros of one message: each signal's first byte; for a signal below a byte, also shift and mask."""
+    """Returns the macros of one message: each signal's first byte; for a part of a byte, also shift and mask."""
     lines = []
     for signal in message.signals:
         name = f"{PREFIX}_{message.name}_{signal.name}".upper()

@@ -69,7 +69,7 @@ def value_sets(nominal: Mapping[str, float]) -> list[dict[str, float]]:
             name: value if name in FIXED else float(f"{value * draw.uniform(1 - SPREAD, 1 + SPREAD):.6g}")
             for name, value in nominal.items()
         }
-        # The values of eq. 16 and 17 follow from those of eq. 12; if they did not, full voltage could brake.
+        # Values of eq. 16 and 17, computed from those of eq. 12. If they were drawn as well, full voltage could brake.
         torque, volts = perturbed["torque_constant"], perturbed["battery_voltage"]
         perturbed["stall_torque"] = torque * volts / perturbed["resistance"]
         perturbed["no_load_speed"] = volts / perturbed["emf_constant"]
@@ -127,7 +127,7 @@ PLACES = ("nothing", "stack", "register", "short", "word", "displaced", "stepped
 
 @dataclass(frozen=True)
 class Cost:
-    """An instruction's cost: words of ``code``; ``words`` and ``data_bytes`` accessed at ``place``; ``own`` states."""
+    """What an instruction takes: ``code`` words of code, ``words`` and ``data_bytes`` at ``place``, ``own`` states."""
 
     code: int
     words: int

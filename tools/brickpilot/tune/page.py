@@ -1,4 +1,4 @@
-"""The page of `tune`: it compares flights with old and new gains, by the same robots, which the search did not fly."""
+"""The page of `tune`: it compares old and new gains in flights of the same robots, which the search did not use."""
 
 from __future__ import annotations
 

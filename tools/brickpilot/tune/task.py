@@ -1,8 +1,8 @@
 """The tuning problem: one robot's controller, tested in flights of one mission by robots that the data allow.
 
-The search has one coordinate for each tuned gain. A coordinate is log(raw + offset), because ratios of gains matter;
-with the offset, a gain of 0 has a finite coordinate and can grow. The search keeps each gain within a factor of its
-value at the start and within the range of its format. The search scores gains that are rounded to integers.
+The search has one coordinate for each tuned gain. A coordinate is `log(raw + offset)`, because ratios of gains matter.
+The offset gives a gain of 0 a finite coordinate, from which the gain can grow. The search keeps each gain within a
+factor of its value at the start and within the range of its format. It scores gains that are rounded to integers.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ TUNED = PIDS + GUIDANCE
 """The gains that are tuned: those of both PIDs, and those of the line-of-sight guidance."""
 
 FACTOR_PID, FACTOR_GUIDANCE = 10.0, 3.0
-"""Largest factor by which the search raises or lowers a gain; a larger factor would change the kind of control."""
+"""Largest factors by which the search changes a PID's and a guidance gain; beyond, the kind of control would change."""
 
 OFFSET = 0.02
 """Offset as a share of the packaged robot's raw value; a gain well below the offset has nearly the coordinate of 0."""
@@ -84,7 +84,7 @@ def _range(name: str, start: Mapping[str, int], firmware: Mapping[str, int], off
     factor, row = (FACTOR_PID if name in PIDS else FACTOR_GUIDANCE), settings()[name]
     low = max(row.low, round((start[name] + offset) / factor - offset))
     high = min(row.high, round((start[name] + offset) * factor - offset))
-    for less, more in AT_MOST:  # if the lesser setting of a pair is not tuned, its value is a limit
+    for less, more in AT_MOST:  # a `less` that is not tuned limits `more`
         if name == more and less not in start:
             low = max(low, row.raw(settings()[less].value(firmware[less])))
     return min(low, start[name]), max(high, start[name])

@@ -367,7 +367,7 @@ def search(flyer: Flyer, space: Space, start: Raw, by: Scale, robots: int, budge
     began, sets = time.monotonic(), 0
     options = {
         "bounds": [list(bound) for bound in space.bounds()],
-        "seed": flyer.problem.seed % (2**31 - 1) + 1,  # pycma's seeds end at 2^31 - 1, and 0 would mean the clock
+        "seed": flyer.problem.seed % (2**31 - 1) + 1,  # pycma's seeds end at 2^31 - 1; for 0 it takes the clock
         "verbose": -9,
     }
     strategy = cma.CMAEvolutionStrategy(space.coordinates(start), STEP, options)
