@@ -33,16 +33,16 @@ class ParameterInfo:
         odd: whether the value changes its sign if left and right are swapped.
         scan: sizes that a search tries one by one; empty: none.
         limits: the signal that this value limits; empty: no signal.
-        arm_of: the load whose lever arm is this parameter: a parameter of the same effect; empty: no load.
+        arm_of: the parameter of the same effect that is the load on this lever arm; empty: this is no lever arm.
         only_with: the parameter of the same effect to which this parameter adds; empty: no parameter.
-        in_volts: for a torque at the wheel, the name of the voltage torque * R / K_t; empty: no such torque.
+        in_volts: for a torque at the wheel, the name of the voltage `torque * R / K_t`; empty: no such torque.
         variation: how the effect's law differs if this value is not 0, as words after "but"; empty: no difference.
         mechanism: the mechanism if only this parameter is not 0; empty: the effect's mechanism.
         same_as: the nominal parameter to which this parameter adds; empty: none.
         says: the meaning of a value above 0, as a clause with {} for the value's size; empty: no clause.
         says_below: the same for a value below 0; not used if `odd`.
-        over_mean: whether the value is (left - right) / (mean of left and right).
-        run_value: the name, in `replay.RUN_KINDS`, of the value per run that adds to this parameter; empty: none.
+        over_mean: whether the value is `(left - right) / (mean of left and right)`.
+        run_value: the name, in `replay.RUN_KINDS`, of a value of each run that adds to this parameter; empty: none.
     """
 
     name: str
@@ -82,15 +82,15 @@ class EffectInfo:
         mechanism: the part of the vehicle: supply, drive, timing, motor, gear, bearing, tyre, body, floor or sensor.
         prior: how often the simulator of a wheeled robot or a motor lacks this effect, before any data.
         prior_reason: one sentence on the reason for the prior.
-        advice: one sentence on what to do; `mirrored(advice)` holds if the effect's first `odd` size is below 0.
+        advice: one sentence on what to do; if the effect's first `odd` size is below 0, use `mirrored(advice)`.
         motor_step: the longest motor step in s that still resolves the effect; 0: no limit.
         carries_over: whether the charge or heat at the end of one run changes the next run.
         composed: whether the effect is a sum of terms that discovery composes, and never a candidate by itself.
-        shapeless: whether the effect adds a constant to a reading in any motion: no shape of its law can be wrong.
+        shapeless: whether the effect adds a constant to a reading in any motion, so that its law has no wrong shape.
         variant_of: the better known effect of which this one is a variant; empty: none.
         variation: how the effect's law differs from that of `variant_of`, as words after "but"; empty: no difference.
-        contains: the effects whose laws are special cases of this law, in which some parameters of this law are 0, are
-            one period per turn, or are equal to each other.
+        contains: the effects whose laws are special cases of this law. There, some parameters of this law are 0, one
+            period per turn, or equal to each other.
         made_of: the effects whose sum is this law, each effect with a size of its own.
         stated_by: how a data set states the effect: for an effect on sensors, a key of a rotation sensor's channel; for
             an effect on drives, the beginning of the inputs' names. Empty: a data set cannot state the effect.

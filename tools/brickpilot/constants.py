@@ -40,7 +40,7 @@ MOTOR_STEP_S = robot_value("rates", "motor_step")
 """s: the plant's longest motor step."""
 
 ACCEPTANCE_M = robot_value("robot", "length") / 2
-"""m: a waypoint is reached within this distance."""
+"""m: the acceptance radius: the controller takes a waypoint as reached within this distance of its estimate."""
 
 SILENT_S = robot_value("controller", "coupled", "silent_time")
 """s: the motors stop after this time without a command."""

@@ -15,7 +15,7 @@ class SimulationError(Exception):
     """A run cannot be simulated to its end. The CLI prints one line and exits with status 1.
 
     Args:
-        job: index of the run in the request.
+        job: index of the run among those that were to be simulated; None: not known.
         status: `BP_E_` code of the plant.
     """
 

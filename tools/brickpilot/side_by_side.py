@@ -2,8 +2,8 @@
 
 Only one thread of Python runs at a time, so two threads make a search only a fifth faster. On Linux this process copies
 itself (fork) instead. A copy has all data that the function needs, and sends back the results. A copy takes 6 ms to
-make, and loses what it stored when it ends. So this process does not only wait, but works on items, too. Other systems
-do not copy processes safely, so this process uses threads there. The results do not depend on the system or on `jobs`.
+make, and what it stored is lost when it ends. Therefore this process works on items, too, and does not only wait. Other
+systems do not copy processes safely, so this process uses threads there. No result depends on the system or on `jobs`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
 
 _TURN = struct.Struct("=I")
-_MOST_AT_ONCE = 4096  # number of items whose numbers a pipe can hold on every Linux
+_MOST_AT_ONCE = 4096  # largest number of items: a pipe of any Linux can hold their numbers
 
 
 def side_by_side(work: Callable[[_Item], _Result], items: Sequence[_Item], jobs: int) -> list[_Result]:
@@ -100,7 +100,7 @@ def _copy(work: Callable[[_Item], Any], items: Sequence[_Item], turns: int) -> t
     """Returns the process number of a copy that takes items, and the pipe to which the copy writes its results."""
     reading, writing = os.pipe()
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # Python 3.12 warns of other threads; `work` needs none
+        warnings.simplefilter("ignore", DeprecationWarning)  # Python 3.12 warns if other threads run; `work` needs none
         child = os.fork()
     if child:
         os.close(writing)
