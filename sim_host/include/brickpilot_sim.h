@@ -248,6 +248,9 @@ typedef struct {
 
     const int *columns; /* NULL: `log` has all columns, step by step. Else indices in bp_log_name(), column by column */
     int column_count;   /* of `columns` */
+
+    const bp_model *later; /* the model from step `later_step` on, of the same vehicle and profile; NULL: `model` */
+    int later_step;        /* the state goes on, and the memories of effects, such as delayed commands, begin anew */
 } bp_flight;
 
 const char *bp_log_name(int index); /* "time_s", "true_x_m", ...; NULL beyond the last */

@@ -40,6 +40,9 @@ static bool can_be_flown(const bp_flight *request)
         (request->settings != NULL || request->setting_count == 0) &&
         (request->devices == NULL || (request->devices->counts_per_turn > 0 && request->devices->bits >= 0 &&
                                       request->devices->bits <= 24 && request->devices->battery_resolution > 0));
+    if (request->later != NULL)
+        sound = sound && request->later->vehicle == request->model->vehicle &&
+                request->later->profile == request->model->profile && request->later_step >= 0;
     if (request->drive == NULL)
         sound = sound && request->waypoints != NULL && request->waypoint_count >= 1 &&
                 request->waypoint_count <= BP_MAX_WAYPOINTS;
@@ -175,6 +178,20 @@ void flight_keep_step(flight_t *flight, const double voltage[2], const loop_stat
     if (request->log != NULL)
         log_step(flight, voltage, loop);
     flight->step++;
+}
+
+int flight_advance(flight_t *flight, const double voltage[2])
+{
+    const bp_flight *request = flight->request;
+    plant_t *plant = flight->plant;
+
+    if (request->later != NULL && flight->step == request->later_step + 1) { /* flight_keep_step() has counted on */
+        const bp_state state = plant->vehicle.state;
+        const int status = plant_start(plant, request->later, &state, request->motor_step, 0);
+        if (status != 0)
+            return status;
+    }
+    return plant_advance(plant, voltage, FLIGHT_STEP_S);
 }
 
 const char *bp_log_name(int index)

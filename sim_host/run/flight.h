@@ -42,6 +42,10 @@ void flight_commanded_voltage(const flight_t *flight, double voltage[2]);
 /* Stores the step's log and motor commands, and goes on to the next step. `loop`: NULL if the controller is outside. */
 void flight_keep_step(flight_t *flight, const double voltage[2], const loop_state_t *loop);
 
+/* Advances the plant by a control step with `voltage`, in V. In step `later_step` the plant gets the later model first.
+ * Returns 0 or a BP_E_ code. */
+int flight_advance(flight_t *flight, const double voltage[2]);
+
 /* Rounds a number to an integer within +-32767. */
 int16_t flight_int16(double value);
 

@@ -65,7 +65,7 @@ static int fly(flight_t *flight)
     while (status == 0 && flight->step < flight->request->steps) {
         double voltage[2];
         fly_step(flight, voltage);
-        status = plant_advance(flight->plant, voltage, FLIGHT_STEP_S);
+        status = flight_advance(flight, voltage);
     }
     return status;
 }
@@ -132,7 +132,7 @@ static void fly_group(side_by_side_t *side, bp_flight *requests, int count)
         requests[i].status = begin(flight, &requests[i], plant);
         if (requests[i].status != 0)
             continue;
-        if (lanes_may_hold(plant))
+        if (requests[i].later == NULL && lanes_may_hold(plant))
             side->request[kept++] = &requests[i];
         else
             requests[i].status = fly(flight);

@@ -63,7 +63,7 @@ int bp_loop_act(bp_loop *loop, short left_q15, short right_q15)
     flight->port.right_q15 = right_q15;
     flight_commanded_voltage(flight, voltage);
     flight_keep_step(flight, voltage, NULL);
-    return plant_advance(flight->plant, voltage, FLIGHT_STEP_S);
+    return flight_advance(flight, voltage);
 }
 
 void bp_loop_close(bp_loop *loop)

@@ -166,6 +166,45 @@ static void test_flight_of_a_schedule_shorts_the_motors_when_its_path_is_done(vo
     TEST_ASSERT_EQUAL_INT16(0, motors[2 * STEPS - 1]);
 }
 
+static void test_flight_goes_on_with_the_later_model_from_its_step_on(void)
+{
+    const double torque = 0.01;
+    bp_model *later = bp_model_copy(model);
+    bp_flight both[2];
+    TEST_ASSERT_EQUAL_INT(0, bp_fly(&flight));
+    flight.motors = again;
+    flight.later = later;
+    flight.later_step = 900;
+    TEST_ASSERT_EQUAL_INT(0, bp_fly(&flight)); /* the same model: only the change itself could show */
+    TEST_ASSERT_EQUAL_MEMORY(motors, again, sizeof motors);
+    bp_model_add_effect(later, "coulomb_friction", &torque);
+    TEST_ASSERT_EQUAL_INT(0, bp_fly(&flight));
+    TEST_ASSERT_EQUAL_MEMORY(motors, again, 2 * 901 * sizeof *motors);
+    TEST_ASSERT_NOT_EQUAL(0, memcmp(motors + 2 * 901, again + 2 * 901, 2 * 20 * sizeof *motors));
+
+    both[0] = both[1] = flight; /* side by side the flights change their models, too */
+    both[0].later = NULL;
+    both[0].motors = NULL;
+    both[1].motors = motors;
+    TEST_ASSERT_EQUAL_INT(0, bp_fly_many(both, 2, 8));
+    TEST_ASSERT_EQUAL_MEMORY(again, motors, sizeof motors);
+    bp_model_free(later);
+}
+
+static void test_flight_refuses_a_later_model_of_another_vehicle(void)
+{
+    bp_model *later = bp_model_new(BP_SKID_STEER, BP_COUPLED);
+    flight.later = later;
+    TEST_ASSERT_EQUAL_INT(BP_E_RANGE, bp_fly(&flight));
+    bp_model_free(later);
+    flight.later = later = bp_model_new(BP_DIFF_DRIVE, BP_PAPER);
+    TEST_ASSERT_EQUAL_INT(BP_E_RANGE, bp_fly(&flight));
+    flight.later = model;
+    flight.later_step = -1;
+    TEST_ASSERT_EQUAL_INT(BP_E_RANGE, bp_fly(&flight));
+    bp_model_free(later);
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -175,5 +214,7 @@ int main(void)
     RUN_TEST(test_flight_with_a_compensation_of_zero_is_the_same_byte_for_byte);
     RUN_TEST(test_flight_that_compensates_a_dead_band_drives_as_the_robot_without_one);
     RUN_TEST(test_flight_of_a_schedule_shorts_the_motors_when_its_path_is_done);
+    RUN_TEST(test_flight_goes_on_with_the_later_model_from_its_step_on);
+    RUN_TEST(test_flight_refuses_a_later_model_of_another_vehicle);
     return UNITY_END();
 }

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -39,6 +39,7 @@ class Plan:
         gains: settings of the controller that replace the firmware's values; None: no setting is replaced.
         acceptance: the robot's radius, m: a waypoint is reached if the true position passes within twice this distance.
         firmware: a library that `sim_host/run/build` made, with another controller; None: the packaged firmware.
+        before: the plant's model until step `later_step`, which has `model` from then on; None: `model` all the time.
         devices: field of `bp_devices` -> value of the robot's sensors, SI; None: the values of the packaged robot.
     """
 
@@ -55,6 +56,8 @@ class Plan:
     firmware: Path | None = None
     acceptance: float = ACCEPTANCE_M
     devices: Mapping[str, float] | None = None
+    before: Model | None = None
+    later_step: int = 0
 
 
 @dataclass(frozen=True)
@@ -113,14 +116,13 @@ def plan(
     else:
         cruise = scenario.cruise.get(profile, robot_value("controller", profile, "cruise"))
     start_at = scenario.start_at if scenario.start_at is not None else (0.0 if sensors == "ideal" else 1.0)
+    begins = replace(model, profile=profile)
     return Plan(
         scenario=scenario,
-        model=Model(
-            model.name,
-            model.vehicle,
-            profile,
-            {**model.parameters, **scenario.parameters},
-            {**model.effects, **scenario.effects},
+        model=replace(
+            begins,
+            parameters={**model.parameters, **scenario.parameters},
+            effects={**model.effects, **scenario.effects},
         ),
         controller=profile,
         sensors=sensors,
@@ -130,6 +132,8 @@ def plan(
         cruise=cruise,
         compensation=compensation,
         gains=gains,
+        before=begins if scenario.sets_in_at > 0 else None,
+        later_step=round(scenario.sets_in_at / STEP_S),
     )
 
 
@@ -167,6 +171,8 @@ def request(plan: Plan, log: Array, motors: NDArray[np.int16], columns: Sequence
         "settings": ffi.new("bp_setting[]", settings_written), "setting_count": len(settings_written),
         "log": ffi.from_buffer("double[]", log), "motors": ffi.from_buffer("short[]", motors),
     }  # fmt: skip
+    if plan.before is not None:
+        fields |= {"model": plant.build(plan.before), "later": fields["model"], "later_step": plan.later_step}
     if plan.devices is not None:
         fields["devices"] = ffi.new("bp_devices *", {**plan.devices, "bits": round(plan.devices["bits"])})
     if plan.scenario.kind == "manoeuvre":

@@ -18,6 +18,7 @@ packaged scenarios are in `sim_host/run/scenarios`.
     # segments  = [{ from_s = 1, left_V = 5, right_V = "float" }]    of a manoeuvre
     # stop_at_m = 1.0                       of a manoeuvre: path length after which both motors are shorted
 
+    sets_in_at_s = 20                 # [parameters] and [effects] act from then on; default 0: all the time
     [parameters]                      # of the plant alone, like [effects.NAME]; the controller does not know them
     mass = 0.9
 """
@@ -48,6 +49,7 @@ LONGEST_S = 3600.0
 _KEYS = {
     "name", "title", "kind", "duration_s", "start", "start_at_s", "waypoints_m", "cruise_m_s", "segments", "stop_at_m",
     "profile", "sensors", "seed", "parameters", "effects", "faults",
+    "sets_in_at_s",
 }  # fmt: skip
 _ONLY = {"mission": {"waypoints_m", "cruise_m_s", "start_at_s", "faults"}, "manoeuvre": {"segments", "stop_at_m"}}
 
@@ -73,6 +75,7 @@ class Scenario:
         cruise: profile -> the cruise speed, m/s.
         stop_at: path length, m, after which a manoeuvre short-circuits both motors.
         parameters, effects: values in which the plant differs from the controller's model.
+        sets_in_at: the time from which these values act, s; before it the plant is that of the model.
         faults: the faults to inject while a brick flies the scenario over a link.
         packaged: whether the scenario comes with the package.
     """
@@ -92,6 +95,7 @@ class Scenario:
     seed: int | None = None
     parameters: Mapping[str, float] = field(default_factory=dict)
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    sets_in_at: float = 0.0
     faults: tuple[Fault, ...] = ()
     packaged: bool = False
 
@@ -150,6 +154,7 @@ def load(path: Path) -> Scenario:
         seed=seed,
         parameters=read_values(toml, ("parameters",), data.get("parameters", {}), catalogue.parameters(), {}),
         effects=read_effects(toml, {}),
+        sets_in_at=toml.number(("sets_in_at_s",), data.get("sets_in_at_s", 0.0), 0.0, duration, "s"),
         faults=parse_faults(toml, data["faults"], duration) if "faults" in data else (),
         packaged=path in packaged().values(),
     )
@@ -229,6 +234,8 @@ def render_mission(mission: Scenario) -> str:
     }  # fmt: skip
     document.update({name: value for name, value in optional.items() if value is not None})
     document["waypoints_m"] = [list(point) for point in mission.waypoints]
+    if mission.sets_in_at:
+        document["sets_in_at_s"] = mission.sets_in_at
     if mission.parameters:
         document["parameters"] = dict(mission.parameters)
     if mission.effects:
