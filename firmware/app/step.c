@@ -65,6 +65,11 @@ void step_run(const step_config_t *config, const route_t *route, step_state_t *s
                        speed_step(&config->speed, &state->speed, sensors, &output->predicted, &output->estimate));
     pose_step(&state->pose, sensors, &output->estimate);
 
+    /* The monitor, with the previous step's voltages. */
+#ifndef MONITOR_OFF
+    monitor_step(config->monitor, &state->monitor, &output->estimate, drive, state->mixer.battery_mv);
+#endif
+
     /* The autopilot. */
     mode_step(&config->mode, route, &state->mode, &output->estimate, command, &output->demand);
 

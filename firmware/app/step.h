@@ -4,6 +4,7 @@
  *              reading corrects these voltages first.
  *   estimator  heading from the gyro, speed from prediction and sensors, pose by dead reckoning; a reference overrides
  *              all three
+ *   monitor    compares the motion with the voltages, and names what makes a wheel differ from the model; nothing uses it
  *   autopilot  mode and line of sight: the speed and heading to hold
  *   control    one PID for the speed and one for the heading, eq. 21
  *   mixer      the voltages of both motors, with priority for heading, and their duty at this battery voltage
@@ -18,6 +19,7 @@
 #include "estimator/speed.h"
 #include "mixer/mixer.h"
 #include "model/body.h"
+#include "monitor/monitor.h"
 
 typedef struct {
     const body_coefficients_t
@@ -29,6 +31,9 @@ typedef struct {
     pid_config_t heading_pid;
     int16_t feedforward_mv_q10; /* mV per 1/16 mm/s of demanded speed, to hold that speed on level ground, 0..32767 */
     mixer_config_t mixer;
+#ifndef MONITOR_OFF
+    const monitor_config_t *monitor; /* points to the caller's constants, as `model` does */
+#endif
 } step_config_t;
 
 /* All fields are 0 at the start: the robot is at rest at the origin, and points along x. */
@@ -41,6 +46,9 @@ typedef struct {
     pid_state_t speed_pid;
     pid_state_t heading_pid;
     mixer_state_t mixer;
+#ifndef MONITOR_OFF
+    monitor_state_t monitor;
+#endif
     uint8_t lag_ms; /* time by which the model lags behind the sensors, less than BODY_PERIOD_MS */
 } step_state_t;
 

@@ -17,7 +17,10 @@ static const char *const NAMES[] = {
     "bias_unknown", "gyro_full_steps", "mode", "fault", "phase", "waypoint", "overshoots", "demand_speed_m_s",
     "demand_heading_rad", "heading_error_rad", "cross_track_m", "speed_p_v", "speed_i_v", "speed_d_v", "yaw_p_v",
     "yaw_i_v", "yaw_d_v", "surge_effort_v", "yaw_effort_v", "left_duty", "right_duty", "surge_saturated",
-    "yaw_saturated"};
+    "yaw_saturated",
+    /* monitor: the code of a cause, its size in V or as a share, and since when */
+    "left_cause", "left_cause_size", "left_cause_since_s", "right_cause", "right_cause_size", "right_cause_since_s",
+    "battery_cause", "battery_cause_size", "battery_cause_since_s"};
 
 _Static_assert(sizeof NAMES / sizeof *NAMES == FLIGHT_LOG_COLUMNS, "FLIGHT_LOG_COLUMNS counts NAMES");
 
@@ -66,6 +69,22 @@ static double bam16_to_rad(uint16_t angle)
     return (int16_t)angle * (TURN / 65536.0);
 }
 
+/* The reports of the three channels; 0 if this firmware has no monitor. */
+static void put_monitor(double *at, const loop_state_t *loop)
+{
+    for (int i = 0; i < MONITOR_CHANNELS; i++) {
+#ifndef MONITOR_OFF
+        const monitor_report_t report = loop->step.monitor.report[i];
+#else
+        const monitor_report_t report = {.since_ms = 0};
+        (void)loop;
+#endif
+        *at++ = report.cause;
+        *at++ = report.size * 1e-3;
+        *at++ = report.since_ms * 1e-3;
+    }
+}
+
 static void put_controller(double *at, const loop_state_t *loop, const sil_port_t *port)
 {
     const step_output_t *out = &loop->output;
@@ -101,6 +120,7 @@ static void put_controller(double *at, const loop_state_t *loop, const sil_port_
                              out->drive.yaw_saturated};
     for (size_t i = 0; i < sizeof values / sizeof *values; i++)
         *at++ = values[i];
+    put_monitor(at, loop);
 }
 
 void flight_log_row(double *row, double time, const plant_t *plant, const double *output, const imu_reading_t *imu,

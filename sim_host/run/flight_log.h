@@ -7,7 +7,7 @@
 #include "plant/plant.h"
 #include "sil/sil.h"
 
-enum { FLIGHT_LOG_COLUMNS = 51 };
+enum { FLIGHT_LOG_COLUMNS = 60 };
 
 /* Returns the name of a column, which ends in its unit; NULL beyond the last. */
 const char *flight_log_name(int index);

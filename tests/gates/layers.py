@@ -14,13 +14,18 @@ INCLUDE = re.compile(r'^\s*(?:#\s*include\s*[<"]([^">]+)[">]|\.include\s*"([^"]+
 # Folders in which the compilers look for an include.
 SEARCHED = ("firmware", "hal", "hal/include", "sim_host", "sim_host/include", "")
 
-FIRMWARE = {f"firmware/{room}" for room in ("core", "model", "estimator", "autopilot", "control", "mixer", "app")}
+FIRMWARE = {
+    f"firmware/{room}" for room in ("core", "model", "estimator", "autopilot", "control", "mixer", "monitor", "app")
+}
 HAL = {"hal/include", "hal/wire"}
 
 # Room -> other rooms that it may include. A room may always include itself.
 MAY: dict[str, set[str]] = {
     "firmware/core": set(),
-    **{f"firmware/{stage}": {"firmware/core"} for stage in ("model", "estimator", "autopilot", "control", "mixer")},
+    **{
+        f"firmware/{stage}": {"firmware/core"}
+        for stage in ("model", "estimator", "autopilot", "control", "mixer", "monitor")
+    },
     "firmware/app": FIRMWARE | HAL,
     "hal/include": {"hal/wire"},
     "hal/wire": set(),

@@ -317,7 +317,7 @@ def test_the_recipe_for_a_message_makes_one(tmp_path: Path) -> None:
     )
     assert copy.touched == listed("A message", "clock")
     generate(copy)
-    rooms = ("core", "model", "estimator", "autopilot", "control", "mixer", "app")
+    rooms = ("core", "model", "estimator", "autopilot", "control", "mixer", "monitor", "app")
     sources = [f"firmware/{room}/*.c" for room in rooms] + ["hal/wire/*.c", "hal/sil/*.c", "tests/unit/link/*_gen.c"]
     passed = unit_test(copy, test, *sources)
     assert passed.returncode == 0, passed.stdout

@@ -32,7 +32,7 @@ from subprocess import DEVNULL
 ROOT = Path(__file__).resolve().parents[2]
 FIRMWARE = ROOT / "firmware"
 TESTS = ROOT / "build/debug/tests"
-MODULES = ("app", "autopilot", "control", "core", "estimator", "mixer", "model")
+MODULES = ("app", "autopilot", "control", "core", "estimator", "mixer", "model", "monitor")
 RUN_S = 20
 
 SWAPS = {

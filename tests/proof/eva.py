@@ -21,7 +21,8 @@ from prove import HERE, ROOT, table
 SOURCES = (
     "firmware/app/loop.c", "firmware/app/parameters.c", "firmware/app/step.c", "firmware/app/telemetry.c",
     "firmware/autopilot/*.c", "firmware/control/*.c", "firmware/core/*.c", "firmware/estimator/*.c",
-    "firmware/mixer/*.c", "firmware/model/*.c", "hal/wire/codecs_gen.c", "hal/wire/crc.c", "hal/wire/message.c",
+    "firmware/mixer/*.c", "firmware/model/*.c", "firmware/monitor/*.c", "hal/wire/codecs_gen.c", "hal/wire/crc.c",
+    "hal/wire/message.c",
 )  # fmt: skip
 DEFINED = ("STEP_MS=3", "SENSORS_POSSIBLE=31", "BODY_WITHOUT_PAPER")
 PLANT = (

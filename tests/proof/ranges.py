@@ -11,7 +11,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 HEADERS = (
     "core/signals.h", "control/pid.h", "estimator/heading.h", "estimator/speed.h", "estimator/friction.h",
-    "mixer/mixer.h", "mixer/drive.h", "autopilot/route.h", "model/scale.h", "app/loop.h",
+    "monitor/monitor.h", "mixer/mixer.h", "mixer/drive.h", "autopilot/route.h", "model/scale.h", "app/loop.h",
 )  # fmt: skip
 _STRUCT = re.compile(r"typedef struct(?: \w+)? \{\n(.*?)\n\} (\w+);", re.DOTALL)
 _FIELD = re.compile(r"^ {4}[a-z]\w*\s+(\w+);\s*/\*(.*?)\*/", re.MULTILINE | re.DOTALL)

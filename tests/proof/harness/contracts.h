@@ -114,6 +114,40 @@ static bool speed_holds(const speed_state_t *of)
            UP_TO(4096000L, of->bias.value);
 }
 
+static bool signature_holds(const monitor_signature_t *of)
+{
+    return UP_TO(1073741824L, of->product_q12) && of->square_q12 >= 0 && of->square_q12 <= 1073741824L;
+}
+
+static bool monitor_holds(const monitor_state_t *of)
+{
+    bool holds = signature_holds(&of->battery) && of->jobs <= 2 * (MONITOR_SIGNATURES + 1) + 1 &&
+                 UP_TO(MONITOR_MOST_SD_Q6, of->innovation_q6) && of->rank.best_q7 >= 0 && of->rank.second_q7 >= 0 &&
+                 of->rank.cause <= MONITOR_SLIP && of->rank.size >= -32767;
+    for (int side = 0; side < 2; side++)
+        for (int i = 0; i < MONITOR_SIGNATURES; i++)
+            holds = holds && signature_holds(&of->wheel[side][i]);
+    for (int i = 0; i < MONITOR_SIGNATURES; i++)
+        holds = holds && UP_TO(MONITOR_MOST_SD_Q6, of->signature_q6[i]);
+    for (int i = 0; i < MONITOR_CHANNELS; i++)
+        holds = holds && of->report[i].cause <= MONITOR_SLIP;
+    return holds;
+}
+
+static bool signature_below(const monitor_signature_t *of, int16_t threshold_q5)
+{
+    return of->sum_q5[0] >= 0 && of->sum_q5[0] <= threshold_q5 && of->sum_q5[1] >= 0 && of->sum_q5[1] <= threshold_q5;
+}
+
+static bool monitor_below(const monitor_state_t *of, int16_t threshold_q5)
+{
+    bool below = signature_below(&of->battery, threshold_q5);
+    for (int side = 0; side < 2; side++)
+        for (int i = 0; i < MONITOR_SIGNATURES; i++)
+            below = below && signature_below(&of->wheel[side][i], threshold_q5);
+    return below;
+}
+
 static bool pose_holds(const pose_state_t *of)
 {
     return UP_TO(31, of->x.rest_um_q5) && UP_TO(31, of->y.rest_um_q5);

@@ -82,6 +82,16 @@ void pose_step(pose_state_t *state, const signals_sensors_t *sensors, signals_es
     estimate->y_um = y;
 }
 
+void monitor_step(const monitor_config_t *config, monitor_state_t *state, const signals_estimate_t *estimate,
+                  const signals_drive_t *drive, uint16_t battery_mv) /* monitor.c: any estimate, voltages and reading */
+{
+    monitor_state_t after;
+    (void)config, (void)drive, (void)battery_mv;
+    ASSERT(monitor_holds(state) && WITHIN(signals_estimate_t_period_ms, estimate->period_ms));
+    ASSUME(monitor_holds(&after));
+    *state = after;
+}
+
 void mode_step(const mode_config_t *config, const route_t *route, mode_state_t *state,
                const signals_estimate_t *estimate, mode_command_t command, signals_demand_t *demand)
 {
@@ -137,7 +147,7 @@ static bool step_holds(const step_state_t *of, const route_t *route)
 {
     return heading_holds(&of->heading) && speed_holds(&of->speed) && pose_holds(&of->pose) &&
            mode_holds(&of->mode, route) && pid_holds(&of->speed_pid) && pid_holds(&of->heading_pid) &&
-           mixer_holds(&of->mixer) && of->lag_ms < BODY_PERIOD_MS;
+           mixer_holds(&of->mixer) && monitor_holds(&of->monitor) && of->lag_ms < BODY_PERIOD_MS;
 }
 
 void step_keeps(void)

@@ -155,6 +155,18 @@ static void test_step_takes_the_nominal_battery_until_the_first_reading(void)
     TEST_ASSERT_EQUAL_UINT16(7777, state.mixer.battery_mv);
 }
 
+static void test_step_gives_the_monitor_the_voltages_that_made_the_motion(void)
+{
+    (void)driven_with(100, -50);
+    TEST_ASSERT_EQUAL_INT32(100 * BODY_PERIOD_MS, state.monitor.sums.voltage_mv_ms[0]);
+    TEST_ASSERT_EQUAL_INT32(-50 * BODY_PERIOD_MS, state.monitor.sums.voltage_mv_ms[1]);
+    TEST_ASSERT_EQUAL_INT32(output.estimate.travel_um_q5, state.monitor.sums.travel_um_q5);
+    TEST_ASSERT_EQUAL_INT16(output.estimate.speed_mm_s_q4, state.monitor.speed_mm_s_q4);
+    TEST_ASSERT_EQUAL_INT16(output.estimate.yaw_rate_mrad_s, state.monitor.yaw_rate_mrad_s);
+    TEST_ASSERT_EQUAL_UINT16(9000, state.monitor.reference_mv);
+    TEST_ASSERT_EQUAL(!output.estimate.valid, state.monitor.sums.bad);
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -166,5 +178,6 @@ int main(void)
     RUN_TEST(test_step_holds_the_integral_whose_effort_the_mixer_cuts);
     RUN_TEST(test_step_empties_both_controllers_where_the_robot_may_not_drive);
     RUN_TEST(test_step_takes_the_nominal_battery_until_the_first_reading);
+    RUN_TEST(test_step_gives_the_monitor_the_voltages_that_made_the_motion);
     return UNITY_END();
 }

@@ -16,7 +16,7 @@ from brickpilot.errors import InputError
 from brickpilot.firmware.robot import Place, Robot, changed, entry
 from brickpilot.text_template import render_text
 from brickpilot.vehicle.coefficients import PROFILES, VOLTAGE_LIMIT, WHEEL_SPEED_LIMIT, body
-from brickpilot.vehicle.combinations import Values, mean_inertia, wheel_speed_per_volt
+from brickpilot.vehicle.combinations import Values, difference_inertia, loss, mean_inertia, wheel_speed_per_volt
 from brickpilot.vehicle.compensation import HIGHEST_OWN
 from brickpilot.vehicle.fixed_point import QuantisationError, initialiser, integer
 from brickpilot.vehicle.settings import Setting, constants, default, plain, settings
@@ -24,6 +24,9 @@ from brickpilot.vehicle.settings import Setting, constants, default, plain, sett
 INT16, UINT16 = 32767, 65535
 LONGEST_STEP_MS = 20
 """The longest step in ms that firmware/app/loop.c integrates completely; a watchdog must not allow a longer step."""
+
+MONITOR_BLOCK_S, MONITOR_SHARE = 0.096, 0.2
+"""The block of firmware/monitor/monitor.h, and the size of causes that it looks for."""
 
 TRAVEL_SCALE = "travel_scale_q15"
 """The only compensation without a field of its own: the constant of the travel per count includes it."""
@@ -75,6 +78,37 @@ def _friction(profile: str, values: Values) -> dict[str, Any]:
         "mv_per_mm_s2_q10": min(round(per_acceleration * 2**10), INT16) if profile == "coupled" else 0,
         "half_track_m_q14": min(round(values["half_track"] * 2**14), INT16),
     }
+
+
+def _monitor(profile: str, values: Values, limits: Values) -> dict[str, Any]:
+    """Returns a `monitor_config_t`, with per_sd_q15 = 0 (off) in `paper`, and where 16 bits do not hold the voltages.
+
+    A CUSUM of log likelihood ratios h has at least exp(h) blocks between false alarms (Lorden 1971, Annals of
+    Mathematical Statistics 42(6)); each of 9 signatures has two.
+    """
+    battery, per_torque = values["battery_voltage"], values["resistance"] / values["torque_constant"]
+    radius, half_track = values["wheel_radius"], values["half_track"]
+    unit = 64e-6  # V s
+    if profile != "coupled" or 1.1 * battery * 1.05 * MONITOR_BLOCK_S / unit > INT16:
+        return {"per_sd_q15": 0}
+    emf = values["emf_constant"] + per_torque * loss(values)
+    per_sd = unit / (limits["innovation_sd"] * battery * MONITOR_BLOCK_S) * 64
+    battery_per_sd = unit / (limits["battery_sd"] * battery * MONITOR_BLOCK_S) * 64
+    numbers = {
+        "per_sd_q15": per_sd * 2**15,
+        "share_q15": MONITOR_SHARE * per_sd * 2**15,
+        "friction_q6": limits["friction"] / limits["innovation_sd"] * 64,
+        "friction_mv": limits["friction"] * battery * 1e3,
+        "slowest": limits["slowest"] * battery * MONITOR_BLOCK_S / unit,
+        "mv_per_mm_s_q10": emf / radius * 2**10,
+        "surge_q10": per_torque * mean_inertia(values) / radius / 16e3 / unit * 2**10,
+        "yaw_q10": per_torque * difference_inertia(values) * half_track / radius / 1e3 / unit * 2**10,
+        "half_track_m_q14": half_track * 2**14,
+        "battery_per_sd_q15": battery_per_sd * 2**15,
+        "load_q15": MONITOR_SHARE * battery_per_sd * 2**30 * unit / (battery * MONITOR_BLOCK_S),
+        "threshold_q5": math.log(18 * limits["false_alarm_time"] / MONITOR_BLOCK_S) * 2**5,
+    }
+    return {name: min(round(number), INT16) for name, number in numbers.items()}
 
 
 def _speed(common: Values, own: Values, radius: float, counts: float, step: float) -> dict[str, Any]:
@@ -149,11 +183,16 @@ def _constants(
     in_model: Values,
 ) -> dict[str, str]:
     """Returns the constants of a profile at a step of `step` s; `in_model`: parameters for the model's coefficients."""
+    values = plain(vehicle["parameters"])
     of_hosts = plain(vehicle["rates"])["body_step"]  # only hosts compute the model's pose
+    config = initialiser(_loop(profile, vehicle, step, settings, known), 0)
+    model = f".model = &MODEL_{profile.upper()},"
+    monitor = f"\n#ifndef MONITOR_OFF\n        .monitor = &MONITOR_{profile.upper()},\n#endif"
     return {
         "step_ms": f"{step * 1e3:g}",
         "model": initialiser(body(profile, in_model, step, with_pose=step == of_hosts), 0),
-        "config": initialiser(_loop(profile, vehicle, step, settings, known), 0),
+        "config": config.replace(model, model + monitor),
+        "monitor": initialiser(_monitor(profile, values, plain(vehicle["monitor"])), 0),
     }
 
 

@@ -62,6 +62,7 @@ OWN = (
     ("sensors", "battery"),
     ("estimator",),
     ("estimator", "coupled"),
+    ("monitor",),
     ("controller", "coupled"),
 )
 """The tables of a model file that describe a robot beside `[parameters]` and `[effects]`."""
@@ -74,6 +75,10 @@ _RANGES: Mapping[Place, tuple[float, float]] = {
     ("sensors", "imu", "gyro_noise_sd"): (_LEAST_ABOVE_0, _MOST),
     ("sensors", "imu", "bits"): (1, 24),  # bits of the simulated converter
     ("sensors", "encoder", "counts_per_turn"): (_LEAST_ABOVE_0, _MOST),
+    **{
+        ("monitor", name): (_LEAST_ABOVE_0, _MOST)
+        for name in ("false_alarm_time", "innovation_sd", "battery_sd", "friction")
+    },
     ("controller", "coupled", "cruise"): (_LEAST_ABOVE_0, _MOST),
 }
 """The ranges of values that the rules use as a divisor, or under a root or a power."""

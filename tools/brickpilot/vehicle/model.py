@@ -37,7 +37,8 @@ from brickpilot.vehicle import plant
 from brickpilot.vehicle.plant import OpenLoopRun
 
 _TOP_KEYS = (
-    "name", "vehicle", "profile", "parameters", "effects", "robot", "rates", "sensors", "estimator", "controller",
+    "name", "vehicle", "profile", "parameters", "effects", "robot", "rates", "sensors", "estimator", "monitor",
+    "controller",
 )  # fmt: skip
 
 _ENTRY_KEYS = ("value", "unit", "basis")
