@@ -4,7 +4,7 @@
 #include "core/fix.h"
 #include "hal.h"
 
-enum { LONGEST_MS = 20, HEARTBEAT_TICKS = 100 };
+enum { LONGEST_MS = 20, HEARTBEAT_TICKS = 100, MONITOR_TICK = 9 };
 
 static void read_sensors(loop_state_t *state)
 {
@@ -76,6 +76,20 @@ static void send_heartbeat(loop_state_t *state)
     (void)hal_link_write(&message);
 }
 
+#ifndef MONITOR_OFF
+/* Reports a channel of the monitor once between two heartbeats, in a tick in which the telemetry pauses by default. */
+static void send_monitor(loop_state_t *state)
+{
+    message_t message;
+
+    if (state->until_heartbeat != HEARTBEAT_TICKS - MONITOR_TICK)
+        return;
+    telemetry_monitor(state->next_channel, state, &message);
+    (void)hal_link_write(&message);
+    state->next_channel = state->next_channel < MONITOR_CHANNELS - 1 ? (uint8_t)(state->next_channel + 1) : (uint8_t)0;
+}
+#endif
+
 static void take_time(loop_state_t *state)
 {
     state->clock_ms = hal_clock_ms() - STEP_MS;
@@ -141,5 +155,8 @@ void loop_tick(const loop_config_t *config, const route_t *route, loop_state_t *
     hal_motors_write(state->output.drive.left_q15, state->output.drive.right_q15);
     send_telemetry(config, state);
     send_heartbeat(state);
+#ifndef MONITOR_OFF
+    send_monitor(state);
+#endif
     state->tick++;
 }

@@ -29,6 +29,9 @@ typedef struct {
     uint8_t until_telemetry; /* ticks until the first part of the telemetry is due again */
     uint8_t next_part;
     uint8_t until_heartbeat;
+#ifndef MONITOR_OFF
+    uint8_t next_channel; /* channel of the monitor to be reported next */
+#endif
     bool started;
     signals_sensors_t sensors; /* readings of the newest tick */
     step_output_t output;

@@ -108,3 +108,15 @@ void telemetry_heartbeat(const loop_state_t *state, message_t *message)
     data[WIRE_HEARTBEAT_MODE_AT] = (uint8_t)(mode->fault << WIRE_HEARTBEAT_FAULT_SHIFT) | mode->mode;
     data[WIRE_HEARTBEAT_ABORTED_AT] = sat_u8(state->aborted);
 }
+
+#ifndef MONITOR_OFF
+void telemetry_monitor(uint8_t channel, const loop_state_t *state, message_t *message)
+{
+    const monitor_report_t *const report = &state->step.monitor.report[channel];
+    uint8_t *const data = begin(message, (uint16_t)(WIRE_MONITOR_LEFT_FRAME_ID + channel)); /* ids are in order */
+
+    (void)put32(put16(data, (uint16_t)report->size), (const int32_t *)&report->since_ms);
+    data[TICK_AT] = (uint8_t)state->clock_ms;
+    data[LAST] = report->cause;
+}
+#endif

@@ -21,6 +21,11 @@ typedef uint8_t telemetry_part_t;
 /* Makes `message` the given part of the telemetry of the newest tick. */
 void telemetry_part(telemetry_part_t part, const loop_state_t *state, message_t *message);
 
+#ifndef MONITOR_OFF
+/* Makes `message` the MONITOR_ message of a channel of the monitor, 0..MONITOR_CHANNELS - 1. */
+void telemetry_monitor(uint8_t channel, const loop_state_t *state, message_t *message);
+#endif
+
 /* Makes `message` the HEARTBEAT of the newest tick. */
 void telemetry_heartbeat(const loop_state_t *state, message_t *message);
 

@@ -165,8 +165,14 @@ static void decide(const monitor_config_t *config, monitor_state_t *state, uint8
     const monitor_rank_t *const rank = &state->rank;
     monitor_report_t *const report = &state->report[channel];
 
-    state->evidence[channel] = rank->peak_q5 >= MONITOR_QUIET_Q5;
-    if (!state->evidence[channel]) {
+    if (rank->peak_q5 >= MONITOR_QUIET_Q5) {
+        state->evidence[channel] = true;
+        state->quiet_blocks[channel] = 0;
+    } else if (report->cause != MONITOR_NONE && state->quiet_blocks[channel] < MONITOR_HOLD_BLOCKS) {
+        state->quiet_blocks[channel]++;
+        return;
+    } else {
+        state->evidence[channel] = false;
         report->since_ms = state->clock_ms;
         report->cause = MONITOR_NONE;
         report->size = 0;

@@ -26,7 +26,7 @@
  * CUSUM is then at least exp(h) blocks, if the innovations are independent and have this standard deviation or less.
  * While all sums are near 0 there is no evidence: b and a are 0, and the cause sets in after that. The cause is the one
  * whose estimate explains most, b b / a. It is named if its lead over the second is clear and the evidence is older than
- * MONITOR_DECIDE_MS. Then it keeps this name until another lead is clear, or the evidence is gone.
+ * MONITOR_DECIDE_MS. Then it keeps this name until another lead is clear, or the evidence has been gone for MONITOR_HOLD_BLOCKS.
  *
  * A least squares estimate of all four causes together is not possible: since U = E + A where nothing is wrong, supply is
  * the sum of braking and slip. So one cause at a time is assumed, and each has an estimate of its own.
@@ -46,6 +46,7 @@
 #define MONITOR_SHARE 200       /* size looked for, 1/1000, of all causes but friction: half of it raises a sum */
 #define MONITOR_MOST_SD_Q6 2048 /* innovations and signatures are limited to 32 standard deviations */
 #define MONITOR_MEMORY_BITS 8   /* the estimates of sizes forget in 2^8 blocks: 25 s of driving */
+#define MONITOR_HOLD_BLOCKS 50  /* a cause is withdrawn after so many blocks without evidence: 5 s of driving */
 #define MONITOR_DECIDE_MS 3000  /* no cause is named sooner after its onset */
 #define MONITOR_QUIET_Q5 32     /* sums below 1 are no evidence */
 
@@ -125,9 +126,10 @@ typedef struct {
     int16_t load;          /* sum over the wheels */
     int16_t speed_mm_s_q4; /* at the end of the last step */
     int16_t yaw_rate_mrad_s;
-    uint16_t reference_mv;           /* the battery's reading before the first drive */
-    uint8_t jobs;                    /* jobs left of `block` */
-    bool evidence[MONITOR_CHANNELS]; /* a sum of the block before was not near 0 */
+    uint16_t reference_mv;                  /* the battery's reading before the first drive */
+    uint8_t jobs;                           /* jobs left of `block` */
+    uint8_t quiet_blocks[MONITOR_CHANNELS]; /* since a reported cause had evidence, 0..MONITOR_HOLD_BLOCKS */
+    bool evidence[MONITOR_CHANNELS];        /* a sum was not near 0, or a cause is reported */
     bool has_driven;
 } monitor_state_t;
 

@@ -130,7 +130,7 @@ static bool monitor_holds(const monitor_state_t *of)
     for (int i = 0; i < MONITOR_SIGNATURES; i++)
         holds = holds && UP_TO(MONITOR_MOST_SD_Q6, of->signature_q6[i]);
     for (int i = 0; i < MONITOR_CHANNELS; i++)
-        holds = holds && of->report[i].cause <= MONITOR_SLIP;
+        holds = holds && of->report[i].cause <= MONITOR_SLIP && of->quiet_blocks[i] <= MONITOR_HOLD_BLOCKS;
     return holds;
 }
 

@@ -86,13 +86,13 @@ void monitor_measures(void)
     uint8_t side, channel;
 
     ASSUME(config_holds(&config) && rank_holds(&state.rank) && side < 2 && channel < MONITOR_CHANNELS);
-    ASSUME(state.report[channel].cause <= MONITOR_SLIP);
+    ASSUME(state.report[channel].cause <= MONITOR_SLIP && state.quiet_blocks[channel] <= MONITOR_HOLD_BLOCKS);
     (void)measure(&config, &state, side);
     ASSERT(UP_TO(MONITOR_MOST_SD_Q6, state.innovation_q6));
     for (int i = 0; i < MONITOR_SIGNATURES; i++)
         ASSERT(UP_TO(MONITOR_MOST_SD_Q6, state.signature_q6[i]));
     decide(&config, &state, channel);
-    ASSERT(state.report[channel].cause <= MONITOR_SLIP);
+    ASSERT(state.report[channel].cause <= MONITOR_SLIP && state.quiet_blocks[channel] <= MONITOR_HOLD_BLOCKS);
     END();
 }
 

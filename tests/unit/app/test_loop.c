@@ -210,9 +210,9 @@ static void test_loop_takes_a_gyro_without_an_accelerometer(void)
 
 static void test_loop_sends_telemetry_every_so_many_ticks_and_a_heartbeat_every_hundred(void)
 {
-    int telemetry = 0, heartbeats = 0, of_a_tick;
+    int telemetry = 0, heartbeats = 0, reports = 0, of_a_tick;
     config.telemetry_every = 10;
-    for (int i = 0; i < 200; i++) {
+    for (int i = 0; i < 400; i++) {
         port.link_out_size = 0;
         loop_tick(&config, &route, &state, MODE_NONE);
         port.clock_ms += 3;
@@ -220,14 +220,17 @@ static void test_loop_sends_telemetry_every_so_many_ticks_and_a_heartbeat_every_
         for (int k = 0; k < port.link_out_size; k++)
             if (port.link_out[k].id == WIRE_HEARTBEAT_FRAME_ID)
                 TEST_ASSERT_EQUAL_INT(100 * heartbeats++, i);
+            else if (port.link_out[k].id == WIRE_MONITOR_LEFT_FRAME_ID + (uint32_t)reports % MONITOR_CHANNELS)
+                TEST_ASSERT_EQUAL_INT(100 * reports++ + 8, i);
             else
                 of_a_tick++;
         TEST_ASSERT_LESS_OR_EQUAL_INT(1, of_a_tick); /* the link is not flooded */
         telemetry += of_a_tick;
     }
-    TEST_ASSERT_EQUAL_UINT32(200, state.tick);
-    TEST_ASSERT_EQUAL_INT(20 * TELEMETRY_PARTS, telemetry);
-    TEST_ASSERT_EQUAL_INT(2, heartbeats);
+    TEST_ASSERT_EQUAL_UINT32(400, state.tick);
+    TEST_ASSERT_EQUAL_INT(40 * TELEMETRY_PARTS, telemetry);
+    TEST_ASSERT_EQUAL_INT(4, heartbeats);
+    TEST_ASSERT_EQUAL_INT(4, reports);
     config.telemetry_every = 0;
     run(1, 3, MODE_NONE);
     loop_tick(&config, &route, &state, MODE_NONE);

@@ -132,6 +132,22 @@ static void test_heartbeat_tells_mode_and_counts(void)
     TEST_ASSERT_EQUAL_UINT8(255, heartbeat.aborted);
 }
 
+static void test_monitor_message_tells_the_report_of_its_channel(void)
+{
+    struct wire_monitor_battery_t battery;
+    message_t message;
+    state->monitor.report[MONITOR_BATTERY] = (monitor_report_t){0x12345678, -250, MONITOR_SUPPLY};
+    loop.clock_ms = 0x107;
+    telemetry_monitor(MONITOR_BATTERY, &loop, &message);
+    TEST_ASSERT_EQUAL_UINT16(WIRE_MONITOR_BATTERY_FRAME_ID, message.id);
+    TEST_ASSERT_EQUAL_UINT8(8, message.size);
+    wire_monitor_battery_unpack(&battery, message.data, 8);
+    TEST_ASSERT_EQUAL_INT16(-250, battery.amount);
+    TEST_ASSERT_EQUAL_HEX32(0x12345678, battery.since);
+    TEST_ASSERT_EQUAL_UINT8(WIRE_MONITOR_BATTERY_CAUSE_SUPPLY_CHOICE, battery.cause);
+    TEST_ASSERT_EQUAL_HEX8(7, battery.tick_ms);
+}
+
 static void test_telemetry_counts_up_to_255_and_tells_a_valid_state(void)
 {
     struct wire_telemetry_y_t y;
@@ -155,5 +171,6 @@ int main(void)
     RUN_TEST(test_telemetry_parts_have_ids_in_a_row_and_the_same_tick);
     RUN_TEST(test_heartbeat_tells_mode_and_counts);
     RUN_TEST(test_telemetry_counts_up_to_255_and_tells_a_valid_state);
+    RUN_TEST(test_monitor_message_tells_the_report_of_its_channel);
     return UNITY_END();
 }

@@ -165,6 +165,9 @@ static void test_monitor_withdraws_a_cause_that_is_gone(void)
     const fault_t fault = {.friction_mv = {500, 500}};
     drive(&fault);
     says(MONITOR_LEFT, MONITOR_FRICTION, 500, 30);
+    reach(&SOUND, 400, 0, 1000);
+    TEST_ASSERT_EQUAL_UINT8(MONITOR_FRICTION,
+                            state.report[MONITOR_LEFT].cause); /* the evidence has to be gone for some time */
     drive(&SOUND);
     says(MONITOR_LEFT, MONITOR_NONE, 0, 0);
     says(MONITOR_RIGHT, MONITOR_NONE, 0, 0);

@@ -55,4 +55,14 @@ void vectors_feed(void)
     }
     telemetry_heartbeat(&state, &message);
     hash(&message);
+#ifndef MONITOR_OFF
+    for (uint8_t channel = 0; channel < MONITOR_CHANNELS; channel++) {
+        monitor_report_t *const report = &state.step.monitor.report[channel];
+        report->since_ms = (uint32_t)draw_s32();
+        report->size = draw_s16();
+        report->cause = (uint8_t)draw_up_to(MONITOR_SLIP);
+        telemetry_monitor(channel, &state, &message);
+        hash(&message);
+    }
+#endif
 }

@@ -43,6 +43,7 @@ static void hash(const monitor_state_t *state)
     hash_signature(&state->battery);
     for (uint8_t i = 0; i < MONITOR_CHANNELS; i++) {
         hash_u8(state->report[i].cause);
+        hash_u8(state->quiet_blocks[i]);
         hash_s16(state->report[i].size);
         hash_s32((int32_t)state->report[i].since_ms);
     }

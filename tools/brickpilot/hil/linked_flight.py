@@ -202,6 +202,11 @@ COLUMNS = {
     "yaw_d_v": ("TELEMETRY_HEADING", "derivative"),
     "surge_effort_v": ("TELEMETRY_EFFORT", "surge"),
     "yaw_effort_v": ("TELEMETRY_EFFORT", "yaw"),
+    **{
+        f"{channel}_{column}": (f"MONITOR_{channel.upper()}", signal)
+        for channel in ("left", "right", "battery")
+        for column, signal in (("cause", "cause"), ("cause_size", "amount"), ("cause_since_s", "since"))
+    },
 }
 """Column of the log -> (message, signal) with its value."""
 
@@ -216,7 +221,9 @@ class Telemetry:
     """Collects a brick's telemetry."""
 
     def __init__(self) -> None:
-        self._layouts = {layout.id: layout for name, layout in book().by_name.items() if name.startswith("TELEMETRY_")}
+        self._layouts = {
+            layout.id: layout for name, layout in book().by_name.items() if name.startswith(("TELEMETRY_", "MONITOR_"))
+        }
         self._rows: dict[str, tuple[list[int], list[tuple[int, ...]]]] = {
             layout.name: ([], []) for layout in self._layouts.values()
         }

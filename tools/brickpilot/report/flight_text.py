@@ -31,10 +31,33 @@ def figure_lines(figures: Mapping[str, Any]) -> Iterator[str]:
         yield "gyro bias           not learnt before the start: the heading drifts by what the gyro reads at rest"
     if steps := figures["gyro_full_steps"]:
         yield f"gyro                at the end of its range in {steps} steps, in which the heading is lost"
+    for said in figures["monitor"]:
+        yield f"monitor             {monitor_line(said)}"
     yield f"mode at the end     {figures['final_mode']}, fault: {figures['fault']}"
     seconds, times = figures["simulated_s"], figures["times_real_time"]
     rounded = f"{times:.0f}" if times >= 10 else f"{times:.1f}"
     yield f"times real time     {rounded}: {seconds:.4g} s of driving took {seconds / times:.2g} s"
+
+
+_CAUSES = {
+    "undecided": ("not decided yet", ""),
+    "friction": ("dry friction", " V"),
+    "braking": ("braking with speed", " %"),
+    "supply": ("voltage lost", " %"),
+    "slip": ("slip", " %"),
+}
+
+
+def monitor_line(said: Mapping[str, Any]) -> str:
+    """Returns an entry of `flight_figures.monitor_figures` as "left wheel: dry friction +0.56 V since 14.2 s"."""
+    words, unit = _CAUSES[said["cause"]]
+    size = said["size"] * (100 if unit == " %" else 1)
+    what = f"{words} {size:+.3g}{unit}" if unit else words
+    if said["channel"] == "battery":
+        what = f"resistance {size:+.3g} % of a motor's" if unit else words
+    end = "" if said["until_s"] is None else f" until {said['until_s']:.1f} s"
+    place = said["channel"] if said["channel"] == "battery" else f"{said['channel']} wheel"
+    return f"{place}: {what} since {said['since_s']:.1f} s{end}"
 
 
 def link_lines(figures: Mapping[str, Any]) -> Iterator[str]:

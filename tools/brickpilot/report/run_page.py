@@ -15,10 +15,12 @@ from numpy.typing import NDArray
 
 from brickpilot.constants import STEP_S
 from brickpilot.report import plot
+from brickpilot.report.flight_text import monitor_line
 from brickpilot.report.plot import Array, Colour, Curve, Figure, Panel, compact, to_html
 from brickpilot.report.quantities import plain
 from brickpilot.report.template import render
 from brickpilot.vehicle.flight import Flight
+from brickpilot.vehicle.flight_figures import CAUSES
 
 PHASES = ("begin", "brake", "turn", "drive", "end")
 LINK = "run"
@@ -103,6 +105,7 @@ def inside(flight: Flight) -> Markup:
     """Draws the phase, demands and estimates, the terms of the PIDs, the cross-track error and the estimate's error."""
     count, log = samples(flight), flight.log
     error = np.hypot(log["estimate_x_m"] - log["true_x_m"], log["estimate_y_m"] - log["true_y_m"])[:count]
+    channels: list[tuple[str, Colour]] = [("left", "blue"), ("right", "orange"), ("battery", "green")]
     demand: list[Line] = [("demand_speed_m_s", "demand", "green"), ("estimate_speed_m_s", "estimate", "orange")]
     efforts: list[Line] = [
         ("speed_p_v", "speed P", "blue"),
@@ -117,6 +120,12 @@ def inside(flight: Flight) -> Markup:
         _panel(flight, "efforts of the PIDs", "V", efforts),
         _panel(flight, "distance to the right of the leg", "m", [("cross_track_m", "cross-track", "blue")]),
         Panel("error of the position estimate", "m", [Curve("error", error, "orange")]),
+        Panel(
+            "what the monitor says",
+            "",
+            [Curve(name, log[f"{name}_cause"][:count], colour, shape="step") for name, colour in channels],
+            rows=CAUSES,
+        ),
     ]
     return _figure(flight, "signals inside the controller over time", panels)
 
@@ -131,9 +140,10 @@ def verdict(flight: Flight, figures: dict[str, Any]) -> str:
         )
     last = [moment for moment in figures["reached_at_s"] if moment is not None]
     when = f", the last after {last[-1]:.1f} s" if last else ""
+    said = "".join(f" {monitor_line(one)}." for one in figures["monitor"])
     return (
         f"{figures['waypoints_reached']} of {figures['waypoints_total']} waypoints reached in order{when}, "
-        f"in the {plan.model.profile} profile with {plan.sensors} sensors."
+        f"in the {plan.model.profile} profile with {plan.sensors} sensors.{said and ' The monitor:' + said}"
     )
 
 

@@ -125,6 +125,7 @@ def summary(flight: Flight) -> dict[str, Any]:
         "gains": None if plan.gains is None else dict(plan.gains.raw),
         "times_real_time": flight.times_real_time,
         "motor_stream_sha256": motor_hash(flight),
+        "monitor": monitor_figures(log),
     }
     if plan.scenario.kind == "manoeuvre":
         return common | {
@@ -139,6 +140,33 @@ def summary(flight: Flight) -> dict[str, Any]:
         "heading": signal_error(log["time_s"], math.pi - _heading_error(log), half_turn).to_json(),
     }
     return {**common, "cruise_m_s": plan.cruise, **route_figures(flight), **ils, **final_figures(flight)}
+
+
+CAUSES = ("none", "undecided", "friction", "braking", "supply", "slip")
+
+
+def monitor_figures(log: Mapping[str, Array]) -> list[dict[str, Any]]:
+    """Returns what the firmware's monitor said last of each wheel and of the battery, if it found a cause.
+
+    `size` is in V for friction and a share for other causes, above 0 for a loss, and `since_s` and `until_s` are times
+    in s; None: until the end.
+    """
+    found = []
+    for channel in ("left", "right", "battery"):
+        cause = log[f"{channel}_cause"]
+        said = np.flatnonzero(cause)
+        if len(said):
+            last = int(said[-1])
+            found.append(
+                {
+                    "channel": channel,
+                    "cause": CAUSES[int(cause[last])],
+                    "size": float(log[f"{channel}_cause_size"][last]),
+                    "since_s": float(log[f"{channel}_cause_since_s"][last]),
+                    "until_s": None if last == len(cause) - 1 else float(log["time_s"][last]),
+                }
+            )
+    return found
 
 
 def _heading_error(log: Mapping[str, Array]) -> Array:
