@@ -1,6 +1,6 @@
 """Checks that the Unity tests of this folder reach every function, branch and condition (MC/DC) of firmware/.
 
-    cmake --preset coverage && cmake --build --preset coverage --target unit_tests
+    cmake --preset coverage && cmake --build --preset coverage
     .venv/bin/python tests/unit/coverage.py
 
 MC/DC: for each condition of a decision, two runs differ in the decision because of this condition alone. A condition
