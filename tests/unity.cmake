@@ -1,7 +1,7 @@
-# Unity, the C test framework: -DUNITY_ROOT=<folder with unity.c> for a copy of your own, else from the package registry.
+# Unity, the C test framework: -DUNITY_ROOT=<folder with unity.c> for a copy of your own, else from the package registry, once for all builds.
 set(UNITY_ROOT "" CACHE PATH "Folder that holds unity.c, unity.h and unity_internals.h")
 if(NOT UNITY_ROOT)
-  set(unity_folder ${CMAKE_CURRENT_BINARY_DIR}/unity)
+  set(unity_folder ${PROJECT_SOURCE_DIR}/build/unity)
   set(UNITY_ROOT_FETCHED ${unity_folder}/pytest_unity-0.1.0/vendor/unity/src)
   if(NOT EXISTS ${UNITY_ROOT_FETCHED}/unity.c)
     find_package(Python3 REQUIRED COMPONENTS Interpreter)

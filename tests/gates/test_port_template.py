@@ -11,6 +11,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 BUILD = ROOT / "build/release/tests"
+UNITY = ROOT / "build/unity"
 FUNCTIONS = re.findall(r"^\w+ (hal_\w+)\(", (ROOT / "hal/include/hal.h").read_text(), re.MULTILINE)
 
 
@@ -46,7 +47,7 @@ def copy(tmp_path: Path) -> Path:
         if not name.startswith(("tools/brickpilot/", "tests/python/", "tests/fuzz/")) and (ROOT / name).is_file():
             (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(ROOT / name, tmp_path / name)
-    shutil.copytree(BUILD / "unity", tmp_path / "build/release/tests/unity")
+    shutil.copytree(UNITY, tmp_path / "build/unity")
     return tmp_path
 
 
@@ -170,7 +171,7 @@ def test_a_failure_names_the_rule_that_is_broken(tmp_path: Path, of: str, to: st
     text = (ROOT / "hal/sil/sil.c").read_text()
     assert of in text
     (tmp_path / "sil.c").write_text(text.replace(of, to, 1))
-    (unity,) = (BUILD / "unity").rglob("unity.c")
+    (unity,) = UNITY.rglob("unity.c")
     folders = (unity.parent, ROOT / "hal", ROOT / "hal/include", ROOT / "tests/contract")
     sources = (tmp_path / "sil.c", ROOT / "tests/contract/hal_contract.c", ROOT / "tests/contract/port_sil.c", unity)
     program = tmp_path / "contract"

@@ -15,7 +15,7 @@ import pytest
 from brickpilot.vehicle.settings import load
 from recipes import ROOT, Copy, recipes
 
-UNITY = ROOT / "build/release/tests/unity/pytest_unity-0.1.0/vendor/unity/src"
+UNITY = ROOT / "build/unity/pytest_unity-0.1.0/vendor/unity/src"
 
 LAW = """\
 #include "effects/effect.h"
