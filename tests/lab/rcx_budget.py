@@ -150,62 +150,48 @@ class Counter:
 
     def __init__(self, program: Program) -> None:
         self._program = program
-        self._stages = {
-            stage: np.array([program.at[name] for name in functions], dtype=np.uint16)
-            for stage, functions in STAGES.items()
-        }
-        self._hal = np.array(
-            [address for name, address in program.at.items() if name.startswith("hal_")], dtype=np.uint16
-        )
+        hal = [name for name in program.at if name.startswith("hal_")]
+        self._entered = np.zeros(0x10000, dtype=np.uint8)  # address -> 1 + number of the stage that begins there
+        for number, functions in enumerate((*STAGES.values(), hal)):
+            self._entered[[program.at[name] for name in functions]] = 1 + number
         self._rest = np.empty((0, 2), dtype=np.uint16)
         self._steps: list[dict[str, tuple[int, ...]]] = []
         self.stack = 0
 
     def take(self, trace: NDArray[np.uint16]) -> None:
-        """Counts the next piece of the trace, (n, 2): address and stack pointer of each executed instruction."""
+        """Counts the next piece of the trace, (n, 2): address and stack pointer of each executed instruction.
+
+        Most of a trace is between the steps, where the brick waits for its link. Only the steps are looked at.
+        """
         trace = np.concatenate([self._rest, trace])
-        program_counter, stack_pointer = trace[:, 0], trace[:, 1]
-        begins = np.flatnonzero(program_counter == self._program.at[STEP])
-        sums = {
-            name: np.concatenate([[0], np.cumsum(cost[program_counter])]) for name, cost in self._program.costs.items()
-        }
-        used = 0
-        for begin in begins.tolist():
-            end = end_of_call(stack_pointer, begin)
+        self._rest = trace[:0]
+        for begin in np.flatnonzero(trace[:, 0] == self._program.at[STEP]).tolist():
+            end = end_of_call(trace[:, 1], begin)
             if end is None:
-                used = begin
+                self._rest = trace[begin:]
                 break
-            self._steps.append(self._count(program_counter, stack_pointer, sums, begin, end))
-            self.stack = max(self.stack, int(stack_pointer[begin]) + 2 - int(stack_pointer[begin:end].min()))
-            used = end
-        self._rest = trace[used:] if len(begins) else trace[:0]
+            self._count(*np.ascontiguousarray(trace[begin:end].T))
+            self.stack = max(self.stack, int(trace[begin, 1]) + 2 - int(trace[begin:end, 1].min()))
 
-    def _count(
-        self,
-        program_counter: NDArray[np.uint16],
-        stack_pointer: NDArray[np.uint16],
-        sums: dict[str, NDArray[np.int64]],
-        begin: int,
-        end: int,
-    ) -> dict[str, tuple[int, ...]]:
+    def _count(self, program_counter: NDArray[np.uint16], stack_pointer: NDArray[np.uint16]) -> None:
+        """Counts the instructions of one step."""
+        costs = self._program.costs.values()
+        sums = [np.concatenate([[0], np.cumsum(cost[program_counter])]) for cost in costs]
+
         def took(first: int, last: int) -> NDArray[np.int64]:
-            return np.array([last - first, *(total[last] - total[first] for total in sums.values())])
+            return np.array([last - first, *(total[last] - total[first] for total in sums)], dtype=np.int64)
 
-        inside = program_counter[begin:end]
-
-        def took_in(entries: NDArray[np.uint16]) -> NDArray[np.int64]:
-            total = np.zeros(1 + len(sums), dtype=np.int64)
-            for entry in (np.isin(inside, entries).nonzero()[0] + begin).tolist():
-                finish = end_of_call(stack_pointer[:end], entry)
-                assert finish is not None
-                total += took(entry, finish)
-            return total
-
-        found = {stage: took_in(entries) for stage, entries in self._stages.items()}
-        hal = took_in(self._hal)
-        whole = took(begin, end) - hal
-        found |= {"rest": whole - sum(found.values()), "step": whole, "hal": hal}
-        return {stage: tuple(counts) for stage, counts in found.items()}
+        entered = self._entered[program_counter]
+        counts = np.zeros((len(STAGES) + 1, 1 + len(sums)), dtype=np.int64)
+        for entry in np.flatnonzero(entered).tolist():
+            finish = end_of_call(stack_pointer, entry)
+            assert finish is not None
+            counts[entered[entry] - 1] += took(entry, finish)
+        hal = counts[-1]
+        whole = took(0, len(program_counter)) - hal
+        found = dict(zip(STAGES, counts[:-1], strict=True))
+        found |= {"rest": whole - counts[:-1].sum(axis=0), "step": whole, "hal": hal}
+        self._steps.append({stage: tuple(row.tolist()) for stage, row in found.items()})
 
     def stages(self) -> dict[str, Counts]:
         """Returns stage -> counts of all steps so far."""
@@ -227,10 +213,13 @@ def end_of_call(stack_pointer: NDArray[np.uint16], entry: int) -> int | None:
         stack_pointer: (n,) the stack pointer at each instruction of the trace.
         entry: index of the function's first instruction.
     """
-    for first in range(entry, len(stack_pointer), 1 << 14):
-        popped = np.flatnonzero(stack_pointer[first : first + (1 << 14)] > stack_pointer[entry])
-        if len(popped):
-            return first + int(popped[0])
+    first, size = entry, 256  # most calls are short
+    while first < len(stack_pointer):
+        popped = stack_pointer[first : first + size] > stack_pointer[entry]
+        at = int(popped.argmax())
+        if popped[at]:
+            return first + at
+        first, size = first + size, min(2 * size, 1 << 14)
     return None
 
 
