@@ -153,6 +153,16 @@ static void test_flight_that_compensates_a_dead_band_drives_as_the_robot_without
     TEST_ASSERT_INT16_WITHIN(lost_q15 / 20, motors[2 * 400] + lost_q15, again[2 * 400]);
 }
 
+static void test_flight_with_half_the_cruise_drives_the_motors_less(void)
+{
+    flight.cruise = 0.3;
+    TEST_ASSERT_EQUAL_INT(0, bp_fly(&flight));
+    flight.motors = again;
+    flight.cruise = 0.15;
+    TEST_ASSERT_EQUAL_INT(0, bp_fly(&flight));
+    TEST_ASSERT_LESS_THAN_INT16(motors[2 * 400], again[2 * 400]);
+}
+
 static void test_flight_of_a_schedule_shorts_the_motors_when_its_path_is_done(void)
 {
     static double drive[2 * STEPS];
@@ -213,6 +223,7 @@ int main(void)
     RUN_TEST(test_flight_refuses_what_it_cannot_fly);
     RUN_TEST(test_flight_with_a_compensation_of_zero_is_the_same_byte_for_byte);
     RUN_TEST(test_flight_that_compensates_a_dead_band_drives_as_the_robot_without_one);
+    RUN_TEST(test_flight_with_half_the_cruise_drives_the_motors_less);
     RUN_TEST(test_flight_of_a_schedule_shorts_the_motors_when_its_path_is_done);
     RUN_TEST(test_flight_goes_on_with_the_later_model_from_its_step_on);
     RUN_TEST(test_flight_refuses_a_later_model_of_another_vehicle);
