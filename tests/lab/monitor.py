@@ -1,9 +1,9 @@
-"""How soon the firmware's monitor finds causes that set in during a flight, and how often it finds one that is not there.
+"""How soon the firmware's monitor finds causes that set in during a flight, and how often it gives a false alarm.
 
     nice .venv/bin/python tests/lab/monitor.py [--flights N] [--sensors imu+encoders]
 
-Prints a table with N flights of the packaged mission for each of four causes at three sizes, and N without a cause. Onsets
-are spread evenly over 8 to 20 s, and each flight has its own seed.
+Prints a table with N flights of the packaged mission for each of four causes at three sizes, and N without a cause.
+Onsets are spread evenly over 8 to 20 s, and each flight has its own seed.
 """
 
 from __future__ import annotations
