@@ -1,4 +1,4 @@
-"""How soon the firmware's monitor finds causes that set in during a flight, and how often it gives a false alarm.
+"""How soon the firmware's monitor finds causes that set in during a flight, and how often it finds one without need.
 
     nice .venv/bin/python tests/lab/monitor.py [--flights N] [--sensors imu+encoders]
 

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import struct
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import pytest
+from brickpilot.cli.monitor import monitor
 from brickpilot.errors import InputError
+from brickpilot.link.messages import book
 from brickpilot.report.flight_text import monitor_line
 from brickpilot.vehicle import flight, scenario
 from brickpilot.vehicle.flight_figures import monitor_figures
+from click.testing import CliRunner
 from command import brickpilot
 
 MISSION = scenario.load(scenario.packaged()["mission"])
@@ -107,3 +111,34 @@ def test_a_mission_file_keeps_its_onset(tmp_path: Path) -> None:
     file.write_text(TEXT.replace(f"= {ONSET}", "= 41"), encoding="utf-8")
     with pytest.raises(InputError, match="sets_in_at_s"):
         scenario.load(file)
+
+
+def test_monitor_shows_each_change_that_a_brick_reports(monkeypatch: pytest.MonkeyPatch) -> None:
+    left, battery = (book().by_name[f"MONITOR_{name}"].id for name in ("LEFT", "BATTERY"))
+    reports = [
+        [(left, struct.pack("<hIBB", 0, 0, 1, 0)), (left, b"short"), (0x180, bytes(8))],
+        [(left, struct.pack("<hIBB", 560, 14200, 2, 2))],
+        [(left, struct.pack("<hIBB", 560, 14200, 3, 2))],  # no change but the time
+        [(battery, struct.pack("<hIBB", 182, 20000, 4, 4)), (battery, struct.pack("<hIBB", 182, 20000, 5, 9))],
+        [(left, struct.pack("<hIBB", 0, 30000, 6, 0))],
+    ]
+
+    class Brick:
+        """A link over which a brick sends its reports, and is then gone."""
+
+        def receive(self, timeout: float) -> list[tuple[int, bytes]]:
+            if not reports:
+                raise KeyboardInterrupt
+            return reports.pop(0)
+
+        def close(self) -> None:
+            pass
+
+    monkeypatch.setattr("brickpilot.link.brick.open_link", lambda spec: Brick())
+    done = CliRunner().invoke(monitor, ["--link", "serial:x"])
+    assert done.exit_code == 0, done.output
+    assert done.output.splitlines() == [
+        "left wheel: dry friction +0.56 V since 14.2 s",
+        "battery: resistance +18.2 % of a motor's since 20.0 s",
+        "left: as the model again",
+    ]

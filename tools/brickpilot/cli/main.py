@@ -26,6 +26,7 @@ from brickpilot.cli.firmware import firmware
 from brickpilot.cli.flash import flash
 from brickpilot.cli.hil import brick, hil
 from brickpilot.cli.import_log import import_log
+from brickpilot.cli.monitor import monitor
 from brickpilot.cli.run import run
 from brickpilot.cli.settings_table import settings
 from brickpilot.cli.tune import tune
@@ -51,8 +52,8 @@ def whole_lines(command: click.Command) -> click.Command:
 
 
 COMMANDS = (
-    run, upload, hil, brick, settings, firmware, tune, flash, import_log, check, why, changed, ask, compare, calibrate,
-    discover, campaign, effects, export, bench,
+    run, upload, monitor, hil, brick, settings, firmware, tune, flash, import_log, check, why, changed, ask, compare,
+    calibrate, discover, campaign, effects, export, bench,
 )  # fmt: skip
 for command in COMMANDS:
     cli.add_command(whole_lines(command))
