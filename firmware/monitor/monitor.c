@@ -133,11 +133,13 @@ static void rank_signature(const monitor_config_t *config, const monitor_signatu
     rank->size = signature->product_q12 < 0 ? (int16_t)-size : size;
 }
 
-/* Takes a block into the CUSUMs and the estimate of one signature. */
-static void take(const monitor_config_t *config, monitor_signature_t *signature, int16_t innovation_q6, int16_t x_q6,
-                 bool evidence, monitor_cause_t cause, monitor_rank_t *rank)
+/* Takes the block's innovation into the CUSUMs and the estimate of one signature of a channel. */
+static void take(const monitor_config_t *config, monitor_state_t *state, monitor_signature_t *signature, int16_t x_q6,
+                 uint8_t channel, monitor_cause_t cause)
 {
-    const int32_t product_q12 = fix_mul(innovation_q6, x_q6);
+    monitor_rank_t *const rank = &state->rank;
+    const bool evidence = state->evidence[channel];
+    const int32_t product_q12 = fix_mul(state->innovation_q6, x_q6);
     const int32_t square_q12 = fix_mul(x_q6, x_q6);
 
     signature->sum_q5[0] = climb(config, signature->sum_q5[0], 2 * product_q12 - square_q12);
@@ -190,14 +192,13 @@ static void decide(const monitor_config_t *config, monitor_state_t *state, uint8
 
 static void do_battery(const monitor_config_t *config, monitor_state_t *state)
 {
-    const int16_t innovation_q6 = limited_q6(to_units(state->block.battery_mv_ms), config->battery_per_sd_q15);
     const int16_t load_q6 = limited_q6(state->load, config->load_q15);
 
     if (state->block.bad || load_q6 < LEAST_LOAD_Q6)
         return;
     begin_rank(&state->rank);
-    take(config, &state->battery, innovation_q6, load_q6, state->evidence[MONITOR_BATTERY], MONITOR_SUPPLY,
-         &state->rank);
+    state->innovation_q6 = limited_q6(to_units(state->block.battery_mv_ms), config->battery_per_sd_q15);
+    take(config, state, &state->battery, load_q6, MONITOR_BATTERY, MONITOR_SUPPLY);
     decide(config, state, MONITOR_BATTERY);
 }
 
@@ -216,8 +217,8 @@ static void do_job(const monitor_config_t *config, monitor_state_t *state)
         if (!measure(config, state, side))
             state->jobs = (uint8_t)(state->jobs - MONITOR_SIGNATURES);
     } else {
-        take(config, &state->wheel[side][part - 1], state->innovation_q6, state->signature_q6[part - 1],
-             state->evidence[side], (monitor_cause_t)(MONITOR_FRICTION + part - 1), &state->rank);
+        take(config, state, &state->wheel[side][part - 1], state->signature_q6[part - 1], side,
+             (monitor_cause_t)(MONITOR_FRICTION + part - 1));
         if (part == MONITOR_SIGNATURES)
             decide(config, state, side);
     }

@@ -63,18 +63,18 @@ static bool rank_holds(const monitor_rank_t *of)
 void monitor_takes(void)
 {
     monitor_config_t config;
+    monitor_state_t state;
     monitor_signature_t signature;
-    monitor_rank_t rank;
-    int16_t innovation_q6, signature_q6;
-    uint8_t cause;
-    bool evidence;
+    int16_t signature_q6;
+    uint8_t channel;
+    monitor_cause_t cause;
 
     ASSUME(config_holds(&config) && signature_holds(&signature) && signature_below(&signature, config.threshold_q5));
-    ASSUME(UP_TO(MONITOR_MOST_SD_Q6, innovation_q6) && UP_TO(MONITOR_MOST_SD_Q6, signature_q6));
-    ASSUME(rank_holds(&rank) && cause >= MONITOR_FRICTION && cause <= MONITOR_SLIP);
-    take(&config, &signature, innovation_q6, signature_q6, evidence, cause, &rank);
+    ASSUME(UP_TO(MONITOR_MOST_SD_Q6, state.innovation_q6) && UP_TO(MONITOR_MOST_SD_Q6, signature_q6));
+    ASSUME(rank_holds(&state.rank) && channel < MONITOR_CHANNELS && cause >= MONITOR_FRICTION && cause <= MONITOR_SLIP);
+    take(&config, &state, &signature, signature_q6, channel, cause);
     ASSERT(signature_holds(&signature) && signature_below(&signature, config.threshold_q5));
-    ASSERT(rank_holds(&rank));
+    ASSERT(rank_holds(&state.rank));
     END();
 }
 
