@@ -284,6 +284,49 @@ static void test_monitor_stays_within_its_bounds_at_the_ends_of_all_ranges(void)
     }
 }
 
+static void test_monitor_is_undecided_where_the_lead_is_small_beside_the_evidence(void)
+{
+    const fault_t fault = {.braking = {300, 0}};
+    for (int i = 0; i < 8; i++) {
+        reach(&fault, 300, 0, 400);
+        reach(&fault, 330, 0, 400);
+    }
+    says(MONITOR_LEFT, MONITOR_UNDECIDED, 0, 0);
+}
+
+static void test_monitor_takes_sizes_from_the_onset_on(void)
+{
+    const fault_t small = {.friction_mv = {100, 0}}, large = {.friction_mv = {1000, 0}};
+    for (int i = 0; i < 4; i++)
+        drive(&small);
+    says(MONITOR_LEFT, MONITOR_NONE, 0, 0);
+    drive(&large);
+    says(MONITOR_LEFT, MONITOR_FRICTION, 1000, 60);
+}
+
+static bool left_is_quiet(void)
+{
+    for (int i = 0; i < MONITOR_SIGNATURES; i++)
+        for (int side = 0; side < 2; side++)
+            if (state.wheel[0][i].sum_q5[side] >= MONITOR_QUIET_Q5)
+                return false;
+    return true;
+}
+
+static void test_monitor_keeps_a_cause_for_some_blocks_without_evidence(void)
+{
+    const fault_t fault = {.friction_mv = {500, 0}};
+    int quiet_ms = 0;
+    drive(&fault);
+    reach(&SOUND, 400, -2000, 0);
+    for (int i = 0; i < 6000 && state.report[MONITOR_LEFT].cause != MONITOR_NONE; i++) {
+        const int at = i % 200; /* serpentines, which say something of every cause */
+        step(&SOUND, 400, at < 100 ? -2000 + 40 * at : 6000 - 40 * at);
+        quiet_ms += left_is_quiet() ? PERIOD_MS : 0;
+    }
+    TEST_ASSERT_INT_WITHIN(2U * MONITOR_BLOCK_MS, MONITOR_HOLD_BLOCKS * MONITOR_BLOCK_MS, quiet_ms);
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -300,5 +343,8 @@ int main(void)
     RUN_TEST(test_monitor_that_is_off_does_nothing);
     RUN_TEST(test_monitor_limits_the_size_of_what_nothing_moves);
     RUN_TEST(test_monitor_stays_within_its_bounds_at_the_ends_of_all_ranges);
+    RUN_TEST(test_monitor_is_undecided_where_the_lead_is_small_beside_the_evidence);
+    RUN_TEST(test_monitor_takes_sizes_from_the_onset_on);
+    RUN_TEST(test_monitor_keeps_a_cause_for_some_blocks_without_evidence);
     return UNITY_END();
 }
