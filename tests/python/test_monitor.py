@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 from brickpilot.cli.monitor import monitor
 from brickpilot.errors import InputError
+from brickpilot.hil import avr_flight
 from brickpilot.link.messages import book
 from brickpilot.report.flight_text import monitor_line
 from brickpilot.vehicle import flight, scenario
@@ -94,7 +95,9 @@ def test_run_and_hil_show_what_the_monitor_says(tmp_path: Path) -> None:
         done = brickpilot(*command, str(file), "--out", str(out), cwd=tmp_path)
         assert done.returncode == 0, done.stderr
         assert "monitor             left wheel: dry friction +0.5" in done.stdout
-        assert "The monitor: left wheel: dry friction" in (out / "report.html").read_text(encoding="utf-8")
+        page = (out / "report.html").read_text(encoding="utf-8")
+        assert "The monitor: left wheel: dry friction" in page
+        assert "coulomb_friction (torque 0.005), from 14 s on." in page
         told[command[0]] = json.loads((out / "summary.json").read_text(encoding="utf-8"))["monitor"]
     assert [one["cause"] for one in told["run"]] == [one["cause"] for one in told["hil"]]
     for ours, theirs in zip(told["run"], told["hil"], strict=True):
@@ -142,3 +145,9 @@ def test_monitor_shows_each_change_that_a_brick_reports(monkeypatch: pytest.Monk
         "battery: resistance +18.2 % of a motor's since 20.0 s",
         "left: as the model again",
     ]
+
+
+def test_a_simulated_avr_refuses_a_plant_that_changes() -> None:
+    mission = dataclasses.replace(MISSION, effects={"coulomb_friction": {"torque": 0.005}}, sets_in_at=ONSET)
+    with pytest.raises(InputError, match="sets_in_at_s: sets in during the flight"):
+        avr_flight._check_plan(flight.plan(mission, profile="coupled", sensors="imu"), "avr:328p-imu")

@@ -132,6 +132,8 @@ def _check_plan(plan: flight.Plan, target: str) -> None:
     if plan.scenario.kind != "mission":
         raise InputError("is a manoeuvre, which needs no controller; hil flies missions", field=plan.scenario.name)
     possible = {*AVR_KINDS, *MESSAGE_KINDS, "brown_out"}
+    if plan.before is not None:
+        raise InputError("sets in during the flight; here the plant is the same all the time", field="sets_in_at_s")
     for fault in plan.scenario.faults:
         if fault.kind not in possible:
             raise InputError(
