@@ -241,7 +241,7 @@ def _sigterm_as_exception() -> Iterator[None]:
 def _block_ctrl_c() -> None:
     """Blocks Ctrl-C in this thread and in the processes that it starts; only the main thread handles Ctrl-C."""
     if hasattr(signal, "pthread_sigmask"):  # Windows has no such mask
-        resource_tracker.ensure_running()  # otherwise the first process starts the tracker, which unblocks Ctrl-C again
+        resource_tracker.ensure_running()  # its start unblocks Ctrl-C, so it has to start before the next line
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
 
 

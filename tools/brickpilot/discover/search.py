@@ -281,7 +281,7 @@ class Search:
         return most - fewer > found.temperature * numbers.CHANCE_NATS
 
     def _may_gain(self, found: Found, *, without_shape: bool = False) -> bool:
-        """Returns whether a further part that leaves only white noise would raise the best score.
+        """Returns whether one more part could raise the best score, even if it removed all error above white noise.
 
         A part gains by error that it removes; error that wrong shapes of laws may leave counts only for a part that is
         `without_shape`. A part also gains if values of the model, not of runs, move nearer to their priors.
@@ -436,7 +436,7 @@ class Search:
         found.add(self._refined(again), self.jobs)
 
     def _at_better_order(self, found: Explanation) -> list[Explanation]:
-        """Returns a fit of `found` from the best order near its own; [] if no order nearby costs clearly less.
+        """Returns a fit of `found` from the best periods per turn near its own; [] if none nearby costs clearly less.
 
         A descent can end in a local minimum beside the right order, where the travel holds one period more or less.
         """

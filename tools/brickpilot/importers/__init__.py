@@ -155,7 +155,7 @@ INPUTS = Option(
     "columns that --map names.", metavar="FILE",
 )  # fmt: skip
 INPUT_TIMING = Option(
-    "input_timing", "--input-timing", "How an input goes from one row to the next; with unknown, check and discover "
+    "input_timing", "--input-timing", "What an input does between two rows. If this is unknown, `check` and `discover` "
     "find out whether it is held or linear.", choices=("held", "linear", "unknown"), default="held",
 )  # fmt: skip
 AS_WIRED = Option(

@@ -97,7 +97,7 @@ def parse_formula(text: str, names: Sequence[str]) -> Formula:
             no error here; `Formula.places` contains the name.
 
     Raises:
-        FormulaError: the text is no formula. The message names the wrong character.
+        FormulaError: the text is no formula. The message says what is wrong, and where possible at which character.
     """
     text = text.strip()
     if text in names:

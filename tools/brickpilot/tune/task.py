@@ -226,7 +226,8 @@ def scale(outcomes: Sequence[Outcome], problem: Problem) -> Scale:
 def score(outcome: Outcome, by: Scale) -> float:
     """Returns the cost of a flight, to be averaged over robots; less is better.
 
-    100 (waypoints missed, share) + cross-track rms / radius + time / (2 start's time) + wear / (10 start's wear)
+    100 missed + cross-track rms / by.acceptance + time / (2 by.time) + wear / (10 by.wear); missed is the share of
+    waypoints that were missed, at least 0.1 of a flight that failed.
     """
     track = UNKNOWN_RADII if math.isnan(outcome.cross_track) else outcome.cross_track / by.acceptance
     time = by.longest if math.isnan(outcome.time) else outcome.time

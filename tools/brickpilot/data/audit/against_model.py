@@ -22,8 +22,8 @@ from brickpilot.data.dataset import Dataset, Run
 _LEAST = 9.0  # smaller factors between two units are ignored
 _FITS = (0.45, 1.6)  # a unit explains a ratio if (ratio / its factor) is within these limits, as the model is inexact
 _MOVES = 0.3  # a run is moving if its simulated motion is at least this share of the largest of all runs
-_ALIKE = 2.0  # if the median (measured / simulated) is above 1, runs share a fault only below this (largest / smallest)
-_ALIKE_SMALL = 1.3  # the same limit for a median (measured / simulated) of 1 or less
+_ALIKE = 2.0  # limit on (largest / smallest) ratio of runs that share a fault, if their median ratio is above 1
+_ALIKE_SMALL = 1.3  # the same limit, if their median ratio is 1 or less; a ratio is (measured / simulated)
 
 
 @dataclass(frozen=True)

@@ -101,7 +101,7 @@ def _between_wheels(runs: Sequence[Channels], nominal: Mapping[str, float]) -> l
     """Returns an encoder whose counts per turn contradict the other encoder and the yaw."""
     motion = Motion(runs)
     if (fit := motion.turning()) is None or abs(ratio := log(fit.gains[1] / fit.gains[0])) > log(UNIT_FITS):
-        return []  # the wheel is in another unit, which the audit finds
+        return []  # no fit; or one wheel is in another unit, which `contradictions` searches for
     expected = motion.geometry(nominal)
     apart = [0.0, 0.0] if expected is None else [abs(_apart_from_unit(gain / expected)[1]) for gain in fit.gains]
     odd = int(apart[1] > apart[0])
@@ -120,7 +120,7 @@ def _of_yaw(runs: Sequence[Channels], nominal: Mapping[str, float]) -> list[Misw
     if fit is None or expected is None or motion.yaw is None:
         return []
     if abs(log(fit.gains[0] / fit.gains[1])) > log(UNIT_FITS):
-        return []  # one wheel is in another unit, which the audit finds
+        return []  # one wheel is in another unit, which `contradictions` searches for
     found: list[Miswired] = []
     unit, left = _apart_from_unit(float(np.sqrt(fit.gains[0] * fit.gains[1])) / expected)
     if unit != 1.0 and motion.is_odd_by(unit):
