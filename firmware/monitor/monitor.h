@@ -26,7 +26,7 @@
  * CUSUM is then at least exp(h) blocks, if the innovations are independent and have this standard deviation or less.
  * While all sums are near 0 there is no evidence: b and a are 0, and the cause sets in after that. The cause is the one
  * whose estimate explains most, b b / a. It is named if its lead over the second is clear and the evidence is older than
- * MONITOR_DECIDE_MS. Then it keeps this name until another lead is clear, or the evidence has been gone for MONITOR_HOLD_BLOCKS.
+ * MONITOR_DECIDE_MS. Then it keeps this name until another lead is clear, or until MONITOR_HOLD_BLOCKS had no evidence.
  *
  * A least squares estimate of all four causes together is not possible: since U = E + A where nothing is wrong, supply is
  * the sum of braking and slip. So one cause at a time is assumed, and each has an estimate of its own.
