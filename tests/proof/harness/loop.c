@@ -73,10 +73,10 @@ void loop_tick_safe(void)
     loop_state_t state;
     mode_command_t command;
 
-    ASSUME(settings_hold(&parameters) && state.next_part <= TELEMETRY_PARTS);
+    ASSUME(settings_hold(&parameters) && state.next_part <= TELEMETRY_PARTS && state.next_channel < MONITOR_CHANNELS);
     const bool ran = state.step.mode.mode == MODE_RUN;
     loop_tick(&parameters.config, &route, &state, command);
-    ASSERT(sensors_hold(&state.sensors) && state.next_part <= TELEMETRY_PARTS);
+    ASSERT(sensors_hold(&state.sensors) && state.next_part <= TELEMETRY_PARTS && state.next_channel < MONITOR_CHANNELS);
     ASSERT(writes == 1 && (state.step.mode.mode == MODE_RUN || (left == 0 && right == 0)));
     ASSERT(!ran || state.silent_ms <= parameters.config.silent_ms || state.step.mode.mode == MODE_FAULT);
     END();
