@@ -202,26 +202,33 @@ static void do_battery(const monitor_config_t *config, monitor_state_t *state)
     decide(config, state, MONITOR_BATTERY);
 }
 
+/* Does a job of a wheel: job 0 measures the block, each other job takes a signature. */
+static void do_wheel(const monitor_config_t *config, monitor_state_t *state, uint8_t side, uint8_t job)
+{
+    if (job == 0) {
+        begin_rank(&state->rank);
+        if (!measure(config, state, side))
+            state->jobs = side == MONITOR_LEFT ? PARTS + 1 : 1; /* the wheel's other jobs are left out */
+        return;
+    }
+    take(config, state, &state->wheel[side][job - 1], state->signature_q6[job - 1], side,
+         (monitor_cause_t)(MONITOR_FRICTION + job - 1));
+    if (job == MONITOR_SIGNATURES)
+        decide(config, state, side);
+}
+
 /* Does the next job of the block before. */
 static void do_job(const monitor_config_t *config, monitor_state_t *state)
 {
     const uint8_t job = (uint8_t)(JOBS - state->jobs);
-    const uint8_t side = job < PARTS ? MONITOR_LEFT : MONITOR_RIGHT;
-    const uint8_t part = side == MONITOR_LEFT ? job : (uint8_t)(job - PARTS);
 
     state->jobs--;
-    if (job == JOBS - 1) {
+    if (job < PARTS)
+        do_wheel(config, state, MONITOR_LEFT, job);
+    else if (job < 2 * PARTS)
+        do_wheel(config, state, MONITOR_RIGHT, (uint8_t)(job - PARTS));
+    else
         do_battery(config, state);
-    } else if (part == 0) {
-        begin_rank(&state->rank);
-        if (!measure(config, state, side))
-            state->jobs = (uint8_t)(state->jobs - MONITOR_SIGNATURES);
-    } else {
-        take(config, state, &state->wheel[side][part - 1], state->signature_q6[part - 1], side,
-             (monitor_cause_t)(MONITOR_FRICTION + part - 1));
-        if (part == MONITOR_SIGNATURES)
-            decide(config, state, side);
-    }
 }
 
 void monitor_step(const monitor_config_t *config, monitor_state_t *state, const signals_estimate_t *estimate,

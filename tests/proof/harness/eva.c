@@ -78,6 +78,7 @@ int main(void)
 
     parameters_start(&parameters, &PARAMS_COUPLED);
     parameters.config.step.model = &MODEL_COUPLED; /* Eva loses a pointer that is copied byte by byte */
+    parameters.config.step.monitor = &MONITOR_COUPLED;
     loop_start(&state);
     for (;;) {
         if (Frama_C_interval(0, 1)) {
