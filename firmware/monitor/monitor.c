@@ -209,12 +209,12 @@ static void do_wheel(const monitor_config_t *config, monitor_state_t *state, uin
         begin_rank(&state->rank);
         if (!measure(config, state, side))
             state->jobs = side == MONITOR_LEFT ? PARTS + 1 : 1; /* the wheel's other jobs are left out */
-        return;
+    } else {
+        take(config, state, &state->wheel[side][job - 1], state->signature_q6[job - 1], side,
+             (monitor_cause_t)(MONITOR_FRICTION + job - 1));
+        if (job == MONITOR_SIGNATURES)
+            decide(config, state, side);
     }
-    take(config, state, &state->wheel[side][job - 1], state->signature_q6[job - 1], side,
-         (monitor_cause_t)(MONITOR_FRICTION + job - 1));
-    if (job == MONITOR_SIGNATURES)
-        decide(config, state, side);
 }
 
 /* Does the next job of the block before. */
@@ -223,12 +223,13 @@ static void do_job(const monitor_config_t *config, monitor_state_t *state)
     const uint8_t job = (uint8_t)(JOBS - state->jobs);
 
     state->jobs--;
-    if (job < PARTS)
-        do_wheel(config, state, MONITOR_LEFT, job);
-    else if (job < 2 * PARTS)
-        do_wheel(config, state, MONITOR_RIGHT, (uint8_t)(job - PARTS));
-    else
+    if (job == JOBS - 1) {
         do_battery(config, state);
+    } else if (job < PARTS) {
+        do_wheel(config, state, MONITOR_LEFT, job);
+    } else {
+        do_wheel(config, state, MONITOR_RIGHT, (uint8_t)(job - PARTS));
+    }
 }
 
 void monitor_step(const monitor_config_t *config, monitor_state_t *state, const signals_estimate_t *estimate,
