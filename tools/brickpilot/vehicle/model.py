@@ -2,7 +2,7 @@
 
 `calibrate` and `discover` write `model.toml`, and `--model` takes it. The packaged model is `sim_host/models/rcx.toml`;
 for `brickpilot firmware`, your model may also contain tables like those of the packaged model: `[robot]`, `[rates]`,
-`[sensors]`, `[estimator]` and `[controller]`.
+`[sensors]`, `[estimator]`, `[monitor]` and `[controller]`.
 
     name    = "bench-7"
     vehicle = "diff_drive"            # or "motor" or "skid_steer"
