@@ -125,10 +125,13 @@ def test_a_brown_out_lets_the_motors_coast_at_once() -> None:
 
 
 def test_a_stuck_interrupt_is_reset_by_the_watchdog() -> None:
-    """Safe: as with a held main program, while the interrupt repeats and afterwards."""
+    """Safe: as with a held main program, while the interrupt repeats and afterwards, but up to a control step later.
+
+    Between two interrupts the main program does one instruction, so it may still restart the watchdog once.
+    """
     faulty = fly(Fault("interrupt_stuck", BEGIN_S, BEGIN_S + 0.3))
     assert faulty.resets[-1] > 1
-    assert not np.nan_to_num(faulty.after(0.036)).any()
+    assert not np.nan_to_num(faulty.after(0.039)).any()
 
 
 def test_a_stuck_converter_ends_the_run_with_motors_off() -> None:
