@@ -22,7 +22,7 @@ STACK = 344 - 130
 # flies its first 8 s. If a figure changes by more than TOLERANCE, correct it here and in firmware/README.md.
 TOLERANCE = 0.02
 MEASURED = {
-    ("h8", "coupled", "imu+encoders"): {"instructions": 9291, "states_external": 94086, "states_on_chip": 36302},
+    ("h8", "coupled", "imu+encoders"): {"instructions": 10849, "states_external": 110370, "states_on_chip": 42544},
     ("h8", "paper", "imu+encoders"): {"instructions": 12204, "states_external": 121190, "states_on_chip": 46814},
     ("h8:imu", "coupled", "imu"): {"instructions": 8237, "states_external": 84773, "states_on_chip": 33090},
     ("h8:rotation", "coupled", "imu+encoders"): {
