@@ -107,7 +107,7 @@ def test_two_recordings_of_one_state_have_not_changed(monday: bp.Dataset) -> Non
     found = bp.changed(monday, recording("tuesday", 3, SMOOTH, EASY))
     assert found.verdict == "nothing"
     assert found.changes == ()
-    assert "Nothing changed" in repr(found)
+    assert "No change is larger than the usual difference" in repr(found)
 
 
 def test_what_brakes_more_is_told_with_an_interval_that_holds_it(braked: bp.Changed) -> None:
