@@ -215,7 +215,7 @@ def test_figures_of_a_run_zoom_together_and_the_track_is_played(pages, tmp_path)
     html = pages["run"].replace("</body>", f"{USE}</body>")
     dom, log = browse(tmp_path, html, "--virtual-time-budget=20000", "--dump-dom", scheme="0")
     found = probed(dom)
-    assert len(found["before"]) == 12
+    assert len(found["before"]) == 13
     end = found["before"][0][1]
     assert found["before"] == [[0.0, end]] * 12
     low, high = found["zoomed"][0]
