@@ -217,16 +217,16 @@ def test_figures_of_a_run_zoom_together_and_the_track_is_played(pages, tmp_path)
     found = probed(dom)
     assert len(found["before"]) == 13
     end = found["before"][0][1]
-    assert found["before"] == [[0.0, end]] * 12
+    assert found["before"] == [[0.0, end]] * 13
     low, high = found["zoomed"][0]
     assert (low, high) == pytest.approx((0.25 * end, 0.5 * end), rel=0.02)
-    assert found["zoomed"] == [[low, high]] * 12
+    assert found["zoomed"] == [[low, high]] * 13
     assert found["shown"].count(False) == 1
-    assert found["cursors"] == pytest.approx([low + 1.5] * 12, abs=0.1)
+    assert found["cursors"] == pytest.approx([low + 1.5] * 13, abs=0.1)
     assert float(found["clock"].removesuffix(" s")) == pytest.approx(low + 1.5, abs=0.02)
     assert float(found["later"].removesuffix(" s")) > low + 1.6
     assert found["button"] == "Pause"
-    assert found["paper"] == ["paper", "#ffffff", *[690] * 13]
+    assert found["paper"] == ["paper", "#ffffff", *[690] * 14]
     assert "CONSOLE" not in log
 
 
